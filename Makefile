@@ -1,0 +1,32 @@
+# Every target stands on one stamp: the environment that tools/bootstrap.sh builds in $(VENV).
+VENV ?= .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.ok
+
+.DEFAULT_GOAL := demo
+.DELETE_ON_ERROR:
+.PHONY: demo test test-slow lint bench clean
+
+demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
+	$(BIN)/voxgran demo -o out/demo --overwrite
+
+test: $(STAMP)   ## the tests, without those marked slow
+	$(BIN)/python -m pytest -m "not slow"
+
+test-slow: $(STAMP)   ## the tests marked slow, with many more random examples
+	$(BIN)/python -m pytest -m slow --hypothesis-profile=thorough
+
+lint: $(STAMP)   ## style, format and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+bench: $(STAMP)   ## run time against error of the voxel backends, as a figure
+	$(BIN)/voxgran bench voxelize -o docs/figures
+
+clean:   ## remove what the targets above made, except the environment
+	rm -rf out/demo build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find . -path ./$(VENV) -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+
+$(STAMP): pyproject.toml tools/bootstrap.sh
+	tools/bootstrap.sh $(VENV)

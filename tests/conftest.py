@@ -1,0 +1,18 @@
+"""What all tests share: how many random examples are tried, and where the scans lie."""
+
+import os
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+settings.register_profile("fast", max_examples=25, deadline=None)
+settings.register_profile("ci", settings.get_profile("fast"), derandomize=True)
+settings.register_profile("thorough", max_examples=500, deadline=None)
+settings.load_profile("ci" if os.environ.get("CI") else "fast")
+
+
+@pytest.fixture(scope="session")
+def data_dir():
+    """Return the folder of the scans that the project ships."""
+    return Path(__file__).parents[1] / "data"

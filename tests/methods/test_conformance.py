@@ -1,0 +1,156 @@
+"""What every packing method must keep, run over the registry: a new file is tested the moment it exists."""
+
+import dataclasses
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import GrainTooLargeError
+from voxgran.packing.method import method_registry
+from voxgran.packing.pack import prepare_task
+from voxgran.packing.run import Drive, drive
+
+METHODS = vg.packing_methods()
+#: what makes a method quick here; anything else is its default
+QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 24}
+
+
+def quick(method):
+    known = {field.name for field in dataclasses.fields(method_registry().get(method).parameters)}
+    return {name: value for name, value in QUICK.items() if name in known}
+
+
+def task_of(method, count=10, seed=1):
+    shapes = [vg.make_shape("box", lengths=(1.1, 0.9, 0.7)), vg.make_shape("sphere")]
+    return prepare_task(
+        shapes,
+        vg.Box((3.5, 3.5, 4), periodic=(True, False, False)),
+        method=method,
+        count=count,
+        solid_fraction=None,
+        sizes=vg.sizes.lognormal(0.8, 0.2),
+        weights=None,
+        weights_by="number",
+        seed=seed,
+        parameters=quick(method),
+    )
+
+
+def bits_of(packing):
+    parts = (packing.position, packing.orientation, packing.scale, packing.shape_id)
+    return b"".join(array.tobytes() for array in parts)
+
+
+def packed(method, chunk=None, **keywords):
+    task = task_of(method, **keywords)
+    return task.method.finish(task.problem, drive(task.method, task.problem, Drive(chunk=chunk)))
+
+
+@pytest.fixture(scope="module", params=METHODS)
+def method(request):
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def packing(method):
+    return packed(method)
+
+
+def test_true_shapes_do_not_overlap_or_escape(method, packing):
+    allowed = method_registry().get(method).tolerance(task_of(method).problem.parameters)
+    proof = vg.verify(packing)
+    assert packing.count > 0
+    assert proof.escaped == 0
+    assert proof.ok or proof.deepest <= allowed
+
+
+def test_results_do_not_depend_on_the_chunk(method, packing):
+    for chunk in (7, 1000):
+        assert bits_of(packed(method, chunk)) == bits_of(packing)
+
+
+def test_single_attempts_give_the_same(method):
+    """Chunks of one attempt, over the first attempts only: a whole run of them would take too long."""
+    runs = []
+    for chunk in (1, 600):
+        task = task_of(method)
+        state = task.method.prepare(task.problem)
+        for _ in range(600 // chunk):
+            state = task.method.advance(task.problem, state, chunk)
+        runs.append(b"".join(array.tobytes() for array in state.arrays.values()))
+    assert runs[0] == runs[1]
+
+
+def test_same_seed_same_bits_other_seed_others(method, packing):
+    assert bits_of(packed(method)) == bits_of(packing)
+    assert bits_of(packed(method, seed=2)) != bits_of(packing)
+
+
+def test_no_grains(method):
+    packing = vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 3)), method=method, count=0, **quick(method))
+    assert packing.count == 0
+    assert vg.verify(packing).ok
+    assert packing.solid_fraction == 0
+
+
+def test_a_grain_larger_than_the_container(method):
+    with pytest.raises(GrainTooLargeError, match="none can fit"):
+        vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 0.5)), method=method, count=3, **quick(method))
+
+
+def test_thread_counts_give_the_same_bits(method):
+    sphere, box = vg.make_shape("sphere"), vg.Box((3, 3, 4))
+    one, two = (vg.pack(sphere, box, method=method, count=5, threads=threads, **quick(method)) for threads in (1, 2))
+    assert bits_of(one) == bits_of(two)
+
+
+def test_periodic_grains_wrap(packing):
+    """Nothing is lost at a periodic face: seen through the face the packing is as valid as before."""
+    lengths = packing.container.bounds[1] - packing.container.bounds[0]
+    shifted = packing.position + np.array([lengths[0] / 2, 0.0, 0.0])
+    moved = vg.Packing.of(
+        packing.shapes,
+        packing.container,
+        position=shifted,
+        scale=packing.scale,
+        shape_id=packing.shape_id,
+        orientation=packing.orientation,
+    )
+    assert vg.verify(moved).ok == vg.verify(packing).ok
+
+
+KILLED = """
+import sys
+sys.path.insert(0, {folder!r})
+from test_conformance import task_of, drive, Drive
+import voxgran.packing.run as run
+run.CHECKPOINT_SECONDS = 0.0
+task = task_of({method!r})
+print("ready", flush=True)
+drive(task.method, task.problem, Drive(checkpoint={path!r}, resume=True, chunk=200))
+print("done", flush=True)
+"""
+
+
+def test_killed_and_resumed_to_the_same_bits(method, packing, tmp_path):
+    """SIGKILL at random moments, also while a checkpoint is being written, until it comes through."""
+    path, folder = str(tmp_path / "checkpoint"), os.path.dirname(__file__)
+    random = np.random.Generator(np.random.Philox(3))
+    for delay in (*random.uniform(0.02, 0.3, 3), None):
+        code = KILLED.format(folder=folder, method=method, path=path)
+        run = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+        assert run.stdout.readline() == "ready\n"
+        if delay is not None:
+            time.sleep(delay)
+            run.send_signal(signal.SIGKILL)
+        out, _ = run.communicate(timeout=120)
+    assert out == "done\n"
+    task = task_of(method)
+    state = drive(task.method, task.problem, Drive(checkpoint=path, resume=True, chunk=200))
+    assert bits_of(task.method.finish(task.problem, state)) == bits_of(packing)

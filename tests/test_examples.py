@@ -1,0 +1,61 @@
+"""Each example runs, and one number of it is pinned."""
+
+import json
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+import voxgran as vg
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+# small scenes have no bulk to speak of, which is said in a warning
+pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+
+
+def printed(name, capsys, monkeypatch, *arguments):
+    monkeypatch.setattr("sys.argv", [name, *arguments])
+    runpy.run_path(str(EXAMPLES / name), run_name="__main__")
+    return capsys.readouterr().out
+
+
+def test_pack_rocks(tmp_path, capsys, monkeypatch):
+    text = printed("pack_rocks.py", capsys, monkeypatch, str(tmp_path))
+    assert "grains 60  verified True" in text
+    solid = float(re.search(r"([\d.]+)$", text.strip()).group(1))
+    assert 0.34 < solid < 0.56
+    assert vg.load(tmp_path / "packing.vtp").count == 60
+
+
+def test_fit_clump(capsys, monkeypatch):
+    text = printed("fit_clump.py", capsys, monkeypatch)
+    overlaps = [float(value) for value in re.findall(r"overlap ([\d.]+)", text)]
+    assert overlaps[1] > 0.83
+    assert overlaps[1] > overlaps[0] + 0.05
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "low", "high"),
+    [("disks_in_plane", 120, 0.40, 0.55), ("spheres_in_cylinder", 120, 0.25, 0.30)],
+)
+def test_scenes(name, count, low, high, tmp_path):
+    result = vg.Scene.from_toml(EXAMPLES / f"{name}.toml").run(tmp_path / "out")
+    assert result.verification.ok
+    assert result.packing.count == count
+    assert low < result.packing.solid_fraction < high
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["grains"] == count
+    assert vg.load(tmp_path / "out" / "packing.vtp").position.tobytes() == result.packing.position.tobytes()
+
+
+def test_rocks_scene_leaves_a_page_and_files(tmp_path):
+    result = vg.Scene.from_toml(EXAMPLES / "rocks_in_box.toml").run(tmp_path / "out")
+    assert result.verification.ok
+    assert result.packing.unit == "mm"
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"packing.vtp", "scene.vtm", "statistics.nc", "report.html", "summary.json"} <= names
+    assert "checkpoint.voxgran" not in names
+    assert "<svg" in (tmp_path / "out" / "report.html").read_text()
+    assert result.summary["counters"]["voxelized_shapes"] == 60 * 4

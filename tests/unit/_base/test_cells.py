@@ -1,0 +1,40 @@
+"""Near pairs against all pairs and all images."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from voxgran._base.cells import near_pairs
+from voxgran._base.seeds import stream
+
+LENGTHS = np.array([1.0, 1.3, 1.7])
+
+
+def all_pairs(centers, radii, gap, periodic):
+    found = set()
+    for image in itertools.product(*[range(-5, 6) if wraps else [0] for wraps in periodic]):
+        shift = np.array(image) * LENGTHS
+        apart = np.linalg.norm(centers[None] + shift - centers[:, None], axis=2) - radii[:, None] - radii
+        for i, j in np.argwhere(apart <= gap):
+            if i < j or (i == j and image > (0, 0, 0)):
+                found.add((int(i), int(j), *image))
+    return found
+
+
+@pytest.mark.parametrize("periodic", [(False, False, False), (True, True, False), (True, True, True)])
+@pytest.mark.parametrize(("count", "largest"), [(60, 0.3), (200, 0.05), (3, 0.8), (1, 0.9)])
+def test_pairs_are_all_pairs(periodic, count, largest):
+    random = stream(0, "pairs", count)
+    centers, radii = random.random((count, 3)) * 3 - 1, random.random(count) * largest
+    i, j, image = near_pairs(centers, radii, 0.01, lower=np.array([0.1, 0, 0]), lengths=LENGTHS, periodic=periodic)
+    found = [(int(a), int(b), *map(int, c)) for a, b, c in zip(i, j, image, strict=True)]
+    assert len(found) == len(set(found))
+    assert set(found) == all_pairs(centers, radii, 0.01, periodic)
+
+
+def test_no_balls_no_pairs():
+    i, j, image = near_pairs(
+        np.zeros((0, 3)), np.zeros(0), 0.0, lower=np.zeros(3), lengths=LENGTHS, periodic=(True, True, True)
+    )
+    assert len(i) == len(j) == len(image) == 0

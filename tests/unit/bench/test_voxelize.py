@@ -1,0 +1,29 @@
+import numpy as np
+
+from voxgran._base.rotation import random_rotations
+from voxgran._base.seeds import stream
+from voxgran.bench.model import trade_offs
+from voxgran.bench.tradeoffs.voxelize import measure_rows
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+from voxgran.shapes.tessellate import ball
+from voxgran.voxels.backend import backends
+
+
+def test_rows_hold_seconds_and_errors_of_each_backend():
+    vertices, faces, _ = ball(2)
+    turn = random_rotations(stream(14, "turn"), 1)[0]
+    shape = Shape.of(Mesh(vertices, faces), name="ball").rotated(turn)
+    rows = measure_rows([shape], (8, 32), 2)
+    assert dict(rows.sizes) == {"shape": 1, "backend": len(backends()), "resolution": 2}
+    assert (rows.seconds > 0).all()
+    assert rows.attrs["calibration_seconds"] > 0
+    errors = rows.volume_error.sel(shape="ball").values
+    # all backends give the same voxels, so the same errors
+    assert np.ptp(errors, axis=0).max() == 0
+    assert (errors[:, 1] < errors[:, 0]).all()
+
+
+def test_the_trade_off_is_found_by_its_name():
+    assert "voxelize" in trade_offs().names()
+    assert trade_offs().get("voxelize").name == "voxelize"

@@ -1,0 +1,73 @@
+import json
+
+import numpy as np
+import pytest
+
+from voxgran._base.errors import DirtyMeshError, InputError, UnknownNameError
+from voxgran.containers.box import Box
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.make import container_kinds, make_container
+from voxgran.containers.rectangle import Rectangle
+from voxgran.shapes.model import Shape
+
+CONTAINERS = [
+    Box((8, 8, 14), periodic=["x", "y"], origin=(0.1, 0.2, 0.3)),
+    Cylinder(1.5, 4, origin=(0, 0, 0.1)),
+    Rectangle((3, 0.1), periodic=(False, True), origin=(0.7, 0.3)),
+]
+
+
+@pytest.mark.parametrize("container", CONTAINERS, ids=lambda c: c.kind)
+def test_what_is_written_comes_back(container):
+    assert make_container(json.loads(json.dumps(container.to_mapping()))) == container
+
+
+def test_a_closed_mesh_comes_back_bit_for_bit(data_dir):
+    container = ClosedMesh.from_file(data_dir / "bennu_lp.obj")
+    again = make_container(json.loads(json.dumps(container.to_mapping())))
+    assert isinstance(again, ClosedMesh)
+    assert again.shape == container.shape
+    assert again.shape.offset == container.shape.offset
+    assert again.shape.name == container.shape.name
+
+
+def test_a_mesh_is_made_from_a_file_or_from_arrays(data_dir):
+    from_file = make_container({"kind": "mesh", "file": str(data_dir / "bennu_lp.obj")})
+    vertices, faces = Box((1, 1, 1)).mesh()
+    made = make_container({"kind": "mesh", "vertices": vertices.tolist(), "faces": faces.tolist()})
+    assert from_file.kind == made.kind == "mesh"
+    np.testing.assert_allclose(made.bounds, [[0, 0, 0], [1, 1, 1]], atol=1e-15)
+    assert made.shape == Shape.from_mesh(vertices, faces)
+    with pytest.raises(DirtyMeshError):
+        make_container({"kind": "mesh", "vertices": vertices.tolist(), "faces": faces[1:].tolist()})
+
+
+def test_axis_names_as_in_a_scene_file():
+    assert make_container({"kind": "box", "lengths": [8, 8, 14], "periodic": ["x", "y"]}).periodic == (
+        True,
+        True,
+        False,
+    )
+
+
+def test_all_kinds_are_listed():
+    assert container_kinds() == ("box", "cylinder", "mesh", "rectangle")
+
+
+@pytest.mark.parametrize(
+    ("mapping", "error", "message"),
+    [
+        ({"kind": "bx", "lengths": [1, 1, 1]}, UnknownNameError, "did you mean 'box'"),
+        ({}, UnknownNameError, "known are box"),
+        ({"kind": "box", "lenghts": [1, 1, 1]}, UnknownNameError, "did you mean 'lengths'"),
+        ({"kind": "box"}, InputError, "lengths is missing"),
+        ({"kind": "cylinder", "radius": 1}, InputError, "height is missing"),
+        ({"kind": "mesh"}, InputError, "file is missing"),
+        ({"kind": "box", "lengths": [1, 0, 1]}, InputError, "above 0"),
+        ({"kind": "cylinder", "radius": True, "height": 1}, InputError, "must be a number"),
+    ],
+)
+def test_what_is_wrong_is_named(mapping, error, message):
+    with pytest.raises(error, match=message):
+        make_container(mapping)

@@ -1,0 +1,151 @@
+"""Label images: a plain twin, volumes, periodic faces and the file."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError
+from voxgran._base.lazy import load as load_library
+from voxgran._base.seeds import stream
+from voxgran.containers.box import Box
+from voxgran.io.image import image_grid, save_image, to_image
+from voxgran.packing.model import Packing
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BOX = Shape.of(Primitive("box", (1.0, 1.0, 1.0)), name="box")
+
+
+def contains(shape, points):
+    """Tell whether points in the body frame lie in a primitive or a clump."""
+    geometry = shape.geometry
+    if isinstance(geometry, Primitive):
+        return geometry.contains(points)
+    apart = np.linalg.norm(points[:, None] - geometry.centers, axis=2)
+    return (apart <= geometry.radii).any(axis=1)
+
+
+def plain_image(packing, voxel_size):
+    """Test every voxel center against every image of every grain: the twin of the kernel."""
+    grid = image_grid(packing, voxel_size)
+    axes = [grid.centers(axis) for axis in range(3)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    lengths = packing.container.bounds[1] - packing.container.bounds[0]
+    image = np.zeros(len(points), dtype=np.int32)
+    steps = [(-1, 0, 1) if periodic else (0,) for periodic in packing.container.periodic]
+    for grain in reversed(range(packing.count)):
+        for step in itertools.product(*steps):
+            away = points - packing.position[grain] - np.array(step) * lengths
+            body = away @ packing.matrices[grain] / packing.scale[grain]
+            image[contains(packing.shapes[packing.shape_id[grain]], body)] = grain + 1
+    return image.reshape(grid.shape)
+
+
+def test_the_image_is_that_of_the_plain_twin(mixed):
+    known = np.flatnonzero(mixed.shape_id != 0)
+    packing = Packing.of(
+        mixed.shapes,
+        mixed.container,
+        **{name: getattr(mixed, name)[known] for name in ("position", "orientation", "scale", "shape_id")},
+    )
+    image = to_image(packing, 0.125)
+    assert image.dtype == np.int32
+    assert image.shape == (32, 40, 48)
+    np.testing.assert_array_equal(image, plain_image(packing, 0.125))
+    np.testing.assert_array_equal(to_image(packing, 0.125, labels=False), image > 0)
+
+
+def test_meshes_keep_their_volume(block):
+    packing = Packing.of([block], Box((4, 4, 4)), position=[[2, 2, 2]], orientation=[[0.5, 0.5, 0.5, 0.5]], scale=[1.3])
+    image = to_image(packing, 0.05)
+    assert image.sum() * 0.05**3 == pytest.approx(packing.volumes[0], rel=0.03)
+    middle = (np.argwhere(image) + 0.5).mean(axis=0) * 0.05
+    np.testing.assert_allclose(middle, [2, 2, 2], atol=0.03)
+
+
+def test_the_volume_converges_at_the_second_order():
+    """The lattice points in a ball shifted at random deviate from its volume by h**2."""
+    box, places = Box((2, 2, 2)), 1 + 0.1 * stream(3, "places").random((40, 3))
+    sizes, spread = np.array([0.2, 0.1, 0.05]), []
+    for size in sizes:
+        packings = [Packing.of([BALL], box, position=[place]) for place in places]
+        errors = [to_image(p, size, labels=False).sum() * size**3 / p.volumes[0] - 1 for p in packings]
+        spread.append(np.sqrt(np.mean(np.square(errors))))
+    rate = np.polyfit(np.log(sizes), np.log(spread), 1)[0]
+    assert 1.7 < rate < 2.4
+    assert spread[-1] < 3e-3
+
+
+def test_a_grain_goes_on_across_a_periodic_face():
+    for shape in (BALL, BOX, Shape.of(Spheres(np.zeros((1, 3)), np.array([0.5])), name="clump")):
+        shapes = [shape]
+        inner = Packing.of(shapes, Box((4, 4, 4), periodic=(True, True, True)), position=[[2, 2, 2]])
+        corner = Packing.of(shapes, inner.container, position=[[0, 4, 8]])
+        rolled = np.roll(to_image(inner, 0.25), (-8, 8, 8), axis=(0, 1, 2))
+        np.testing.assert_array_equal(to_image(corner, 0.25), rolled)
+        walled = Packing.of(shapes, Box((4, 4, 4)), position=[[0, 2, 2]])
+        assert to_image(walled, 0.25).sum() * 2 == to_image(inner, 0.25).sum()
+
+
+def test_a_grain_larger_than_a_periodic_box_fills_it():
+    packing = Packing.of(
+        [Shape.of(Primitive("sphere", (3.0,)), name="ball")],
+        Box((2, 2, 2), periodic=(True, True, True)),
+        position=[[1, 1, 1]],
+    )
+    assert (to_image(packing, 0.25) == 1).all()
+
+
+def test_where_two_grains_hold_a_center_the_first_counts():
+    shapes = [BALL.scaled(2.0), BOX]
+    for order in ([0, 1], [1, 0]):
+        packing = Packing.of(shapes, Box((4, 4, 4)), position=[[2, 2, 2]] * 2, shape_id=order)
+        image = to_image(packing, 0.25)
+        first = Packing.of(shapes, packing.container, position=[[2, 2, 2]], shape_id=order[:1])
+        np.testing.assert_array_equal(image == 1, to_image(first, 0.25) == 1)
+
+
+def test_in_two_dimensions_there_is_one_layer(flat):
+    image = to_image(flat, 0.02)
+    assert image.shape == (200, 200, 1)
+    areas = np.bincount(image.ravel(), minlength=4)[1:] * 0.02**2
+    np.testing.assert_allclose(areas, flat.volumes, rtol=0.02)
+
+
+def test_an_empty_packing_is_void():
+    assert not to_image(Packing.of([], Box((1, 1, 1)), position=[]), 0.1).any()
+
+
+def test_a_period_that_is_no_whole_number_of_voxels_is_said(balls):
+    with pytest.warns(PackingWarning, match=r"period along x is 13\.3333 voxels .*; take 0\.2857142857"):
+        image = to_image(balls, 0.3)
+    assert image.shape == (14, 14, 14)
+
+
+def test_bad_voxel_sizes_are_refused(balls):
+    for value in (0.0, -1.0, np.nan, "a"):
+        with pytest.raises(InputError, match="voxel_size"):
+            to_image(balls, value)
+    with pytest.raises(TooLargeError, match="take larger voxels"):
+        to_image(balls, 1e-4)
+
+
+@pytest.mark.parametrize("labels", [True, False])
+def test_the_file_holds_the_image(balls, labels, tmp_path):
+    image = to_image(balls, 0.25, labels=labels)[:, :12, :9]
+    save_image(image, tmp_path / "i.vti", voxel_size=0.25, origin=(1, 2, 3))
+    data = load_library("pyvista").read(tmp_path / "i.vti")
+    assert data.dimensions == (17, 13, 10)
+    assert data.origin == (1, 2, 3)
+    np.testing.assert_array_equal(data.cell_data["image"].reshape(image.shape, order="F"), image)
+
+
+def test_images_of_another_kind_are_refused(tmp_path):
+    with pytest.raises(FileFormatError, match=r"kept as .vti"):
+        save_image(np.zeros((2, 2, 2)), tmp_path / "i.png", voxel_size=1.0)
+    for bad in (np.zeros((2, 2)), np.full((2, 2, 2), "a")):
+        with pytest.raises(InputError, match="give numbers along x, y and z"):
+            save_image(bad, tmp_path / "i.vti", voxel_size=1.0)

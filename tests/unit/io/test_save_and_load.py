@@ -1,0 +1,22 @@
+"""`save` and `load` choose the format by the suffix."""
+
+import pytest
+
+from voxgran._base.errors import FileFormatError
+from voxgran.io.files import load, save
+
+
+@pytest.mark.parametrize("name", ["p.vtp", "p.txt", "p.xyzr", "p.csv", "P.VTP"])
+def test_every_suffix_makes_a_round_trip(balls, name, tmp_path):
+    save(balls, tmp_path / name)
+    again = load(tmp_path / name)
+    assert again.position.tobytes() == balls.position.tobytes()
+    assert again.container == balls.container
+    assert again.unit == "mm"
+
+
+def test_an_unknown_suffix_names_the_known_ones(balls, tmp_path):
+    for call in (lambda: save(balls, tmp_path / "p.stl"), lambda: load(tmp_path / "p.stl")):
+        with pytest.raises(FileFormatError, match=r"suffix '.stl': packings are kept as .vtp, .txt, .xyzr, .csv"):
+            call()
+    assert list(tmp_path.iterdir()) == []

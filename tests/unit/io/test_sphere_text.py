@@ -1,0 +1,116 @@
+"""Spheres as text: exact round trips, every form that people write, and the number of the line that is wrong."""
+
+import numpy as np
+import pytest
+
+from voxgran._base.errors import FileFormatError, InputError
+from voxgran.containers.box import Box
+from voxgran.io.spheres import load_spheres, save_spheres, spheres_of
+from voxgran.packing.model import Packing
+from voxgran.shapes.model import Shape
+from voxgran.shapes.spheres import Spheres
+
+
+def read(tmp_path, text, **options):
+    (tmp_path / "p.txt").write_text(text)
+    return load_spheres(tmp_path / "p.txt", **options)
+
+
+def radii(packing):
+    return packing.scale * packing.shapes[0].bounding_radius
+
+
+@pytest.mark.parametrize("suffix", ["txt", "csv"])
+def test_a_round_trip_is_exact(balls, suffix, tmp_path):
+    save_spheres(balls, tmp_path / f"p.{suffix}")
+    again = load_spheres(tmp_path / f"p.{suffix}")
+    assert again.position.tobytes() == balls.position.tobytes()
+    assert again.scale.tobytes() == balls.scale.tobytes()
+    assert again.container == balls.container
+    assert again.unit == "mm"
+    assert "assumed" not in again.provenance
+    assert again.solid_fraction == pytest.approx(balls.solid_fraction, rel=1e-15)
+
+
+def test_an_empty_packing_makes_a_round_trip(balls, tmp_path):
+    save_spheres(Packing.of(balls.shapes, balls.container, position=[]), tmp_path / "p.txt")
+    assert load_spheres(tmp_path / "p.txt").count == 0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1 2 3 0.5\n4 5 6 0.25\n",
+        "1,2,3,0.5\n4, 5 ,6,0.25",
+        "x,y,z,r\n1,2,3,0.5\n4,5,6,0.25\n",
+        "# a comment\n\nX Y Z radius\n1\t2\t3\t0.5\n   \n4 5 6 0.25  # the second\n",
+        "1,2,3,0.5\n4 5 6 0.25\n",
+        "1 2 3 0.5 17 text\r\n4 5 6 2.5e-1\r\n",
+    ],
+)
+def test_every_common_form_is_read(text, tmp_path):
+    packing = read(tmp_path, text)
+    np.testing.assert_array_equal(packing.position, [[1, 2, 3], [4, 5, 6]])
+    np.testing.assert_array_equal(radii(packing), [0.5, 0.25])
+
+
+def test_without_a_container_it_is_the_box_around_the_spheres(tmp_path):
+    packing = read(tmp_path, "0 0 0 1\n3 0 0 0.5\n", unit="cm")
+    np.testing.assert_allclose(packing.container.bounds, [[-1, -1, -1], [3.5, 1, 1]])
+    assert packing.provenance["assumed"] == {"container": "the box around the spheres"}
+    assert packing.unit == "cm"
+
+
+def test_a_given_container_counts(balls, tmp_path):
+    save_spheres(balls, tmp_path / "p.txt")
+    box = Box((9, 9, 9))
+    assert load_spheres(tmp_path / "p.txt", container=box).container == box
+
+
+@pytest.mark.parametrize(
+    ("text", "number", "reason"),
+    [
+        ("1 2 3 4\n1 2 3\n", 2, "is not x y z r"),
+        ("# c\n\n1 2 three 4\n", 3, "'1 2 three 4' is not x y z r"),
+        ("1 2 3 4\n1 2 nan 4\n", 2, "must be finite"),
+        ("1 2 3 0\n", 1, "r above 0"),
+        ("x y z d\n1 2 3 4\n", 1, "the columns are x y z d"),
+        ("1 2 3 4\n1;2;3;4\n", 2, "is not x y z r"),
+        ("x,y,z\n1,2,3\n", 1, "the columns are x y z;"),
+        ("1,2,3,4\n1,2,,4\n", 2, "'1 2 4' is not x y z r"),
+        ('# container {"kind": "sack"}\n1 2 3 4\n', 1, "the container cannot be read"),
+    ],
+)
+def test_a_bad_line_is_named_by_its_number(text, number, reason, tmp_path):
+    with pytest.raises(FileFormatError, match=rf"p\.txt, line {number}: .*{reason}") as caught:
+        read(tmp_path, text)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_text_is_refused(tmp_path):
+    (tmp_path / "p.txt").write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(FileFormatError, match="is no text"):
+        load_spheres(tmp_path / "p.txt")
+
+
+def test_no_sphere_and_no_container_is_refused(tmp_path):
+    with pytest.raises(InputError, match="names no container: give the container"):
+        read(tmp_path, "# nothing\n")
+    assert read(tmp_path, "x y z r\n", container=Box((1, 1, 1))).count == 0
+
+
+def test_a_clump_is_written_as_its_spheres(tmp_path):
+    clump = Shape(Spheres(np.array([[-0.5, 0, 0], [0.5, 0, 0]]), np.array([0.5, 0.25])), "clump")
+    turned = [np.cos(np.pi / 4), 0, 0, np.sin(np.pi / 4)]
+    packing = Packing.of([clump], Box((9, 9, 9)), position=[[3, 3, 3]], scale=[2.0], orientation=[turned])
+    centers, sizes = spheres_of(packing)
+    np.testing.assert_allclose(centers, [[3, 2, 3], [3, 4, 3]], atol=1e-15)
+    np.testing.assert_allclose(sizes, [1.0, 0.5])
+    save_spheres(packing, tmp_path / "p.xyzr")
+    np.testing.assert_allclose(radii(load_spheres(tmp_path / "p.xyzr")), [1.0, 0.5])
+
+
+def test_other_grains_are_refused_with_a_remedy(mixed, tmp_path):
+    with pytest.raises(InputError, match=r"grain 0 is a mesh: .* save as .vtp"):
+        save_spheres(mixed, tmp_path / "p.txt")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,124 @@
+"""Bit columns against plain boolean arrays."""
+
+import numpy as np
+import pytest
+
+from voxgran._base.rotation import lattice_rotations
+from voxgran._base.seeds import stream
+from voxgran.packing.bits import (
+    Canvas,
+    Field,
+    is_blocked,
+    is_move_blocked,
+    make_bank,
+    pack_columns,
+    stamp,
+    turned_box,
+    unpack_columns,
+    write_turned,
+)
+
+ROW = 400  # zeros at the start of the bits, for words that are not there
+
+
+def random_mask(index, half):
+    random = stream(11, "mask", index)
+    mask = np.zeros((2 * half,) * 3, dtype=bool)
+    low, high = random.integers(0, half, 3), random.integers(half + 1, 2 * half + 1, 3)
+    box = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
+    mask[box] = random.random(mask[box].shape) < 0.6
+    mask[half, half, half] = True
+    return mask
+
+
+def rotated(mask, matrix):
+    """Turn a centered mask voxel by voxel: the plain twin of the packed turn."""
+    half = mask.shape[0] // 2
+    centers = np.argwhere(mask) + 0.5 - half
+    turned = np.floor(centers @ matrix.T + half).astype(int)
+    out = np.zeros_like(mask)
+    out[tuple(turned.T)] = True
+    return out
+
+
+def signed(matrix):
+    return np.array([int(np.flatnonzero(row)[0]) + (3 if row.sum() < 0 else 0) for row in matrix])
+
+
+@pytest.mark.parametrize("height", [1, 63, 64, 65, 130])
+def test_packing_is_reversible(height):
+    mask = stream(0, "m", height).random((5, 7, height)) < 0.5
+    assert np.array_equal(unpack_columns(pack_columns(mask), height), mask)
+
+
+@pytest.mark.parametrize("half", [3, 20, 40, 70])
+def test_turns_are_exact(half):
+    mask = random_mask(half, half)
+    bank = make_bank(1, lambda member: mask)
+    for matrix in lattice_rotations():
+        turn = signed(matrix)
+        low, size = turned_box(bank.low[0], bank.size[0], turn)
+        count = -(-size[2] // 64)
+        bits = np.zeros((size[0] + 2) * count * (size[1] + 2), dtype=np.uint64)
+        write_turned(bank.words, bank.start[0], bank.size[0], turn, bits, 0)
+        columns = bits.reshape(size[0] + 2, count, size[1] + 2).transpose(0, 2, 1)
+        assert not columns[0].any()
+        assert not columns[:, -1].any()
+        found = unpack_columns(columns[1:-1, 1:-1], size[2])
+        twin = rotated(mask, matrix)
+        box = tuple(slice(half + a, half + a + n) for a, n in zip(low, size, strict=True))
+        assert np.array_equal(found, twin[box])
+        assert found.sum() == mask.sum()
+
+
+@pytest.mark.parametrize("half", [4, 35, 70])
+def test_moves_are_those_of_plain_arrays(half):
+    """Stamp two grains, then compare every answer with boolean arrays."""
+    masks = [random_mask(2 * half, half), random_mask(2 * half + 1, half)]
+    bank = make_bank(2, lambda member: masks[member])
+    shape = np.array([5 * half, 5 * half, 6 * half])
+    canvas = Canvas(shape, np.array([1, 1, 1]), np.zeros(3, dtype=np.int64))
+    _nx, nw, ny = canvas.word_shape
+    field = Field(canvas.words(None), nw * ny, ny, canvas.shape, canvas.margin, canvas.periodic)
+    turn = np.array([0, 1, 2])
+    sizes, starts, bits = [], [], [np.zeros(ROW, dtype=np.uint64)]
+    for member in range(2):
+        _, size = turned_box(bank.low[member], bank.size[member], turn)
+        block = np.zeros((size[0] + 2) * -(-size[2] // 64) * (size[1] + 2), dtype=np.uint64)
+        write_turned(bank.words, bank.start[member], bank.size[member], turn, block, 0)
+        starts.append(sum(len(part) for part in bits))
+        bits.append(block)
+        sizes.append(tuple(int(n) for n in size))
+    words = np.concatenate(bits)
+    boxes = [
+        masks[m][tuple(slice(half + a, half + a + n) for a, n in zip(bank.low[m], sizes[m], strict=True))]
+        for m in (0, 1)
+    ]
+
+    def plain(member, corner):
+        full = np.zeros(shape + 2, dtype=bool)
+        full[tuple(slice(c, c + n) for c, n in zip(corner, sizes[member], strict=True))] = boxes[member]
+        return full
+
+    walls = np.pad(np.zeros(shape, dtype=bool), 1, constant_values=True)
+    resting = (1 + half, 1 + half, 1 + half)
+    stamp(field, words, starts[0], sizes[0], resting)
+    assert canvas.occupied(field.words).sum() == masks[0].sum()
+    random = stream(5, "places", half)
+    blocked = free = 0
+    for _ in range(60):
+        corner = tuple(int(random.integers(1, s + 2 - n)) for s, n in zip(shape, sizes[1], strict=True))
+        answer = bool((plain(1, corner) & (plain(0, resting) | walls)).any())
+        assert is_blocked(field, words, starts[1], sizes[1], corner) == answer
+        if answer:
+            continue
+        stamp(field, words, starts[1], sizes[1], corner)
+        step = tuple(int(value) for value in random.integers(-1, 2, 3))
+        target = tuple(c + d for c, d in zip(corner, step, strict=True))
+        meets = (plain(1, target) & (plain(0, resting) | walls)).any()
+        assert is_move_blocked(field, words, starts[1], sizes[1], target, step) == meets
+        blocked, free = blocked + bool(meets), free + (not meets)
+        stamp(field, words, starts[1], sizes[1], corner)
+    assert free > 0
+    stamp(field, words, starts[0], sizes[0], resting)
+    assert canvas.occupied(field.words).sum() == 0

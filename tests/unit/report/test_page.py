@@ -1,0 +1,212 @@
+"""The page stands alone, says the numbers, and lets no name break out."""
+
+import dataclasses
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from voxgran._base.errors import OutputExistsError
+from voxgran.packing.model import Packing
+from voxgran.packing.verify import verify
+from voxgran.report import facts
+from voxgran.report.page import write_report
+
+VOID = {"meta", "img", "link", "br", "hr", "input"}
+
+
+class Page(HTMLParser):
+    """Collect tags and texts, and check that every tag is closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.tags, self.texts = [], [], []
+        self.feed(text)
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if data.strip():
+            self.texts.append(" ".join(data.split()))
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+def page_of(packing, path, **options):
+    write_report(packing, path, **options)
+    return Page(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("report")
+
+
+def test_a_whole_page(packing, statistics, tmp_path, monkeypatch):
+    monkeypatch.setattr("voxgran.report.page.SHAPES_DRAWN", 1)
+    comparisons = {
+        "digital": {"grains": 48, "solid fraction": 0.4, "verified": True},
+        "control_point": {"grains": 48, "seconds": 12.5},
+    }
+    page = page_of(
+        packing,
+        tmp_path / "out" / "page.html",
+        statistics=statistics,
+        verification=verify(packing),
+        comparisons=comparisons,
+        pictures_folder=tmp_path / "pictures",
+        title="Blocks & <balls>",
+    )
+    text = " ".join(page.texts)
+    for part in ("Blocks & <balls>", "48", f"{packing.solid_fraction:.4f}", "0.4321", f"{packing.porosity:.4f}"):
+        assert part in text
+    for part in (
+        "The 1 most frequent of 2 shapes",
+        "digital",
+        "control_point",
+        "12.5",
+        "voxel size 0.05",
+        "1.5 s",
+        "0.6",
+        "<block> & co",
+    ):
+        assert part in text
+    images = page.all("img")
+    assert len(images) == 2 + 4
+    assert all(image["src"].startswith("data:image/png;base64,") and image["alt"] for image in images)
+    assert len(page.all("svg")) == 3
+    assert [name for name, _ in page.tags if re.fullmatch("h[1-6]", name)][:2] == ["h1", "h2"]
+    assert page.all("html") == [{"lang": "en"}]
+    assert (tmp_path / "out" / "page.html").stat().st_size < 5_000_000
+    assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == [
+        "cut_open.png",
+        "grain_0.png",
+        "whole.png",
+    ]
+    record = json.loads(page.texts[page.texts.index("Provenance, whole") + 1])
+    assert record == packing.provenance
+
+
+def test_nothing_is_loaded_from_elsewhere(packing, statistics, tmp_path):
+    page = page_of(packing, tmp_path / "p.html", statistics=statistics, pictures=False)
+    addresses = [v for _, attributes in page.tags for k, v in attributes.items() if k in ("src", "href", "xlink:href")]
+    assert all(address.startswith(("#", "data:")) for address in addresses)
+    assert page.all("script") == page.all("link") == page.all("iframe") == []
+    style = re.search(r"<style>(.*?)</style>", (tmp_path / "p.html").read_text(), re.DOTALL).group(1)
+    assert "url(" not in style
+    assert "@import" not in style
+    assert "prefers-color-scheme: dark" in style
+
+
+def test_ids_are_used_once(packing, statistics, tmp_path):
+    page = page_of(packing, tmp_path / "p.html", statistics=statistics, pictures=False)
+    names = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    assert len(names) == len(set(names))
+    labels = {attributes["aria-labelledby"] for _, attributes in page.tags if "aria-labelledby" in attributes}
+    assert labels <= set(names)
+
+
+def test_names_cannot_break_out_of_the_page(packing, tmp_path):
+    evil = "</pre><script>alert(1)</script>"
+    shapes = [dataclasses.replace(shape, name=evil) for shape in packing.shapes]
+    spoilt = Packing.of(
+        shapes,
+        packing.container,
+        position=[[1, 1, 1]],
+        unit=evil,
+        provenance={"method": evil, "parameters": {evil: evil}},
+    )
+    page = page_of(spoilt, tmp_path / "p.html", pictures=False, title=evil, comparisons={evil: {evil: evil}})
+    assert page.all("script") == []
+
+
+def test_the_verdict_is_told(packing, tmp_path):
+    # two balls that overlap by half a diameter, and one that is half outside
+    spoilt = Packing.of(packing.shapes[:1], packing.container, position=[[1, 1, 1], [1.5, 1, 1], [4, 3, 3]])
+    page = page_of(spoilt, tmp_path / "p.html", pictures=False, verification=verify(spoilt))
+    text = " ".join(page.texts)
+    assert "overlapping pairs 1" in text
+    assert "escaped 1" in text
+    assert "The deepest overlaps i j image depth 0 1 (0, 0, 0) 0.5" in text
+    assert "The farthest escapes grain depth 2 0.5" in text
+    assert "bad" in {attributes.get("class", "").split(" ")[0] for attributes in page.all("dd")}
+    sound = Packing.of(packing.shapes[:1], packing.container, position=[[1, 1, 1]])
+    good = page_of(sound, tmp_path / "p.html", pictures=False, verification=verify(sound))
+    assert "true shapes: no overlap, no escape" in good.texts
+    none = page_of(packing, tmp_path / "p.html", pictures=False)
+    assert "not run" in none.texts
+
+
+def test_an_empty_packing_has_a_page(packing, tmp_path):
+    page = page_of(Packing.of([], packing.container, position=[]), tmp_path / "p.html")
+    assert "Packing of 0 grains" in page.texts
+    assert len(page.all("img")) == 1
+    assert page.all("svg") == []
+
+
+def test_two_dimensions_have_a_page(flat, tmp_path):
+    page = page_of(flat, tmp_path / "p.html")
+    assert len(page.all("img")) == 1 + 2 * 3
+    assert "share by area" in page.texts
+
+
+def test_what_is_there_stays_unless_asked(packing, tmp_path):
+    write_report(packing, tmp_path / "p.html", pictures=False)
+    before = (tmp_path / "p.html").read_bytes()
+    with pytest.raises(OutputExistsError, match="not replaced unasked"):
+        write_report(packing, tmp_path / "p.html", pictures=False, title="new", overwrite=False)
+    assert (tmp_path / "p.html").read_bytes() == before
+
+
+def test_pictures_go_into_a_folder_beside_what_is_there(packing, tmp_path):
+    bare = Packing.of([], packing.container, position=[])
+    (tmp_path / "packing.vtp").write_text("mine")
+    write_report(bare, tmp_path / "p.html", pictures_folder=tmp_path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["p.html", "packing.vtp", "whole.png"]
+    assert (tmp_path / "packing.vtp").read_text() == "mine"
+    with pytest.raises(OutputExistsError, match=r"whole.png is there already"):
+        write_report(bare, tmp_path / "q.html", pictures_folder=tmp_path, overwrite=False)
+    assert not (tmp_path / "q.html").exists()
+
+
+def test_the_same_packing_gives_the_same_page(packing, statistics, tmp_path):
+    for name in ("a", "b"):
+        write_report(packing, tmp_path / name, statistics=statistics, pictures=False)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1234567, "1\u202f234\u202f567"),
+        (0.000123456, "0.0001235"),
+        (-1e-9, "\u22121e\u221209"),
+        (np.float64(0.5), "0.5"),
+        (True, "yes"),
+        (np.bool_(False), "no"),
+        (None, "none"),
+        (float("nan"), "not known"),
+        ("text", "text"),
+    ],
+)
+def test_numbers_are_written_for_people(value, text):
+    assert facts.number(value) == text
+
+
+def test_shapes_are_listed_with_their_shares(packing):
+    rows = facts.shape_rows(packing)
+    assert [row[:3] for row in rows] == [("ball", "sphere", "24"), ("<block> & co", "mesh", "24")]
+    assert sum(float(row[3].rstrip(" %")) for row in rows) == pytest.approx(100, abs=0.11)

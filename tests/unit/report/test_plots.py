@@ -1,0 +1,101 @@
+"""Plots hold the numbers that they are given."""
+
+import re
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from voxgran._base.errors import InputError
+from voxgran.packing.model import Packing
+from voxgran.report.plots import plot_coordination, plot_gradation, plot_profile, svg_of
+
+
+@pytest.fixture
+def axes():
+    return Figure().add_subplot()
+
+
+def lines(axes):
+    return {line.get_label(): line for line in axes.get_lines()}
+
+
+def test_the_gradation_shows_placed_and_asked(axes, packing):
+    assert plot_gradation(axes, packing) is axes
+    found = lines(axes)
+    assert list(found) == [
+        "placed, equivalent diameter",
+        "placed, intermediate axis",
+        "asked, equivalent diameter",
+    ]
+    sizes, shares = found["placed, equivalent diameter"].get_data()
+    for size in np.quantile(packing.diameters, [0.1, 0.5, 0.9]):
+        expected = 100 * packing.volumes[packing.diameters <= size].sum() / packing.volumes.sum()
+        assert shares[np.searchsorted(sizes, size, side="right") - 1] == pytest.approx(expected)
+    assert shares[-1] == pytest.approx(100)
+    asked = found["asked, equivalent diameter"]
+    x, y = (np.asarray(values) for values in asked.get_data())
+    # by volume of a distribution that is uniform by number: (d^4 - low^4) / (high^4 - low^4)
+    np.testing.assert_allclose(y, 100 * np.clip((x**4 - 0.5**4) / (0.9**4 - 0.5**4), 0, 1), atol=1e-9)
+    assert axes.get_xlabel() == "size (mm)"
+    assert axes.get_ylabel() == "passing by volume (%)"
+
+
+def test_without_a_record_only_what_was_placed_is_drawn(axes, packing):
+    for record in ({}, {"asked": {"sizes": None}}, {"asked": {"sizes": {"kind": "unheard of"}}}):
+        bare = Packing.of(packing.shapes, packing.container, position=packing.position, provenance=record)
+        axes.clear()
+        assert [name for name in lines(plot_gradation(axes, bare)) if "asked" in name] == []
+        assert axes.get_xlabel() == "size"
+
+
+def test_an_empty_gradation_is_an_empty_plot(axes, packing):
+    plot_gradation(axes, Packing.of([], packing.container, position=[]))
+    assert len(lines(axes)["placed, equivalent diameter"].get_xdata()) == 0
+
+
+def test_a_profile_has_its_line_its_mean_and_its_units(axes):
+    plot_profile(
+        axes, [0.5, 1.5, 2.5], [0.6, np.nan, 0.5], name="height", unit="mm", levels={"whole": 0.55, "bulk": np.nan}
+    )
+    mean, profile = axes.get_lines()
+    assert mean.get_label() == "whole: 0.550"
+    np.testing.assert_array_equal(profile.get_ydata(), [0.6, np.nan, 0.5])
+    assert axes.get_xlabel() == "height (mm)"
+    assert axes.get_ylim()[0] == 0
+    assert axes.collections[:] == []
+    plot_profile(axes, [0.5, 1.5, 2.5], [0.6, 0.5, 0.5], name="height", unit="mm", error=[0.1, 0.0, 0.1])
+    assert axes.collections[0].get_paths()[0].vertices[:, 1].max() == pytest.approx(0.7)
+    with pytest.raises(InputError, match="place"):
+        plot_profile(axes, [0.5, np.nan], [1, 1], name="height", unit="mm")
+
+
+def test_coordination_begins_at_the_gap_zero(axes):
+    plot_coordination(axes, [0.0, 1e-3, 1e-2], [1.0, 3.0, 5.0], unit="mean diameters")
+    np.testing.assert_array_equal(axes.get_lines()[0].get_xdata(), [0.0, 1e-3, 1e-2])
+    assert axes.get_xlabel() == "gap (mean diameters)"
+    assert axes.get_ylim()[0] == 0
+    with pytest.raises(InputError, match="coordination_number"):
+        plot_coordination(axes, [0.0, 1.0], [1.0], unit="")
+
+
+def test_an_svg_stands_alone_repeats_and_takes_the_colour_of_the_text(packing):
+    first, second = (svg_of(lambda axes: plot_gradation(axes, packing), "one") for _ in range(2))
+    assert first == second
+    assert first.startswith("<svg")
+    assert first.rstrip().endswith("</svg>")
+    assert "currentColor" in first
+    assert "<style" not in first
+    assert not re.search(r'(href|src)="(?!#)', first)
+    names = set(re.findall(r'id="([^"]+)"', first))
+    assert names
+    assert all(name.startswith("one-") for name in names)
+    assert set(re.findall(r'href="#([^"]+)"', first)) <= names
+    assert set(re.findall(r"url\(#([^)]+)\)", first)) <= names
+    assert "equivalent diameter" in first  # texts stay texts
+
+
+def test_names_cannot_break_out_of_the_svg():
+    svg = svg_of(lambda axes: plot_profile(axes, [0, 1], [0, 1], name="<script>", unit="<b>"), "x")
+    assert "<script>" not in svg
+    assert "&lt;script&gt;" in svg

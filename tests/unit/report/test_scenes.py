@@ -1,0 +1,167 @@
+"""Pictures show what they should: not blank, every grain in its place and its share."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+from voxgran._base.rotation import rotation_matrices
+from voxgran.containers.box import Box
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.packing.model import Packing
+from voxgran.report import scenes
+from voxgran.report.scenes import picture_cut, picture_faces, picture_grain, picture_packing, render_ids
+from voxgran.report.stage import BACKGROUND, look_at, shot, stage_of
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+from voxgran.shapes.tessellate import ball
+
+WINDOW = (320, 240)
+
+
+def covered(picture):
+    """Return the share of pixels that are not background."""
+    ground = np.round(255 * np.array(to_rgb(BACKGROUND)))
+    return float((np.abs(picture.astype(float) - ground).max(axis=2) > 8).mean())
+
+
+def test_the_whole_packing_is_seen(packing):
+    picture = picture_packing(packing, window=WINDOW)
+    assert picture.shape == (240, 320, 3)
+    assert picture.dtype == np.uint8
+    assert 0.2 < covered(picture) < 0.6
+    # nothing is cut off: only background along the rim
+    rim = np.concatenate([picture[:2].reshape(-1, 3), picture[-2:].reshape(-1, 3)])
+    assert len(np.unique(rim, axis=0)) == 1
+
+
+def test_the_same_packing_gives_the_same_picture(packing):
+    np.testing.assert_array_equal(picture_packing(packing, window=WINDOW), picture_packing(packing, window=WINDOW))
+
+
+def test_colours_tell_sizes_and_shapes_apart(packing):
+    by_size = picture_packing(packing, window=WINDOW)
+    by_shape = picture_packing(packing, window=WINDOW, color_by="shape")
+    assert (by_size != by_shape).any(axis=2).mean() > 0.1
+    # viridis from dark purple to yellow: its ends are seen in the picture by shape
+    red, green, blue = np.moveaxis(by_shape.astype(int), 2, 0)
+    assert ((red > 150) & (green > 140) & (blue < 110)).mean() > 0.03
+    assert ((blue > green + 15) & (red < 120)).mean() > 0.03
+
+
+def test_every_visible_grain_is_labelled_and_sizes_match_their_projection(packing):
+    ids = render_ids(packing, window=WINDOW)
+    assert ids.shape == (240, 320)
+    assert set(np.unique(ids)) <= set(range(packing.count + 1))
+    assert len(np.unique(ids)) > 30
+    balls = packing.shape_id[np.unique(ids)[1:] - 1] == 0
+    assert 10 < balls.sum() < len(balls) - 10
+    share = np.isin(ids - 1, np.flatnonzero(packing.shape_id == 0)).sum() / (ids > 0).sum()
+    assert 0.25 < share < 0.6
+
+
+def test_one_ball_covers_the_area_of_its_disk():
+    shape = Shape.of(scenes.Primitive("sphere", (1.0,)), name="ball")
+    packing = Packing.of([shape], Box((2, 2, 2)), position=[[1, 1, 1]])
+    labels = render_ids(packing, window=(300, 300))
+    assert labels.max() == 1
+    rows, columns = np.nonzero(labels)
+    assert np.ptp(rows) == pytest.approx(np.ptp(columns), abs=2)
+    assert labels.sum() == pytest.approx(np.pi / 4 * np.ptp(rows) * np.ptp(columns), rel=0.03)
+    np.testing.assert_allclose([rows.mean(), columns.mean()], 149.5, atol=1.0)
+
+
+def test_the_cut_takes_the_near_quarter_away(packing):
+    whole, cut = render_ids(packing, window=WINDOW), picture_cut(packing, window=WINDOW)
+    assert 0.15 < covered(cut) < covered(picture_packing(packing, window=WINDOW))
+    corner = np.flatnonzero((packing.position[:, 0] > 2) & (packing.position[:, 1] < 2))
+    assert np.isin(whole - 1, corner).mean() > 0.1  # it was in front
+
+
+def test_many_balls_are_shaded_points_in_the_same_places(packing, monkeypatch):
+    balls = np.flatnonzero(packing.shape_id == 0)
+    only = Packing.of(packing.shapes, packing.container, position=packing.position[balls], scale=packing.scale[balls])
+    meshes = picture_packing(only, window=WINDOW)
+    monkeypatch.setattr(scenes, "BALL_LIMIT", 5)
+    points = picture_packing(only, window=WINDOW)
+    assert covered(points) == pytest.approx(covered(meshes), rel=0.03)
+    assert (np.abs(points.astype(int) - meshes).max(axis=2) > 90).mean() < 0.03
+
+
+def test_grains_of_many_triangles_are_drawn_coarser(packing, monkeypatch):
+    vertices, faces, _ = ball(4)
+    fine = Shape.from_mesh(vertices * [0.5, 0.4, 0.3], faces)
+    many = Packing.of([fine], packing.container, position=packing.position)
+    monkeypatch.setattr(scenes, "TRIANGLE_BUDGET", 48 * 300)
+    assert picture_faces(many) == 300
+    body, triangles = scenes._body(fine, 300)
+    assert 200 < len(triangles) <= 300
+    assert Mesh(body, triangles).volume == pytest.approx(fine.volume, rel=0.03)
+    assert 0.1 < covered(picture_packing(many, window=WINDOW)) < 0.6
+    assert picture_faces(Packing.of([], packing.container, position=[])) == 48 * 300
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "mesh"])
+def test_every_container_has_an_outline(kind):
+    vertices, faces, _ = ball(2)
+    solid = Shape.of(Mesh(vertices * [1.0, 1.0, 2.0] + [3, 3, 3], faces), name="drum")
+    container = Cylinder(1.0, 3.0) if kind == "cylinder" else ClosedMesh(solid)
+    picture = picture_packing(Packing.of([], container, position=[]), window=WINDOW)
+    assert 0.004 < covered(picture) < 0.06
+
+
+def test_two_dimensions_are_seen_from_above(flat):
+    ids = render_ids(flat, window=(400, 300))
+    pixel = (4 / 400) / (1 - 2 * 0.03)
+    areas = np.bincount(ids.ravel(), minlength=4)[1:] * pixel**2
+    np.testing.assert_allclose(areas, flat.volumes, rtol=0.02)
+    first, last = (np.argwhere(ids == k).mean(axis=0) for k in (1, 3))
+    assert last[0] < first[0]  # y points up
+    assert 0.15 < covered(picture_packing(flat, window=WINDOW)) < 0.4
+    np.testing.assert_array_equal(picture_cut(flat, window=WINDOW), picture_packing(flat, window=WINDOW))
+
+
+def test_a_grain_is_shown_as_surface_voxels_points_and_clump(packing):
+    pictures = picture_grain(packing.shapes[1], window=(160, 120), spheres=8)
+    assert list(pictures) == ["surface", "voxels", "points", "clump"]
+    shares = {name: covered(picture) for name, picture in pictures.items()}
+    assert 0.3 < shares["surface"] < 0.7
+    assert shares["voxels"] == pytest.approx(shares["surface"], rel=0.15)
+    assert shares["points"] == pytest.approx(shares["surface"], rel=0.15)
+    assert 0.5 * shares["surface"] < shares["clump"] < 1.2 * shares["surface"]
+    different = [(pictures["surface"] != pictures[name]).any(axis=2).mean() for name in ("voxels", "points", "clump")]
+    assert min(different) > 0.1
+
+
+def test_a_flat_grain_has_no_clump(flat):
+    for shape in flat.shapes:
+        assert list(picture_grain(shape, window=(160, 120))) == ["surface", "voxels", "points"]
+
+
+def test_the_camera_just_holds_what_it_is_given():
+    generator = np.array([[0.0, 0, 0], [7, 1, 2], [3, 9, 1], [-4, 2, 8]])
+    for window in ((320, 240), (200, 300)):
+        with stage_of(window, lit=False) as stage:
+            stage.add_points(generator, color="white", point_size=1, lighting=False)
+            look_at(stage, generator)
+            rows, columns = np.nonzero(shot(stage).max(axis=2))
+        width, height = window
+        margins = (
+            columns.min() / width,
+            1 - (columns.max() + 1) / width,
+            rows.min() / height,
+            1 - (rows.max() + 1) / height,
+        )
+        assert min(margins) == pytest.approx(0.03, abs=0.015)
+        assert margins[0] == pytest.approx(margins[1], abs=0.015)
+        assert margins[2] == pytest.approx(margins[3], abs=0.015)
+
+
+def test_pictures_follow_the_orientation_of_a_grain(packing):
+    one = Packing.of(packing.shapes[1:], Box((2, 2, 2)), position=[[1, 1, 1]])
+    quarter = np.array([[np.cos(np.pi / 4), 0.0, np.sin(np.pi / 4), 0.0]])
+    turned = Packing.of(packing.shapes[1:], Box((2, 2, 2)), position=[[1, 1, 1]], orientation=quarter)
+    by_hand = Shape.of(packing.shapes[1].geometry.rotated(rotation_matrices(quarter)[0]), name="turned")
+    same = Packing.of([by_hand], Box((2, 2, 2)), position=[[1, 1, 1]])
+    assert (render_ids(one) != render_ids(turned)).mean() > 0.02
+    assert (render_ids(same) != render_ids(turned)).mean() < 0.002

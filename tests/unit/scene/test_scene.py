@@ -1,0 +1,138 @@
+"""Scene files: what they mean, what they cost, and what is wrong with them."""
+
+import subprocess
+import sys
+
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import (
+    FileFormatError,
+    GrainTooLargeError,
+    InputError,
+    MissingFileError,
+    OutputExistsError,
+    TooLargeError,
+    UnknownNameError,
+)
+
+SCENE = """
+[scene]
+seed = 1
+unit = "mm"
+[[shape]]
+family = "sphere"
+[sizes]
+kind = "fixed"
+diameter = 1.0
+[container]
+kind = "box"
+lengths = [3, 3, 4]
+[packing]
+method = "digital"
+count = 8
+voxel_size = 0.1
+sweeps = 100
+[output]
+vtk = false
+report = false
+"""
+
+# small scenes have no bulk to speak of, which is said in a warning
+pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+
+
+@pytest.fixture
+def write(tmp_path):
+    def writing(old="", new="", text=SCENE):
+        assert old in text
+        path = tmp_path / "scene.toml"
+        path.write_text(text.replace(old, new) if old else text)
+        return path
+
+    return writing
+
+
+def test_scene_runs_and_comes_back(write, tmp_path):
+    scene = vg.Scene.from_toml(write())
+    result = scene.run(tmp_path / "out")
+    assert result.packing.count == 8
+    assert result.verification.ok
+    assert result.packing.unit == "mm"
+    again = vg.Scene.from_mapping(scene.to_mapping())
+    assert again.to_mapping() == scene.to_mapping()
+    other = again.run(tmp_path / "again")
+    assert other.packing.position.tobytes() == result.packing.position.tobytes()
+
+
+def test_plan_says_what_the_run_does(write, tmp_path):
+    scene = vg.Scene.from_toml(write())
+    plan = scene.plan()
+    assert plan.grains == 8
+    assert "digital" in str(plan)
+    assert any("report" in step for step in plan.skipped)
+    result = scene.run(tmp_path / "out")
+    assert result.summary["counters"]["attempts"] <= plan.attempts
+    assert result.summary["plan"]["grains"] == 8
+
+
+def test_plan_loads_neither_numba_nor_open3d_nor_vtk(write):
+    code = (
+        "import sys, voxgran as vg; print(vg.Scene.from_toml(sys.argv[1]).plan()); "
+        "sys.exit(any(name in sys.modules for name in ('numba', 'open3d', 'vtkmodules', 'pyvista')))"
+    )
+    for text in (SCENE, SCENE.replace('family = "sphere"', 'family = "solid_union"')):
+        run = subprocess.run(
+            [sys.executable, "-c", code, str(write(text=text))], capture_output=True, text=True, check=False
+        )
+        assert run.returncode == 0, run.stderr
+
+
+def test_plan_refuses_what_cannot_fit_in_memory(write):
+    path = write("voxel_size = 0.1", "voxel_size = 0.0002")
+    with pytest.raises(TooLargeError, match="GiB"):
+        vg.Scene.from_toml(path).plan()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "words"),
+    [
+        ("voxel_size = 0.1", "voxel_sizee = 0.1", UnknownNameError, "did you mean 'voxel_size'"),
+        ('method = "digital"', 'method = "digitl"', UnknownNameError, "did you mean 'digital'"),
+        ("[packing]", "[pakcing]", UnknownNameError, "did you mean 'packing'"),
+        ('family = "sphere"', 'family = "spere"', UnknownNameError, "did you mean 'sphere'"),
+        ('kind = "fixed"', 'kind = "fixd"', UnknownNameError, "did you mean 'fixed'"),
+        ('kind = "box"', 'kind = "bx"', UnknownNameError, "did you mean 'box'"),
+        ("lengths = [3, 3, 4]", "lengths = [3, -3, 4]", InputError, "-3"),
+        ("lengths = [3, 3, 4]", "lenghts = [3, 3, 4]", UnknownNameError, "did you mean 'lengths'"),
+        ("diameter = 1.0", "diameter = 0.0", InputError, "diameter"),
+        ("diameter = 1.0", "diameter = nan", InputError, "diameter"),
+        ("seed = 1", "seed = -1", InputError, "seed"),
+        ("count = 8", "count = 1.5", InputError, "count"),
+        ("seed = 1", "seed = ", FileFormatError, "TOML"),
+        ('family = "sphere"', 'file = "none.stl"', MissingFileError, "none.stl"),
+        ('family = "sphere"', 'family = "sphere"\nfile = "a.stl"', InputError, "either file or family"),
+        ("report = false", "report = false\ndem = ['lamps']", UnknownNameError, "dem"),
+    ],
+)
+def test_mistakes_are_named(write, old, new, error, words):
+    with pytest.raises(error, match=words):
+        vg.Scene.from_toml(write(old, new))
+
+
+def test_grains_that_cannot_fit(write):
+    with pytest.raises(GrainTooLargeError, match="none can fit"):
+        vg.Scene.from_toml(write("diameter = 1.0", "diameter = 9.0")).plan()
+    with pytest.raises(InputError, match="times the volume"):
+        vg.Scene.from_toml(write("count = 8", "count = 800")).plan()
+
+
+def test_results_are_not_replaced_unasked(write, tmp_path):
+    scene = vg.Scene.from_toml(write())
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "mine.txt").write_text("mine")
+    with pytest.raises(OutputExistsError, match="not empty"):
+        scene.run(folder)
+    scene.run(folder, overwrite=True)
+    assert (folder / "mine.txt").read_text() == "mine"

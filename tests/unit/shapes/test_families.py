@@ -1,0 +1,156 @@
+import math
+
+import numpy as np
+import pytest
+
+from voxgran._base.config import parameters_of, to_mapping
+from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.seeds import stream
+from voxgran.shapes.diagnose import diagnose, refuse_dirty
+from voxgran.shapes.families.solid_union import CORE, SolidUnion, _base_solid
+from voxgran.shapes.family import families, make_shape, shape_families
+from voxgran.shapes.winding import winding_numbers
+
+NAMES = shape_families()
+
+
+def test_families_are_found():
+    assert tuple(sorted(NAMES)) == NAMES
+    assert set(NAMES) >= {"sphere", "ellipsoid", "box", "cylinder", "cone", "disk", "convex_polyhedron", "solid_union"}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_shapes_have_the_diameter_one_or_what_is_asked_for(name):
+    entry = families().get(name)
+    shape = make_shape(name)
+    assert shape.name == name == entry.name
+    assert shape.dimension == entry.dimension
+    assert shape.diameter == pytest.approx(1.0, rel=1e-14)
+    assert make_shape(name, diameter=3.0).diameter == pytest.approx(3.0, rel=1e-14)
+    assert shape.geometry.centroid == pytest.approx(np.zeros(3), abs=1e-13)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_same_seed_same_bits(name):
+    keys = [make_shape(name, seed=seed).key for seed in (0, 0, 1)]
+    assert keys[0] == keys[1]
+    assert (keys[0] != keys[2]) == families().get(name).random
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_tessellations_bound_one_solid(name):
+    shape = make_shape(name)
+    if shape.dimension == 3:
+        refuse_dirty(shape.vertices, shape.faces, name)
+    assert shape.tessellation_error < 0.02
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_parameters_explain_themselves(name):
+    entry = families().get(name)
+    assert entry.summary
+    for parameter in parameters_of(entry.parameters):
+        assert parameter.doc, parameter.name
+    assert to_mapping(entry.parameters())
+
+
+def test_sizes_in_place_of_the_diameter():
+    assert make_shape("box", lengths=(1, 2, 3)).volume == pytest.approx(6)
+    assert make_shape("box", aspect=(1, 2, 3)).geometry.dimensions[2] == pytest.approx(3 * (math.pi / 36) ** (1 / 3))
+    assert make_shape("ellipsoid", semi_axes=(1, 2, 3)).volume == pytest.approx(8 * math.pi)
+    assert make_shape("cylinder", radius=1, height=2).volume == pytest.approx(2 * math.pi)
+    assert make_shape("cone", radius=1, height=3).volume == pytest.approx(math.pi)
+    assert make_shape("sphere", diameter=2).volume == pytest.approx(4 / 3 * math.pi)
+    assert make_shape("disk", diameter=2).volume == pytest.approx(math.pi)
+    assert make_shape("cylinder", aspect=2).geometry.dimensions[1] == pytest.approx(
+        4 * make_shape("cylinder", aspect=2).geometry.dimensions[0]
+    )
+    corners = [[0, 0], [2, 0], [0, 1]]
+    assert make_shape("polygon", vertices=corners).volume == pytest.approx(1.0)
+    assert make_shape("polygon", corners=4, stretch=2.0).volume == pytest.approx(math.pi / 4)
+
+
+def test_convex_polyhedra_are_convex():
+    shape = make_shape("convex_polyhedron", seed=4, points=30, aspect=(1, 2, 3))
+    a, b, c = np.moveaxis(shape.vertices[shape.faces], 1, 0)
+    normals = np.cross(b - a, c - a)
+    heights = np.einsum("fi,vi->fv", normals, shape.vertices) - np.einsum("fi,fi->f", normals, a)[:, None]
+    assert heights.max() < 1e-14
+    assert len(shape.vertices) == 30
+    assert len(make_shape("convex_polyhedron", points=4).faces) == 4
+
+
+@pytest.mark.parametrize("kind", ["box", "cylinder", "cone", "ellipsoid", "sphere"])
+def test_base_solids_hold_a_ball_around_the_origin(kind):
+    generator = stream(7, kind)
+    parameters = SolidUnion(kinds=(kind,), lengths=(0.36, 1.0))
+    for _ in range(20):
+        vertices, faces = _base_solid(parameters, generator)
+        triangles = vertices[faces]
+        assert winding_numbers(triangles, np.zeros((1, 3)))[0] == pytest.approx(1.0)
+        a, b, c = np.moveaxis(triangles, 1, 0)
+        normals = np.cross(b - a, c - a)
+        depth = (np.einsum("fi,fi->f", normals, a) / np.linalg.norm(normals, axis=1)).min()
+        size = 0.36  # at least; the tessellation lies a little deeper
+        assert depth > 0.9 * CORE * size
+
+
+def test_unions_are_one_clean_solid():
+    for seed in range(25):
+        shape = make_shape("solid_union", seed=seed, solids=5)
+        found = diagnose(shape)
+        assert found.ok, (seed, found.sentences())
+        assert len(shape.faces) <= 3000
+        assert found.cavities == 0 or found.bodies == 1
+
+
+@pytest.mark.slow
+def test_many_unions_are_one_clean_solid():
+    for seed in range(200):
+        shape = make_shape("solid_union", seed=seed)
+        refuse_dirty(shape.vertices, shape.faces, f"seed {seed}")
+
+
+def test_union_of_one_box_is_a_box():
+    shape = make_shape("solid_union", seed=2, solids=1, kinds=["box"])
+    assert len(shape.faces) == 12
+    assert len(make_shape("solid_union", seed=2, solids=[2, 2], kinds=["sphere", "cone"]).faces) > 100
+
+
+BAD = [
+    ("sphere", {"diameter": 0.0}, "diameter is 0.0"),
+    ("sphere", {"diameter": "large"}, "it must be a number"),
+    ("box", {"lengths": (1, 2)}, "list of 3"),
+    ("box", {"lengths": (1, 2, -3)}, "above 0"),
+    ("box", {"lengths": (1, 2, 3), "diameter": 1.0}, "leave one out"),
+    ("ellipsoid", {"semi_axes": (1, 2, 3), "diameter": 1.0}, "leave one out"),
+    ("cylinder", {"radius": 1.0}, "without height"),
+    ("cone", {"aspect": -1.0}, "aspect is -1.0"),
+    ("cone", {"diameter": -1.0}, "diameter is -1.0"),
+    ("polygon", {"corners": 2}, "corners is 2"),
+    ("polygon", {"vertices": [[0, 0], [1, 0]]}, "at least 3"),
+    ("polygon", {"vertices": [[0, 0], [1, 0], [0, 1]], "diameter": 1.0}, "leave one out"),
+    ("convex_polyhedron", {"points": 3}, "points is 3"),
+    ("convex_polyhedron", {"aspect": (1, 1, 0)}, "aspect is 0"),
+    ("solid_union", {"solids": 0}, "solids is 0"),
+    ("solid_union", {"solids": (4, 2)}, "solids is 2"),
+    ("solid_union", {"kinds": []}, "kinds is empty"),
+    ("solid_union", {"kinds": ["torus"]}, "torus"),
+    ("solid_union", {"lengths": (0.1, 1.0)}, "0.35 of the largest"),
+    ("solid_union", {"lengths": (2.0, 1.0)}, "at most 1"),
+]
+
+
+@pytest.mark.parametrize(("family", "parameters", "message"), BAD)
+def test_bad_parameters_are_refused(family, parameters, message):
+    with pytest.raises(InputError, match=message):
+        make_shape(family, **parameters)
+
+
+def test_unknown_names_give_the_nearest():
+    with pytest.raises(UnknownNameError, match="did you mean 'sphere'"):
+        make_shape("spere")
+    with pytest.raises(UnknownNameError, match="did you mean 'lengths'"):
+        make_shape("box", length=(1, 1, 1))
+    with pytest.raises(InputError, match="seed is -1"):
+        make_shape("solid_union", seed=-1)

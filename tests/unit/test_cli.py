@@ -1,0 +1,160 @@
+"""The command line: one line per mistake, the right exit status, nothing lost."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from voxgran.cli import COMMANDS, main
+
+# small scenes have no bulk to speak of, which is said in a warning
+pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "scene.toml"
+    assert main(["init", str(path)]) == 0
+    text = path.read_text().replace("count = 100", "count = 10\nvoxel_size = 0.125\nsweeps = 200\ncycles = 1")
+    path.write_text(
+        text.replace("lengths = [5, 5, 8]", "lengths = [3, 3, 4]").replace("report = true", "report = false")
+    )
+    return path
+
+
+def complaint(capsys, *words):
+    status = main(list(words))
+    captured = capsys.readouterr()
+    lines = captured.err.strip().splitlines()
+    assert len(lines) == 1, captured.err
+    assert lines[0].startswith("voxgran: ")
+    return status, lines[0]
+
+
+def test_the_whole_way(scene, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["plan", str(scene), "--json"]) == 0
+    assert main(["run", str(scene), "-o", str(out), "--json"]) == 0
+    capsys.readouterr()
+    assert main(["verify", str(out / "packing.vtp"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["ok"] is True
+    assert main(["measure", str(out / "packing.vtp"), "--which", "density", "--json"]) == 0
+    assert 0 < json.loads(capsys.readouterr().out)["solid_fraction"] < 1
+    status, line = complaint(capsys, "run", str(scene), "-o", str(out))
+    assert status == 2
+    assert "not empty" in line
+    assert main(["run", str(scene), "-o", str(out), "--overwrite", "-q"]) == 0
+
+
+def test_shapes_and_clumps(tmp_path, capsys):
+    mesh, spheres = tmp_path / "grain.stl", tmp_path / "rock.csv"
+    assert main(["shape", "solid_union", "--seed", "7", "--solids", "3,4", "-o", str(mesh), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["diameter"] == pytest.approx(1.0)
+    assert main(["clump", str(mesh), "--spheres", "5", "-o", str(spheres), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["spheres"] == 5
+    rows = spheres.read_text().splitlines()
+    assert rows[0] == "x,y,z,r"
+    assert len(rows) == 6
+
+
+def test_methods_are_listed(capsys):
+    assert main(["methods"]) == 0
+    text = capsys.readouterr().out
+    for word in ("digital", "control_point", "solid_union", "inscribed", "voxel_size", "doi:10.1016"):
+        assert word in text
+
+
+def test_doctor_is_content(capsys):
+    assert main(["doctor", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["all_good"] is True
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["rnu"], "did you mean 'run'"),
+        (["run"], "file"),
+        (["run", "none.toml"], "none.toml"),
+        (["verify", "none.vtp"], "none.vtp"),
+        (["shape", "sphre"], "did you mean 'sphere'"),
+        (["shape", "sphere", "--diameter", "-1"], "diameter"),
+        (["shape", "sphere", "--diametre", "1"], "--diametre"),
+        (["bench", "voxelise"], "did you mean 'voxelize'"),
+        (["plan", "scene.toml", "--jsn"], "--jsn"),
+    ],
+)
+def test_mistakes_are_one_line_and_status_2(words, expected, capsys):
+    status, line = complaint(capsys, *words)
+    assert status == 2
+    assert expected in line
+
+
+def test_bad_files_are_one_line_and_status_2(tmp_path, capsys):
+    bad = tmp_path / "bad.vtp"
+    bad.write_bytes(b"<VTKFile type='PolyData'><broken")
+    for name, content in (("bad.vtp", None), ("bad.stl", b"\0" * 90), ("bad.xyz", b"solid")):
+        path = tmp_path / name
+        if content is not None:
+            path.write_bytes(content)
+        words = ["clump", str(path)] if name != "bad.vtp" else ["verify", str(path)]
+        assert complaint(capsys, *words)[0] == 2
+
+
+def test_a_damaged_checkpoint_is_refused(scene, tmp_path, capsys):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "checkpoint.voxgran").write_bytes(b"voxgran checkpoint 1 abc 3\nxyz")
+    status, line = complaint(capsys, "run", str(scene), "-o", str(out), "--resume")
+    assert status == 2
+    assert "damaged" in line
+
+
+def test_every_command_has_help(capsys):
+    for name in COMMANDS:
+        with pytest.raises(SystemExit) as stop:
+            main([name, "--help"])
+        assert stop.value.code == 0
+    assert "usage" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signals_leave_a_checkpoint_and_the_command_that_resumes(scene, tmp_path, number, status):
+    scene.write_text(scene.read_text().replace("sweeps = 200", "sweeps = 1000000"))
+    out = tmp_path / "out"
+    run = subprocess.Popen(
+        [sys.executable, "-m", "voxgran", "run", str(scene), "-o", str(out)], stderr=subprocess.PIPE, text=True
+    )
+    deadline = time.monotonic() + 60
+    while not out.exists() and time.monotonic() < deadline:
+        time.sleep(0.1)
+    time.sleep(3.0)
+    run.send_signal(number)
+    _, errors = run.communicate(timeout=60)
+    assert run.returncode == status
+    assert "--resume" in errors
+    assert "Traceback" not in errors
+    assert (out / "checkpoint.voxgran").exists()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount a small disk")
+def test_a_full_disk_is_one_line(scene, tmp_path):
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16k", "none", str(disk)], check=False).returncode:
+        pytest.skip("no small disk can be mounted here")
+    try:
+        run = subprocess.run(
+            [sys.executable, "-m", "voxgran", "run", str(scene), "-o", str(disk / "out")],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert run.returncode == 1
+        assert "cannot be written" in run.stderr
+        assert "Traceback" not in run.stderr
+    finally:
+        subprocess.run(["umount", str(disk)], check=True)

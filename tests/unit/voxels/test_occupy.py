@@ -1,0 +1,257 @@
+import numpy as np
+import pytest
+from scipy.ndimage import label
+
+import voxgran as vg
+from voxgran._base.errors import InputError, TooLargeError, UnknownNameError
+from voxgran._base.rotation import lattice_rotations, quaternions_of, random_rotations, rotation_matrices
+from voxgran._base.seeds import stream
+from voxgran.lattice.grid import Grid
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.tessellate import unit_box
+from voxgran.voxels.backend import backends
+from voxgran.voxels.occupy import occupy, voxelize
+from voxgran.voxels.touch import near_centers, touched_voxels
+
+TURNS = random_rotations(stream(8, "turns"), 3)
+
+
+def mesh_box(lengths):
+    vertices, faces, _ = unit_box()
+    return Shape.from_mesh(vertices * np.array(lengths), faces, name="box")
+
+
+def cube_grid(half, size):
+    return Grid((-half * size,) * 3, size, (2 * half,) * 3)
+
+
+@pytest.fixture(scope="module")
+def scan(data_dir):
+    return vg.load_shape(data_dir / "itokawa_lp.obj")
+
+
+@pytest.mark.parametrize("turn", range(3))
+def test_all_backends_give_the_same_voxels_of_a_scan(scan, turn):
+    size = scan.diameter / 25
+    grid = cube_grid(26, size)
+    masks = [occupy(scan, grid, rotation=TURNS[turn], backend=name) for name in backends()]
+    assert backends() == ("open3d", "scanline", "vtk")
+    assert masks[0].sum() * size**3 == pytest.approx(scan.volume, rel=0.01)
+    assert np.array_equal(masks[0], masks[1])
+    assert np.array_equal(masks[0], masks[2])
+
+
+@pytest.mark.parametrize("backend", ["open3d", "scanline", "vtk"])
+@pytest.mark.parametrize("nudge", [0.0, 5e-7, -5e-7, 2e-6, -2e-6, 5e-5, -5e-5])
+def test_centers_near_the_surface_are_settled_by_one_rule(backend, nudge):
+    # faces at a distance of `nudge` voxels outside of centers: within 1e-6 these count as inside
+    grid = Grid((-10.5,) * 3, 1.0, (21,) * 3)
+    box = mesh_box([10 + 2 * nudge] * 3)
+    mask = occupy(box, grid, backend=backend)
+    closed = nudge > -1e-6
+    assert mask.sum() == (11 if closed else 9) ** 3
+    assert len(near_centers(box.vertices, box.faces, grid, 1e-6)[0]) == (11**3 - 9**3 if abs(nudge) < 1e-6 else 0)
+
+
+@pytest.mark.parametrize("backend", ["open3d", "scanline", "vtk"])
+def test_touch_is_the_same_for_all_backends_and_closed(backend):
+    box = mesh_box([4.0, 4.0, 3.0])
+    grid = cube_grid(5, 1.0)
+    mask = occupy(box, grid, cover="touch", backend=backend)
+    # faces between voxels touch the voxels on both sides; at +-1.5 they run through voxels
+    assert np.argwhere(mask).min(axis=0).tolist() == [2, 2, 3]
+    assert np.argwhere(mask).max(axis=0).tolist() == [7, 7, 6]
+    assert mask.sum() == 6 * 6 * 4
+
+
+def test_touch_is_the_surface_and_what_it_encloses(scan):
+    grid = cube_grid(20, scan.bounding_radius / 17.3)
+    for turn in TURNS:
+        mask = occupy(scan, grid, rotation=turn, cover="touch")
+        posed = scan.rotated(turn)
+        surface = touched_voxels(posed.vertices, posed.faces, grid)
+        assert np.array_equal(surface, occupy(scan, grid, rotation=turn, cover="surface"))
+        # the twin: flood the outside from a corner; this solid has no cavity
+        regions = label(~surface)[0]
+        assert np.array_equal(mask, regions != regions[0, 0, 0])
+        assert (mask | ~occupy(scan, grid, rotation=turn)).all()
+
+
+def test_the_pose_is_that_of_the_moved_mesh(scan):
+    turn, scale, offset = TURNS[0], 1.7, np.array([0.3, -0.2, 0.11]) * scan.diameter
+    matrix = rotation_matrices(turn[None])[0]
+    moved = Mesh(scan.vertices @ matrix.T * scale + offset, scan.faces)
+    grid = cube_grid(18, scan.diameter / 9)
+    for cover in ("center", "touch"):
+        posed = occupy(scan, grid, scale=scale, rotation=turn, offset=offset, cover=cover)
+        # a shape made of the moved mesh remembers where its centroid lay
+        again = Shape.of(moved, name="moved")
+        assert np.array_equal(posed, occupy(again, grid, offset=again.offset, cover=cover))
+
+
+@pytest.mark.parametrize("cover", ["center", "touch"])
+def test_rotations_of_the_lattice_turn_the_voxels(scan, cover):
+    n, turn = 24, TURNS[1]
+    grid = cube_grid(n // 2, scan.bounding_radius / 11)
+    mask = occupy(scan, grid, rotation=turn, cover=cover)
+    centers = np.argwhere(mask) + 0.5 - n / 2
+    for matrix in lattice_rotations():
+        turned = Shape(scan.geometry.rotated(matrix @ rotation_matrices(turn[None])[0]), "turned")
+        expected = np.zeros_like(mask)
+        expected[tuple((centers @ matrix.T + n / 2 - 0.5).astype(int).T)] = True
+        assert np.array_equal(occupy(turned, grid, cover=cover), expected)
+    assert np.allclose(quaternions_of(lattice_rotations()[:1]), [[1, 0, 0, 0]])
+
+
+def test_balls_in_closed_form():
+    ball = Shape.of(Spheres(np.array([[0.0, 0, 0], [1.4, 0.3, 0]]), np.array([1.0, 0.7])), name="two")
+    grid = cube_grid(16, 0.171)
+    centers = grid.coordinates(np.argwhere(np.ones(grid.shape)))
+    assert np.array_equal(occupy(ball, grid).ravel(), ball.geometry.contains(centers))
+    # the nearest point of each cube
+    touch = np.zeros(len(centers), dtype=bool)
+    for middle, radius in zip(ball.geometry.centers, ball.geometry.radii, strict=True):
+        nearest = np.clip(middle, centers - 0.171 / 2, centers + 0.171 / 2)
+        touch |= np.linalg.norm(nearest - middle, axis=1) <= radius
+    assert np.array_equal(occupy(ball, grid, cover="touch").ravel(), touch)
+
+
+@pytest.mark.parametrize("cover", ["center", "touch"])
+def test_one_ball_is_a_sphere(cover):
+    sphere = vg.make_shape("sphere")
+    one = Shape.of(Spheres(np.zeros((1, 3)), np.array([0.5])), name="one")
+    grid = cube_grid(10, 0.0613)
+    place = [0.02, -0.01, 0.04]
+    masks = [occupy(shape, grid, scale=0.9, offset=place, cover=cover) for shape in (sphere, one)]
+    assert np.array_equal(*masks)
+    if cover == "center":
+        # its tessellation is inscribed
+        meshed = occupy(sphere, grid, scale=0.9, offset=place, backend="vtk")
+        assert not (meshed & ~masks[0]).any()
+        assert meshed.sum() > 0.97 * masks[0].sum()
+
+
+@pytest.mark.parametrize("kind", ["ellipsoid", "box", "cylinder", "cone"])
+def test_regular_solids(kind):
+    sizes = {"ellipsoid": (1.0, 0.7, 0.5), "box": (1.0, 1.4, 0.8), "cylinder": (0.6, 1.3), "cone": (0.9, 1.2)}
+    shape = Shape.of(Primitive(kind, sizes[kind]), name=kind).rotated(TURNS[2])
+    size = shape.diameter / 15.3
+    voxels = voxelize(shape, voxel_size=size)
+    centers = voxels.grid.coordinates(np.argwhere(np.ones(voxels.mask.shape)))
+    assert np.array_equal(voxels.mask.ravel(), shape.geometry.contains(centers))
+    # no point of the true solid lies in a voxel that is not touched, and few voxels are touched in vain
+    touch = voxelize(shape, voxel_size=size, cover="touch")
+    unit = stream(9, "directions").normal(size=(20_000, 3))
+    rim = shape.geometry.support(unit)
+    assert touch.mask[tuple(touch.grid.indices(rim).T)].all()
+    surface = touched_voxels(shape.vertices, shape.faces, touch.grid)
+    assert (touch.mask | ~(surface | voxels.mask)).all()
+    assert (touch.mask & ~(surface | voxels.mask)).sum() <= 0.01 * touch.mask.sum()
+
+
+def test_outlines():
+    disk = Shape.of(Outline("disk", radius=1.0), name="disk")
+    grid = Grid((-1.5, -1.4, 7.0), 0.13, (24, 23, 1))
+    x, y = np.meshgrid(grid.centers(0), grid.centers(1), indexing="ij")
+    place = np.array([0.07, -0.03, 0.0])
+    mask = occupy(disk, grid, offset=place)
+    assert np.array_equal(mask[:, :, 0], np.hypot(x - 0.07, y + 0.03) <= 1)
+    dx, dy = (np.maximum(np.abs(c - p) - 0.065, 0) for c, p in zip((x, y), place[:2], strict=True))
+    assert np.array_equal(occupy(disk, grid, offset=place, cover="touch")[:, :, 0], np.hypot(dx, dy) <= 1)
+
+
+def test_a_polygon_is_turned_and_moved():
+    # an L of three quarters: turned by a right angle its notch lies at the upper left
+    corners = np.array([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2.0]])
+    bend = Shape.of(Outline("polygon", vertices=corners), name="L")
+    grid = Grid((-1.0, -1.0, 0.0), 0.125, (16, 16, 1))
+    quarter = [np.sqrt(0.5), 0, 0, np.sqrt(0.5)]
+    place = np.array([0.5 - bend.offset[1] / 2, bend.offset[0] / 2 - 0.5, 0.0])
+    # the corner of the L at (0.5, -0.5), one arm upward, one to the left
+    mask = occupy(bend, grid, scale=0.5, rotation=quarter, offset=place)[:, :, 0]
+    x, y = np.meshgrid(grid.centers(0), grid.centers(1), indexing="ij")
+    square = (np.abs(x) < 0.5) & (np.abs(y) < 0.5)
+    assert np.array_equal(mask, square & ~((x < 0) & (y > 0)))
+    touch = occupy(bend, grid, scale=0.5, rotation=quarter, offset=place, cover="touch")[:, :, 0]
+    # a ring more: the perimeter of 32 pixels, one at each of five corners, one less at the notch
+    assert touch.sum() == 3 * 4 * 4 + 32 + 5 - 1
+
+
+def test_pixels_that_a_polygon_touches():
+    # corners at quarter pixels: the touched pixels of an upright square are those that it overlaps
+    square = Shape.of(
+        Outline("polygon", vertices=np.array([[0.25, 0.25], [4.75, 0.25], [4.75, 3.75], [0.25, 3.75]])), name="s"
+    )
+    grid = Grid((0.0, 0.0, -0.5), 1.0, (6, 5, 1))
+    assert occupy(square, grid, offset=square.offset, cover="touch").sum() == 5 * 4
+    assert occupy(square, grid, offset=square.offset).sum() == 5 * 4
+    voxels = voxelize(square, voxel_size=0.1)
+    assert voxels.mask.shape[2] == 1
+    assert voxels.volume == pytest.approx(square.volume, rel=0.02)
+
+
+def test_fractions_of_a_mesh(scan):
+    for n in (7, 15):
+        voxels = voxelize(scan, voxel_size=scan.diameter / n, fraction=True)
+        share = voxels.fraction
+        assert voxels.volume == pytest.approx(scan.volume, rel=3e-3 * 7 / n)
+        assert share.min() == 0
+        assert share.max() == 1
+        assert (share[~occupy(scan, voxels.grid, cover="touch")] == 0).all()
+        assert 0 < voxels.fraction_error <= 1 / 16
+        fine = occupy(scan, Grid(voxels.origin, voxels.voxel_size / 24, tuple(24 * k for k in share.shape)))
+        x, y, z = share.shape
+        exact = fine.reshape(x, 24, y, 24, z, 24).mean(axis=(1, 3, 5))
+        cut = (exact > 0) & (exact < 1)
+        assert np.sqrt(np.mean((share - exact)[cut] ** 2)) <= voxels.fraction_error
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        Shape.of(Primitive("ellipsoid", (1.0, 0.8, 0.6)), name="ellipsoid").rotated(TURNS[0]),
+        Shape.of(Primitive("cylinder", (0.5, 1.0)), name="cylinder").rotated(TURNS[0]),
+        Shape.of(Spheres(np.array([[0.0, 0, 0], [0.7, 0.1, 0]]), np.array([0.5, 0.4])), name="two"),
+        Shape.of(Outline("disk", radius=0.5), name="disk"),
+        Shape.of(Outline("polygon", vertices=np.array([[0, 0], [1, 0.1], [0.4, 0.8]])), name="triangle"),
+    ],
+    ids=lambda shape: shape.name,
+)
+def test_fractions_in_closed_form(shape):
+    size = shape.diameter / 11.7
+    coarse = voxelize(shape, voxel_size=size)
+    voxels = voxelize(shape, voxel_size=size, fraction=True)
+    assert np.array_equal(voxels.mask, coarse.mask)
+    assert voxels.volume == pytest.approx(shape.volume, rel=2e-3)
+    assert abs(voxels.volume / shape.volume - 1) < abs(coarse.volume / shape.volume - 1) + 1e-4
+    assert ((voxels.fraction > 0) & (voxels.fraction < 1)).any()
+    assert voxels.fraction.max() == 1
+
+
+def test_covers_and_fractions_go_together(scan):
+    voxels = voxelize(scan, voxel_size=scan.diameter / 8, cover="touch", fraction=True)
+    assert np.array_equal(voxels.mask, voxelize(scan, voxel_size=scan.diameter / 8, cover="touch").mask)
+    assert (voxels.mask | (voxels.fraction == 0)).all()
+    assert voxels.volume == pytest.approx(scan.volume, rel=4e-3)
+
+
+def test_bad_input_is_refused(scan):
+    with pytest.raises(InputError, match="voxel_size"):
+        voxelize(scan, voxel_size=0.0)
+    with pytest.raises(InputError, match="cover"):
+        voxelize(scan, voxel_size=1.0, cover="surface")
+    with pytest.raises(UnknownNameError, match="vtk"):
+        voxelize(scan, voxel_size=1.0, backend="vtkk")
+    with pytest.raises(TooLargeError, match="voxel_size"):
+        voxelize(scan, voxel_size=scan.diameter * 1e-6)
+    grid = cube_grid(2, 1.0)
+    with pytest.raises(InputError, match="scale"):
+        occupy(scan, grid, scale=-1.0)
+    with pytest.raises(InputError, match="rotation"):
+        occupy(scan, grid, rotation=[1, 1, 0, 0])
+    with pytest.raises(InputError, match="offset"):
+        occupy(scan, grid, offset=[np.nan, 0, 0])

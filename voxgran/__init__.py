@@ -1,0 +1,93 @@
+"""voxgran: packed assemblies of grains of true shape, checked, measured and ready for a simulation.
+
+The public names are imported on first use (PEP 562), so that ``import voxgran`` loads no other library.
+"""
+
+import importlib
+from typing import Any
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Box",
+    "ClosedMesh",
+    "Cylinder",
+    "Packing",
+    "Rectangle",
+    "Scene",
+    "Shape",
+    "VoxgranError",
+    "__version__",
+    "clump_methods",
+    "diagnose",
+    "fit_clump",
+    "load",
+    "load_shape",
+    "load_statistics",
+    "make_container",
+    "make_shape",
+    "measure",
+    "pack",
+    "packing_methods",
+    "sample_surface",
+    "save",
+    "save_image",
+    "save_scene",
+    "save_shape",
+    "save_statistics",
+    "shape_families",
+    "sizes",
+    "to_image",
+    "verify",
+    "voxelize",
+    "window_solid_fraction",
+    "write_report",
+]
+
+_PLACES = {
+    "Box": "voxgran.containers.box",
+    "ClosedMesh": "voxgran.containers.closed_mesh",
+    "Cylinder": "voxgran.containers.cylinder",
+    "Packing": "voxgran.packing.model",
+    "Rectangle": "voxgran.containers.rectangle",
+    "Scene": "voxgran.scene.model",
+    "Shape": "voxgran.shapes.model",
+    "VoxgranError": "voxgran._base.errors",
+    "clump_methods": "voxgran.clumps.fit",
+    "diagnose": "voxgran.shapes.diagnose",
+    "fit_clump": "voxgran.clumps.fit",
+    "load": "voxgran.io.files",
+    "load_shape": "voxgran.shapes.files",
+    "load_statistics": "voxgran.io.netcdf",
+    "make_container": "voxgran.containers.make",
+    "make_shape": "voxgran.shapes.family",
+    "measure": "voxgran.measure.model",
+    "pack": "voxgran.packing.pack",
+    "packing_methods": "voxgran.packing.method",
+    "sample_surface": "voxgran.points.sample",
+    "save": "voxgran.io.files",
+    "save_image": "voxgran.io.image",
+    "save_scene": "voxgran.io.vtk_files",
+    "save_shape": "voxgran.shapes.files",
+    "save_statistics": "voxgran.io.netcdf",
+    "shape_families": "voxgran.shapes.family",
+    "to_image": "voxgran.io.image",
+    "verify": "voxgran.packing.verify",
+    "voxelize": "voxgran.voxels.occupy",
+    "window_solid_fraction": "voxgran.measure.density",
+    "write_report": "voxgran.report.page",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name on first use."""
+    if name == "sizes":
+        return importlib.import_module("voxgran.shapes.sizes")
+    if name not in _PLACES:
+        raise AttributeError(f"module 'voxgran' has no attribute {name!r}")
+    return getattr(importlib.import_module(_PLACES[name]), name)
+
+
+def __dir__() -> list[str]:
+    """List the public names."""
+    return sorted(__all__)

@@ -1,0 +1,216 @@
+"""The one door that validates arrays and numbers.
+
+Everything that enters voxgran from outside passes here once; behind the door arrays are contiguous, finite,
+of the stated shape and of type float64 (int64 for indices), and nobody checks again.
+"""
+
+import math
+from collections.abc import Sequence
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxgran._base.errors import InputError
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Booleans = NDArray[np.bool_]
+
+
+def as_floats(value: ArrayLike, name: str, *, shape: tuple[int | None, ...]) -> Floats:
+    """Return `value` as a contiguous finite float64 array of the given shape.
+
+    Parameters
+    ----------
+    value : array_like
+        What was given.
+    name : str
+        What the message calls it.
+    shape : tuple of int or None
+        Wanted shape; None stands for any length.
+
+    Returns
+    -------
+    ndarray of float64
+
+    Raises
+    ------
+    InputError
+        If it is not numeric, has another shape, or holds NaN or infinity.
+    """
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is not an array of numbers: give an array of shape {_text(shape)}") from None
+    if len(shape) == 0:
+        array = array.reshape(()) if array.size == 1 else array
+    if array.ndim != len(shape) or any(
+        want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
+    ):
+        raise InputError(f"{name} has shape {array.shape}: it must have shape {_text(shape)}")
+    finite = np.isfinite(array)
+    if not finite.all():
+        where = tuple(int(k) for k in np.argwhere(~finite)[0])
+        raise InputError(f"{name} is {array[where]} at index {where}: every value must be finite; remove or mend it")
+    return array
+
+
+def as_points(value: ArrayLike, name: str = "points", *, dimension: int = 3) -> Floats:
+    """Return `value` as (n, dimension) finite float64 points.
+
+    Raises
+    ------
+    InputError
+        As :func:`as_floats`.
+    """
+    return as_floats(value, name, shape=(None, dimension))
+
+
+def as_vector(value: ArrayLike, name: str, *, length: int = 3) -> Floats:
+    """Return `value` as a finite float64 vector of the given length.
+
+    Raises
+    ------
+    InputError
+        As :func:`as_floats`.
+    """
+    return as_floats(value, name, shape=(length,))
+
+
+def as_faces(value: ArrayLike, vertex_count: int, name: str = "faces") -> Integers:
+    """Return `value` as (m, 3) int64 vertex indices below `vertex_count`.
+
+    Raises
+    ------
+    InputError
+        If it is not an (m, 3) array of whole numbers, or an index is out of range.
+    """
+    array = np.asarray(value)
+    if array.size == 0:
+        return np.zeros((0, 3), dtype=np.int64)
+    if array.ndim != 2 or array.shape[1] != 3 or not np.issubdtype(array.dtype, np.integer):
+        raise InputError(
+            f"{name} has shape {array.shape} and type {array.dtype}: it must be an (m, 3) array of "
+            "whole numbers; triangulate the surface first"
+        )
+    faces = np.ascontiguousarray(array, dtype=np.int64)
+    if faces.min() < 0 or faces.max() >= vertex_count:
+        raise InputError(
+            f"{name} names vertex {int(faces.max() if faces.min() >= 0 else faces.min())}: indices must "
+            f"lie in 0 ... {vertex_count - 1}"
+        )
+    return faces
+
+
+def as_quaternions(value: ArrayLike, name: str = "orientation") -> Floats:
+    """Return `value` as (n, 4) unit quaternions (w, x, y, z), normalized to round-off.
+
+    Raises
+    ------
+    InputError
+        If the shape is wrong, a value is not finite or a length differs from 1 by more than 1e-6.
+    """
+    array = as_floats(value, name, shape=(None, 4))
+    length = np.linalg.norm(array, axis=1)
+    if array.size and np.abs(length - 1.0).max() > 1e-6:
+        worst = int(np.abs(length - 1.0).argmax())
+        raise InputError(
+            f"{name} has length {length[worst]:.6g} at row {worst}: quaternions (w, x, y, z) must have "
+            "length 1; divide by the length"
+        )
+    exact = np.abs(length - 1.0) <= 4e-16
+    return np.where(exact[:, None], array, array / np.where(exact, 1.0, length)[:, None])
+
+
+def as_number(
+    value: Any,
+    name: str,
+    *,
+    above: float = -math.inf,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+) -> float:
+    """Return `value` as a finite float within bounds.
+
+    Parameters
+    ----------
+    value : float
+        What was given.
+    name : str
+        What the message calls it.
+    above, at_least, at_most : float
+        Bounds: exclusive below, inclusive below, inclusive above.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    InputError
+        If it is not a number, not finite, or out of bounds.
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise InputError(f"{name} is {value!r}: it must be a number")
+    number = float(value)
+    if math.isfinite(number) and number > above and at_least <= number <= at_most:
+        return number
+    rules = ["finite"]
+    if above > -math.inf:
+        rules.append(f"above {above:g}")
+    if at_least > -math.inf:
+        rules.append(f"at least {at_least:g}")
+    if at_most < math.inf:
+        rules.append(f"at most {at_most:g}")
+    raise InputError(f"{name} is {value!r}: it must be {' and '.join(rules)}; change it")
+
+
+def as_positive(value: Any, name: str) -> float:
+    """Return `value` as a finite float above zero.
+
+    Raises
+    ------
+    InputError
+        As :func:`as_number`.
+    """
+    return as_number(value, name, above=0.0)
+
+
+def as_count(value: Any, name: str, *, at_least: int = 0) -> int:
+    """Return `value` as an int not below `at_least`.
+
+    Raises
+    ------
+    InputError
+        If it is not a whole number or too small.
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < at_least:
+        raise InputError(f"{name} is {value!r}: it must be a whole number, at least {at_least}")
+    return int(value)
+
+
+def as_choice(value: Any, name: str, choices: Sequence[str]) -> str:
+    """Return `value` if it is one of `choices`.
+
+    Raises
+    ------
+    InputError
+        If it is none of them.
+    """
+    if value not in choices:
+        raise InputError(f"{name} is {value!r}: it must be one of {', '.join(choices)}")
+    return str(value)
+
+
+def read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return the array with its write flag off, so that frozen types stay frozen."""
+    array.setflags(write=False)
+    return array
+
+
+def _text(shape: tuple[int | None, ...]) -> str:
+    """Write a wanted shape as a person would: (n, 3)."""
+    inner = ", ".join("n" if length is None else str(length) for length in shape)
+    return f"({inner},)" if len(shape) == 1 else f"({inner})"

@@ -1,0 +1,108 @@
+"""Cell lists: all pairs of balls whose surfaces are nearer than a gap, periodic axes included."""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import kernel
+
+
+def near_pairs(
+    centers: Floats,
+    radii: Floats,
+    gap: float,
+    *,
+    lower: Floats,
+    lengths: Floats,
+    periodic: tuple[bool, bool, bool],
+) -> tuple[Integers, Integers, Integers]:
+    """Return each pair of balls with ``distance - r_i - r_j <= gap``, once per periodic image.
+
+    Parameters
+    ----------
+    centers : (n, 3) ndarray of float
+        Centers; on periodic axes anywhere, they are wrapped.
+    radii : (n,) ndarray of float
+        Bounding radii, in the same unit.
+    gap : float
+        Largest distance between the surfaces.
+    lower, lengths : (3,) ndarray of float
+        Corner and lengths of the box; used on periodic axes only.
+    periodic : tuple of bool
+        Which axes are periodic.
+
+    Returns
+    -------
+    i, j : (m,) ndarray of int
+        Pairs in lexical order, i <= j; i == j stands for a ball and its own image.
+    image : (m, 3) ndarray of int
+        The pair is (center i, center j + image * lengths), with the centers as given.
+    """
+    n = len(centers)
+    if n == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3), np.int64)
+    wraps = np.array(periodic, dtype=np.int64)
+    turns = np.where(wraps, np.floor((centers - lower) / np.where(wraps, lengths, 1.0)), 0.0).astype(np.int64)
+    wrapped = np.where(wraps, centers - turns * np.where(wraps, lengths, 0.0), centers)
+    low = np.where(wraps, lower, wrapped.min(axis=0))
+    span = np.where(wraps, lengths, np.maximum(wrapped.max(axis=0) - low, 1e-300))
+    reach = 2 * radii.max() + gap
+    # no more cells than balls (per axis: cube root), no cell narrower than the reach
+    most = max(1, int(np.ceil(2 * n ** (1 / 3))))
+    cells = np.clip(np.floor(span / max(reach, 1e-300)), 1, most).astype(np.int64)
+    index = np.clip(((wrapped - low) / span * cells).astype(np.int64), 0, cells - 1)
+    flat = (index[:, 0] * cells[1] + index[:, 1]) * cells[2] + index[:, 2]
+    order = np.argsort(flat, kind="stable")
+    start = np.searchsorted(flat[order], np.arange(int(np.prod(cells)) + 1))
+    around = np.where(wraps & (reach > span / cells), np.ceil(reach / (span / cells)), 1).astype(np.int64)
+    arguments = (wrapped, radii, float(gap), index, order, start, cells, around, wraps, span)
+    nothing = np.zeros((0, 5), dtype=np.int64)
+    pairs = np.zeros((_visit_pairs(*arguments, nothing, False), 5), dtype=np.int64)
+    _visit_pairs(*arguments, pairs, True)
+    pairs = pairs[np.lexsort(pairs.T[::-1])]
+    i, j = pairs[:, 0], pairs[:, 1]
+    return i, j, pairs[:, 2:] + turns[i] - turns[j]
+
+
+@kernel
+def _is_near(centers, radii, gap, i, j, sx, sy, sz):  # type: ignore[no-untyped-def]
+    """Tell whether ball i and ball j, shifted, are within the gap."""
+    dx = centers[j, 0] + sx - centers[i, 0]
+    dy = centers[j, 1] + sy - centers[i, 1]
+    dz = centers[j, 2] + sz - centers[i, 2]
+    reach = radii[i] + radii[j] + gap
+    return reach >= 0.0 and dx * dx + dy * dy + dz * dz <= reach * reach
+
+
+@kernel
+def _visit_pairs(centers, radii, gap, index, order, start, cells, around, wraps, span, pairs, fill):  # type: ignore[no-untyped-def]
+    """Walk the cells around each ball; count the pairs and, where `fill`, write them."""
+    count = 0
+    for i in range(len(centers)):
+        for ox in range(-around[0], around[0] + 1):
+            cx = index[i, 0] + ox
+            ix = cx // cells[0]
+            if ix != 0 and wraps[0] == 0:
+                continue
+            for oy in range(-around[1], around[1] + 1):
+                cy = index[i, 1] + oy
+                iy = cy // cells[1]
+                if iy != 0 and wraps[1] == 0:
+                    continue
+                for oz in range(-around[2], around[2] + 1):
+                    cz = index[i, 2] + oz
+                    iz = cz // cells[2]
+                    if iz != 0 and wraps[2] == 0:
+                        continue
+                    own = ix == 0 and iy == 0 and iz == 0
+                    ahead = ix > 0 or (ix == 0 and (iy > 0 or (iy == 0 and iz > 0)))
+                    cell = ((cx - ix * cells[0]) * cells[1] + cy - iy * cells[1]) * cells[2] + cz - iz * cells[2]
+                    for k in range(start[cell], start[cell + 1]):
+                        j = order[k]
+                        if j < i or (j == i and (own or not ahead)):
+                            continue
+                        if _is_near(centers, radii, gap, i, j, ix * span[0], iy * span[1], iz * span[2]):
+                            if fill:
+                                pairs[count, 0], pairs[count, 1] = i, j
+                                pairs[count, 2], pairs[count, 3], pairs[count, 4] = ix, iy, iz
+                            count += 1
+    return count

@@ -1,0 +1,89 @@
+"""The checkpoint file: named arrays and a small header, written whole, proven by a hash when read.
+
+Layout: one line of text ``voxgran checkpoint 1 <sha256 of the rest> <length of the rest>``, then a NumPy .npz
+archive whose member ``header`` is JSON.
+"""
+
+import hashlib
+import io
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.errors import CheckpointError
+from voxgran._base.files import existing_file, written_whole
+
+_MAGIC = b"voxgran checkpoint 1"
+
+
+def save_checkpoint(
+    path: str | os.PathLike[str], header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
+) -> None:
+    """Write a checkpoint in place of the one before.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write; the old one stays until the new one is complete.
+    header : mapping
+        JSON-able values.
+    arrays : mapping of str to ndarray
+        Arrays to keep, bit for bit.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be written; the checkpoint before is then untouched.
+    """
+    buffer = io.BytesIO()
+    text = np.frombuffer(json.dumps(dict(header), sort_keys=True).encode(), dtype=np.uint8)
+    members: dict[str, Any] = {"header": text, **{f"array_{name}": array for name, array in arrays.items()}}
+    np.savez(buffer, **members)
+    body = buffer.getvalue()
+    line = f"{hashlib.sha256(body).hexdigest()} {len(body)}\n".encode()
+    with written_whole(path) as draft:
+        draft.write_bytes(_MAGIC + b" " + line + body)
+
+
+def load_checkpoint(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Read a checkpoint.
+
+    Parameters
+    ----------
+    path : path-like
+        File to read.
+
+    Returns
+    -------
+    header : dict
+    arrays : dict of str to ndarray
+
+    Raises
+    ------
+    MissingFileError
+        If there is none.
+    CheckpointError
+        If it is damaged or not a checkpoint.
+    """
+    raw = existing_file(path).read_bytes()
+    line, _, body = raw.partition(b"\n")
+    words = line.removeprefix(_MAGIC).split()
+    if not line.startswith(_MAGIC) or len(words) != 2:
+        raise CheckpointError(f"{path} is not a checkpoint of voxgran: name the right file or start anew")
+    if hashlib.sha256(body).hexdigest().encode() != words[0]:
+        raise CheckpointError(
+            f"{path} is damaged ({len(body)} bytes of {words[1].decode(errors='replace')}, wrong hash): "
+            "start anew without it"
+        )
+    try:
+        with np.load(io.BytesIO(body), allow_pickle=False) as archive:
+            members = {name: archive[name] for name in archive.files}
+        header = json.loads(members.pop("header").tobytes().decode())
+    except (KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise CheckpointError(f"{path} cannot be read ({error}): start anew without it") from error
+    return header, {name.removeprefix("array_"): array for name, array in members.items()}

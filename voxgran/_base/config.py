@@ -1,0 +1,193 @@
+"""Parameter classes as the one source of TOML keys, command-line flags, help texts and provenance.
+
+A parameter class is a frozen keyword-only dataclass whose fields are made by :func:`parameter`. This module turns
+plain mappings (from TOML, JSON or keyword arguments) into such objects and back; an unknown key is an error
+that gives the nearest name.
+"""
+
+import dataclasses
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass
+from typing import Any, TypeVar
+
+from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.registry import unknown
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One field of a parameter class, as help texts show it.
+
+    Attributes
+    ----------
+    name, doc, unit : str
+        Name, meaning and unit ("" where there is none).
+    type : object
+        Type annotation, resolved.
+    default : object
+        Default value; `dataclasses.MISSING` where it must be given.
+    """
+
+    name: str
+    doc: str
+    unit: str
+    type: Any
+    default: Any
+
+    @property
+    def type_text(self) -> str:
+        """The type as a person writes it: ``number``, ``text``, ``a or b``."""
+        return _describe(self.type)
+
+
+def parameter(default: Any = MISSING, *, doc: str, unit: str = "") -> Any:
+    """Return a dataclass field with its meaning and unit.
+
+    Parameters
+    ----------
+    default : object, optional
+        Default value; without one the parameter must be given.
+    doc : str
+        What it means, in a few words.
+    unit : str
+        Its unit, such as ``"length"``, ``"voxels"``, ``"radian"``.
+    """
+    return dataclasses.field(default=default, metadata={"doc": doc, "unit": unit})
+
+
+def parameters_of(cls: type) -> tuple[Parameter, ...]:
+    """Return the fields of a parameter class in their order."""
+    hints = typing.get_type_hints(cls)
+    return tuple(
+        Parameter(
+            name=field.name,
+            doc=field.metadata.get("doc", ""),
+            unit=field.metadata.get("unit", ""),
+            type=hints[field.name],
+            default=field.default,
+        )
+        for field in dataclasses.fields(cls)
+        if field.init
+    )
+
+
+def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str) -> T:
+    """Make a parameter object from a plain mapping.
+
+    Parameters
+    ----------
+    cls : type
+        Parameter class.
+    mapping : mapping
+        Keys and values, as TOML, JSON or keyword arguments give them.
+    where : str
+        How messages name the place, such as ``"[packing]"``.
+
+    Returns
+    -------
+    cls
+
+    Raises
+    ------
+    UnknownNameError
+        If a key is not a parameter of the class.
+    InputError
+        If a parameter without default is missing, or a value has the wrong type.
+    """
+    known = {entry.name: entry for entry in parameters_of(cls)}
+    for key in mapping:
+        if key not in known:
+            raise UnknownNameError(unknown(f"{where} key", key, known))
+    for entry in known.values():
+        if entry.default is MISSING and entry.name not in mapping:
+            raise InputError(f"{where} {entry.name} is missing: it must be given ({entry.doc}); add it")
+    values = {key: _convert(value, known[key].type, f"{where} {key}") for key, value in mapping.items()}
+    return cls(**values)
+
+
+def to_mapping(instance: Any) -> dict[str, Any]:
+    """Return the fields of a parameter object as JSON-able values, in their order."""
+    return {field.name: _plain(getattr(instance, field.name)) for field in dataclasses.fields(instance)}
+
+
+def _plain(value: Any) -> Any:
+    """Turn tuples into lists and nested parameter objects into dicts."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return to_mapping(value)
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    return value
+
+
+def _convert(value: Any, wanted: Any, where: str) -> Any:
+    """Return the value as the annotation asks, or raise."""
+    origin, arguments = typing.get_origin(wanted), typing.get_args(wanted)
+    if wanted is Any or (wanted is type(None) and value is None):
+        return value
+    if origin in (typing.Union, types.UnionType):
+        return _convert_union(value, arguments, where)
+    if origin is typing.Literal:
+        if value in arguments:
+            return value
+        raise InputError(f"{where} is {value!r}: it must be {_describe(wanted)}")
+    if origin is tuple and isinstance(value, list | tuple):
+        if arguments[-1] is Ellipsis:
+            return tuple(_convert(item, arguments[0], where) for item in value)
+        if len(value) == len(arguments):
+            return tuple(_convert(item, kind, where) for item, kind in zip(value, arguments, strict=True))
+    if dataclasses.is_dataclass(wanted) and isinstance(wanted, type):
+        if isinstance(value, wanted):
+            return value
+        if isinstance(value, Mapping):
+            return from_mapping(wanted, value, where)
+    if origin is None and _is_plain(value, wanted):
+        return float(value) if wanted is float else int(value) if wanted is int else value
+    raise InputError(f"{where} is {value!r}: it must be {_describe(wanted)}")
+
+
+def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
+    """Return the value as the first kind that takes it."""
+    for kind in kinds:
+        try:
+            return _convert(value, kind, where)
+        except UnknownNameError:
+            raise
+        except InputError:
+            continue
+    raise InputError(f"{where} is {value!r}: it must be {' or '.join(_describe(kind) for kind in kinds)}")
+
+
+def _is_plain(value: Any, wanted: Any) -> bool:
+    """Tell whether a scalar is of the wanted type; numpy scalars count, bool is no number."""
+    if wanted is bool or wanted is str:
+        return isinstance(value, wanted)
+    if isinstance(value, bool):
+        return False
+    if wanted is int:
+        return isinstance(value, int) or (hasattr(value, "__index__") and not hasattr(value, "__len__"))
+    if wanted is float:
+        return isinstance(value, int | float) or (hasattr(value, "__float__") and not hasattr(value, "__len__"))
+    return isinstance(wanted, type) and isinstance(value, wanted)
+
+
+def _describe(wanted: Any) -> str:
+    """Write a type as a person would."""
+    origin, arguments = typing.get_origin(wanted), typing.get_args(wanted)
+    names = {float: "a number", int: "a whole number", bool: "true or false", str: "text", type(None): "left out"}
+    if wanted in names:
+        return names[wanted]
+    if origin is typing.Literal:
+        return "one of " + ", ".join(repr(item) for item in arguments)
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(_describe(item) for item in arguments)
+    if origin is tuple:
+        if arguments[-1] is Ellipsis:
+            return f"a list, each entry {_describe(arguments[0])}"
+        return f"a list of {len(arguments)}, each entry {_describe(arguments[0])}"
+    return getattr(wanted, "__name__", str(wanted))

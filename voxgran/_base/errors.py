@@ -1,0 +1,81 @@
+"""The errors that voxgran raises.
+
+Each subclasses the standard error that people catch, and each message is one sentence that names the
+value, the rule and the remedy. `exit_code` is what the command line returns: 2 for bad input, 1 for failure.
+"""
+
+from typing import ClassVar
+
+
+class VoxgranError(Exception):
+    """Base of all errors that voxgran raises on purpose."""
+
+    exit_code: ClassVar[int] = 1
+
+
+class InputError(VoxgranError, ValueError):
+    """A value that breaks a rule."""
+
+    exit_code: ClassVar[int] = 2
+
+
+class UnknownNameError(InputError):
+    """A name (method, family, key, section) that voxgran does not know."""
+
+
+class DirtyMeshError(InputError):
+    """A surface that does not bound one solid."""
+
+
+class GrainTooLargeError(InputError):
+    """A grain that cannot fit in its container."""
+
+
+class FileFormatError(InputError):
+    """A file whose content cannot be read as what it claims to be."""
+
+
+class CheckpointError(FileFormatError):
+    """A checkpoint that is damaged or belongs to another run."""
+
+
+class MissingFileError(VoxgranError, FileNotFoundError):
+    """A file that is not there."""
+
+    exit_code: ClassVar[int] = 2
+
+
+class OutputExistsError(VoxgranError, FileExistsError):
+    """An output that is already there and was not to be replaced."""
+
+    exit_code: ClassVar[int] = 2
+
+
+class OutputError(VoxgranError, OSError):
+    """An output that could not be written."""
+
+
+class MissingLibraryError(VoxgranError, ImportError):
+    """A library, or a system library under it, that cannot be loaded."""
+
+
+class TooLargeError(VoxgranError, MemoryError):
+    """A request that does not fit in memory."""
+
+    exit_code: ClassVar[int] = 2
+
+
+class Interrupted(VoxgranError, KeyboardInterrupt):  # noqa: N818  (it is a request, not an error)
+    """A run that was asked to stop; `signal_number` tells by which signal."""
+
+    def __init__(self, message: str, signal_number: int) -> None:
+        super().__init__(message)
+        self.signal_number = signal_number
+
+
+class DirtyMeshWarning(UserWarning):
+    """Something about a surface that is allowed but worth knowing."""
+
+
+class PackingWarning(UserWarning):
+    """A packing that misses something that was asked, or a measure of it that is not meaningful."""

@@ -1,0 +1,81 @@
+"""Third-party libraries, imported on first use, with a remedy when they cannot be.
+
+This is also the one place that sets what must be set before such a library is loaded: VTK's window class on a
+machine without a display, and numba's threading layer (open3d loads a TBB that numba refuses with a warning).
+"""
+
+import importlib
+import os
+import sys
+from types import ModuleType
+from typing import Any
+
+from voxgran._base.errors import MissingLibraryError
+
+#: the libraries that a run may load: `plan` predicts them, `run` records them
+LIBRARIES = (
+    "jinja2",
+    "manifold3d",
+    "matplotlib",
+    "meshio",
+    "netCDF4",
+    "numba",
+    "open3d",
+    "pyvista",
+    "rich",
+    "scipy",
+    "vtkmodules",
+    "xarray",
+)
+
+_DEBIAN_PACKAGES = {
+    "libusb-1.0": "libusb-1.0-0",
+    "libGL.": "libgl1",
+    "libEGL": "libegl1",
+    "libX11": "libx11-6",
+    "libgomp": "libgomp1",
+    "libXrender": "libxrender1",
+}
+
+
+def load(name: str) -> Any:
+    """Import a library on first use.
+
+    Parameters
+    ----------
+    name : str
+        Module to import, such as ``"open3d"`` or ``"scipy.ndimage"``.
+
+    Returns
+    -------
+    module
+        Typed as Any, since several of these libraries carry no types.
+
+    Raises
+    ------
+    MissingLibraryError
+        If it, or a system library under it, cannot be loaded.
+    """
+    root = name.partition(".")[0]
+    if root in ("vtkmodules", "pyvista") and not os.environ.get("DISPLAY"):
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    try:
+        module = importlib.import_module(name)
+    except (ImportError, OSError) as error:
+        raise MissingLibraryError(f"{root} cannot be loaded ({error}): {_remedy(root, str(error))}") from error
+    if name == "numba":
+        module.config.THREADING_LAYER = "omp"
+    return module
+
+
+def loaded() -> tuple[str, ...]:
+    """Return which of LIBRARIES this process has loaded."""
+    return tuple(name for name in LIBRARIES if isinstance(sys.modules.get(name), ModuleType))
+
+
+def _remedy(root: str, message: str) -> str:
+    """Say what installs the thing that is missing."""
+    for library, package in _DEBIAN_PACKAGES.items():
+        if library in message:
+            return f"install it with 'sudo apt-get install -y {package}'"
+    return f"install it with 'pip install {'vtk' if root == 'vtkmodules' else root}'"

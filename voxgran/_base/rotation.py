@@ -1,0 +1,114 @@
+"""Rotations as unit quaternions (w, x, y, z), and uniform sets of them."""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_count
+
+
+def rotation_matrices(quaternions: Floats) -> Floats:
+    """Return the (n, 3, 3) rotation matrices of (n, 4) unit quaternions.
+
+    The matrix takes body coordinates to the coordinates of the container: ``x = R @ body``.
+    """
+    w, x, y, z = np.asarray(quaternions, dtype=np.float64).T
+    matrix = np.stack(
+        [
+            *(1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+            *(2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+            *(2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+        ],
+        axis=-1,
+    )
+    return matrix.reshape(-1, 3, 3)
+
+
+def quaternions_of(matrices: Floats) -> Floats:
+    """Return (n, 4) unit quaternions, w >= 0, of (n, 3, 3) rotation matrices.
+
+    Of the four equivalent formulas the one with the largest component is taken (Shepperd 1978,
+    doi:10.2514/3.55767b), so that no digits are lost.
+    """
+    m = np.asarray(matrices, dtype=np.float64).reshape(-1, 3, 3)
+    xx, yy, zz = m[:, 0, 0], m[:, 1, 1], m[:, 2, 2]
+    squares = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=-1)
+    wx, wy, wz = m[:, 2, 1] - m[:, 1, 2], m[:, 0, 2] - m[:, 2, 0], m[:, 1, 0] - m[:, 0, 1]
+    xy, xz, yz = m[:, 0, 1] + m[:, 1, 0], m[:, 0, 2] + m[:, 2, 0], m[:, 1, 2] + m[:, 2, 1]
+    rows = np.stack(
+        [
+            np.stack([squares[:, 0], wx, wy, wz], axis=-1),
+            np.stack([wx, squares[:, 1], xy, xz], axis=-1),
+            np.stack([wy, xy, squares[:, 2], yz], axis=-1),
+            np.stack([wz, xz, yz, squares[:, 3]], axis=-1),
+        ],
+        axis=1,
+    )
+    best = rows[np.arange(len(m)), squares.argmax(axis=1)]
+    return normalized(best)
+
+
+def normalized(quaternions: Floats) -> Floats:
+    """Return quaternions of length 1 with w >= 0."""
+    unit = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    return np.where(unit[..., :1] < 0, -unit, unit)
+
+
+def product(a: Floats, b: Floats) -> Floats:
+    """Return the Hamilton product: first rotate by `b`, then by `a`; shapes broadcast over (..., 4)."""
+    aw, ax, ay, az = np.moveaxis(np.asarray(a), -1, 0)
+    bw, bx, by, bz = np.moveaxis(np.asarray(b), -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def random_rotations(generator: np.random.Generator, count: int) -> Floats:
+    """Return (count, 4) quaternions uniform on SO(3) (Shoemake 1992, doi:10.1016/B978-0-08-050755-2.50036-1)."""
+    u, v, w = generator.random((3, count))
+    inner, outer = np.sqrt(u), np.sqrt(1 - u)
+    first, second = 2 * np.pi * v, 2 * np.pi * w
+    return normalized(
+        np.stack(
+            [inner * np.cos(second), outer * np.sin(first), outer * np.cos(first), inner * np.sin(second)], axis=-1
+        )
+    )
+
+
+def spread_rotations(count: int) -> Floats:
+    """Return (count, 4) quaternions spread evenly over SO(3): super-Fibonacci spirals.
+
+    References
+    ----------
+    Alexa 2022, Super-Fibonacci spirals: fast, low-discrepancy sampling of SO(3), doi:10.1109/CVPR52688.2022.00811
+
+    Raises
+    ------
+    InputError
+        If the count is not a whole number of at least 1.
+    """
+    n = as_count(count, "count of rotations", at_least=1)
+    psi = 1.533751168755204288118041413  # the positive root of x**4 = x + 4
+    s = np.arange(n) + 0.5
+    t, d = s / n, 2 * np.pi * s
+    inner, outer = np.sqrt(t), np.sqrt(1 - t)
+    alpha, beta = d / np.sqrt(2.0), d / psi
+    return normalized(
+        np.stack([outer * np.cos(beta), inner * np.sin(alpha), inner * np.cos(alpha), outer * np.sin(beta)], axis=-1)
+    )
+
+
+def lattice_rotations() -> np.ndarray[tuple[int, int, int], np.dtype[np.int64]]:
+    """Return the (24, 3, 3) rotation matrices that map a cubic lattice onto itself; the first is the identity."""
+    found = []
+    for axes in np.array([[0, 1, 2], [1, 2, 0], [2, 0, 1], [0, 2, 1], [2, 1, 0], [1, 0, 2]]):
+        for signs in np.array(np.meshgrid([1, -1], [1, -1], [1, -1], indexing="ij")).reshape(3, -1).T:
+            matrix = np.zeros((3, 3), dtype=np.int64)
+            matrix[np.arange(3), axes] = signs
+            if round(float(np.linalg.det(matrix))) == 1:
+                found.append(matrix)
+    return np.array(found)

@@ -1,0 +1,100 @@
+"""Random numbers: Philox streams keyed by (seed, stage, index), so that no result depends on order or threads.
+
+Philox is a counter-based generator (Salmon et al. 2011, Parallel random numbers: as easy as 1, 2, 3,
+doi:10.1145/2063384.2063405): block n of a stream is a function of the key and n alone. A packing attempt that draws
+block n therefore gets the same numbers whatever the chunk in which it is computed, and a checkpoint needs no
+generator state.
+"""
+
+import zlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import as_count
+from voxgran._base.kernels import kernel
+
+
+def stream(seed: int, stage: str, *index: int) -> np.random.Generator:
+    """Return the generator of one stage of one run.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the run, not negative.
+    stage : str
+        What the numbers are for, such as ``"sizes"``.
+    *index : int
+        Further keys: grain, chunk, ...
+
+    Returns
+    -------
+    numpy.random.Generator
+        Independent of the generators of all other keys.
+
+    Raises
+    ------
+    InputError
+        If the seed is not a whole number of at least 0.
+    """
+    return np.random.Generator(np.random.Philox(_sequence(seed, stage, *index)))
+
+
+def philox_key(seed: int, stage: str) -> NDArray[np.uint64]:
+    """Return the (2,) uint64 key under which kernels draw the blocks of a stage.
+
+    Raises
+    ------
+    InputError
+        If the seed is not a whole number of at least 0.
+    """
+    return _sequence(seed, stage).generate_state(2, np.uint64).astype(np.uint64)
+
+
+def _sequence(seed: int, stage: str, *index: int) -> np.random.SeedSequence:
+    """Mix seed, stage and indices."""
+    key = (zlib.crc32(stage.encode()), *(as_count(value, "index") for value in index))
+    return np.random.SeedSequence(as_count(seed, "seed"), spawn_key=key)
+
+
+@kernel
+def philox_block(
+    key_0: np.uint64, key_1: np.uint64, counter: np.uint64, draw: np.uint64
+) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+    """Return the four random words of Philox4x64-10 for counter (counter, draw, 0, 0)."""
+    c0, c1, c2, c3 = counter, draw, np.uint64(0), np.uint64(0)
+    k0, k1 = key_0, key_1
+    for _ in range(10):
+        low_0 = np.uint64(0xD2E7470EE14C6C93) * c0
+        high_0 = _multiply_high(np.uint64(0xD2E7470EE14C6C93), c0)
+        low_1 = np.uint64(0xCA5A826395121157) * c2
+        high_1 = _multiply_high(np.uint64(0xCA5A826395121157), c2)
+        c0, c1, c2, c3 = high_1 ^ c1 ^ k0, low_1, high_0 ^ c3 ^ k1, low_0
+        k0 += np.uint64(0x9E3779B97F4A7C15)
+        k1 += np.uint64(0xBB67AE8584CAA73B)
+    return c0, c1, c2, c3
+
+
+@kernel
+def unit_float(word: np.uint64) -> float:
+    """Return the uniform number in [0, 1) that the top 53 bits of a random word stand for."""
+    return np.float64(word >> np.uint64(11)) * (1.0 / 9007199254740992.0)
+
+
+@kernel
+def below(word: np.uint64, bound: int) -> np.int64:
+    """Return a whole number in [0, bound) from the top 32 bits of a random word; bound < 2**31.
+
+    The bias of the multiplication is below bound / 2**32 and the same on every machine.
+    """
+    return np.int64(((word >> np.uint64(32)) * np.uint64(bound)) >> np.uint64(32))
+
+
+@kernel
+def _multiply_high(a: np.uint64, b: np.uint64) -> np.uint64:
+    """Return the upper 64 bits of the 128-bit product."""
+    mask, half = np.uint64(0xFFFFFFFF), np.uint64(32)
+    a_low, a_high, b_low, b_high = a & mask, a >> half, b & mask, b >> half
+    middle = a_high * b_low + ((a_low * b_low) >> half)
+    other = a_low * b_high + (middle & mask)
+    return a_high * b_high + (middle >> half) + (other >> half)

@@ -1,0 +1,131 @@
+"""`fit_clump`: spheres for a shape or for voxels, with measured errors."""
+
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers, as_count, as_number
+from voxgran._base.config import from_mapping
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+from voxgran.clumps.errors import clump_errors
+from voxgran.clumps.method import Wanted, clump_methods, clump_registry
+from voxgran.clumps.model import Clump
+from voxgran.lattice.label import connected_components
+from voxgran.shapes.model import Shape
+from voxgran.shapes.spheres import Spheres
+from voxgran.voxels.model import Voxels
+from voxgran.voxels.occupy import voxelize
+
+__all__ = ["clump_methods", "fit_clump"]
+
+#: voxels per equivalent diameter at which a shape is voxelized
+RESOLUTION = 64
+#: most spheres where nothing else stops the fit, and where something does
+DEFAULT_SPHERES, MOST_SPHERES = 100, 100_000
+#: width of the filter that makes a smooth surface of voxels, in voxels
+SMOOTHING = 0.7
+
+
+def fit_clump(
+    shape_or_voxels: Shape | Voxels,
+    *,
+    method: str | None = None,
+    max_spheres: int | None = None,
+    target: float | None = None,
+    tolerance: float | None = None,
+    **parameters: Any,
+) -> Clump:
+    """Fit a clump of spheres.
+
+    Parameters
+    ----------
+    shape_or_voxels : Shape or Voxels
+        What the clump shall stand for; three-dimensional.
+    method : str, optional
+        Name of a clump method; left out: ``"inscribed"``.
+    max_spheres : int, optional
+        Most spheres; left out: 100, or as many as the target or the tolerance takes.
+    target : float, optional
+        Wanted volume of the intersection over that of the union, by voxel centers (``errors.iou``); the fit stops when
+        it is reached.
+    tolerance : float, optional
+        Distance, in equivalent diameters, up to which the solid may stick out of the clump: no sphere is added for
+        less.
+    **parameters
+        Parameters of the method.
+
+    Returns
+    -------
+    Clump
+        Spheres in the body frame of the shape, with errors.
+
+    Raises
+    ------
+    InputError
+        If a value breaks a rule, the shape is flat, or no sphere fits.
+    UnknownNameError
+        If the method or a parameter is unknown.
+    """
+    chosen = clump_registry().get(method or "inscribed")
+    settings: Any = from_mapping(chosen.parameters, parameters, f"clump method {chosen.name!r}")
+    shape, voxels = _both(shape_or_voxels)
+    if max_spheres is None:
+        most = DEFAULT_SPHERES if target is None and tolerance is None else MOST_SPHERES
+    else:
+        most = as_count(max_spheres, "max_spheres", at_least=1)
+    wanted = Wanted(
+        max_spheres=most,
+        target=1.0 if target is None else as_number(target, "target", above=0.0, at_most=1.0),
+        tolerance=0.0 if tolerance is None else as_number(tolerance, "tolerance", at_least=0.0) * shape.diameter,
+    )
+    centers, radii = chosen.fit(voxels, wanted, settings)
+    if len(radii) == 0:
+        raise InputError(f"no sphere that is large enough fits in {shape.name!r}: allow smaller ones, or finer voxels")
+    return Clump(centers, radii, shape, clump_errors(voxels, shape, Spheres(centers.copy(), radii.copy())))
+
+
+def _both(given: Shape | Voxels) -> tuple[Shape, Voxels]:
+    """Return a shape and its voxels, whichever was given."""
+    if isinstance(given, Voxels):
+        if not given.mask.any() or given.mask.shape[2] == 1:
+            raise InputError(
+                f"voxels have shape {given.mask.shape} and {given.mask.sum()} taken: a clump needs a solid"
+            )
+        shape = _surface_of(given)
+        moved = Voxels(given.mask, np.asarray(given.origin) - np.array(shape.offset), given.voxel_size, given.cover)
+        return shape, moved
+    if given.dimension == 2:
+        raise InputError(f"shape {given.name!r} is flat: a clump of spheres needs a solid; use disks in two dimensions")
+    return given, voxelize(given, voxel_size=given.diameter / RESOLUTION)
+
+
+def _surface_of(voxels: Voxels) -> Shape:
+    """Return the solid of the voxels: a smoothed surface at the level that holds as many voxel centers."""
+    count = connected_components(voxels.mask, connectivity=26)[1]
+    if count > 1:
+        raise InputError(f"voxels hold {count} separate bodies: a clump stands for one; fit them one by one")
+    ring = np.pad(voxels.mask, 2).astype(np.float64)
+    solid = load("scipy.ndimage").gaussian_filter(ring, SMOOTHING)
+    taken = int(voxels.mask.sum())
+    level = float(np.partition(solid.ravel(), -taken - 1)[-taken - 1 :][:2].mean())
+    image = load("pyvista").ImageData(
+        dimensions=ring.shape,
+        spacing=(voxels.voxel_size,) * 3,
+        origin=np.asarray(voxels.origin) - 1.5 * voxels.voxel_size,
+    )
+    image.point_data["solid"] = solid.ravel(order="F")
+    surface = image.contour([level], scalars="solid", method="flying_edges")
+    vertices = np.asarray(surface.points, dtype=np.float64)
+    return Shape.from_mesh(vertices, _without_islands(vertices, surface.regular_faces), name="voxels")
+
+
+def _without_islands(vertices: Floats, faces: Integers) -> Integers:
+    """Return the faces of the largest solid and of the cavities; specks that smoothing cut off are left out."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    graph = load("scipy.sparse").coo_array((np.ones(len(edges)), edges.T), shape=(len(vertices),) * 2)
+    count, part = load("scipy.sparse.csgraph").connected_components(graph, directed=False)
+    a, b, c = np.moveaxis(vertices[faces] - vertices.mean(axis=0), 1, 0)
+    volumes = np.bincount(part[faces[:, 0]], np.einsum("fi,fi->f", a, np.cross(b, c)), minlength=count)
+    keep = (volumes < 0) | (np.arange(count) == volumes.argmax())
+    return np.asarray(faces[keep[part[faces[:, 0]]]])

@@ -1,0 +1,143 @@
+"""Grains in a container as plain arrays: few shapes, many poses."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_floats, as_points, as_quaternions, read_only
+from voxgran._base.errors import InputError
+from voxgran._base.rotation import rotation_matrices
+from voxgran.containers.model import Container
+from voxgran.shapes.model import Shape
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """Where the grains are.
+
+    Attributes
+    ----------
+    shapes : tuple of Shape
+        The different shapes.
+    shape_id : (n,) ndarray of int
+        Which shape each grain has.
+    scale : (n,) ndarray of float
+        Factor on the lengths of the shape.
+    position : (n, 3) ndarray of float
+        Centroids, in the unit of lengths; z = 0 in 2D.
+    orientation : (n, 4) ndarray of float
+        Unit quaternions (w, x, y, z) from the body frame to the container.
+    container : Container
+        What holds them.
+    """
+
+    shapes: tuple[Shape, ...]
+    shape_id: Integers
+    scale: Floats
+    position: Floats
+    orientation: Floats
+    container: Container
+
+    @classmethod
+    def of(
+        cls,
+        shapes: Sequence[Shape],
+        container: Container,
+        *,
+        position: ArrayLike,
+        scale: ArrayLike | None = None,
+        shape_id: ArrayLike | None = None,
+        orientation: ArrayLike | None = None,
+    ) -> "Assembly":
+        """Make an assembly from array-likes; what is left out is 1, 0 and no rotation.
+
+        Raises
+        ------
+        InputError
+            If an array has the wrong length, a scale is not above 0, a shape index is out of range, or the
+            dimension of a shape is not that of the container.
+        """
+        return cls(*checked_arrays(shapes, container, position, scale, shape_id, orientation), container)
+
+    def __post_init__(self) -> None:
+        for array in (self.shape_id, self.scale, self.position, self.orientation):
+            read_only(array)
+
+    @property
+    def count(self) -> int:
+        """Number of grains."""
+        return len(self.position)
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.container.dimension
+
+    @cached_property
+    def matrices(self) -> Floats:
+        """Rotation matrices, (n, 3, 3)."""
+        return rotation_matrices(self.orientation)
+
+    @cached_property
+    def volumes(self) -> Floats:
+        """True volumes of the grains (areas in 2D), (n,)."""
+        return self._of_shapes([shape.volume for shape in self.shapes]) * self.scale**self.dimension
+
+    @cached_property
+    def diameters(self) -> Floats:
+        """Equivalent diameters of the grains, (n,), in the unit of lengths."""
+        return self._of_shapes([shape.diameter for shape in self.shapes]) * self.scale
+
+    @cached_property
+    def bounding_radii(self) -> Floats:
+        """Radii of balls about the centroids that hold the grains, (n,)."""
+        return self._of_shapes([shape.bounding_radius for shape in self.shapes]) * self.scale
+
+    def world_vertices(self, grain: int) -> Floats:
+        """Return the vertices of the tessellation of one grain where it lies, (v, 3)."""
+        body = self.shapes[self.shape_id[grain]].vertices * self.scale[grain]
+        return body @ self.matrices[grain].T + self.position[grain]
+
+    def _of_shapes(self, values: Sequence[float]) -> Floats:
+        """Give each grain the value of its shape."""
+        return np.array(values, dtype=np.float64)[self.shape_id] if values else np.zeros(0)
+
+
+def checked_arrays(
+    shapes: Sequence[Shape],
+    container: Container,
+    position: ArrayLike,
+    scale: ArrayLike | None,
+    shape_id: ArrayLike | None,
+    orientation: ArrayLike | None,
+) -> tuple[tuple[Shape, ...], Integers, Floats, Floats, Floats]:
+    """Return shapes, shape_id, scale, position, orientation as an assembly holds them.
+
+    Raises
+    ------
+    InputError
+        As :meth:`Assembly.of`.
+    """
+    points = as_points(np.reshape(position, (0, 3)) if np.size(position) == 0 else position, "position")
+    n = len(points)
+    scales = np.ones(n) if scale is None else as_floats(scale, "scale", shape=(n,))
+    if n and scales.min() <= 0:
+        raise InputError(
+            f"scale is {scales.min()} for grain {int(scales.argmin())}: it must be above 0; remove the grain"
+        )
+    index = np.zeros(n, np.int64) if shape_id is None else np.array(shape_id, dtype=np.int64).reshape(-1)
+    if len(index) != n or (n and (index.min() < 0 or index.max() >= len(shapes))):
+        raise InputError(
+            f"shape_id has {len(index)} entries up to {index.max(initial=-1)}: give {n} indices below {len(shapes)}"
+        )
+    for shape in shapes:
+        if shape.dimension != container.dimension:
+            raise InputError(
+                f"shape {shape.name!r} has dimension {shape.dimension}: the container has "
+                f"{container.dimension}; use shapes and container of one dimension"
+            )
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)) if orientation is None else orientation
+    return tuple(shapes), index, scales.copy(), points.copy(), as_quaternions(np.reshape(turns, (n, 4)))

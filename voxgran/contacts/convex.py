@@ -1,0 +1,196 @@
+"""Contacts of grains made of convex parts: balls, ellipsoids, boxes, cylinders, cones and unions of balls.
+
+Apart, the gap is the distance of the cores less the margins. Overlapping, the depth is the largest r for which one
+solid eroded by r still meets the other: that is the largest distance to the surface of the first of any point of the
+second inside it. The distance s(r) between the eroded solid and the other is convex in r, so that Newton's method from
+beyond the root comes down to it without passing it; where the surface is smooth at the contact (a ball, an ellipsoid,
+a face) the first step is exact. The depth of a pair is the larger of its two.
+
+For unions of balls the deepest pair of balls gives the depth of the union, as long as it is below the radii.
+Ellipsoids can be eroded exactly up to their least radius of curvature; pairs that lie deeper are flagged.
+"""
+
+import math
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.kernels import kernel
+from voxgran.contacts.broad import Pairs
+from voxgran.contacts.gjk import erosion_limit, separation, support
+from voxgran.contacts.parts import Parts
+from voxgran.contacts.spheres import ball_gap
+
+#: distance, in sizes of the parts, at which they count as touching
+TOUCHING = 1e-14
+
+
+def part_contacts(pairs: Pairs, parts: Parts, gap: float) -> tuple[Floats, Floats, Floats, Booleans]:
+    """Return the contacts of pairs of grains made of convex parts.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Which grains.
+    parts : Parts
+        Parts of all grains where they lie.
+    gap : float
+        Pairs farther apart get an infinite gap.
+
+    Returns
+    -------
+    gap : (m,) ndarray of float
+        Distance of the surfaces; negative where they overlap (the depth).
+    normal : (m, 3) ndarray of float
+        Unit vector from grain i to its partner.
+    point : (m, 3) ndarray of float
+        Middle between the nearest points, from the centroid of grain i.
+    deep : (m,) ndarray of bool
+        Whether the pair lies so deep that the depth is only a lower bound.
+    """
+    found = np.full(pairs.count, np.inf)
+    normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
+    deep = np.zeros(pairs.count, dtype=np.bool_)
+    _touch_parts(pairs.i, pairs.j, pairs.offset, *parts.arrays, float(gap), found, normal, point, deep)
+    return found, normal, point, deep
+
+
+@kernel
+def _touch_parts(  # type: ignore[no-untyped-def]
+    i, j, offset, start, row, margin, center, reach, gap, found, normal, point, deep
+):
+    """Write the nearest or deepest contact of each pair of grains."""
+    shift, contact = np.zeros(3), np.zeros(7)
+    for k in range(len(i)):
+        best = gap
+        for a in range(start[i[k]], start[i[k] + 1]):
+            for b in range(start[j[k]], start[j[k] + 1]):
+                square = 0.0
+                for c in range(3):
+                    shift[c] = offset[k, c] + center[b, c] - center[a, c]
+                    square += shift[c] * shift[c]
+                if math.sqrt(square) - reach[a] - reach[b] > best:
+                    continue
+                buried = touch_pair(row[a], margin[a], row[b], margin[b], shift, contact)
+                if contact[0] <= best:
+                    best = found[k] = contact[0]
+                    deep[k] = buried
+                    for c in range(3):
+                        normal[k, c] = contact[1 + c]
+                        point[k, c] = center[a, c] + contact[4 + c]
+
+
+@kernel
+def touch_pair(one: Floats, margin: float, other: Floats, other_margin: float, offset: Floats, contact: Floats) -> bool:
+    """Write gap, normal and middle point of two parts; return whether they lie too deep for an exact depth."""
+    near = np.zeros(9)
+    if one[0] == 0.0 and other[0] == 0.0:
+        distance = math.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
+        contact[0] = ball_gap(distance, margin, other_margin)
+        for c in range(3):
+            near[c], near[3 + c] = 0.0, offset[c]
+            near[6 + c] = offset[c] / distance if distance > 0.0 else 0.0
+        _write_contact(near, margin, other_margin, contact)
+        return False
+    distance = separation(one, other, 0.0, offset, near)
+    size = part_size(one) + margin + part_size(other) + other_margin
+    contact[0] = distance - margin - other_margin
+    _write_contact(near, margin, other_margin, contact)
+    if contact[0] > TOUCHING * size:
+        return False
+    return _bury(one, margin, other, other_margin, offset, size, contact)
+
+
+@kernel
+def part_size(row: Floats) -> float:
+    """Return the largest dimension of a part."""
+    size = max(row[1], row[2], row[3])
+    if row[0] == 5.0:
+        for c in range(4, 13):
+            size = max(size, abs(row[c]))
+    return size
+
+
+@kernel
+def _write_contact(near, margin, other_margin, contact):  # type: ignore[no-untyped-def]
+    """Write the normal and the middle point by the nearest points of the cores."""
+    for c in range(3):
+        contact[1 + c] = near[6 + c]
+    if near[6] == 0.0 and near[7] == 0.0 and near[8] == 0.0:
+        contact[1] = 1.0
+    for c in range(3):
+        inner, outer = near[c] + margin * contact[1 + c], near[3 + c] - other_margin * contact[1 + c]
+        contact[4 + c] = 0.5 * (inner + outer)
+
+
+@kernel
+def _bury(one, margin, other, other_margin, offset, size, contact):  # type: ignore[no-untyped-def]
+    """Write the contact of two parts that touch or overlap."""
+    way, back = np.zeros(7), np.zeros(7)
+    reverse = -offset
+    deep = penetration(one, margin, other, other_margin, offset, size, way)
+    deeper = penetration(other, other_margin, one, margin, reverse, size, back)
+    contact[0] = -max(way[0], back[0])
+    if way[0] >= back[0] and (way[1] != 0.0 or way[2] != 0.0 or way[3] != 0.0):
+        contact[1:] = way[1:]
+        return deep
+    if back[1] != 0.0 or back[2] != 0.0 or back[3] != 0.0:
+        for c in range(3):
+            contact[1 + c] = -back[1 + c]
+            contact[4 + c] = back[4 + c] + offset[c]
+        return deeper
+    # one holds the core of the other: along the line of the centers
+    length = math.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
+    for c in range(3):
+        contact[1 + c] = offset[c] / length if length > 0.0 else 0.0
+        contact[4 + c] = 0.5 * offset[c]
+    if length == 0.0:
+        contact[1] = 1.0
+    return deep or deeper
+
+
+@kernel
+def penetration(
+    one: Floats, margin: float, other: Floats, other_margin: float, offset: Floats, size: float, contact: Floats
+) -> bool:
+    """Write how deep `other` reaches into `one`, with outward normal and middle point.
+
+    Return whether it is deeper than the erosion of an ellipsoid is exact: then the depth is a lower bound.
+    """
+    near = np.zeros(9)
+    limit = erosion_limit(one)
+    if one[0] == 0.0:
+        distance = separation(one, other, 0.0, offset, near)
+        contact[0] = max(min(margin + other_margin - distance, margin), 0.0)
+        _write_contact(near, margin, other_margin, contact)
+        return False
+    erosion, contact[1:4] = limit, 0.0
+    for _ in range(60):
+        distance = separation(one, other, erosion, offset, near) - other_margin
+        _write_witness(near, erosion, contact)
+        if distance <= 1e-16 * size:
+            break
+        nearer = erosion - distance / _recession(one, limit, near)
+        if not 0.0 <= nearer < erosion:
+            erosion = 0.0 if nearer < 0.0 else erosion
+            break
+        erosion = nearer
+    contact[0] = erosion
+    return one[0] == 1.0 and erosion >= limit and min(one[1], one[2], one[3]) > limit
+
+
+@kernel
+def _recession(one, limit, near):  # type: ignore[no-untyped-def]
+    """Return how fast the support plane along the nearest points recedes with the erosion, at least 1."""
+    x, y, z = near[6], near[7], near[8]
+    ax, ay, az = support(one, 0.0, x, y, z)
+    bx, by, bz = support(one, limit, x, y, z)
+    return max(((ax - bx) * x + (ay - by) * y + (az - bz) * z) / limit, 1.0)
+
+
+@kernel
+def _write_witness(near, erosion, contact):  # type: ignore[no-untyped-def]
+    """Write the outward normal and the middle between the deepest point and the surface above it."""
+    for c in range(3):
+        contact[1 + c] = near[6 + c]
+        contact[4 + c] = 0.5 * (near[c] + erosion * near[6 + c] + near[3 + c])

@@ -1,0 +1,267 @@
+"""How deep surfaces reach into a closed mesh: the largest distance to its surface of any point of theirs.
+
+Branch and bound. The distance from one triangle T of the mesh is a convex function, so that over a patch it is largest
+at the corners of any hull of the patch; the least of these maxima over all T bounds the distance from the mesh over the
+whole patch. Patches whose bound passes the best point found so far are cut in two. Flat overlaps end at once, edges
+that cross need some twenty cuts, and depths far below the size of the triangles lose no digits.
+"""
+
+import math
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.kernels import kernel
+from voxgran._base.tree import (
+    TriangleTree,
+    closest_on_triangle,
+    is_behind,
+    nearest_triangle,
+    square_to_box,
+)
+
+#: relative difference of bounds at which a patch is done
+ACCURACY = 1e-3
+#: most patches that are looked at
+MOST_PATCHES = 20_000
+
+
+def deepest_of_triangles(tree: TriangleTree, triangles: Floats) -> tuple[float, Floats, Floats]:
+    """Find the point of some triangles that lies farthest from a closed surface.
+
+    Parameters
+    ----------
+    tree : TriangleTree
+        The closed surface.
+    triangles : (m, 3, 3) ndarray of float
+        Corner points, all on one side of it.
+
+    Returns
+    -------
+    depth : float
+        The largest distance, a lower bound that is right to a thousandth.
+    point, nearest : (3,) ndarray of float
+        Where it is, and the nearest point of the surface.
+    """
+    found = np.zeros(6)
+    depth = _search_triangles(
+        np.ascontiguousarray(triangles), *tree.arrays, 1e-15 * tree.size, ACCURACY, MOST_PATCHES, found
+    )
+    return depth, found[:3], found[3:]
+
+
+def deepest_of_round(tree: TriangleTree, row: Floats, center: Floats) -> tuple[float, Floats, Floats]:
+    """Find the point of a cylinder's or cone's surface that lies deepest in a closed mesh.
+
+    Parameters
+    ----------
+    tree : TriangleTree
+        The closed surface.
+    row : (13,) ndarray of float
+        The solid, as :mod:`voxgran.contacts.gjk` has it, in the frame of the mesh.
+    center : (3,) ndarray of float
+        Its centroid.
+
+    Returns
+    -------
+    depth : float
+        The largest distance, a lower bound that is right to a thousandth; 0 where it reaches nowhere inside.
+    point, nearest : (3,) ndarray of float
+        Where it is, and the nearest point of the mesh.
+    """
+    radius, height = float(row[1]), float(row[2])
+    if int(row[0]) == 3:
+        profile = np.array([(-0.5, 0.0), (-0.5, 1.0), (0.5, 1.0), (0.5, 0.0)])
+    else:
+        profile = np.array([(-0.25, 0.0), (-0.25, 1.0), (0.75, 0.0)])
+    found = np.zeros(6)
+    depth = _search_round(
+        profile * np.array([height, radius]),
+        np.ascontiguousarray(row[4:].reshape(3, 3)),
+        np.ascontiguousarray(center),
+        *(*tree.arrays, tree.normals, 1e-15 * tree.size, ACCURACY, MOST_PATCHES, found),
+    )
+    return depth, found[:3], found[3:]
+
+
+@kernel
+def _cover(points, corners, low, high, start):  # type: ignore[no-untyped-def]
+    """Return the least over all triangles of the largest distance of the points from it."""
+    best = np.inf
+    stack = np.zeros(64, dtype=np.int64)
+    depth, leaves = 1, len(low) // 2
+    while depth > 0:
+        depth -= 1
+        node = stack[depth]
+        bound = 0.0
+        for k in range(len(points)):
+            bound = max(bound, square_to_box(low, high, node, points[k, 0], points[k, 1], points[k, 2]))
+        if bound >= best:
+            continue
+        if node < leaves:
+            left = 2 * node + 1
+            x, y, z = points[0, 0], points[0, 1], points[0, 2]
+            one = square_to_box(low, high, left, x, y, z)
+            two = square_to_box(low, high, left + 1, x, y, z)
+            stack[depth] = left + 1 if one <= two else left
+            stack[depth + 1] = left if one <= two else left + 1
+            depth += 2
+            continue
+        for t in range(start[node, 0], start[node, 1]):
+            most = 0.0
+            for k in range(len(points)):
+                x, y, z = points[k, 0], points[k, 1], points[k, 2]
+                px, py, pz, _ = closest_on_triangle(corners, t, x, y, z)
+                most = max(most, (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2)
+                if most >= best:
+                    break
+            best = min(best, most)
+    return math.sqrt(best)
+
+
+@kernel
+def _try_point(x, y, z, corners, low, high, start, best, found, sight):  # type: ignore[no-untyped-def]
+    """Write a point's distance, and the point where it beats the best; return the larger distance."""
+    square, _, _, qx, qy, qz = nearest_triangle(corners, low, high, start, x, y, z, np.inf)
+    sight[0] = math.sqrt(square)
+    if sight[0] > best:
+        found[0], found[1], found[2] = x, y, z
+        found[3], found[4], found[5] = qx, qy, qz
+        return sight[0]
+    return best
+
+
+@kernel
+def _search_triangles(triangles, corners, low, high, start, floor, accuracy, most, found):  # type: ignore[no-untyped-def]
+    """Cut triangles in two until none can hold a point deeper than the best; return its depth."""
+    best, steps, sight = 0.0, 0, np.zeros(1)
+    for t in range(len(triangles)):
+        for c in range(3):
+            x, y, z = triangles[t, c, 0], triangles[t, c, 1], triangles[t, c, 2]
+            best = _try_point(x, y, z, corners, low, high, start, best, found, sight)
+    stack, patch, middle = np.zeros((256, 3, 3)), np.zeros((3, 3)), np.zeros(3)
+    for t in range(len(triangles)):
+        stack[0] = triangles[t]
+        depth = 1
+        while depth > 0 and steps < most:
+            depth -= 1
+            steps += 1
+            patch[:] = stack[depth]
+            for i in range(3):
+                middle[i] = (patch[0, i] + patch[1, i] + patch[2, i]) / 3.0
+            best = _try_point(middle[0], middle[1], middle[2], corners, low, high, start, best, found, sight)
+            bar = best * (1.0 + accuracy) + floor
+            # what lies near the middle cannot be much deeper; only what may be is compared with the triangles
+            if sight[0] + _spread(patch, middle) <= bar or _cover(patch, corners, low, high, start) <= bar:
+                continue
+            if depth + 2 > len(stack):
+                continue
+            a = _longest_edge(patch)
+            b = (a + 1) % 3
+            for i in range(3):
+                middle[i] = 0.5 * (patch[a, i] + patch[b, i])
+            for side in range(2):
+                stack[depth + side] = patch
+                stack[depth + side, a if side == 0 else b] = middle
+            depth += 2
+    return best
+
+
+@kernel
+def _longest_edge(patch):  # type: ignore[no-untyped-def]
+    """Return the corner at which the longest edge begins."""
+    longest, most = 0, -1.0
+    for a in range(3):
+        square = 0.0
+        for i in range(3):
+            square += (patch[(a + 1) % 3, i] - patch[a, i]) ** 2
+        if square > most:
+            longest, most = a, square
+    return longest
+
+
+@kernel
+def _place(profile, k, share, angle, stretch, matrix, center, point):  # type: ignore[no-untyped-def]
+    """Write the point of a turned profile at a share of its k-th segment and an angle."""
+    z = (1.0 - share) * profile[k, 0] + share * profile[k + 1, 0]
+    radius = ((1.0 - share) * profile[k, 1] + share * profile[k + 1, 1]) * stretch
+    x, y = radius * math.cos(angle), radius * math.sin(angle)
+    for i in range(3):
+        point[i] = matrix[i, 0] * x + matrix[i, 1] * y + matrix[i, 2] * z + center[i]
+
+
+@kernel
+def _hull(profile, k, patch, matrix, center, points):  # type: ignore[no-untyped-def]
+    """Write six points whose hull holds a patch: at both ends the ends of the arc and where their tangents meet."""
+    middle, half = 0.5 * (patch[2] + patch[3]), 0.5 * (patch[3] - patch[2])
+    for end in range(2):
+        for side in range(2):
+            _place(profile, k, patch[end], patch[2 + side], 1.0, matrix, center, points[3 * end + side])
+        _place(profile, k, patch[end], middle, 1.0 / math.cos(half), matrix, center, points[3 * end + 2])
+
+
+@kernel
+def _search_round(  # type: ignore[no-untyped-def]
+    profile, matrix, center, corners, low, high, start, normals, floor, accuracy, most, found
+):
+    """Cut the surface of a turned profile into patches until none can hold a point deeper than the best."""
+    sectors, best, steps = 8, 0.0, 0
+    stack, patch = np.zeros((512, 4)), np.zeros(4)
+    hull, point, _trial = np.zeros((6, 3)), np.zeros(3), np.zeros(6)
+    for root in range(sectors * (len(profile) - 1)):
+        k, sector = root // sectors, root % sectors
+        stack[0, 0], stack[0, 1] = 0.0, 1.0
+        stack[0, 2], stack[0, 3] = 2 * math.pi * sector / sectors, 2 * math.pi * (sector + 1) / sectors
+        depth = 1
+        while depth > 0 and steps < most:
+            depth -= 1
+            steps += 1
+            patch[:] = stack[depth]
+            _hull(profile, k, patch, matrix, center, hull)
+            reach = np.inf
+            for trip in range(3):
+                share = 0.5 * (patch[0] + patch[1]) if trip == 0 else patch[trip - 1]
+                _place(profile, k, share, 0.5 * (patch[2] + patch[3]), 1.0, matrix, center, point)
+                x, y, z = point[0], point[1], point[2]
+                square, t, feature, qx, qy, qz = nearest_triangle(corners, low, high, start, x, y, z, np.inf)
+                signed = math.sqrt(square)
+                if not is_behind(normals, t, feature, x - qx, y - qy, z - qz):
+                    signed = -signed
+                if signed > best:
+                    best = signed
+                    found[:3] = point
+                    found[3], found[4], found[5] = qx, qy, qz
+                if trip == 0:
+                    reach = signed + _spread(hull, point)
+            bar = best * (1.0 + accuracy) + floor
+            if reach <= bar or _cover(hull, corners, low, high, start) <= bar or depth + 2 > len(stack):
+                continue
+            _cut(profile, k, patch, stack, depth)
+            depth += 2
+    return best
+
+
+@kernel
+def _spread(points, middle):  # type: ignore[no-untyped-def]
+    """Return the largest distance of points from a middle."""
+    most = 0.0
+    for k in range(len(points)):
+        square = 0.0
+        for i in range(3):
+            square += (points[k, i] - middle[i]) ** 2
+        most = max(most, square)
+    return math.sqrt(most)
+
+
+@kernel
+def _cut(profile, k, patch, stack, depth):  # type: ignore[no-untyped-def]
+    """Put both halves of a patch on the stack, cut across its longer extent."""
+    rise, run = profile[k + 1, 0] - profile[k, 0], profile[k + 1, 1] - profile[k, 1]
+    long = math.sqrt(rise * rise + run * run) * (patch[1] - patch[0])
+    wide = (patch[3] - patch[2]) * max(profile[k, 1] + patch[0] * run, profile[k, 1] + patch[1] * run)
+    first = 0 if long > wide else 2
+    middle = 0.5 * (patch[first] + patch[first + 1])
+    stack[depth] = patch
+    stack[depth + 1] = patch
+    stack[depth, first + 1] = middle
+    stack[depth + 1, first] = middle

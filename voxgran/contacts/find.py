@@ -1,0 +1,226 @@
+"""Contacts of all grains of an assembly: one broad phase, then the exact test that fits the two geometries.
+
+Depth means the same for all: the largest distance to the surface of one grain of any point of the other inside it. It
+is right to first order however shallow the overlap; for overlaps deeper than the least radius of curvature or than a
+thousandth of a grain's volume it is right to about a thousandth.
+"""
+
+import math
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_number
+from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.broad import Pairs, grain_pairs
+from voxgran.contacts.convex import part_contacts
+from voxgran.contacts.inside import inner_distance, placed
+from voxgran.contacts.mesh_parts import touch_balls, touch_convex
+from voxgran.contacts.meshes import touch_meshes
+from voxgran.contacts.model import Contacts
+from voxgran.contacts.outlines import touch_disk, touch_polygons
+from voxgran.contacts.parts import has_parts, is_disk, is_one_ball, parts_of
+from voxgran.contacts.search import deepest_point
+from voxgran.contacts.solid import Solid
+from voxgran.contacts.spheres import ball_contacts
+from voxgran.contacts.touch import Touch
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+
+TouchPair = Callable[..., Touch]
+
+
+def find_contacts(assembly: Assembly, gap: float = 0.0) -> Contacts:
+    """Find all pairs of grains whose surfaces are within a gap, periodic images included.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+    gap : float
+        Largest distance of the surfaces, in the unit of lengths; below 0: pairs that overlap at least so deep.
+
+    Returns
+    -------
+    Contacts
+        One contact for each pair and image: the nearest points, or the deepest ones where they overlap.
+
+    Raises
+    ------
+    InputError
+        If the gap is not finite.
+    """
+    reach = as_number(gap, "gap")
+    return contacts_of_pairs(assembly, grain_pairs(assembly, reach), reach)
+
+
+def overlaps(assembly: Assembly, *, at_least: float = 0.0) -> Contacts:
+    """Find all pairs of grains that overlap deeper than a limit.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+    at_least : float
+        Depths up to here do not count, in the unit of lengths.
+
+    Returns
+    -------
+    Contacts
+        With negative gaps.
+
+    Raises
+    ------
+    InputError
+        If the limit is negative or not finite.
+    """
+    limit = as_number(at_least, "at_least", at_least=0.0)
+    found = contacts_of_pairs(assembly, grain_pairs(assembly, -limit), -limit)
+    return _keep(found, found.gap < -limit)
+
+
+def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> Contacts:
+    """Return the contacts of pairs of the broad phase, tested exactly.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+    pairs : Pairs
+        Pairs whose bounding balls are near.
+    gap : float
+        Largest distance of the surfaces, in the unit of lengths.
+
+    Returns
+    -------
+    Contacts
+    """
+    if all(is_one_ball(shape.geometry) for shape in assembly.shapes):
+        radii = assembly.bounding_radii
+        distance, normal, point = ball_contacts(pairs, radii)
+    else:
+        distance, normal, point = _test_mixed(assembly, pairs, gap)
+    point += assembly.position[pairs.i]
+    contacts = Contacts(pairs.i, pairs.j, pairs.image, distance, normal, point)
+    return _keep(contacts, distance <= gap)
+
+
+def _keep(contacts: Contacts, mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Contacts:
+    """Return some of the contacts."""
+    if mask.all():
+        return contacts
+    return Contacts(*(getattr(contacts, name)[mask] for name in ("i", "j", "image", "gap", "normal", "point")))
+
+
+def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float) -> tuple[Floats, Floats, Floats]:
+    """Return gap, normal and point (from centroid i) of pairs of any geometries."""
+    distance = np.full(pairs.count, np.inf)
+    normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
+    geometries = [shape.geometry for shape in assembly.shapes]
+    made = np.array([has_parts(geometry) for geometry in geometries], dtype=np.bool_)[assembly.shape_id]
+    simple = made[pairs.i] & made[pairs.j]
+    if simple.any():
+        parts = parts_of(geometries).placed(assembly.shape_id, assembly.scale, assembly.matrices)
+        some = pairs.where(simple)
+        distance[simple], normal[simple], point[simple], deep = part_contacts(some, parts, gap)
+        for k in np.flatnonzero(simple)[deep]:
+            _search(assembly, pairs, int(k), distance, normal, point)
+    tests = _PairTests(assembly)
+    for k in np.flatnonzero(~simple):
+        i, j = int(pairs.i[k]), int(pairs.j[k])
+        touch = tests.touch(i, j, pairs.offset[k], gap)
+        distance[k], normal[k], point[k] = touch.gap, touch.normal, touch.point
+    return distance, normal, point
+
+
+def relative_pose(assembly: Assembly, i: int, j: int, offset: Floats) -> tuple[Floats, Floats]:
+    """Return matrix and offset that lead from the body frame of grain j into that of grain i, in units of shape i.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+    i, j : int
+        Which grains.
+    offset : (3,) ndarray of float
+        From the centroid of grain i to that of its partner.
+    """
+    back = assembly.matrices[i].T
+    ratio = assembly.scale[j] / assembly.scale[i]
+    return back @ assembly.matrices[j] * ratio, back @ offset / assembly.scale[i]
+
+
+def _search(assembly: Assembly, pairs: Pairs, k: int, distance: Floats, normal: Floats, point: Floats) -> None:
+    """Replace the depth of a pair that lies too deep for a closed form where a search finds more."""
+    i, j = int(pairs.i[k]), int(pairs.j[k])
+    inner = [
+        placed(
+            inner_distance(assembly.shapes[assembly.shape_id[grain]].geometry),
+            matrix=assembly.matrices[grain] * assembly.scale[grain],
+            offset=offset,
+        )
+        for grain, offset in ((i, np.zeros(3)), (j, pairs.offset[k]))
+    ]
+    one, other = assembly.bounding_radii[i], assembly.bounding_radii[j]
+    low = np.maximum(-one, pairs.offset[k] - other) * np.ones(3)
+    high = np.minimum(one, pairs.offset[k] + other) * np.ones(3)
+    depth, where, _ = deepest_point(inner[0], inner[1], low, high)
+    if -depth < distance[k]:
+        distance[k], point[k] = -depth, where
+
+
+class _PairTests:
+    """Exact tests of pairs that need a mesh or a polygon, with what they need of each shape kept."""
+
+    def __init__(self, assembly: Assembly) -> None:
+        self.assembly = assembly
+        self.geometries = [shape.geometry for shape in assembly.shapes]
+        self.solids: dict[int, Solid] = {}
+        self.kept: dict[tuple[int, int], tuple[TouchPair, bool]] = {}
+
+    def touch(self, i: int, j: int, offset: Floats, gap: float) -> Touch:
+        """Test one pair; the point is from the centroid of grain i, all is in the unit of lengths."""
+        assembly = self.assembly
+        a, b = int(assembly.shape_id[i]), int(assembly.shape_id[j])
+        if (a, b) not in self.kept:
+            self.kept[a, b] = self._choose(a, b)
+        test, flip = self.kept[a, b]
+        one, other, way = (j, i, -offset) if flip else (i, j, offset)
+        matrix, shift = relative_pose(assembly, one, other, way)
+        scale = float(assembly.scale[one])
+        touch = test(matrix=matrix, offset=shift, reach=max(gap, 0.0) / scale)
+        if not math.isfinite(touch.gap):
+            return touch
+        base = offset if flip else np.zeros(3)
+        touch = touch.moved(matrix=assembly.matrices[one] * scale, offset=base, factor=scale)
+        return touch.flipped() if flip else touch
+
+    def _choose(self, a: int, b: int) -> tuple[TouchPair, bool]:
+        """Return the test of two shapes, and whether it takes them in the other order."""
+        one, other = self.geometries[a], self.geometries[b]
+        if isinstance(one, Outline) and isinstance(other, Outline):
+            if is_disk(one):
+                return partial(touch_disk, other, one), True
+            if is_disk(other):
+                return partial(touch_disk, one, other), False
+            return partial(touch_polygons, one, other), False
+        if not isinstance(one, Mesh) and isinstance(other, Mesh):
+            test, _ = self._choose(b, a)
+            return test, True
+        if isinstance(other, Mesh) or (isinstance(other, Primitive) and other.kind == "box"):
+            return partial(touch_meshes, self._solid(a), self._solid(b)), False
+        if isinstance(other, Primitive) and other.kind != "sphere":
+            return partial(touch_convex, self._solid(a), other), False
+        return partial(touch_balls, self._solid(a), other, parts_of([other])), False
+
+    def _solid(self, shape: int) -> Solid:
+        """Return the mesh of a shape that is a mesh or a box."""
+        if shape not in self.solids:
+            geometry = self.geometries[shape]
+            if not isinstance(geometry, Mesh):
+                vertices, faces, _ = geometry.tessellation()
+                geometry = Mesh(vertices, faces)
+            self.solids[shape] = Solid(geometry)
+        return self.solids[shape]

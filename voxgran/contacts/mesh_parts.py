@@ -1,0 +1,218 @@
+"""Contacts of closed triangle meshes with balls, ellipsoids, cylinders and cones.
+
+The mesh stays what it is and so does its partner. A ball touches where its center is nearest to the surface. For the
+others each near triangle is one convex solid and the partner another. Where they overlap, the depth is that of the
+triangles in the partner; of a cylinder or cone, whose rims and tips can lie deeper in the mesh than the mesh in them,
+also that of its surface in the mesh. (The depth in a ball or ellipsoid is never the lesser one, up to its least radius
+of curvature.) Boxes are meshes.
+"""
+
+import math
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.kernels import kernel
+from voxgran._base.tree import square_to_box
+from voxgran.contacts.convex import TOUCHING, part_size, penetration
+from voxgran.contacts.depth import deepest_of_round
+from voxgran.contacts.gjk import CONE, CYLINDER, separation, support
+from voxgran.contacts.inside import inner_distance, placed
+from voxgran.contacts.meshes import outward
+from voxgran.contacts.parts import Parts, row_of
+from voxgran.contacts.search import deepest_point
+from voxgran.contacts.solid import Solid
+from voxgran.contacts.touch import Touch, direction
+from voxgran.shapes.model import Geometry
+from voxgran.shapes.primitive import Primitive
+
+
+def touch_balls(
+    solid: Solid, geometry: Geometry, parts: Parts, *, matrix: Floats, offset: Floats, reach: float
+) -> Touch:
+    """Find how a mesh touches a union of balls.
+
+    Parameters
+    ----------
+    solid : Solid
+        The mesh.
+    geometry : Geometry
+        The balls, in their own frame.
+    parts : Parts
+        Their rows: of this one body.
+    matrix, offset : (3, 3) and (3,) ndarray of float
+        Lead from the frame of the balls into that of the mesh.
+    reach : float
+        How far to look, in the unit of the mesh.
+
+    Returns
+    -------
+    Touch
+        In the frame of the mesh, from the mesh to the balls.
+    """
+    factor = math.cbrt(float(np.linalg.det(matrix)))
+    centers, radii = parts.center @ matrix.T + offset, parts.margin * factor
+    distance, nearest, _ = solid.tree.nearest(centers, reach=float(radii.max()) + reach)
+    # a center that finds nothing near is outside, or so deep inside that another one tells
+    if not np.isfinite(distance).all():
+        hidden = ~np.isfinite(distance)
+        inside = ((centers > solid.tree.low[0]) & (centers < solid.tree.high[0])).all(axis=1)
+        again = hidden & inside
+        distance[again], nearest[again] = solid.tree.nearest(centers[again])[:2]
+    gaps = distance - radii
+    k = int(gaps.argmin())
+    if gaps[k] > reach:
+        return Touch.apart()
+    if distance[k] < 0:
+        return _touch_deep(solid, geometry, radii[k], centers[k] - radii[k], centers[k] + radii[k], matrix, offset)
+    normal = direction(centers[k] - nearest[k], outward(solid, nearest[k], offset))
+    return Touch(float(gaps[k]), normal, nearest[k] + 0.5 * gaps[k] * normal)
+
+
+def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
+    """Find how a mesh touches an ellipsoid, cylinder or cone.
+
+    Parameters
+    ----------
+    solid : Solid
+        The mesh.
+    primitive : Primitive
+        Its partner.
+    matrix, offset : (3, 3) and (3,) ndarray of float
+        Lead from the frame of the partner into that of the mesh.
+    reach : float
+        How far to look, in the unit of the mesh.
+
+    Returns
+    -------
+    Touch
+        In the frame of the mesh, from the mesh to the partner.
+    """
+    factor = math.cbrt(float(np.linalg.det(matrix)))
+    row = row_of(primitive)
+    row[1:4] *= factor
+    row[4:] = ((matrix / factor) @ row[4:].reshape(3, 3)).ravel()
+    ball = primitive.bounding_radius * factor
+    near = np.zeros(9)
+    distance = _distance_to_mesh(row, offset, ball, *solid.tree.arrays, float(reach), near)
+    size = float(part_size(row)) + solid.tree.size
+    if distance > TOUCHING * size:
+        if solid.tree.nearest(offset[None], reach=ball + reach)[0][0] < 0:
+            return _touch_deep(solid, primitive, 0.0, offset - ball, offset + ball, matrix, offset)
+        if distance > reach:
+            return Touch.apart()
+        return Touch(distance, direction(-near[6:], offset), (near[:3] + near[3:6]) / 2)
+    contact = np.zeros(7)
+    deep = _depth_in_convex(row, offset, ball, size, *solid.tree.arrays, contact)
+    depth, normal, point = float(contact[0]), -contact[1:4], contact[4:]
+    if int(row[0]) in (CYLINDER, CONE):
+        deeper, where, surface = deepest_of_round(solid.tree, row, offset)
+        if deeper > depth:
+            depth, normal, point = deeper, direction(surface - where, offset), (where + surface) / 2
+    if deep or solid.tree.signed_distance(offset[None])[0] < 0:
+        touch = _touch_deep(solid, primitive, depth, offset - ball, offset + ball, matrix, offset)
+        if -touch.gap > depth:
+            return touch
+    return Touch(-depth, direction(normal, offset), point)
+
+
+def _touch_deep(
+    solid: Solid, geometry: Geometry, depth: float, low: Floats, high: Floats, matrix: Floats, offset: Floats
+) -> Touch:
+    """Search the depth of a grain whose center lies in a mesh."""
+    inner = placed(inner_distance(geometry), matrix=matrix, offset=offset)
+    if not solid.inside_out:
+        low, high = np.maximum(low, solid.tree.low[0]), np.minimum(high, solid.tree.high[0])
+    found, point, _ = deepest_point(solid.inner_distance, inner, low, high)
+    return Touch(-max(found, depth), direction(offset, offset), point)
+
+
+@kernel
+def _distance_to_mesh(row, center, ball, corners, low, high, start, reach, near):  # type: ignore[no-untyped-def]
+    """Return the distance of a convex solid from a surface; write the nearest points, first that of the solid."""
+    best, hit = reach, False
+    stack, triangle, points = np.zeros(64, dtype=np.int64), np.zeros(13), np.zeros(9)
+    triangle[0] = 5.0
+    shift = np.zeros(3)
+    depth, leaves = 1, len(low) // 2
+    while depth > 0:
+        depth -= 1
+        node = stack[depth]
+        if math.sqrt(square_to_box(low, high, node, center[0], center[1], center[2])) - ball > best:
+            continue
+        if node < leaves:
+            left = 2 * node + 1
+            one = square_to_box(low, high, left, center[0], center[1], center[2])
+            two = square_to_box(low, high, left + 1, center[0], center[1], center[2])
+            stack[depth] = left + 1 if one <= two else left
+            stack[depth + 1] = left if one <= two else left + 1
+            depth += 2
+            continue
+        for t in range(start[node, 0], start[node, 1]):
+            _load(corners, t, center, triangle)
+            if _plane_gap(row, triangle) > best:
+                continue
+            distance = separation(row, triangle, 0.0, shift, points)
+            if distance < best or (not hit and distance <= best):
+                best, hit = distance, True
+                for i in range(3):
+                    near[i], near[3 + i] = points[i] + center[i], points[3 + i] + center[i]
+                    near[6 + i] = points[6 + i]
+        if hit and best <= 0.0:
+            return best
+    return best if hit else np.inf
+
+
+@kernel
+def _load(corners, t, center, triangle):  # type: ignore[no-untyped-def]
+    """Write a triangle as a row about a center."""
+    for c in range(3):
+        for i in range(3):
+            triangle[4 + 3 * c + i] = corners[t, c, i] - center[i]
+
+
+@kernel
+def _plane_gap(row, triangle):  # type: ignore[no-untyped-def]
+    """Return how far a solid lies at least from the plane of a triangle."""
+    ax, ay, az = triangle[4], triangle[5], triangle[6]
+    ux, uy, uz = triangle[7] - ax, triangle[8] - ay, triangle[9] - az
+    vx, vy, vz = triangle[10] - ax, triangle[11] - ay, triangle[12] - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if length == 0.0:
+        return -np.inf
+    level = nx * ax + ny * ay + nz * az
+    if level < 0.0:
+        nx, ny, nz, level = -nx, -ny, -nz, -level
+    px, py, pz = support(row, 0.0, nx, ny, nz)
+    # a little less, for rounding
+    return (level - (nx * px + ny * py + nz * pz)) / length - 1e-12 * (level / length)
+
+
+@kernel
+def _depth_in_convex(row, center, ball, size, corners, low, high, start, contact):  # type: ignore[no-untyped-def]
+    """Write the deepest contact of all triangles in a convex solid; return whether one lies too deep to tell."""
+    deep, shift = False, np.zeros(3)
+    stack, triangle = np.zeros(64, dtype=np.int64), np.zeros(13)
+    points, trial = np.zeros(9), np.zeros(7)
+    triangle[0] = 5.0
+    depth, leaves = 1, len(low) // 2
+    while depth > 0:
+        depth -= 1
+        node = stack[depth]
+        if square_to_box(low, high, node, center[0], center[1], center[2]) > ball * ball:
+            continue
+        if node < leaves:
+            stack[depth], stack[depth + 1] = 2 * node + 1, 2 * node + 2
+            depth += 2
+            continue
+        for t in range(start[node, 0], start[node, 1]):
+            _load(corners, t, center, triangle)
+            if _plane_gap(row, triangle) > 0.0 or separation(row, triangle, contact[0], shift, points) > 0.0:
+                continue
+            deep |= penetration(row, 0.0, triangle, 0.0, shift, size, trial)
+            if trial[0] >= contact[0]:
+                contact[:] = trial
+                for i in range(3):
+                    contact[4 + i] += center[i]
+    return deep

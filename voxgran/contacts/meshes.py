@@ -1,0 +1,124 @@
+"""Contacts of closed triangle meshes.
+
+A walk through both box trees finds the nearest points. Where the surfaces are apart by more than rounding and no grain
+lies in the other, the grains are apart: that is proven. All else is handed to manifold3d, whose intersection decides,
+and whose surface is searched for the deepest point. A grain that lies free in a cavity of another is apart from it.
+"""
+
+import math
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran.contacts.depth import deepest_of_triangles
+from voxgran.contacts.inside import placed
+from voxgran.contacts.search import deepest_point
+from voxgran.contacts.solid import Body, Solid, combine
+from voxgran.contacts.touch import Touch, direction
+from voxgran.contacts.triangles import nearest_points
+
+#: distance, in sizes of the pair, below which rounding could hide an overlap
+ROUNDING = 1e-12
+#: part of the smaller grain from which on an overlap is searched inside, too
+DEEP = 1e-3
+
+
+def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
+    """Find how two meshes touch.
+
+    Parameters
+    ----------
+    one, other : Solid
+        The meshes, each in its own frame.
+    matrix, offset : (3, 3) and (3,) ndarray of float
+        Lead from the frame of `other` into that of `one`.
+    reach : float
+        How far to look, in the unit of `one`.
+
+    Returns
+    -------
+    Touch
+        In the frame and unit of `one`.
+    """
+    factor = math.cbrt(float(np.linalg.det(matrix)))
+    margin = ROUNDING * (one.tree.size + factor * other.tree.size + float(np.linalg.norm(offset)))
+    distance, point, partner = nearest_points(
+        one.tree, other.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
+    )
+    if distance > margin and not _is_nested(one, other, matrix, offset, factor):
+        if distance == np.inf:
+            return Touch.apart()
+        return Touch(distance, direction(partner - point, offset), (point + partner) / 2)
+    body = combine(one, other, matrix=matrix, offset=offset, operation="common")
+    depth, normal, where = body_depth(one, other, body, matrix=matrix, offset=offset)
+    if depth > 0:
+        return Touch(-depth, normal, where)
+    if distance == np.inf:
+        return Touch.apart()
+    return Touch(distance, outward(one, point, offset), (point + partner) / 2)
+
+
+def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: Floats) -> tuple[float, Floats, Floats]:
+    """Find the deepest point of the common body of two meshes.
+
+    Parameters
+    ----------
+    one, other : Solid
+        The meshes.
+    body : Body
+        What is inside both, in the frame of `one`.
+    matrix, offset : (3, 3) and (3,) ndarray of float
+        Lead from the frame of `other` into that of `one`.
+
+    Returns
+    -------
+    depth : float
+        Largest distance to the surface of one of any point inside both; 0 for an empty body.
+    normal, point : (3,) ndarray of float
+        Unit vector from `one` to `other`, and the middle between the deepest point and the surface.
+    """
+    if not len(body.triangles):
+        return 0.0, np.zeros(3), offset / 2
+    factor = math.cbrt(float(np.linalg.det(matrix)))
+    back = matrix.T / factor**2
+    depth, point, nearest = deepest_of_triangles(one.tree, body.triangles)
+    turned, theirs, their_nearest = deepest_of_triangles(other.tree, (body.triangles - offset) @ back.T)
+    sign = 1.0
+    if turned * factor > depth:
+        depth, sign = turned * factor, -1.0
+        point, nearest = matrix @ theirs + offset, matrix @ their_nearest + offset
+    if body.volume > DEEP * min(one.mesh.volume, other.mesh.volume * factor**3):
+        inner_other = placed(other.inner_distance, matrix=matrix, offset=offset)
+        corners = body.triangles.reshape(-1, 3)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        found, where, _ = deepest_point(one.inner_distance, inner_other, low, high)
+        if found > depth:
+            return found, direction(offset, offset), where
+    if depth > 1e-9 * one.tree.size:
+        normal = sign * direction(nearest - point, offset)
+    elif sign > 0:
+        normal = outward(one, point, offset)
+    else:
+        normal = -matrix @ outward(other, back @ (point - offset), -offset) / factor
+    return depth, normal, (point + nearest) / 2
+
+
+def outward(solid: Solid, point: Floats, fallback: Floats) -> Floats:
+    """Return the outward normal of a mesh at its surface point nearest to a point."""
+    triangle = int(solid.tree.nearest(point[None])[2][0])
+    return direction(solid.tree.normals[triangle, 0], fallback)
+
+
+def _is_nested(one: Solid, other: Solid, matrix: Floats, offset: Floats, factor: float) -> bool:
+    """Tell for two surfaces that do not meet whether one lies in the other's solid."""
+    theirs = matrix @ other.tree.corners[0, 0] + offset
+    mine = matrix.T @ (one.tree.corners[0, 0] - offset) / factor**2
+    return _holds(one, theirs) or _holds(other, mine)
+
+
+def _holds(solid: Solid, point: Floats) -> bool:
+    """Tell whether a mesh holds a point."""
+    low, high = solid.tree.low[0], solid.tree.high[0]
+    if (point < low).any() or (point > high).any():
+        return False
+    return bool(solid.tree.signed_distance(point[None])[0] < 0)

@@ -1,0 +1,44 @@
+"""Contacts: pairs of grains and how they touch, the type that the contacts room hands on."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Pairs of grains that are nearer than a gap, each once per periodic image.
+
+    Attributes
+    ----------
+    i, j : (m,) ndarray of int
+        Grains of the pair, i <= j.
+    image : (m, 3) ndarray of int
+        The partner is grain j shifted by `image` times the lengths of the container.
+    gap : (m,) ndarray of float
+        Distance of the surfaces, in the unit of lengths; negative where they overlap (the depth).
+    normal : (m, 3) ndarray of float
+        Unit vector from grain i to grain j.
+    point : (m, 3) ndarray of float
+        Middle between the nearest points, near grain i.
+    """
+
+    i: Integers
+    j: Integers
+    image: Integers
+    gap: Floats
+    normal: Floats
+    point: Floats
+
+    @property
+    def count(self) -> int:
+        """Number of contacts."""
+        return len(self.i)
+
+    @classmethod
+    def none(cls) -> "Contacts":
+        """Return an empty record."""
+        index, vectors = np.zeros(0, np.int64), np.zeros((0, 3))
+        return cls(index, index, np.zeros((0, 3), np.int64), np.zeros(0), vectors, vectors)

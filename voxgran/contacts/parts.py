@@ -1,0 +1,149 @@
+"""Grains as convex parts: rows of numbers that the kernels of this room read.
+
+A ball is a point with a margin, a union of balls is several of them, an ellipsoid, box, cylinder or cone is one part.
+Rows are those of :mod:`voxgran.contacts.gjk`, here turned and stretched to where the grains lie, about their centroids.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran.contacts.gjk import BOX, CONE, CYLINDER, ELLIPSOID, POINT, ROW
+from voxgran.shapes.model import Geometry
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+
+CODES = {"ellipsoid": ELLIPSOID, "box": BOX, "cylinder": CYLINDER, "cone": CONE}
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Convex parts of several bodies, one body after the other.
+
+    Attributes
+    ----------
+    start : (n + 1,) ndarray of int
+        First part of each body.
+    row : (p, 13) ndarray of float
+        Kind, dimensions and rotation of each part.
+    margin : (p,) ndarray of float
+        How far the surface lies from the core: the radius of a ball.
+    center : (p, 3) ndarray of float
+        Where the part lies, from the centroid of the body.
+    reach : (p,) ndarray of float
+        Radius of a ball about the center that holds the part.
+    """
+
+    start: Integers
+    row: Floats
+    margin: Floats
+    center: Floats
+    reach: Floats
+
+    @property
+    def arrays(self) -> tuple[Integers, Floats, Floats, Floats, Floats]:
+        """All arrays, as kernels take them."""
+        return self.start, self.row, self.margin, self.center, self.reach
+
+    def placed(self, body: Integers, scale: Floats, matrices: Floats) -> "Parts":
+        """Return the parts of grains: body `body[k]`, stretched by `scale[k]` and turned by `matrices[k]`."""
+        counts = np.diff(self.start)[body]
+        start = np.concatenate([[0], np.cumsum(counts)])
+        grain = np.repeat(np.arange(len(body)), counts)
+        part = np.arange(start[-1]) - start[grain] + self.start[body[grain]]
+        factor, turn = scale[grain], matrices[grain]
+        row = self.row[part]
+        row[:, 1:4] *= factor[:, None]
+        row[:, 4:] = (turn @ row[:, 4:].reshape(-1, 3, 3)).reshape(-1, 9)
+        center = np.einsum("pij,pj->pi", turn, self.center[part]) * factor[:, None]
+        return Parts(start, row, self.margin[part] * factor, center, self.reach[part] * factor)
+
+
+def has_parts(geometry: Geometry) -> bool:
+    """Tell whether a geometry is made of convex parts."""
+    return isinstance(geometry, Primitive | Spheres) or is_disk(geometry)
+
+
+def is_disk(geometry: Geometry) -> bool:
+    """Tell whether a geometry is a disk."""
+    return isinstance(geometry, Outline) and geometry.kind == "disk"
+
+
+def is_one_ball(geometry: Geometry) -> bool:
+    """Tell whether a geometry is a single ball or disk about its centroid."""
+    if isinstance(geometry, Spheres):
+        return len(geometry.radii) == 1 and not geometry.centers.any()
+    if isinstance(geometry, Primitive):
+        return geometry.kind == "sphere"
+    return isinstance(geometry, Outline) and geometry.kind == "disk" and geometry.center == (0.0, 0.0)
+
+
+def parts_of(geometries: list[Geometry]) -> Parts:
+    """Return the parts of geometries in their own frames; those without parts have none.
+
+    Parameters
+    ----------
+    geometries : list of Geometry
+        One per body.
+
+    Returns
+    -------
+    Parts
+    """
+    rows, margins, centers, reaches, counts = [], [], [], [], []
+    for geometry in geometries:
+        row, margin, center = _parts_of_one(geometry)
+        inner = [0.0] * len(row) if len(row) != 1 or row[0, 0] == POINT else [geometry.bounding_radius]
+        rows.append(row)
+        margins.append(margin)
+        centers.append(center)
+        reaches.append(margin + np.array(inner))
+        counts.append(len(row))
+    start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return Parts(
+        start,
+        np.concatenate([np.zeros((0, ROW)), *rows]),
+        np.concatenate([np.zeros(0), *margins]),
+        np.concatenate([np.zeros((0, 3)), *centers]),
+        np.concatenate([np.zeros(0), *reaches]),
+    )
+
+
+def row_of(primitive: Primitive) -> Floats:
+    """Return the (13,) row of an ellipsoid, box, cylinder or cone in its own frame."""
+    row = np.zeros(ROW)
+    row[0] = CODES[primitive.kind]
+    row[1 : 1 + len(primitive.dimensions)] = primitive.dimensions
+    row[4:] = primitive.matrix.ravel()
+    return row
+
+
+def inner_radius(kind: str, dimensions: tuple[float, ...]) -> float:
+    """Return the radius of the largest ball in an ellipsoid, box, cylinder or cone."""
+    if kind == "ellipsoid":
+        return min(dimensions)
+    if kind == "box":
+        return min(dimensions) / 2
+    radius, height = dimensions
+    if kind == "cylinder":
+        return min(radius, height / 2)
+    return radius * height / (radius + math.hypot(radius, height))
+
+
+def _parts_of_one(geometry: Geometry) -> tuple[Floats, Floats, Floats]:
+    """Return rows, margins and centers of one geometry."""
+    if isinstance(geometry, Primitive) and geometry.kind != "sphere":
+        return row_of(geometry)[None], np.zeros(1), np.zeros((1, 3))
+    if isinstance(geometry, Primitive):
+        centers, margins = np.zeros((1, 3)), np.array([geometry.dimensions[0]])
+    elif isinstance(geometry, Spheres):
+        centers, margins = geometry.centers, geometry.radii
+    elif is_disk(geometry):
+        assert isinstance(geometry, Outline)
+        centers, margins = np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
+    else:
+        centers, margins = np.zeros((0, 3)), np.zeros(0)
+    return np.zeros((len(margins), ROW)), margins, centers

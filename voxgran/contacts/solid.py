@@ -1,0 +1,98 @@
+"""Boolean operations on closed meshes by manifold3d, in double precision: the judge of what overlaps."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import DirtyMeshError
+from voxgran._base.lazy import load
+from voxgran._base.tree import TriangleTree
+from voxgran.shapes.mesh import Mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A closed mesh with what contacts need of it, each made on the first request.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The surface.
+    inside_out : bool
+        Whether the solid is what lies around the mesh, as the walls of a container do.
+    """
+
+    mesh: Mesh
+    inside_out: bool = False
+
+    @cached_property
+    def tree(self) -> TriangleTree:
+        """Box tree of the triangles."""
+        tree = self.mesh.tree
+        return replace(tree, normals=-tree.normals) if self.inside_out else tree
+
+    def inner_distance(self, points: Floats) -> Floats:
+        """Return the distance of (n, 3) points to the surface, positive inside."""
+        return -self.tree.signed_distance(points)
+
+    @cached_property
+    def manifold(self) -> Any:
+        """The mesh as manifold3d holds it.
+
+        Raises
+        ------
+        DirtyMeshError
+            If manifold3d does not take the surface for closed.
+        """
+        library = load("manifold3d")
+        mesh = library.Mesh64(np.array(self.mesh.vertices), np.array(self.mesh.faces, dtype=np.uint64))
+        solid = library.Manifold(mesh)
+        if solid.status() != library.Error.NoError:
+            raise DirtyMeshError(
+                f"mesh is no closed surface ({solid.status().name}): overlaps need one; repair the shape"
+            )
+        return solid
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What a boolean operation left.
+
+    Attributes
+    ----------
+    triangles : (m, 3, 3) ndarray of float
+        Its surface.
+    volume : float
+        Its volume.
+    """
+
+    triangles: Floats
+    volume: float
+
+
+def combine(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, operation: Literal["common", "rest"]) -> Body:
+    """Intersect or subtract two solids.
+
+    Parameters
+    ----------
+    one, other : Solid
+        The solids.
+    matrix, offset : (3, 3) and (3,) ndarray of float
+        Lead from the frame of `other` into that of `one`.
+    operation : {"common", "rest"}
+        What is inside both, or what of `one` is outside of `other`.
+
+    Returns
+    -------
+    Body
+        In the frame of `one`.
+    """
+    partner = other.manifold.transform(np.column_stack([matrix, offset]))
+    result = one.manifold ^ partner if operation == "common" else one.manifold - partner
+    mesh = result.to_mesh64()
+    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    triangles = vertices[np.asarray(mesh.tri_verts, dtype=np.int64).reshape(-1, 3)]
+    return Body(np.ascontiguousarray(triangles.reshape(-1, 3, 3)), max(float(result.volume()), 0.0))

@@ -1,0 +1,60 @@
+"""Contacts of balls (disks in 2D), one per grain: closed forms.
+
+Two balls whose centers are `d` apart have the gap ``d - r1 - r2``. Where they overlap, the deepest point of one in the
+other lies ``r1 + r2 - d`` below its surface, but no deeper than the center of the larger ball.
+"""
+
+import math
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.kernels import kernel
+from voxgran.contacts.broad import Pairs
+
+
+def ball_contacts(pairs: Pairs, radii: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return gap, normal and point of pairs of balls about the centroids of the grains.
+
+    Parameters
+    ----------
+    pairs : Pairs
+        Which balls.
+    radii : (n,) ndarray of float
+        Radius of each grain.
+
+    Returns
+    -------
+    gap : (m,) ndarray of float
+        Distance of the surfaces; negative where they overlap (the depth).
+    normal : (m, 3) ndarray of float
+        Unit vector from grain i to its partner; along x where the centers coincide.
+    point : (m, 3) ndarray of float
+        Middle between the surfaces, from the centroid of grain i.
+    """
+    gap = np.zeros(pairs.count)
+    normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
+    _touch_balls(pairs.offset, radii[pairs.i], radii[pairs.j], gap, normal, point)
+    return gap, normal, point
+
+
+@kernel
+def ball_gap(distance: float, one: float, other: float) -> float:
+    """Return the gap of two balls by the distance of their centers; negative: the depth."""
+    return max(distance - one - other, -max(one, other))
+
+
+@kernel
+def _touch_balls(offset, one, other, gap, normal, point):  # type: ignore[no-untyped-def]
+    """Write gap, normal and point of each pair."""
+    for k in range(len(offset)):
+        x, y, z = offset[k, 0], offset[k, 1], offset[k, 2]
+        distance = math.sqrt(x * x + y * y + z * z)
+        gap[k] = ball_gap(distance, one[k], other[k])
+        if distance > 0.0:
+            normal[k, 0], normal[k, 1], normal[k, 2] = x / distance, y / distance, z / distance
+        else:
+            normal[k, 0] = 1.0
+        middle = 0.5 * (one[k] + distance - other[k])
+        for i in range(3):
+            point[k, i] = middle * normal[k, i]

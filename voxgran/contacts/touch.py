@@ -1,0 +1,49 @@
+"""Touch: how one pair of grains touches, in the frame of the first."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Touch:
+    """The nearest or deepest contact of two grains.
+
+    Attributes
+    ----------
+    gap : float
+        Distance of the surfaces; negative where they overlap (the depth).
+    normal : (3,) ndarray of float
+        Unit vector from the first to the second.
+    point : (3,) ndarray of float
+        Middle between the nearest points.
+    """
+
+    gap: float
+    normal: Floats
+    point: Floats
+
+    @classmethod
+    def apart(cls) -> "Touch":
+        """Return what stands for grains that are farther apart than was looked."""
+        return cls(np.inf, np.zeros(3), np.zeros(3))
+
+    def moved(self, *, matrix: Floats, offset: Floats, factor: float) -> "Touch":
+        """Return the contact in a frame into which `matrix` (a rotation times `factor`) and `offset` lead."""
+        turn = matrix / factor
+        return Touch(self.gap * factor, turn @ self.normal, matrix @ self.point + offset)
+
+    def flipped(self) -> "Touch":
+        """Return the contact with both grains exchanged."""
+        return Touch(self.gap, -self.normal, self.point)
+
+
+def direction(vector: Floats, fallback: Floats) -> Floats:
+    """Return the unit vector along the first of both that has a length, else along x."""
+    for candidate in (vector, fallback):
+        length = float(np.linalg.norm(candidate))
+        if length > 0:
+            return candidate / length
+    return np.array([1.0, 0.0, 0.0])

@@ -1,0 +1,240 @@
+"""How far grains reach beyond the walls of their container, by their true geometry.
+
+At flat walls and at the wall of a cylinder the reach is that of the support function, in closed form or by a search for
+the best direction to the last digits; at a closed mesh it is the depth of the grain in the solid around the container.
+"""
+
+import math
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import kernel
+from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.depth import deepest_of_triangles
+from voxgran.contacts.gjk import support
+from voxgran.contacts.mesh_parts import touch_convex
+from voxgran.contacts.parts import has_parts, parts_of
+from voxgran.contacts.solid import Solid, combine
+from voxgran.contacts.triangles import nearest_points
+from voxgran.containers.box import Box
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.rectangle import Rectangle
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+
+#: directions in which the reach of a convex part is sampled before the best ones are refined
+DIRECTIONS = 128
+#: distance, in sizes of the container, below which rounding could hide an escape
+ROUNDING = 1e-12
+
+
+def escape_depths(assembly: Assembly) -> Floats:
+    """Return how far each grain reaches beyond the walls of its container.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+
+    Returns
+    -------
+    (n,) ndarray of float
+        The largest reach beyond any wall, in the unit of lengths; 0 or less inside (how far the nearest wall is), minus
+        infinity where there are no walls. In containers of other kinds than those of voxgran, grains that are
+        no balls count with their tessellation and its error.
+    """
+    container = assembly.container
+    escape = np.full(assembly.count, -np.inf)
+    if isinstance(container, ClosedMesh):
+        for shape in range(len(assembly.shapes)):
+            grains = np.flatnonzero(assembly.shape_id == shape)
+            escape[grains] = _beyond_mesh(assembly, container, grains)
+        return escape
+    if isinstance(container, Box | Rectangle):
+        return _beyond_planes(assembly, [axis for axis in range(assembly.dimension) if not container.periodic[axis]])
+    if isinstance(container, Cylinder):
+        reach = horizontal_reach(assembly, np.array(container.origin))
+        return np.maximum(_beyond_planes(assembly, [2]), reach - container.radius)
+    for grain in range(assembly.count):
+        shape = assembly.shapes[assembly.shape_id[grain]]
+        error = shape.tessellation_error * assembly.scale[grain]
+        escape[grain] = container.signed_distance(assembly.world_vertices(grain)).max() + error
+    return escape
+
+
+def grain_bounds(assembly: Assembly) -> tuple[Floats, Floats]:
+    """Return the exact extents of the grains along the axes, from their centroids.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+
+    Returns
+    -------
+    low, high : (n, 3) ndarray of float
+        In the unit of lengths.
+    """
+    low, high = np.zeros((assembly.count, 3)), np.zeros((assembly.count, 3))
+    for shape, item in enumerate(assembly.shapes):
+        grains = np.flatnonzero(assembly.shape_id == shape)
+        geometry, scale = item.geometry, assembly.scale[grains]
+        if isinstance(geometry, Primitive):
+            for sign, bound in ((-1.0, low), (1.0, high)):
+                # row k of a rotation matrix is axis k in the body frame
+                axes = sign * assembly.matrices[grains].reshape(-1, 3)
+                reach = (geometry.support(axes) * axes).sum(axis=1).reshape(-1, 3)
+                bound[grains] = sign * reach * scale[:, None]
+        elif has_parts(geometry):
+            parts = parts_of([geometry])
+            centers = assembly.matrices[grains] @ parts.center.T
+            low[grains] = (centers - parts.margin).min(axis=2) * scale[:, None]
+            high[grains] = (centers + parts.margin).max(axis=2) * scale[:, None]
+        else:
+            for grain in grains:
+                turned = _corners(geometry) @ assembly.matrices[grain].T
+                low[grain] = turned.min(axis=0) * assembly.scale[grain]
+                high[grain] = turned.max(axis=0) * assembly.scale[grain]
+    return low, high
+
+
+def horizontal_reach(assembly: Assembly, origin: Floats) -> Floats:
+    """Return the largest distance of any point of each grain from the vertical line through a point.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+    origin : (3,) ndarray of float
+        A point of the line.
+
+    Returns
+    -------
+    (n,) ndarray of float
+        In the unit of lengths.
+    """
+    reach = np.full(assembly.count, -np.inf)
+    geometries = [shape.geometry for shape in assembly.shapes]
+    parts = parts_of(geometries).placed(assembly.shape_id, assembly.scale, assembly.matrices)
+    from_line = assembly.position - origin
+    _reach_out(parts.start, parts.row, parts.margin, parts.center, from_line, DIRECTIONS, reach)
+    for grain in range(assembly.count):
+        geometry = geometries[assembly.shape_id[grain]]
+        if not has_parts(geometry):
+            turned = _corners(geometry) @ assembly.matrices[grain].T * assembly.scale[grain]
+            points = turned + from_line[grain]
+            reach[grain] = np.hypot(points[:, 0], points[:, 1]).max()
+    return reach
+
+
+def _corners(geometry: object) -> Floats:
+    """Return the corners of a mesh or polygon, (n, 3)."""
+    if isinstance(geometry, Outline):
+        return np.column_stack([geometry.vertices, np.zeros(len(geometry.vertices))])
+    assert isinstance(geometry, Mesh)
+    return geometry.vertices
+
+
+def _beyond_planes(assembly: Assembly, axes: list[int]) -> Floats:
+    """Return the largest reach beyond the walls across some axes."""
+    if not axes or not assembly.count:
+        return np.full(assembly.count, -np.inf)
+    lower, upper = assembly.container.bounds
+    low, high = grain_bounds(assembly)
+    below = (lower - assembly.position - low)[:, axes]
+    above = (assembly.position - upper + high)[:, axes]
+    return np.asarray(np.maximum(below, above).max(axis=1))
+
+
+def _beyond_mesh(assembly: Assembly, container: ClosedMesh, grains: Integers) -> Floats:
+    """Return the reach of grains of one shape beyond the walls of a closed mesh."""
+    found = np.zeros(len(grains))
+    if not len(grains):
+        return found
+    geometry = assembly.shapes[assembly.shape_id[grains[0]]].geometry
+    mesh = container.shape.geometry
+    assert isinstance(mesh, Mesh)
+    inside, outside = Solid(mesh), Solid(mesh, inside_out=True)
+    offsets = assembly.position[grains] - np.array(container.shape.offset)
+    if has_parts(geometry) and not (isinstance(geometry, Primitive) and geometry.kind != "sphere"):
+        parts = parts_of([geometry])
+        for k, grain in enumerate(grains):
+            turn = assembly.matrices[grain] * assembly.scale[grain]
+            distance = inside.tree.signed_distance(parts.center @ turn.T + offsets[k])
+            found[k] = (distance + parts.margin * assembly.scale[grain]).max()
+        return found
+    solid = None
+    if isinstance(geometry, Mesh):
+        solid = Solid(geometry)
+    elif isinstance(geometry, Primitive) and geometry.kind == "box":
+        vertices, faces, _ = geometry.tessellation()
+        solid = Solid(Mesh(vertices, faces))
+    for k, grain in enumerate(grains):
+        matrix = assembly.matrices[grain] * assembly.scale[grain]
+        if solid is not None:
+            found[k] = _mesh_beyond_mesh(inside, solid, matrix, offsets[k])
+        else:
+            assert isinstance(geometry, Primitive)
+            found[k] = -touch_convex(outside, geometry, matrix=matrix, offset=offsets[k], reach=math.inf).gap
+    return found
+
+
+def _mesh_beyond_mesh(container: Solid, grain: Solid, matrix: Floats, offset: Floats) -> float:
+    """Return the reach of one mesh beyond another that should hold it."""
+    margin = ROUNDING * (container.tree.size + float(np.linalg.norm(offset)))
+    distance, _, _ = nearest_points(container.tree, grain.tree, matrix=matrix, offset=offset)
+    corner = matrix @ grain.tree.corners[0, 0] + offset
+    if distance > margin and container.tree.signed_distance(corner[None])[0] < 0:
+        return -distance
+    back = matrix.T / math.cbrt(float(np.linalg.det(matrix))) ** 2
+    body = combine(grain, container, matrix=back, offset=-back @ offset, operation="rest")
+    if not len(body.triangles):
+        return -distance
+    return deepest_of_triangles(container.tree, body.triangles @ matrix.T + offset)[0]
+
+
+@kernel
+def _reach_out(start, row, margin, center, position, directions, reach):  # type: ignore[no-untyped-def]
+    """Write the largest horizontal distance of any part of each grain from the origin."""
+    step = 2.0 * math.pi / directions
+    for grain in range(len(position)):
+        for part in range(start[grain], start[grain + 1]):
+            x, y = position[grain, 0] + center[part, 0], position[grain, 1] + center[part, 1]
+            if row[part, 0] == 0.0:
+                reach[grain] = max(reach[grain], math.sqrt(x * x + y * y) + margin[part])
+                continue
+            before, now = _reach_along(row[part], x, y, -step), _reach_along(row[part], x, y, 0.0)
+            for k in range(directions):
+                after = _reach_along(row[part], x, y, (k + 1) * step)
+                if now >= before and now >= after:
+                    reach[grain] = max(reach[grain], _refine(row[part], x, y, (k - 1) * step, (k + 1) * step))
+                before, now = now, after
+
+
+@kernel
+def _reach_along(row, x, y, angle):  # type: ignore[no-untyped-def]
+    """Return how far a part at (x, y) reaches along a horizontal direction."""
+    u, v = math.cos(angle), math.sin(angle)
+    px, py, _ = support(row, 0.0, u, v, 0.0)
+    return (x + px) * u + (y + py) * v
+
+
+@kernel
+def _refine(row, x, y, low, high):  # type: ignore[no-untyped-def]
+    """Return the largest reach between two directions, by golden sections."""
+    golden = 0.5 * (math.sqrt(5.0) - 1.0)
+    one, two = high - golden * (high - low), low + golden * (high - low)
+    first, second = _reach_along(row, x, y, one), _reach_along(row, x, y, two)
+    for _ in range(48):
+        if first >= second:
+            high, two, second = two, one, first
+            one = high - golden * (high - low)
+            first = _reach_along(row, x, y, one)
+        else:
+            low, one, first = one, two, second
+            two = low + golden * (high - low)
+            second = _reach_along(row, x, y, two)
+    return max(first, second)

@@ -1,0 +1,1 @@
+"""What holds the grains: box, cylinder, closed mesh; rectangle in two dimensions."""

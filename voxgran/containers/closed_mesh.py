@@ -1,0 +1,110 @@
+"""Any closed surface as a container."""
+
+import os
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_points
+from voxgran._base.errors import InputError
+from voxgran.shapes.files import load_shape
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedMesh:
+    """The inside of a closed triangle mesh, in the coordinates that the shape was made from.
+
+    Attributes
+    ----------
+    shape : Shape
+        A shape of triangles.
+
+    Raises
+    ------
+    InputError
+        If the shape is not a mesh.
+    """
+
+    shape: Shape
+    kind: ClassVar[str] = "mesh"
+    dimension: ClassVar[int] = 3
+    periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
+
+    def __post_init__(self) -> None:
+        """Take meshes only."""
+        if not isinstance(self.shape.geometry, Mesh):
+            raise InputError(
+                f"shape {self.shape.name!r} is no mesh: a closed-mesh container needs one; load a mesh file"
+            )
+
+    @classmethod
+    def from_file(cls, path: str | os.PathLike[str], *, unit: str | None = None) -> "ClosedMesh":
+        """Make a container from a mesh file.
+
+        Parameters
+        ----------
+        path : path-like
+            File of any format that :func:`voxgran.load_shape` reads.
+        unit : str, optional
+            Unit of its lengths.
+
+        Raises
+        ------
+        MissingFileError
+            If there is no such file.
+        FileFormatError
+            If it cannot be read.
+        DirtyMeshError
+            If the surface does not bound exactly one solid.
+        """
+        return cls(load_shape(path, unit=unit))
+
+    @property
+    def volume(self) -> float:
+        """Volume."""
+        return self.shape.volume
+
+    @property
+    def bounds(self) -> Floats:
+        """Lower and upper corner, (2, 3)."""
+        vertices = self.mesh()[0]
+        return np.array([vertices.min(axis=0), vertices.max(axis=0)])
+
+    def signed_distance(self, points: ArrayLike) -> Floats:
+        """Return the distance of (n, 3) points from the surface, negative inside.
+
+        Raises
+        ------
+        InputError
+            If the points are not an (n, 3) array of finite numbers.
+        """
+        return self._geometry.tree.signed_distance(as_points(points) - np.array(self.shape.offset))
+
+    @property
+    def _geometry(self) -> Mesh:
+        """The mesh about its centroid."""
+        assert isinstance(self.shape.geometry, Mesh)
+        return self.shape.geometry
+
+    def mesh(self) -> tuple[Floats, Integers]:
+        """Return vertices and triangles of the boundary."""
+        return self.shape.vertices + np.array(self.shape.offset), self.shape.faces
+
+    def scaled(self, factor: float) -> "ClosedMesh":
+        """Return the container with all lengths multiplied."""
+        x, y, z = (value * factor for value in self.shape.offset)
+        return ClosedMesh(Shape(self.shape.geometry.scaled(factor), self.shape.name, (x, y, z), self.shape.unit))
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return kind, vertices (about the centroid), faces and the place of the centroid as JSON-able values."""
+        return {
+            "kind": self.kind,
+            "name": self.shape.name,
+            "vertices": self._geometry.vertices.tolist(),
+            "faces": self._geometry.faces.tolist(),
+            "offset": list(self.shape.offset),
+        }

@@ -1,0 +1,82 @@
+"""An upright cylinder with walls."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_points, as_positive, as_vector
+from voxgran.shapes.tessellate import revolved
+
+
+@dataclass(frozen=True, init=False)
+class Cylinder:
+    """A cylinder whose axis is along z.
+
+    Parameters
+    ----------
+    radius : float
+        Radius, in the unit of lengths.
+    height : float
+        Height, in the unit of lengths.
+    origin : (3,) sequence of float
+        Center of the floor.
+
+    Raises
+    ------
+    InputError
+        If radius or height is not above 0.
+    """
+
+    radius: float
+    height: float
+    origin: tuple[float, float, float]
+    kind: ClassVar[str] = "cylinder"
+    dimension: ClassVar[int] = 3
+    periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
+
+    def __init__(self, radius: float, height: float, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        a, b, c = (float(value) for value in as_vector(origin, "origin"))
+        object.__setattr__(self, "radius", as_positive(radius, "radius of the cylinder"))
+        object.__setattr__(self, "height", as_positive(height, "height of the cylinder"))
+        object.__setattr__(self, "origin", (a, b, c))
+
+    @property
+    def volume(self) -> float:
+        """Volume."""
+        return math.pi * self.radius**2 * self.height
+
+    @property
+    def bounds(self) -> Floats:
+        """Lower and upper corner, (2, 3)."""
+        reach = np.array([self.radius, self.radius, 0.0])
+        base = np.array(self.origin)
+        return np.array([base - reach, base + reach + np.array([0.0, 0.0, self.height])])
+
+    def signed_distance(self, points: ArrayLike) -> Floats:
+        """Return the distance of (n, 3) points from the nearest wall, negative inside.
+
+        Raises
+        ------
+        InputError
+            If the points are not an (n, 3) array of finite numbers.
+        """
+        p = as_points(points) - np.array(self.origin)
+        beyond = np.stack([np.hypot(p[:, 0], p[:, 1]) - self.radius, np.maximum(-p[:, 2], p[:, 2] - self.height)])
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=0)
+        return np.where(outside > 0, outside, beyond.max(axis=0))
+
+    def mesh(self) -> tuple[Floats, Integers]:
+        """Return vertices and triangles of the boundary."""
+        vertices, faces, _ = revolved([(0.0, self.radius), (self.height, self.radius)])
+        return vertices + np.array(self.origin), faces
+
+    def scaled(self, factor: float) -> "Cylinder":
+        """Return the cylinder with lengths and base multiplied."""
+        return Cylinder(self.radius * factor, self.height * factor, origin=np.array(self.origin) * factor)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return kind and parameters as JSON-able values."""
+        return {"kind": self.kind, "radius": self.radius, "height": self.height, "origin": list(self.origin)}

@@ -1,0 +1,85 @@
+"""Containers from plain mappings, as scene files and saved packings hold them."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from voxgran._base.arrays import as_faces, as_points, as_vector
+from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.registry import unknown
+from voxgran.containers.box import Box
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+
+#: which keys each kind takes; those before the bar must be given
+KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "box": (("lengths",), ("periodic", "origin")),
+    "cylinder": (("radius", "height"), ("origin",)),
+    "mesh": ((), ("file", "vertices", "faces", "name", "offset")),
+    "rectangle": (("lengths",), ("periodic", "origin")),
+}
+
+
+def container_kinds() -> tuple[str, ...]:
+    """Return the kinds of containers."""
+    return tuple(KEYS)
+
+
+def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Container:
+    """Return a container from kind and parameters.
+
+    Parameters
+    ----------
+    mapping : mapping
+        With the key ``kind``; a mesh has a ``file``, or ``vertices`` and ``faces``.
+    where : str
+        How messages name the place.
+
+    Returns
+    -------
+    Container
+
+    Raises
+    ------
+    UnknownNameError
+        If the kind or a key is unknown.
+    InputError
+        If a key is missing or a value breaks a rule.
+    """
+    rest = dict(mapping)
+    kind = rest.pop("kind", None)
+    if kind not in KEYS:
+        raise UnknownNameError(unknown(f"{where} kind", kind, KEYS))
+    needed, optional = KEYS[kind]
+    for key in rest:
+        if key not in needed + optional:
+            raise UnknownNameError(unknown(f"{where} key", key, needed + optional))
+    for key in needed:
+        if key not in rest:
+            raise InputError(f"{where} {key} is missing: a {kind} needs it; add it")
+    if kind == "box":
+        return Box(**rest)
+    if kind == "rectangle":
+        return Rectangle(**rest)
+    if kind == "cylinder":
+        return Cylinder(**rest)
+    return _make_mesh(rest, where)
+
+
+def _make_mesh(rest: Mapping[str, Any], where: str) -> ClosedMesh:
+    """Return a closed mesh from a file or from arrays."""
+    if "file" in rest:
+        return ClosedMesh.from_file(Path(rest["file"]))
+    if "vertices" not in rest or "faces" not in rest:
+        raise InputError(f"{where} file is missing: a mesh container needs a file, or vertices and faces; add it")
+    name = str(rest.get("name", "container"))
+    if "offset" not in rest:
+        return ClosedMesh(Shape.from_mesh(rest["vertices"], rest["faces"], name=name))
+    # what a container wrote itself lies about its centroid already, and comes back bit for bit
+    vertices = as_points(rest["vertices"], "vertices")
+    x, y, z = (float(value) for value in as_vector(rest["offset"], "offset"))
+    return ClosedMesh(Shape(Mesh(vertices, as_faces(rest["faces"], len(vertices))), name, (x, y, z)))

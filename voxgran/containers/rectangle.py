@@ -1,0 +1,90 @@
+"""A rectangle with walls or periodic sides, for packings in two dimensions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_floats, as_positive, as_vector
+from voxgran.containers.box import box_distance, periodic_flags
+
+
+@dataclass(frozen=True, init=False)
+class Rectangle:
+    """A rectangle along the axes in the plane z = 0.
+
+    Parameters
+    ----------
+    lengths : (2,) sequence of float
+        Sides, in the unit of lengths.
+    periodic : (2,) sequence of bool, or of axis names
+        Which axes are periodic.
+    origin : (2,) sequence of float
+        Lower corner.
+
+    Raises
+    ------
+    InputError
+        If a length is not above 0 or `periodic` is neither two flags nor axis names.
+    """
+
+    lengths: tuple[float, float]
+    periodic: tuple[bool, bool, bool]
+    origin: tuple[float, float]
+    kind: ClassVar[str] = "rectangle"
+    dimension: ClassVar[int] = 2
+
+    def __init__(
+        self,
+        lengths: ArrayLike,
+        periodic: Sequence[bool] | Sequence[str] = (False, False),
+        *,
+        origin: ArrayLike = (0.0, 0.0),
+    ) -> None:
+        sides = as_vector(lengths, "lengths", length=2)
+        x, y = (as_positive(float(value), "length of the rectangle") for value in sides)
+        a, b = (float(value) for value in as_vector(origin, "origin", length=2))
+        object.__setattr__(self, "lengths", (x, y))
+        object.__setattr__(self, "periodic", periodic_flags(periodic, 2))
+        object.__setattr__(self, "origin", (a, b))
+
+    @property
+    def volume(self) -> float:
+        """Area."""
+        return self.lengths[0] * self.lengths[1]
+
+    @property
+    def bounds(self) -> Floats:
+        """Lower and upper corner, (2, 3), z = 0."""
+        low = np.array([*self.origin, 0.0])
+        return np.array([low, low + np.array([*self.lengths, 0.0])])
+
+    def signed_distance(self, points: ArrayLike) -> Floats:
+        """Return the distance of (n, 2 or 3) points from the nearest wall, negative inside; z does not count.
+
+        Raises
+        ------
+        InputError
+            If the points are not finite numbers in two or three columns.
+        """
+        columns = 2 if np.ndim(points) == 2 and np.shape(points)[1] == 2 else 3
+        flat = as_floats(points, "points", shape=(None, columns))[:, :2]
+        return box_distance(flat, self.bounds[:, :2], [k for k in range(2) if not self.periodic[k]])
+
+    def mesh(self) -> tuple[Floats, Integers]:
+        """Return vertices and triangles of the area."""
+        (x, y, _), (u, v, _) = self.bounds
+        vertices = np.array([[x, y, 0.0], [u, y, 0.0], [u, v, 0.0], [x, v, 0.0]])
+        return vertices, np.array([[0, 1, 2], [0, 2, 3]])
+
+    def scaled(self, factor: float) -> "Rectangle":
+        """Return the rectangle with lengths and corner multiplied."""
+        flags = self.periodic[:2]
+        return Rectangle(np.array(self.lengths) * factor, flags, origin=np.array(self.origin) * factor)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return kind and parameters as JSON-able values."""
+        flags = list(self.periodic[:2])
+        return {"kind": self.kind, "lengths": list(self.lengths), "periodic": flags, "origin": list(self.origin)}

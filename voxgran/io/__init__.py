@@ -1,0 +1,1 @@
+"""Packings, scenes, label images and statistics into files and out of them."""

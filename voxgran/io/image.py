@@ -1,0 +1,241 @@
+"""Label images: any packing on a lattice, for LBM, FFT and pore-network computations."""
+
+import itertools
+import os
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxgran._base.arrays import Floats, Integers, as_positive, as_vector
+from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError
+from voxgran._base.files import written_whole
+from voxgran._base.kernels import kernel
+from voxgran.io.vtk_data import image_data, write_data
+from voxgran.lattice.grid import Grid
+from voxgran.packing.model import Packing
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+from voxgran.voxels.occupy import occupy
+
+#: most voxels of an image (int32 labels of 16 GB)
+VOXEL_LIMIT = 4 * 10**9
+
+
+def to_image(packing: Packing, voxel_size: float, *, labels: bool = True) -> NDArray[Any]:
+    """Put a packing on a lattice over the bounds of its container.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    voxel_size : float
+        Edge of a voxel, in the unit of lengths.
+    labels : bool
+        Whether voxels tell which grain they belong to, or only whether they are solid.
+
+    Returns
+    -------
+    (nx, ny, nz) ndarray of int32 or bool
+        Axes x, y, z; in 2D nz = 1. With labels 0 is void and k + 1 is grain k, otherwise True is solid (``~image`` is
+        the pore space). Voxel (0, 0, 0) has its corner at ``packing.container.bounds[0]``.
+
+    Raises
+    ------
+    InputError
+        If the voxel size is not a finite number above 0.
+    TooLargeError
+        If there are more than VOXEL_LIMIT voxels.
+
+    Warns
+    -----
+    PackingWarning
+        If a periodic length is not a whole number of voxels: the image then does not repeat seamlessly.
+
+    Notes
+    -----
+    A voxel belongs to a grain that holds its center; where several do, to the first of them. Grains continue across
+    periodic faces. Outside of a container that is no box the image is void.
+    """
+    grid = image_grid(packing, voxel_size)
+    image = np.zeros(grid.shape, dtype=np.int32)
+    shifts = _shifts(packing)
+    balls = np.array([isinstance(s.geometry, Spheres) or _is_ball(s.geometry) for s in packing.shapes], dtype=bool)
+    round_ones = balls[packing.shape_id] if packing.count else np.zeros(0, dtype=bool)
+    _paint_round(image, grid, packing, np.flatnonzero(round_ones), shifts)
+    for grain in np.flatnonzero(~round_ones):
+        _paint_other(image, grid, packing, int(grain), shifts)
+    return image if labels else image > 0
+
+
+def image_grid(packing: Packing, voxel_size: float) -> Grid:
+    """Return the lattice of :func:`to_image`.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    voxel_size : float
+        Edge of a voxel, in the unit of lengths.
+
+    Returns
+    -------
+    Grid
+        From the lower corner of the container's bounds; the last voxels may stand over.
+
+    Raises
+    ------
+    InputError
+        If the voxel size is not a finite number above 0.
+    TooLargeError
+        If there are more than VOXEL_LIMIT voxels.
+    """
+    size = as_positive(voxel_size, "voxel_size")
+    lower, upper = packing.container.bounds
+    exact = (upper - lower) / size
+    counts = np.where(np.abs(exact - np.rint(exact)) < 1e-9 * np.maximum(exact, 1), np.rint(exact), np.ceil(exact))
+    nx, ny, nz = (max(int(n), 1) for n in counts)
+    if nx * ny * nz > VOXEL_LIMIT:
+        raise TooLargeError(f"the image has {nx} x {ny} x {nz} voxels: at most {VOXEL_LIMIT} fit; take larger voxels")
+    for axis in np.flatnonzero(np.array(packing.container.periodic) & (counts != exact)):
+        if abs(exact[axis] - counts[axis]) > 1e-9 * counts[axis]:
+            warnings.warn(
+                f"voxel_size is {size:g}: the period along {'xyz'[axis]} is {exact[axis]:.6g} voxels and the image "
+                f"does not repeat seamlessly; take {(upper - lower)[axis] / counts[axis]:.10g}",
+                PackingWarning,
+                stacklevel=3,
+            )
+    x, y, z = (float(value) for value in lower)
+    return Grid((x, y, z), size, (nx, ny, nz))
+
+
+def save_image(
+    image: NDArray[Any],
+    path: str | os.PathLike[str],
+    *,
+    voxel_size: float,
+    origin: ArrayLike = (0.0, 0.0, 0.0),
+    overwrite: bool = True,
+) -> None:
+    """Write an image as a ``.vti`` file, for ParaView.
+
+    Parameters
+    ----------
+    image : (nx, ny, nz) ndarray of int, float or bool
+        One value a voxel, such as :func:`to_image` returns; kept as the cell data ``image``.
+    path : path-like
+        File to write.
+    voxel_size : float
+        Edge of a voxel, in the unit of lengths.
+    origin : (3,) array_like of float
+        Corner of voxel (0, 0, 0).
+    overwrite : bool
+        Whether a file that is there may be replaced.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is not ``.vti``.
+    InputError
+        If the image has not three axes or holds no numbers, or a value breaks a rule.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    OutputError
+        If it cannot be written; what was there before is untouched.
+    """
+    if not os.fspath(path).lower().endswith(".vti"):
+        raise FileFormatError(f"{path} has another suffix than .vti: images are kept as .vti; rename it")
+    array = np.asarray(image)
+    if array.ndim != 3 or array.dtype.kind not in "biuf":
+        raise InputError(f"image has shape {array.shape} and type {array.dtype}: give numbers along x, y and z")
+    x, y, z = (float(value) for value in as_vector(origin, "origin"))
+    data = image_data(array, "image", voxel_size=as_positive(voxel_size, "voxel_size"), origin=(x, y, z))
+    with written_whole(path, overwrite=overwrite) as draft:
+        write_data("vtkXMLImageDataWriter", data, draft)
+
+
+def _is_ball(geometry: Any) -> bool:
+    """Tell whether a geometry is one ball."""
+    return isinstance(geometry, Primitive) and geometry.kind == "sphere"
+
+
+def _shifts(packing: Packing) -> Floats:
+    """Return the (k, 3) shifts to the periodic images that may reach into the container."""
+    container = packing.container
+    lower, upper = container.bounds
+    reach = float(packing.bounding_radii.max(initial=0.0))
+    steps = []
+    for axis in range(3):
+        length = upper[axis] - lower[axis]
+        far = 0
+        if container.periodic[axis]:
+            outside = max(0.0, *(_beyond(packing.position[:, axis], lower[axis], upper[axis])))
+            far = int(np.ceil((reach + outside) / length))
+        steps.append(length * np.arange(-far, far + 1))
+    return np.array(list(itertools.product(*steps)))
+
+
+def _beyond(values: Floats, lower: float, upper: float) -> tuple[float, float]:
+    """Return how far values lie below and above an interval."""
+    return lower - float(values.min(initial=lower)), float(values.max(initial=upper)) - upper
+
+
+def _paint_round(image: NDArray[np.int32], grid: Grid, packing: Packing, grains: Integers, shifts: Floats) -> None:
+    """Paint balls and clumps of spheres, in closed form."""
+    for index in np.unique(packing.shape_id[grains]):
+        geometry = packing.shapes[index].geometry
+        if isinstance(geometry, Spheres):
+            body, radii = geometry.centers, geometry.radii
+        else:
+            body, radii = np.zeros((1, 3)), np.array([packing.shapes[index].bounding_radius])
+        members = grains[packing.shape_id[grains] == index]
+        scale = packing.scale[members]
+        centers = np.einsum("gij,sj->gsi", packing.matrices[members], body) * scale[:, None, None]
+        centers += packing.position[members, None, :] - np.array(grid.origin)
+        labels = np.repeat(members.astype(np.int32) + 1, len(radii))
+        sizes = (scale[:, None] * radii).ravel()
+        _paint_balls(image, centers.reshape(-1, 3), sizes, labels, shifts, grid.voxel_size)
+
+
+def _paint_other(image: NDArray[np.int32], grid: Grid, packing: Packing, grain: int, shifts: Floats) -> None:
+    """Paint one grain of any shape; each periodic image is voxelized where it lies on the lattice."""
+    shape, reach = packing.shapes[packing.shape_id[grain]], float(packing.bounding_radii[grain])
+    size, counts, flat = grid.voxel_size, np.array(grid.shape), packing.dimension == 2
+    for shift in shifts:
+        place = packing.position[grain] + shift - np.array(grid.origin)
+        low = np.maximum(np.floor((place - reach) / size).astype(int) - 1, 0)
+        high = np.minimum(np.ceil((place + reach) / size).astype(int) + 1, counts)
+        if flat:
+            low[2], high[2] = 0, 1
+        if (low >= high).any():
+            continue
+        x, y, z = (float(value) for value in low * size - place)
+        nx, ny, nz = (int(value) for value in high - low)
+        local = Grid((x, y, 0.0 if flat else z), size, (nx, ny, nz))
+        mask = occupy(
+            shape, local, scale=float(packing.scale[grain]), rotation=packing.orientation[grain], cover="center"
+        )
+        window = image[low[0] : high[0], low[1] : high[1], low[2] : high[2]]
+        window[mask & ((window == 0) | (window > grain + 1))] = grain + 1
+
+
+@kernel
+def _paint_balls(image, centers, radii, labels, shifts, voxel_size):  # type: ignore[no-untyped-def]
+    """Label the voxels whose centers lie in balls; the lowest label wins."""
+    nx, ny, nz = image.shape
+    for ball in range(len(radii)):
+        label, radius = labels[ball], radii[ball] / voxel_size
+        for s in range(len(shifts)):
+            x = (centers[ball, 0] + shifts[s, 0]) / voxel_size - 0.5
+            y = (centers[ball, 1] + shifts[s, 1]) / voxel_size - 0.5
+            z = (centers[ball, 2] + shifts[s, 2]) / voxel_size - 0.5
+            for i in range(max(0, int(np.ceil(x - radius))), min(nx, int(np.floor(x + radius)) + 1)):
+                for j in range(max(0, int(np.ceil(y - radius))), min(ny, int(np.floor(y + radius)) + 1)):
+                    rest = radius * radius - (i - x) ** 2 - (j - y) ** 2
+                    if rest < 0.0:
+                        continue
+                    half = np.sqrt(rest)
+                    for k in range(max(0, int(np.ceil(z - half))), min(nz, int(np.floor(z + half)) + 1)):
+                        if image[i, j, k] == 0 or image[i, j, k] > label:
+                            image[i, j, k] = label

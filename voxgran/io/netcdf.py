@@ -1,0 +1,133 @@
+"""Statistics (`xarray.DataTree`) as netCDF4 files.
+
+The engine is always named: without it xarray may fall back on one that turns integers into other integers unasked.
+"""
+
+import json
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.errors import FileFormatError, OutputError
+from voxgran._base.files import existing_file, written_whole
+from voxgran._base.lazy import load
+
+if TYPE_CHECKING:
+    from xarray import Dataset, DataTree
+
+#: variables longer than this are compressed
+_COMPRESS_ABOVE = 1000
+#: attribute of the file that holds the name of the tree
+_NAME = "tree_name"
+
+
+def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    """Write statistics to a netCDF4 file.
+
+    Parameters
+    ----------
+    tree : xarray.DataTree
+        What :func:`voxgran.measure` returns, or any tree of datasets.
+    path : path-like
+        File to write, by custom ``.nc``.
+    overwrite : bool
+        Whether a file that is there may be replaced.
+
+    Raises
+    ------
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    OutputError
+        If it cannot be written; what was there before is untouched.
+
+    Notes
+    -----
+    netCDF attributes are numbers, texts or lists of these. Flags are kept as 0 and 1, mappings as JSON, and an
+    attribute that is None is left out.
+    """
+    load("netCDF4")
+    xarray = load("xarray")
+    safe = {node.path: _with_safe_attributes(node.to_dataset(inherit=False)) for node in tree.subtree}
+    encoding = {place: {str(n): _encoding(v) for n, v in data.variables.items()} for place, data in safe.items()}
+    if tree.name is not None:
+        safe["/"].attrs[_NAME] = str(tree.name)
+    with written_whole(path, overwrite=overwrite) as draft:
+        try:
+            xarray.DataTree.from_dict(safe).to_netcdf(draft, engine="netcdf4", encoding=encoding)
+        except RuntimeError as error:
+            raise OutputError(f"{path} cannot be written ({error}): free space or choose another place") from error
+
+
+def load_statistics(path: str | os.PathLike[str]) -> "DataTree":
+    """Read statistics from a netCDF4 file.
+
+    Parameters
+    ----------
+    path : path-like
+        A file that :func:`save_statistics` wrote.
+
+    Returns
+    -------
+    xarray.DataTree
+        In memory; the file is closed.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If it is damaged or no netCDF4 file.
+    """
+    load("netCDF4")
+    found = existing_file(path)
+    try:
+        with load("xarray").open_datatree(found, engine="netcdf4") as tree:
+            loaded: DataTree = tree.load()
+    except (OSError, RuntimeError, ValueError, KeyError, AttributeError) as error:
+        reason = " ".join(str(error).split())
+        raise FileFormatError(f"{found} cannot be read as netCDF4 ({reason}): write it again") from error
+    loaded.name = loaded.attrs.pop(_NAME, None)
+    for node in loaded.subtree:
+        node.attrs = {name: _python(value) for name, value in node.attrs.items()}
+    return loaded
+
+
+def _with_safe_attributes(data: "Dataset") -> "Dataset":
+    """Return the dataset with attributes that netCDF can hold."""
+    clean = data.copy()
+    clean.attrs = _safe(data.attrs)
+    for name in clean.variables:
+        clean[name].attrs = _safe(data[name].attrs)
+        clean[name].encoding = {}
+    return clean
+
+
+def _safe(attributes: Any) -> dict[str, Any]:
+    """Turn attributes into numbers, texts or lists of these."""
+    found: dict[str, Any] = {}
+    for name, value in attributes.items():
+        plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+        if plain is None:
+            continue
+        if isinstance(plain, bool):
+            plain = int(plain)
+        flat = isinstance(plain, list | tuple) and all(isinstance(v, int | float) for v in plain)
+        if not flat and not isinstance(plain, str | int | float):
+            plain = json.dumps(plain, default=str)
+        elif isinstance(plain, int) and abs(plain) >= 2**63:
+            plain = str(plain)
+        found[str(name)] = list(plain) if isinstance(plain, tuple) else plain
+    return found
+
+
+def _encoding(variable: Any) -> dict[str, Any]:
+    """Compress what is long."""
+    if variable.dtype.kind in "fiub" and variable.size > _COMPRESS_ABOVE:
+        return {"zlib": True, "complevel": 4, "fletcher32": True}
+    return {}
+
+
+def _python(value: Any) -> Any:
+    """Return the number of Python for one of NumPy."""
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,0 +1,229 @@
+"""A packing as named arrays and texts, and back, bit for bit: what a packing file holds, whatever its format.
+
+Arrays carry what must be exact and may be long: poses, mesh vertices and faces, centers and radii. Texts are JSON,
+whose numbers Python writes so that they read back to the same bits: primitives, container, provenance. A container that
+is a closed mesh is kept as one shape more, after those of the grains.
+"""
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats, as_faces, as_floats, as_points
+from voxgran._base.errors import FileFormatError, InputError
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.make import make_container
+from voxgran.packing.model import Packing
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+
+#: version of the layout; a reader refuses a higher one
+FORMAT = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """A packing taken apart.
+
+    Attributes
+    ----------
+    position : (n, 3) ndarray of float
+        Centroids of the grains.
+    per_grain : dict of str to ndarray
+        One row a grain; the coordination number is among them where contacts were already found.
+    arrays : dict of str to ndarray
+        What belongs to the packing as a whole.
+    texts : dict of str to str
+        The same, as texts.
+    """
+
+    position: Floats
+    per_grain: dict[str, NDArray[Any]]
+    arrays: dict[str, NDArray[Any]]
+    texts: dict[str, str]
+
+
+def to_record(packing: Packing) -> Record:
+    """Take a packing apart.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+
+    Returns
+    -------
+    Record
+
+    Raises
+    ------
+    InputError
+        If the provenance or the container holds something that JSON cannot.
+    """
+    per_grain = {
+        "grain": np.arange(packing.count),
+        "shape_id": packing.shape_id,
+        "scale": packing.scale,
+        "orientation": packing.orientation,
+        "diameter": packing.diameters,
+        "radius": packing.diameters / 2,
+        "volume": packing.volumes,
+    }
+    container = packing.container
+    solid = (container.shape,) if isinstance(container, ClosedMesh) else ()
+    shapes, arrays = _shapes_apart(packing.shapes + solid)
+    if packing._contacts:
+        gap, contacts = min(packing._contacts.items())
+        partners = np.concatenate([contacts.i, contacts.j])
+        per_grain["coordination_number"] = np.bincount(partners, minlength=packing.count)
+        arrays["coordination_gap"] = np.array([gap])
+    arrays["format"] = np.array([FORMAT])
+    arrays["density"] = np.array([packing.density])
+    arrays["solid_fraction"] = np.array([packing.solid_fraction])
+    texts = {
+        "unit": packing.unit,
+        "stop_reason": packing.stop_reason,
+        "method": str(packing.provenance.get("method", "")),
+        "seed": str(packing.provenance.get("seed", "")),
+        "shapes": _json(shapes, "shapes"),
+        "container": _json({"kind": container.kind} if solid else container.to_mapping(), "container"),
+        "provenance": _json(packing.provenance, "provenance"),
+    }
+    return Record(packing.position, per_grain, arrays, texts)
+
+
+def from_record(record: Record) -> Packing:
+    """Put a packing together again, checked like one that a user makes.
+
+    Parameters
+    ----------
+    record : Record
+        As :func:`to_record` makes it.
+
+    Returns
+    -------
+    Packing
+        With the same bits.
+
+    Raises
+    ------
+    FileFormatError
+        If something is missing or breaks a rule.
+    """
+    try:
+        version = int(record.arrays["format"][0])
+        if version > FORMAT:
+            raise FileFormatError(
+                f"the layout has version {version}: this voxgran reads up to {FORMAT}; install a newer one"
+            )
+        shapes = tuple(_shape(entry, record.arrays) for entry in json.loads(record.texts["shapes"]))
+        container = json.loads(record.texts["container"])
+        solid = container["kind"] == ClosedMesh.kind
+        packing = Packing.of(
+            shapes[:-1] if solid else shapes,
+            ClosedMesh(shapes[-1]) if solid else make_container(container),
+            position=record.position,
+            scale=record.per_grain["scale"],
+            shape_id=record.per_grain["shape_id"],
+            orientation=record.per_grain["orientation"],
+            density=float(record.arrays["density"][0]),
+            provenance=json.loads(record.texts["provenance"]),
+            stop_reason=record.texts["stop_reason"],
+            unit=record.texts["unit"],
+        )
+    except FileFormatError:
+        raise
+    except (InputError, KeyError, IndexError, TypeError, ValueError) as error:
+        reason = str(error).replace("\n", " ")
+        raise FileFormatError(f"it holds no packing of voxgran ({reason}): write it again") from error
+    # what was checked is normalized to round-off; what was read is what was saved
+    return dataclasses.replace(packing, orientation=np.array(record.per_grain["orientation"]).reshape(-1, 4))
+
+
+def _json(value: Any, name: str) -> str:
+    """Write a value as JSON; numbers and arrays of NumPy as those of Python."""
+    try:
+        return json.dumps(dict(value) if isinstance(value, Mapping) else value, default=_plain)
+    except (TypeError, ValueError) as error:
+        raise InputError(
+            f"{name} cannot be written as JSON ({error}): keep to numbers, texts, lists and mappings"
+        ) from error
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON knows in place of a value that it does not."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    raise TypeError(f"a {type(value).__name__} is no JSON")
+
+
+def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:
+    """Return one entry a shape, and the arrays of all shapes joined end to end."""
+    points: list[Floats] = [np.zeros((0, 3))]
+    faces: list[NDArray[Any]] = [np.zeros((0, 3), np.int64)]
+    radii: list[Floats] = [np.zeros(0)]
+    entries = []
+    for shape in shapes:
+        geometry = shape.geometry
+        parts: dict[str, tuple[list[Any], NDArray[Any]]] = {}
+        entry: dict[str, Any] = {"name": shape.name, "unit": shape.unit, "offset": shape.offset, "key": shape.key}
+        entry["geometry"] = type(geometry).__name__
+        if isinstance(geometry, Mesh):
+            parts = {"points": (points, geometry.vertices), "faces": (faces, geometry.faces)}
+        elif isinstance(geometry, Spheres):
+            parts = {"points": (points, geometry.centers), "radii": (radii, geometry.radii)}
+        elif isinstance(geometry, Primitive):
+            entry |= {"kind": geometry.kind, "dimensions": geometry.dimensions, "rotation": geometry.rotation}
+        else:
+            corners = geometry.vertices
+            parts = {"points": (points, np.column_stack([corners, np.zeros(len(corners))]))}
+            entry |= {"kind": geometry.kind, "radius": geometry.radius, "center": geometry.center}
+        for name, (joined, array) in parts.items():
+            start = sum(len(part) for part in joined)
+            joined.append(array)
+            entry[name] = (start, start + len(array))
+        entries.append(entry)
+    arrays = {"shape_points": np.concatenate(points), "shape_faces": np.concatenate(faces)}
+    return entries, {**arrays, "shape_radii": np.concatenate(radii)}
+
+
+def _shape(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Shape:
+    """Return the shape of an entry; its key proves that it is the same solid."""
+    x, y, z = (float(value) for value in entry["offset"])
+    shape = Shape(_geometry(entry, arrays), entry["name"], (x, y, z), entry["unit"])
+    if shape.key != entry["key"]:
+        raise FileFormatError(f"shape {shape.name!r} is not the one that was saved: write the file again")
+    return shape
+
+
+def _geometry(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Geometry:
+    """Return the geometry of an entry."""
+    part = {
+        name: np.array(arrays[f"shape_{name}"][slice(*entry[name])])
+        for name in ("points", "faces", "radii")
+        if name in entry
+    }
+    kind = entry["geometry"]
+    if kind == "Mesh":
+        vertices = as_points(part["points"], "vertices")
+        return Mesh(vertices, as_faces(part["faces"], len(vertices)))
+    if kind == "Spheres":
+        return Spheres(as_points(part["points"], "centers"), as_floats(part["radii"], "radii", shape=(None,)))
+    if kind == "Primitive":
+        w, x, y, z = entry["rotation"]
+        return Primitive(entry["kind"], tuple(entry["dimensions"]), (w, x, y, z))
+    if kind != "Outline":
+        raise FileFormatError(f"geometry is {kind!r}: this voxgran does not know it; install a newer one")
+    corners = as_points(part["points"][:, :2], "vertices", dimension=2)
+    x, y = entry["center"]
+    return Outline(entry["kind"], float(entry["radius"]), corners, (x, y))

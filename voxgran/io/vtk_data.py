@@ -1,0 +1,151 @@
+"""The adapter to VTK: arrays into data sets, data sets into XML files and back.
+
+Errors of VTK are heard by observers and raised; nothing is printed.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import FileFormatError, OutputError
+from voxgran._base.lazy import load
+
+
+def numpy_support() -> Any:
+    """Return the bridge between arrays of NumPy and VTK."""
+    return load("vtkmodules.util.numpy_support")
+
+
+def poly_data(points: Floats, cells: str, corners: NDArray[np.int64]) -> Any:
+    """Return points and one kind of cells (Verts, Lines, Polys), all with the same number of corners."""
+    bridge, model = numpy_support(), load("vtkmodules.vtkCommonDataModel")
+    core = load("vtkmodules.vtkCommonCore")
+    data, places = model.vtkPolyData(), core.vtkPoints()
+    places.SetData(bridge.numpy_to_vtk(np.array(points, dtype=np.float64), deep=True))
+    data.SetPoints(places)
+    array = model.vtkCellArray()
+    count, size = corners.shape
+    starts = bridge.numpy_to_vtkIdTypeArray(np.arange(count + 1, dtype=np.int64) * size, deep=True)
+    array.SetData(starts, bridge.numpy_to_vtkIdTypeArray(np.array(corners, dtype=np.int64).ravel(), deep=True))
+    getattr(data, f"Set{cells}")(array)
+    return data
+
+
+def attach(place: Any, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Add arrays to the point, cell or field data."""
+    for name, values in arrays.items():
+        array = numpy_support().numpy_to_vtk(np.array(values), deep=True)
+        array.SetName(name)
+        place.AddArray(array)
+
+
+def attach_texts(place: Any, texts: Mapping[str, str]) -> None:
+    """Add texts to the field data."""
+    for name, text in texts.items():
+        array = load("vtkmodules.vtkCommonCore").vtkStringArray()
+        array.SetName(name)
+        array.InsertNextValue(text)
+        place.AddArray(array)
+
+
+def detach(place: Any) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    """Return arrays and texts of the point, cell or field data, by name."""
+    arrays, texts = {}, {}
+    for index in range(place.GetNumberOfArrays()):
+        array = place.GetAbstractArray(index)
+        if array.IsA("vtkStringArray"):
+            texts[array.GetName()] = str(array.GetValue(0))
+        else:
+            arrays[array.GetName()] = np.array(numpy_support().vtk_to_numpy(array))
+    return arrays, texts
+
+
+def image_data(image: NDArray[Any], name: str, *, voxel_size: float, origin: tuple[float, float, float]) -> Any:
+    """Return an (nx, ny, nz) array as the cells of an image."""
+    data = load("vtkmodules.vtkCommonDataModel").vtkImageData()
+    data.SetDimensions(*(n + 1 for n in image.shape))
+    data.SetSpacing(voxel_size, voxel_size, voxel_size)
+    data.SetOrigin(*origin)
+    flat = image.ravel(order="F")
+    attach(data.GetCellData(), {name: flat.view(np.uint8) if flat.dtype == bool else flat})
+    return data
+
+
+def write_data(writer_name: str, data: Any, path: Path) -> None:
+    """Write one data set, compressed.
+
+    Parameters
+    ----------
+    writer_name : str
+        Class of ``vtkmodules.vtkIOXML``.
+    data : vtkDataSet
+        What to write.
+    path : Path
+        Where to.
+
+    Raises
+    ------
+    OutputError
+        If VTK cannot write it.
+    """
+    writer = getattr(load("vtkmodules.vtkIOXML"), writer_name)()
+    heard = _watched(writer)
+    writer.SetFileName(str(path))
+    writer.SetInputData(data)
+    writer.SetDataModeToAppended()
+    writer.EncodeAppendedDataOff()
+    writer.SetCompressorTypeToZLib()
+    writer.SetHeaderTypeToUInt64()
+    if writer.Write() != 1 or heard or not path.is_file():
+        names = load("vtkmodules.vtkCommonMisc").vtkErrorCode
+        reason = names.GetStringFromErrorCode(writer.GetErrorCode())
+        raise OutputError(f"{path.parent} cannot be written to ({reason}): free space or choose another place")
+
+
+def read_data(reader_name: str, path: Path) -> Any:
+    """Read one data set.
+
+    Parameters
+    ----------
+    reader_name : str
+        Class of ``vtkmodules.vtkIOXML``.
+    path : Path
+        What to read.
+
+    Returns
+    -------
+    vtkDataSet
+
+    Raises
+    ------
+    FileFormatError
+        If VTK cannot read it.
+    """
+    reader = getattr(load("vtkmodules.vtkIOXML"), reader_name)()
+    heard = _watched(reader)
+    forward = load("vtkmodules.vtkCommonCore").vtkEventForwarderCommand()
+    forward.SetTarget(reader)
+    reader.SetParserErrorObserver(forward)
+    reader.SetFileName(str(path))
+    reader.Update()
+    if heard:
+        raise FileFormatError(f"{path} cannot be read by VTK ({heard[0]}): write it again")
+    return reader.GetOutput()
+
+
+def _watched(algorithm: Any) -> list[str]:
+    """Collect the errors of a reader or writer, which it then does not print."""
+    heard: list[str] = []
+
+    def hear(caller: object, event: str, message: str = "") -> None:
+        del caller, event
+        heard.append(" ".join(message.partition("): ")[2].split()))
+
+    hear.CallDataType = "string0"  # type: ignore[attr-defined]
+    algorithm.AddObserver("ErrorEvent", hear)
+    algorithm.GetExecutive().AddObserver("ErrorEvent", hear)
+    return heard

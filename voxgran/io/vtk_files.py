@@ -1,0 +1,234 @@
+"""VTK files: packings (.vtp) that reload bit for bit, and scenes (.vtm) for ParaView.
+
+A packing file ends with a seal, an XML comment that holds the SHA-256 of all bytes before it. The seal is checked
+before VTK sees the file, because the readers of VTK print, or worse, on damaged input.
+"""
+
+import hashlib
+import os
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from voxgran._base.arrays import as_number
+from voxgran._base.errors import FileFormatError, OutputExistsError
+from voxgran._base.files import existing_file, write_text, written_whole
+from voxgran.io.record import Record, from_record, to_record
+from voxgran.io.surfaces import merged_surfaces
+from voxgran.io.vtk_data import attach, attach_texts, detach, numpy_support, poly_data, read_data, write_data
+from voxgran.packing.model import Packing
+from voxgran.shapes.primitive import Primitive
+
+#: a scene with more balls than this draws them as points with a radius, not as surfaces
+BALL_SURFACE_LIMIT = 1000
+
+_SEAL = b"<!-- voxgran seal %s -->\n"
+_SEAL_LENGTH = len(_SEAL) - 2 + 64
+
+
+def save_packing(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    """Write a packing to one ``.vtp`` file that alone reloads it bit for bit.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    path : path-like
+        File to write.
+    overwrite : bool
+        Whether a file that is there may be replaced.
+
+    Raises
+    ------
+    InputError
+        If the provenance holds something that JSON cannot.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    OutputError
+        If it cannot be written; what was there before is untouched.
+
+    Notes
+    -----
+    Points are centroids with the values of the grains; shapes, container and provenance are field data.
+    """
+    record = to_record(packing)
+    data = poly_data(record.position, "Verts", np.arange(packing.count)[:, None])
+    attach(data.GetPointData(), record.per_grain)
+    attach(data.GetFieldData(), record.arrays)
+    attach_texts(data.GetFieldData(), record.texts)
+    with written_whole(path, overwrite=overwrite) as draft:
+        write_data("vtkXMLPolyDataWriter", data, draft)
+        with draft.open("ab") as file:
+            file.write(_SEAL % _hash(draft, draft.stat().st_size).encode())
+
+
+def load_packing(path: str | os.PathLike[str]) -> Packing:
+    """Read a packing from a ``.vtp`` file that :func:`save_packing` wrote.
+
+    Parameters
+    ----------
+    path : path-like
+        File to read.
+
+    Returns
+    -------
+    Packing
+        With the same bits.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If it is damaged, cut off, changed by another program, or no packing.
+    """
+    found = existing_file(path)
+    _check_seal(found)
+    data = read_data("vtkXMLPolyDataReader", found)
+    arrays, texts = detach(data.GetFieldData())
+    per_grain, _ = detach(data.GetPointData())
+    position = np.zeros((0, 3))
+    if data.GetNumberOfPoints():
+        position = np.array(numpy_support().vtk_to_numpy(data.GetPoints().GetData()))
+    try:
+        return from_record(Record(position, per_grain, arrays, texts))
+    except FileFormatError as error:
+        raise FileFormatError(f"{found}: {error}") from error
+
+
+def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0.0, overwrite: bool = True) -> None:
+    """Write what ParaView shows of a packing: the surfaces of the grains, the container and the contacts.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    path : path-like
+        The ``.vtm`` file; its parts go to the folder of the same name beside it.
+    gap : float
+        Grains nearer than this are in contact, in the unit of lengths.
+    overwrite : bool
+        Whether what is there may be replaced.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is not ``.vtm``.
+    InputError
+        If the gap is negative or not finite.
+    TooLargeError
+        If the surfaces have more triangles than fit.
+    OutputExistsError
+        If it is there and `overwrite` is false.
+    OutputError
+        If it cannot be written; what was there before is untouched.
+
+    Notes
+    -----
+    Where there are more than BALL_SURFACE_LIMIT balls, they are points with a radius (show them as Point Gaussian
+    or glyphs); all other grains are one mesh with the grain, its shape and its diameter at each triangle. Contacts
+    are lines between the centroids, with gap, normal and contact point.
+    """
+    target = Path(path)
+    if target.suffix.lower() != ".vtm":
+        raise FileFormatError(f"{target} has the suffix {target.suffix!r}: scenes are kept as .vtm; rename it")
+    reach = as_number(gap, "gap", at_least=0.0)
+    if target.exists() and not overwrite:
+        raise OutputExistsError(f"{target} is there already: it is not replaced unasked; ask to overwrite or move it")
+    parts = {
+        "grains": _grain_surfaces(packing),
+        "balls": _ball_points(packing),
+        "container": poly_data(packing.container.mesh()[0], "Polys", packing.container.mesh()[1]),
+        "contacts": _contact_lines(packing, reach),
+    }
+    parts = {name: data for name, data in parts.items() if data.GetNumberOfPoints()}
+    with written_whole(target.with_suffix(""), overwrite=overwrite) as folder:
+        folder.mkdir()
+        for name, data in parts.items():
+            write_data("vtkXMLPolyDataWriter", data, folder / f"{name}.vtp")
+    write_text(target, _multi_block(target.stem, list(parts)), overwrite=overwrite)
+
+
+def _hash(path: Path, length: int) -> str:
+    """Return the SHA-256 of the first bytes of a file."""
+    digest = hashlib.sha256()
+    with path.open("rb") as file:
+        while length > 0 and (block := file.read(min(length, 2**20))):
+            digest.update(block)
+            length -= len(block)
+    return digest.hexdigest()
+
+
+def _check_seal(path: Path) -> None:
+    """Refuse a file that is not, byte for byte, what was written."""
+    body = path.stat().st_size - _SEAL_LENGTH
+    with path.open("rb") as file:
+        file.seek(max(body, 0))
+        seal = file.read()
+    start, end = _SEAL.split(b"%s")
+    if body < 0 or not (seal.startswith(start) and seal.endswith(end)):
+        raise FileFormatError(
+            f"{path} does not end with the seal of voxgran: it is cut off, damaged or was written by another program; "
+            "save the packing again"
+        )
+    if seal != _SEAL % _hash(path, body).encode():
+        raise FileFormatError(f"{path} is damaged (its hash is not the one in its seal): save the packing again")
+
+
+def _is_ball(packing: Packing) -> Any:
+    """Tell for each grain whether it is a ball, (n,)."""
+    balls = [isinstance(s.geometry, Primitive) and s.geometry.kind == "sphere" for s in packing.shapes]
+    return np.array([*balls, False])[packing.shape_id]
+
+
+def _balls_as_points(packing: Packing) -> Any:
+    """Return the grains that are drawn as points: all balls, if there are many."""
+    balls = np.flatnonzero(_is_ball(packing))
+    return balls if len(balls) > BALL_SURFACE_LIMIT else balls[:0]
+
+
+def _per_grain(packing: Packing, grains: Any) -> dict[str, Any]:
+    """Return what triangles and points are coloured by."""
+    return {"grain": grains, "shape_id": packing.shape_id[grains], "diameter": packing.diameters[grains]}
+
+
+def _grain_surfaces(packing: Packing) -> Any:
+    """Return the surfaces of the grains, except of many balls."""
+    others = np.setdiff1d(np.arange(packing.count), _balls_as_points(packing))
+    surfaces = merged_surfaces(packing, grains=others)
+    data = poly_data(surfaces.vertices, "Polys", surfaces.faces)
+    attach(data.GetCellData(), _per_grain(packing, surfaces.grain))
+    return data
+
+
+def _ball_points(packing: Packing) -> Any:
+    """Return many balls as points."""
+    balls = _balls_as_points(packing)
+    data = poly_data(packing.position[balls], "Verts", np.arange(len(balls))[:, None])
+    attach(data.GetPointData(), {**_per_grain(packing, balls), "radius": packing.bounding_radii[balls]})
+    return data
+
+
+def _contact_lines(packing: Packing, gap: float) -> Any:
+    """Return contacts as lines between centroids; across a periodic face the line leaves the container."""
+    contacts = packing.contacts(gap)
+    lengths = packing.container.bounds[1] - packing.container.bounds[0]
+    partner = packing.position[contacts.j] + contacts.image * lengths
+    ends = np.stack([packing.position[contacts.i], partner], axis=1).reshape(-1, 3)
+    data = poly_data(ends, "Lines", np.arange(len(ends)).reshape(-1, 2))
+    values = {name: getattr(contacts, name) for name in ("i", "j", "gap", "normal", "point")}
+    attach(data.GetCellData(), values)
+    return data
+
+
+def _multi_block(folder: str, names: list[str]) -> str:
+    """Return the text of a .vtm file."""
+    blocks = [
+        f'    <DataSet index="{index}" name="{name}" file={quoteattr(f"{folder}/{name}.vtp")}/>'
+        for index, name in enumerate(names)
+    ]
+    head = '<VTKFile type="vtkMultiBlockDataSet" version="1.0" byte_order="LittleEndian">'
+    lines = ['<?xml version="1.0"?>', head, "  <vtkMultiBlockDataSet>", *blocks]
+    return "\n".join([*lines, "  </vtkMultiBlockDataSet>", "</VTKFile>", ""])

@@ -1,0 +1,1 @@
+"""Arrays on a regular lattice; no grains here."""

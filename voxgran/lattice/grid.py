@@ -1,0 +1,67 @@
+"""A regular lattice of cubic voxels: where it lies and how indices and coordinates correspond."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """A box of cubic voxels.
+
+    Attributes
+    ----------
+    origin : tuple of float
+        Corner of voxel (0, 0, 0), in the unit of lengths.
+    voxel_size : float
+        Edge of a voxel, in the unit of lengths.
+    shape : tuple of int
+        Number of voxels along x, y, z.
+    """
+
+    origin: tuple[float, float, float]
+    voxel_size: float
+    shape: tuple[int, int, int]
+
+    @classmethod
+    def around(cls, lower: Floats, upper: Floats, voxel_size: float, *, margin: int = 1) -> "Grid":
+        """Return the grid with a voxel corner at the coordinates' origin that covers a box.
+
+        Parameters
+        ----------
+        lower, upper : (3,) ndarray of float
+            Corners of the box, in the unit of lengths.
+        voxel_size : float
+            Edge of a voxel, in the unit of lengths.
+        margin : int
+            Empty voxels on each side.
+        """
+        low = np.floor(np.asarray(lower) / voxel_size).astype(int) - margin
+        high = np.ceil(np.asarray(upper) / voxel_size).astype(int) + margin
+        counts = np.maximum(high - low, 1)
+        x, y, z = (float(value) for value in low * voxel_size)
+        return cls((x, y, z), float(voxel_size), (int(counts[0]), int(counts[1]), int(counts[2])))
+
+    @property
+    def voxel_count(self) -> int:
+        """Number of voxels."""
+        return self.shape[0] * self.shape[1] * self.shape[2]
+
+    @property
+    def lengths(self) -> Floats:
+        """Edges of the box, (3,), in the unit of lengths."""
+        return np.array(self.shape) * self.voxel_size
+
+    def centers(self, axis: int) -> Floats:
+        """Return the coordinates of the voxel centers along an axis, (shape[axis],)."""
+        return np.asarray(self.origin[axis] + (np.arange(self.shape[axis]) + 0.5) * self.voxel_size, dtype=np.float64)
+
+    def coordinates(self, indices: Integers) -> Floats:
+        """Return the (n, 3) centers of voxels from their (n, 3) indices."""
+        return np.array(self.origin) + (np.asarray(indices) + 0.5) * self.voxel_size
+
+    def indices(self, points: Floats) -> Integers:
+        """Return the (n, 3) indices of the voxels that hold (n, 3) points; outside they are out of range."""
+        return np.floor((np.asarray(points) - np.array(self.origin)) / self.voxel_size).astype(np.int64)

@@ -1,0 +1,1 @@
+"""Grains without poses into grains with poses, checked against the true geometry."""

@@ -1,0 +1,298 @@
+"""Occupancy of a lattice as bit columns: one bit a voxel, 64 voxels of a column along z in one word.
+
+Three things live here: the bank, which holds the voxels of each grain packed along each of its three axes, so that any
+of the 24 rotations of the lattice is a copy of whole columns; the canvas, which is the packed occupancy of the
+container; and the kernels that test, stamp and turn grains word by word.
+
+Canvas words lie as ``canvas[x, word of z, y]`` and grain words as ``bits[x, word of z, y]`` with a ring of empty
+columns, so that the inner loops run along y over neighbouring words. On a periodic axis the canvas goes on beyond both
+ends by the largest grain, and a grain that reaches over the end is stamped there and at its image: no test wraps.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Booleans, Integers
+from voxgran._base.kernels import kernel
+
+Words: TypeAlias = NDArray[np.uint64]
+Triple: TypeAlias = tuple[int, int, int]
+
+
+class Field(NamedTuple):
+    """A canvas as kernels take it: flat words, steps from column to column, and the container's axes."""
+
+    words: Words
+    stride_x: int
+    stride_w: int
+    shape: Integers
+    margin: Integers
+    periodic: Integers
+
+
+@dataclass(frozen=True, slots=True)
+class Bank:
+    """Voxels of members (a member is a grain in one base orientation), packed along each axis.
+
+    Attributes
+    ----------
+    words : (w,) ndarray of uint64
+        All packed columns.
+    start : (m, 3) ndarray of int
+        Where the columns of a member along each axis begin.
+    low : (m, 3) ndarray of int
+        Lowest voxel of the member along each axis, counted from the corner at its centroid.
+    size : (m, 3) ndarray of int
+        Extents in voxels.
+    voxels : (m,) ndarray of int
+        Number of voxels.
+    """
+
+    words: Words
+    start: Integers
+    low: Integers
+    size: Integers
+    voxels: Integers
+
+    @property
+    def nbytes(self) -> int:
+        """Size in bytes."""
+        return self.words.nbytes + self.start.nbytes + self.low.nbytes + self.size.nbytes
+
+
+def make_bank(count: int, mask_of: Callable[[int], Booleans]) -> Bank:
+    """Pack the masks of all members.
+
+    Parameters
+    ----------
+    count : int
+        Number of members.
+    mask_of : callable
+        Member index to its mask, centered: the corner at its middle is the centroid.
+    """
+    chunks: list[Words] = []
+    start, low, size = (np.zeros((count, 3), dtype=np.int64) for _ in range(3))
+    voxels = np.zeros(count, dtype=np.int64)
+    offset = 0
+    for member in range(count):
+        mask = mask_of(member)
+        filled = [np.flatnonzero(mask.any(axis=tuple(k for k in range(3) if k != axis))) for axis in range(3)]
+        first = np.array([line[0] for line in filled])
+        size[member] = np.array([line[-1] for line in filled]) + 1 - first
+        middle = np.array(mask.shape) // 2
+        low[member] = first - middle
+        voxels[member] = np.count_nonzero(mask)
+        box = mask[tuple(slice(a, a + n) for a, n in zip(first, size[member], strict=True))]
+        for axis in range(3):
+            words = pack_columns(box.transpose((axis + 1) % 3, (axis + 2) % 3, axis))
+            start[member, axis] = offset
+            chunks.append(words.reshape(-1))
+            offset += words.size
+    return Bank(np.concatenate(chunks) if chunks else np.zeros(0, np.uint64), start, low, size, voxels)
+
+
+def pack_columns(mask: Booleans) -> Words:
+    """Return (u, v, words) bit columns along the last axis of a (u, v, n) mask; bit b of word w is voxel 64 w + b."""
+    words = -(-mask.shape[2] // 64)
+    padded = np.zeros((*mask.shape[:2], words * 64), dtype=np.uint8)
+    padded[:, :, : mask.shape[2]] = mask
+    packed = np.packbits(padded, axis=2, bitorder="little")
+    return np.ascontiguousarray(packed).view("<u8").astype(np.uint64, copy=False)
+
+
+def unpack_columns(words: Words, height: int) -> Booleans:
+    """Return the (u, v, height) mask of (u, v, words) bit columns."""
+    flat = np.ascontiguousarray(words).astype("<u8", copy=False).view(np.uint8)
+    return np.unpackbits(flat, axis=2, count=height, bitorder="little").astype(bool)
+
+
+@dataclass(frozen=True, slots=True)
+class Canvas:
+    """Where the packed occupancy lies: sizes and margins.
+
+    Attributes
+    ----------
+    shape : (3,) ndarray of int
+        Voxels of the container along x, y, z.
+    margin : (3,) ndarray of int
+        Voxels before the first and at least as many after the last: 1 at walls, the largest grain where periodic.
+    periodic : (3,) ndarray of int
+        1 where the axis is periodic.
+    """
+
+    shape: Integers
+    margin: Integers
+    periodic: Integers
+
+    @property
+    def word_shape(self) -> tuple[int, int, int]:
+        """Shape of the word array: x, words along z, y; one word beyond the last is always there."""
+        full = self.shape + 2 * self.margin
+        return int(full[0]), int(-(-full[2] // 64) + 1), int(full[1])
+
+    def words(self, free: Booleans | None) -> Words:
+        """Return the canvas of an empty container, flat.
+
+        Parameters
+        ----------
+        free : ndarray of bool or None
+            Voxels that grains may take; None for all.
+        """
+        nx, nw, ny = self.word_shape
+        blocked = np.ones((nx, ny, nw * 64), dtype=bool)
+        inner = tuple(slice(m, m + n) for m, n in zip(self.margin, self.shape, strict=True))
+        reach = tuple(
+            slice(None) if wraps else part
+            for wraps, part in zip(self.periodic, (inner[0], inner[1], inner[2]), strict=True)
+        )
+        blocked[reach] = False
+        if free is not None:
+            blocked[inner] |= ~free
+        return np.ascontiguousarray(pack_columns(blocked).transpose(0, 2, 1)).reshape(-1)
+
+    def occupied(self, words: Words) -> Booleans:
+        """Return the (nx, ny, nz) mask of what is taken inside the container."""
+        nx, nw, ny = self.word_shape
+        mask = unpack_columns(words.reshape(nx, nw, ny).transpose(0, 2, 1), nw * 64)
+        return mask[tuple(slice(m, m + n) for m, n in zip(self.margin, self.shape, strict=True))]
+
+
+@kernel
+def turned_box(low: Integers, size: Integers, turn: Integers) -> tuple[Triple, Triple]:
+    """Return lowest voxel and extents of a member after a signed permutation of the axes.
+
+    turn[i] is the body axis that lattice axis i shows, plus 3 where it is reversed.
+    """
+    s = (size[turn[0] % 3], size[turn[1] % 3], size[turn[2] % 3])
+    x, y, z = low[turn[0] % 3], low[turn[1] % 3], low[turn[2] % 3]
+    return (
+        -x - s[0] if turn[0] > 2 else x,
+        -y - s[1] if turn[1] > 2 else y,
+        -z - s[2] if turn[2] > 2 else z,
+    ), s
+
+
+@kernel
+def write_turned(words: Words, start: Integers, size: Integers, turn: Integers, bits: Words, at: int) -> None:
+    """Write the columns of a turned member into ``bits[at:]``, with a ring of empty columns."""
+    p0, p1, p2 = turn[0] % 3, turn[1] % 3, turn[2] % 3
+    wide, deep, tall = size[p0], size[p1], size[p2]
+    count = (tall + 63) // 64
+    row = deep + 2
+    bits[at : at + (wide + 2) * count * row] = np.uint64(0)
+    straight = p0 == (p2 + 1) % 3
+    across = size[(p2 + 2) % 3]
+    shift = np.uint64(count * 64 - tall)
+    for i in range(wide):
+        a = wide - 1 - i if turn[0] > 2 else i
+        for j in range(deep):
+            b = deep - 1 - j if turn[1] > 2 else j
+            column = start[p2] + ((a * across + b) if straight else (b * across + a)) * count
+            target = at + (i + 1) * count * row + j + 1
+            for k in range(count):
+                value = words[column + k]
+                if turn[2] > 2:
+                    value = _reversed_word(words[column + count - 1 - k]) >> shift
+                    if k + 1 < count:
+                        above = _reversed_word(words[column + count - 2 - k])
+                        value |= (above << np.uint64(1)) << (np.uint64(63) - shift)
+                bits[target + k * row] = value
+
+
+@kernel
+def _reversed_word(word):  # type: ignore[no-untyped-def]
+    """Return the word with its 64 bits in reverse order: swap neighbours, pairs, nibbles, bytes, ..."""
+    mask = np.uint64(0xFFFFFFFFFFFFFFFF)
+    for k in range(5, -1, -1):
+        step = np.uint64(1 << k)
+        mask ^= mask << step
+        word = ((word >> step) & mask) | ((word << step) & ~mask)
+    return word
+
+
+@kernel
+def is_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> bool:
+    """Tell whether any voxel of a grain with its lowest voxel at a canvas voxel is taken.
+
+    Unsigned indices let the compiler drop the handling of negative ones and use vector instructions.
+    """
+    wide, deep, tall = size
+    x, y, z = corner
+    count = (tall + 63) // 64
+    shift = np.uint64(z & 63)
+    back = np.uint64(63) - shift
+    canvas = field.words
+    for i in range(wide):
+        for k in range(count + 1):
+            if k == count and (z & 63) + tall <= count * 64:
+                break
+            cell = np.uint64((x + i) * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
+            here, under = _rows(at, i + 1, k, count, deep + 2, 1)
+            found = np.uint64(0)
+            for j in range(np.uint64(deep)):
+                word = (bits[here + j] << shift) | ((bits[under + j] >> np.uint64(1)) >> back)
+                found |= word & canvas[cell + j]
+            if found != np.uint64(0):
+                return True
+    return False
+
+
+@kernel
+def is_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> bool:
+    """Tell whether a grain that comes to `corner` by one step would cover a taken voxel anew."""
+    wide, deep, tall = size
+    x, y, z = corner
+    dx, dy, dz = step
+    count = (tall + 63) // 64
+    shift, old_shift = np.uint64(z & 63), np.uint64((z - dz) & 63)
+    back, old_back = np.uint64(63) - shift, np.uint64(63) - old_shift
+    lag = (z >> 6) - ((z - dz) >> 6)
+    canvas = field.words
+    for i in range(wide):
+        for k in range(count + 1):
+            if k == count and (z & 63) + tall <= count * 64:
+                break
+            cell = np.uint64((x + i) * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
+            here, under = _rows(at, i + 1, k, count, deep + 2, 1)
+            # the column that covered this place before the step, in the word that covers it now
+            old_here, old_under = _rows(at, i + 1 + dx, k + lag, count, deep + 2, 1 + dy)
+            found = np.uint64(0)
+            for j in range(np.uint64(deep)):
+                word = (bits[here + j] << shift) | ((bits[under + j] >> np.uint64(1)) >> back)
+                own = (bits[old_here + j] << old_shift) | ((bits[old_under + j] >> np.uint64(1)) >> old_back)
+                found |= word & ~own & canvas[cell + j]
+            if found != np.uint64(0):
+                return True
+    return False
+
+
+@kernel
+def stamp(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> None:
+    """Flip the voxels of a grain: put it where it is not, take it away where it is."""
+    wide, deep, tall = size
+    x, y, z = corner
+    count = (tall + 63) // 64
+    shift = np.uint64(z & 63)
+    back = np.uint64(63) - shift
+    canvas = field.words
+    for i in range(wide):
+        for k in range(count + 1):
+            if k == count and (z & 63) + tall <= count * 64:
+                break
+            cell = np.uint64((x + i) * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
+            here, under = _rows(at, i + 1, k, count, deep + 2, 1)
+            for j in range(np.uint64(deep)):
+                canvas[cell + j] ^= (bits[here + j] << shift) | ((bits[under + j] >> np.uint64(1)) >> back)
+
+
+@kernel
+def _rows(at, i, k, count, row, first):  # type: ignore[no-untyped-def]
+    """Return where words k and k - 1 of a row of columns begin; a missing word is the row of zeros at 0."""
+    begin = at + (i * count + k) * row + first
+    here = np.uint64(begin) if 0 <= k < count else np.uint64(0)
+    under = np.uint64(begin - row) if 0 < k <= count else np.uint64(0)
+    return here, under

@@ -1,0 +1,423 @@
+"""The walk of grains through space: the kernels of control-point packing.
+
+Attempt number a draws blocks (a, 0), (a, 1) and (a, 2) of the random stream and nothing else, so that chunks of
+attempts do not matter. The centers of the grains lie in linked cells, which follow each move; what an attempt finds
+there does not depend on the order in the lists.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import kernel
+from voxgran._base.seeds import below, philox_block, unit_float
+from voxgran.packing.bits import Words
+from voxgran.packing.control_points import (
+    Bed,
+    Bodies,
+    Memory,
+    Scratch,
+    Walls,
+    is_outside,
+    meets,
+    recall,
+    write_matrix,
+)
+
+#: how far from the top wall a grain enters, in median diameters: more than rounding
+CLEAR = 1e-9
+#: factors on the step of a grain after a move and after a refusal: a quarter of the attempts then succeed
+GROWTH, DECAY = 1.1, 0.97
+
+
+class Cells(NamedTuple):
+    """Linked cells of the centers: the first grain of each cell, the next grain after each grain (-1: none).
+
+    `reach` is the largest bounding radius plus the largest distance at which two grains are refused.
+    """
+
+    lower: Floats
+    width: Floats
+    count: Integers  # type: ignore[assignment]
+    head: Integers
+    after: Integers
+    reach: float
+
+
+class Rules(NamedTuple):
+    """How grains move.
+
+    shares: upward moves kept at the start, attempts with a turn, attempts that feed.  schedule: attempt at which
+    feeding ended (-1: not yet), attempts of all cycles, number of cycles, refusals in a row after which the container
+    is full.
+    """
+
+    gravity: Floats
+    tilt: float
+    anywhere: bool
+    shares: Floats
+    schedule: Integers
+    gap: float
+    longest: float
+    shortest: float
+    dimension: int
+
+
+@kernel
+def link_all(bed: Bed, cells: Cells) -> None:
+    """Put the grains that have entered into empty cells."""
+    for g in range(len(bed.placed)):
+        if bed.placed[g] == 1:
+            _link(cells, g, _cell(cells, bed.position[g]))
+
+
+@kernel
+def make_attempts(
+    bed: Bed,
+    bodies: Bodies,
+    cells: Cells,
+    walls: Walls,
+    rules: Rules,
+    memory: Memory,
+    scratch: Scratch,
+    queue: Integers,
+    tally: Integers,
+    key: Words,
+    first: int,
+    last: int,
+) -> int:
+    """Make attempts `first` ... `last` - 1; return the number of the next one.
+
+    It ends early when the queue is empty or the container is full. The first entries of the queue wait, the others
+    have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in a row.
+    """
+    feeding = rules.schedule[0] < 0
+    for attempt in range(first, last):
+        words = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
+        more = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
+        if feeding and (tally[0] == 0 or unit_float(more[0]) < rules.shares[2]):
+            turns = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(2))
+            if _feed(bed, bodies, cells, walls, rules, memory, scratch, queue, tally, words, turns):
+                return attempt + 1
+            continue
+        g = queue[len(queue) - 1 - below(words[0], tally[0])]
+        _propose_place(bed, rules, scratch, g, words, unit_float(more[1]) < _upward_share(rules, attempt))
+        turned = unit_float(more[2]) < rules.shares[1]
+        if turned:
+            turns = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(2))
+            _propose_turn(bed, rules, scratch, g, turns)
+            tally[4] += 1
+        else:
+            scratch.quaternion[:] = bed.orientation[g]
+        tally[2] += 1
+        if _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, 2.0 * bed.step[g]):
+            bed.step[g] = max(bed.step[g] * DECAY, rules.shortest * bed.diameter[g])
+            continue
+        _place(bed, cells, walls, scratch, g)
+        bed.step[g] = min(bed.step[g] * GROWTH, longest_step(bed, rules, g))
+        tally[1] += 1
+        tally[3] += turned
+    return last
+
+
+@kernel
+def longest_step(bed: Bed, rules: Rules, g: int) -> float:
+    """Return the longest step of a grain: no point of it then moves farther than its volume over its surface.
+
+    A grain that lies outside of another before a move and inside of it after the move has moved by at least twice the
+    radius of a ball within it, and thus farther.
+    """
+    return min(rules.longest * bed.diameter[g], 0.5 * bed.extent[g, 2])
+
+
+@kernel
+def _upward_share(rules, attempt):  # type: ignore[no-untyped-def]
+    """Return the share of upward moves that are kept: it dies away within each cycle and from cycle to cycle."""
+    begin, attempts, cycles = rules.schedule[0], rules.schedule[1], rules.schedule[2]
+    if begin < 0 or attempt - begin >= attempts:
+        return 0.0
+    along = (attempt - begin) / attempts * cycles
+    cycle = np.floor(along)
+    return rules.shares[0] * (1.0 - cycle / cycles) * (1.0 - (along - cycle))
+
+
+@kernel
+def _propose_place(bed, rules, scratch, g, words, upward):  # type: ignore[no-untyped-def]
+    """Move a center by a random unit vector, tilted downward unless it may go up, times a random part of the step."""
+    c = 2.0 * unit_float(words[1]) - 1.0 if rules.dimension == 3 else 0.0
+    s = np.sqrt(1.0 - c * c)
+    angle = 2.0 * np.pi * unit_float(words[2])
+    x, y, z = s * np.cos(angle), s * np.sin(angle), c
+    along = x * rules.gravity[0] + y * rules.gravity[1] + z * rules.gravity[2]
+    if not upward:
+        # mirror what points upward, then tilt; both do nothing where gravity is zero
+        add = rules.tilt + (-2.0 * along if along < 0.0 else 0.0)
+        x, y, z = x + add * rules.gravity[0], y + add * rules.gravity[1], z + add * rules.gravity[2]
+    length = bed.step[g] * (1.0 - unit_float(words[3])) / np.sqrt(x * x + y * y + z * z)
+    scratch.place[0] = bed.position[g, 0] + length * x
+    scratch.place[1] = bed.position[g, 1] + length * y
+    scratch.place[2] = bed.position[g, 2] + length * z
+
+
+@kernel
+def _propose_turn(bed, rules, scratch, g, words):  # type: ignore[no-untyped-def]
+    """Turn a grain about a random axis, in 2D about z, by an angle that moves no point of it farther than the step."""
+    reach = bed.step[g] / bed.extent[g, 0]
+    half = 0.5 * reach * (2.0 * unit_float(words[0]) - 1.0)
+    c = 2.0 * unit_float(words[1]) - 1.0 if rules.dimension == 3 else 1.0
+    s = np.sqrt(1.0 - c * c)
+    angle = 2.0 * np.pi * unit_float(words[2])
+    w, f = np.cos(half), np.sin(half)
+    x, y, z = f * s * np.cos(angle), f * s * np.sin(angle), f * c
+    a, b, d, e = bed.orientation[g, 0], bed.orientation[g, 1], bed.orientation[g, 2], bed.orientation[g, 3]
+    q = scratch.quaternion
+    q[0] = w * a - x * b - y * d - z * e
+    q[1] = w * b + x * a + y * e - z * d
+    q[2] = w * d - x * e + y * a + z * b
+    q[3] = w * e + x * d - y * b + z * a
+    q /= np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+
+
+@kernel
+def _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
+    """Tell whether a grain, in the pose that is tried, meets a wall or a grain; `moved` bounds how far its points
+    came.
+    """
+    write_matrix(scratch.quaternion, scratch.turn)
+    if is_outside(bed, bodies, walls, scratch, g, moved):
+        return True
+    if _meets_own_image(bed, bodies, cells, walls, rules, memory, scratch, g, moved):
+        return True
+    return _meets_any(bed, bodies, cells, walls, rules, memory, scratch, g, moved)
+
+
+@kernel
+def _meets_own_image(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
+    """Tell whether a grain meets one of its periodic images; there is none to look at in a wide container."""
+    reach = bed.extent[g, 0] + cells.reach
+    nx, ny, nz = _images(walls, 0, reach), _images(walls, 1, reach), _images(walls, 2, reach)
+    for ix in range(-nx, nx + 1):
+        for iy in range(-ny, ny + 1):
+            for iz in range(-nz, nz + 1):
+                if ix != 0 or iy != 0 or iz != 0:
+                    dx = ix * (walls.upper[0] - walls.lower[0])
+                    dy = iy * (walls.upper[1] - walls.lower[1])
+                    dz = iz * (walls.upper[2] - walls.lower[2])
+                    if meets(bed, bodies, memory, scratch, g, g, rules.gap, dx, dy, dz, moved):
+                        return True
+    return False
+
+
+@kernel
+def _images(walls, axis, reach):  # type: ignore[no-untyped-def]
+    """Return how many images along an axis, to each side, are within reach."""
+    if walls.periodic[axis] == 0:
+        return 0
+    return np.int64(np.floor(reach / (walls.upper[axis] - walls.lower[axis])))
+
+
+@kernel
+def _meets_any(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
+    """Tell whether a grain meets another: first from memory, then by comparing those of whom it does not tell."""
+    pending, position = scratch.pending, bed.position
+    count = _look_around(
+        *(position, bed.orientation, bed.diameter, bed.extent, cells.head, cells.after, cells.lower, cells.width),
+        *(
+            cells.count,
+            walls.lower,
+            walls.upper,
+            walls.periodic,
+            memory.pairs,
+            memory.poses,
+            memory.lists,
+            bodies.trees.points,
+        ),
+        *(scratch.place, scratch.turn, scratch.relative, scratch.shift, pending, g, cells.reach, rules.gap, moved),
+    )
+    for k in range(count):
+        j = pending[k, 0]
+        dx = scratch.place[0] - position[j, 0] - pending[k, 1] * (walls.upper[0] - walls.lower[0])
+        dy = scratch.place[1] - position[j, 1] - pending[k, 2] * (walls.upper[1] - walls.lower[1])
+        dz = scratch.place[2] - position[j, 2] - pending[k, 3] * (walls.upper[2] - walls.lower[2])
+        if meets(bed, bodies, memory, scratch, g, j, rules.gap, dx, dy, dz, moved):
+            return True
+    return count < 0
+
+
+@kernel
+def _look_around(  # type: ignore[no-untyped-def]
+    position,
+    orientation,
+    diameter,
+    extent,
+    head,
+    after,
+    origin,
+    width,
+    cells,
+    lower,
+    upper,
+    periodic,
+    pairs,
+    poses,
+    lists,
+    points,
+    place,
+    turn,
+    relative,
+    shift,
+    pending,
+    g,
+    reach,
+    gap,
+    moved,
+):
+    """List the neighbours, periodic images included, that a grain must be compared with; -1 where it surely meets
+    one.
+    """
+    reach += extent[g, 0]
+    found = 0
+    ax, bx = _cell_range(origin[0], width[0], cells[0], periodic[0], place[0], reach)
+    ay, by = _cell_range(origin[1], width[1], cells[1], periodic[1], place[1], reach)
+    az, bz = _cell_range(origin[2], width[2], cells[2], periodic[2], place[2], reach)
+    for cx in range(ax, bx + 1):
+        ix = cx // cells[0]
+        x = place[0] - ix * (upper[0] - lower[0])
+        for cy in range(ay, by + 1):
+            iy = cy // cells[1]
+            y = place[1] - iy * (upper[1] - lower[1])
+            for cz in range(az, bz + 1):
+                iz = 0 if 0 <= cz < cells[2] else cz // cells[2]
+                z = place[2] - iz * (upper[2] - lower[2])
+                j = head[((cx - ix * cells[0]) * cells[1] + cy - iy * cells[1]) * cells[2] + cz - iz * cells[2]]
+                while j >= 0:
+                    dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+                    near = extent[g, 0] + extent[j, 0] + extent[g, 1] + extent[j, 1] + gap
+                    if j != g and dx * dx + dy * dy + dz * dz <= near * near:
+                        answer = recall(
+                            *(orientation, diameter, extent, pairs, poses, lists, points, turn, relative, shift),
+                            *(g, j, gap, dx, dy, dz, moved),
+                        )
+                        if answer == 1:
+                            return -1
+                        if answer == 2:
+                            pending[found, 0], pending[found, 1], pending[found, 2], pending[found, 3] = j, ix, iy, iz
+                            found += 1
+                    j = after[j]
+    return found
+
+
+@kernel
+def _cell_range(origin, width, cells, periodic, x, reach):  # type: ignore[no-untyped-def]
+    """Return the first and last cell that a reach touches along an axis; beyond the ends only where it is periodic."""
+    first = np.int64(np.floor((x - reach - origin) / width))
+    last = np.int64(np.floor((x + reach - origin) / width))
+    if periodic == 0:
+        return min(max(first, 0), cells - 1), max(min(last, cells - 1), 0)
+    return first, last
+
+
+@kernel
+def _cell(cells, place):  # type: ignore[no-untyped-def]
+    """Return the cell of a center."""
+    index = np.int64(0)
+    for axis in range(3):
+        k = np.int64(np.floor((place[axis] - cells.lower[axis]) / cells.width[axis]))
+        index = index * cells.count[axis] + min(max(k, 0), cells.count[axis] - 1)
+    return index
+
+
+@kernel
+def _link(cells, g, cell):  # type: ignore[no-untyped-def]
+    """Put a grain at the head of a cell."""
+    cells.after[g] = cells.head[cell]
+    cells.head[cell] = g
+
+
+@kernel
+def _unlink(cells, g, cell):  # type: ignore[no-untyped-def]
+    """Take a grain out of its cell."""
+    if cells.head[cell] == g:
+        cells.head[cell] = cells.after[g]
+        return
+    j = cells.head[cell]
+    while cells.after[j] != g:
+        j = cells.after[j]
+    cells.after[j] = cells.after[g]
+
+
+@kernel
+def _place(bed, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
+    """Take over the pose that was tried, wrapped into the container."""
+    place = scratch.place
+    for axis in range(3):
+        if walls.periodic[axis] == 1:
+            length = walls.upper[axis] - walls.lower[axis]
+            place[axis] -= np.floor((place[axis] - walls.lower[axis]) / length) * length
+    new = _cell(cells, place)
+    if bed.placed[g] == 1:
+        old = _cell(cells, bed.position[g])
+        if old != new:
+            _unlink(cells, g, old)
+            _link(cells, g, new)
+    else:
+        _link(cells, g, new)
+    bed.placed[g] = 1
+    bed.position[g] = place
+    bed.orientation[g] = scratch.quaternion
+
+
+@kernel
+def _feed(bed, bodies, cells, walls, rules, memory, scratch, queue, tally, words, turns):  # type: ignore[no-untyped-def]
+    """Let a waiting grain enter in a random orientation, at the top or anywhere; tell whether feeding has ended."""
+    waiting = len(queue) - tally[0]
+    slot = below(words[0], waiting)
+    g = queue[slot]
+    _random_turn(rules, scratch.quaternion, turns)
+    write_matrix(scratch.quaternion, scratch.turn)
+    fits = _enter_axis(bed, bodies, walls, rules, memory, scratch, g, 0, unit_float(words[1]))
+    fits = _enter_axis(bed, bodies, walls, rules, memory, scratch, g, 1, unit_float(words[2])) and fits
+    fits = _enter_axis(bed, bodies, walls, rules, memory, scratch, g, 2, unit_float(words[3])) and fits
+    tally[5] += 1
+    if not fits or _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, np.inf):
+        tally[6] += 1
+        return tally[6] >= rules.schedule[3]
+    _place(bed, cells, walls, scratch, g)
+    bed.step[g] = longest_step(bed, rules, g)
+    queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
+    tally[0] += 1
+    tally[6] = 0
+    return waiting == 1
+
+
+@kernel
+def _random_turn(rules, q, words):  # type: ignore[no-untyped-def]
+    """Write a uniform random rotation (Shoemake), in 2D about z."""
+    u = unit_float(words[0])
+    a, b = 2.0 * np.pi * unit_float(words[1]), 2.0 * np.pi * unit_float(words[2])
+    if rules.dimension == 2:
+        q[0], q[1], q[2], q[3] = np.cos(0.5 * a), 0.0, 0.0, np.sin(0.5 * a)
+    else:
+        inner, outer = np.sqrt(u), np.sqrt(1.0 - u)
+        q[0], q[1], q[2], q[3] = inner * np.cos(b), outer * np.sin(a), outer * np.cos(a), inner * np.sin(b)
+
+
+@kernel
+def _enter_axis(bed, bodies, walls, rules, memory, scratch, g, axis, share):  # type: ignore[no-untyped-def]
+    """Write where a grain enters along one axis; tell whether there is room."""
+    s, size = bed.shape[g], bed.diameter[g]
+    low, high = 0.0, 0.0
+    if walls.walled[axis] == 1:
+        for k in range(bodies.hull_start[s], bodies.hull_start[s + 1]):
+            p, turn = bodies.hull[k], scratch.turn
+            x = size * (turn[axis, 0] * p[0] + turn[axis, 1] * p[1] + turn[axis, 2] * p[2])
+            low, high = min(low, x), max(high, x)
+        room = bodies.margin[s] * size + CLEAR
+        low, high = low - room, high + room
+    low, high = walls.lower[axis] - low, walls.upper[axis] - high
+    if rules.gravity[axis] != 0.0 and not rules.anywhere:
+        scratch.place[axis] = high if rules.gravity[axis] < 0.0 else low
+    else:
+        scratch.place[axis] = low + share * (high - low)
+    return low <= high

@@ -1,0 +1,196 @@
+"""Which grains are to be packed: how many, of what shape, how large."""
+
+import logging
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number
+from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning
+from voxgran._base.seeds import stream
+from voxgran.containers.model import Container
+from voxgran.shapes.descriptors import principal_extents
+from voxgran.shapes.model import Shape
+from voxgran.shapes.sizes import SizeDistribution
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class Grains:
+    """Grains without poses.
+
+    Attributes
+    ----------
+    shape_id : (n,) ndarray of int
+        Which shape each grain has.
+    diameter : (n,) ndarray of float
+        Equivalent diameters, in the unit of lengths.
+    removed : dict
+        Count and volume of the grains that were drawn and cannot fit.
+    """
+
+    shape_id: Integers
+    diameter: Floats
+    removed: dict[str, float]
+
+
+def draw_grains(
+    shapes: Sequence[Shape],
+    container: Container,
+    sizes: SizeDistribution | None,
+    *,
+    count: int | None,
+    solid_fraction: float | None,
+    weights: ArrayLike | None,
+    weights_by: str,
+    seed: int,
+) -> Grains:
+    """Draw the grains of a packing.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        Shapes to draw from.
+    container : Container
+        What shall hold them.
+    sizes : SizeDistribution or None
+        Distribution of the equivalent diameters; None keeps each shape at its own size.
+    count : int or None
+        How many grains; None lets the solid fraction decide.
+    solid_fraction : float or None
+        Wanted solid fraction; None draws as many as fill the container without any void.
+    weights : (len(shapes),) array_like of float or None
+        Shares of the shapes; equal where None.
+    weights_by : {"number", "volume"}
+        What the shares are of.
+    seed : int
+        Seed of the run.
+
+    Returns
+    -------
+    Grains
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, or the grains have more volume than the container.
+    GrainTooLargeError
+        If no grain can fit.
+    """
+    wanted = None if count is None else as_count(count, "count")
+    target = container.volume * (
+        1.0 if solid_fraction is None else as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)
+    )
+    shares = _shares(shapes, weights, weights_by, sizes is None)
+    shape_id, diameter = _draw(shapes, shares, sizes, wanted, target, seed)
+    volumes = _volumes(shapes, shape_id, diameter)
+    if solid_fraction is not None and wanted is not None:
+        keep = np.cumsum(volumes) - volumes < target
+        shape_id, diameter, volumes = shape_id[keep], diameter[keep], volumes[keep]
+    fits = _fits(shapes, container, shape_id, diameter)
+    if len(fits) and not fits.any():
+        raise GrainTooLargeError(
+            f"the smallest grain has the diameter {diameter.min():.6g}: none can fit in the container of "
+            f"{_lengths_text(container)}; make the grains smaller or the container larger"
+        )
+    if wanted is not None and volumes[fits].sum() > container.volume:
+        raise InputError(
+            f"count is {wanted}: these grains have {volumes[fits].sum() / container.volume:.3g} times the volume of "
+            "the container; ask for fewer or smaller grains or a larger container"
+        )
+    removed = {"count": int((~fits).sum()), "volume": float(volumes[~fits].sum())}
+    if removed["count"]:
+        warnings.warn(
+            f"{removed['count']} grains of volume {removed['volume']:.6g} cannot fit in the container: the "
+            "gradation is cut there; make the container larger to keep it whole",
+            PackingWarning,
+            stacklevel=3,
+        )
+    return Grains(shape_id[fits], diameter[fits], removed)
+
+
+def _shares(shapes: Sequence[Shape], weights: ArrayLike | None, weights_by: str, own_size: bool) -> Floats:
+    """Return the probability of each shape by number."""
+    if not len(shapes):
+        raise InputError("shapes is empty: a packing needs at least one shape; give one")
+    share = np.ones(len(shapes)) if weights is None else as_floats(weights, "weights", shape=(len(shapes),))
+    if share.min() < 0 or share.sum() <= 0:
+        raise InputError(f"weights are {share.tolist()}: none may be negative and one must be above 0; change them")
+    if as_choice(weights_by, "weights_by", ("number", "volume")) == "volume" and own_size:
+        # with a size distribution all shapes have the same volumes, so that both shares are one
+        share = share / np.array([shape.volume for shape in shapes])
+    return share / share.sum()
+
+
+def _draw(
+    shapes: Sequence[Shape],
+    shares: Floats,
+    sizes: SizeDistribution | None,
+    count: int | None,
+    target: float,
+    seed: int,
+) -> tuple[Integers, Floats]:
+    """Draw shapes and diameters, in blocks until the target volume is reached where no count is given."""
+    shape_ids: list[Integers] = []
+    diameters: list[Floats] = []
+    volume, block = 0.0, 0
+    while count is None or block == 0:
+        many = 1024 if count is None else count
+        shape_id = stream(seed, "shapes", block).choice(len(shapes), size=many, p=shares).astype(np.int64)
+        diameter = _diameters(shapes, shape_id, sizes, stream(seed, "sizes", block))
+        shape_ids.append(shape_id)
+        diameters.append(diameter)
+        if count is None:
+            volumes = volume + np.cumsum(_volumes(shapes, shape_id, diameter))
+            enough = int(np.searchsorted(volumes, target))
+            if enough < many:
+                shape_ids[-1], diameters[-1] = shape_id[: enough + 1], diameter[: enough + 1]
+                break
+            volume = float(volumes[-1])
+        block += 1
+        if count is None and block * many > 10_000_000:
+            raise InputError(
+                f"the grains fill {volume / target:.3g} of the wanted volume after 10 million: give a count or "
+                "larger sizes"
+            )
+    return np.concatenate(shape_ids), np.concatenate(diameters)
+
+
+def _diameters(
+    shapes: Sequence[Shape], shape_id: Integers, sizes: SizeDistribution | None, generator: np.random.Generator
+) -> Floats:
+    """Return equivalent diameters; a size by the intermediate axis is turned into one with the axis of the shape."""
+    own = np.array([shape.diameter for shape in shapes])
+    if sizes is None:
+        return own[shape_id]
+    drawn = sizes.sample(len(shape_id), generator, dimension=shapes[0].dimension)
+    if sizes.by_intermediate_axis:
+        middle = np.array([principal_extents(shape)[1] for shape in shapes])
+        return drawn * (own / middle)[shape_id]
+    return drawn
+
+
+def _volumes(shapes: Sequence[Shape], shape_id: Integers, diameter: Floats) -> Floats:
+    """Return the true volumes of grains."""
+    dimension = shapes[0].dimension
+    unit = np.array([shape.volume / shape.diameter**dimension for shape in shapes])
+    return unit[shape_id] * diameter**dimension
+
+
+def _fits(shapes: Sequence[Shape], container: Container, shape_id: Integers, diameter: Floats) -> Any:
+    """Tell which grains can fit: their sorted extents are not larger than the sorted lengths of the bounds."""
+    dimension = container.dimension
+    lengths = np.sort((container.bounds[1] - container.bounds[0])[:dimension])
+    extents = np.sort(np.array([principal_extents(shape)[:dimension] / shape.diameter for shape in shapes]), axis=1)
+    return (extents[shape_id] * diameter[:, None] <= lengths * (1 + 1e-12)).all(axis=1)
+
+
+def _lengths_text(container: Container) -> str:
+    """Write the lengths of the bounds."""
+    lengths = (container.bounds[1] - container.bounds[0])[: container.dimension]
+    return " x ".join(f"{length:.6g}" for length in lengths)

@@ -1,0 +1,140 @@
+"""The lattice of a container: how many voxels, where, which of them grains may take, and where down is."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.errors import InputError
+from voxgran.containers.box import Box
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
+from voxgran.lattice.grid import Grid
+from voxgran.packing.problem import Problem
+from voxgran.voxels.occupy import occupy
+
+#: a count of voxels within this of a whole number is that number
+WHOLE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class ContainerLattice:
+    """Voxels over the bounds of a container.
+
+    Attributes
+    ----------
+    corner : (3,) ndarray of float
+        Lower corner of voxel (0, 0, 0), in median diameters.
+    voxel_size : float
+        Edge of a voxel, in median diameters.
+    shape : (3,) ndarray of int
+        Whole voxels along x, y, z; 1 along z in 2D.
+    """
+
+    corner: Floats
+    voxel_size: float
+    shape: Integers
+
+
+def container_lattice(problem: Problem, voxel_size: float) -> ContainerLattice:
+    """Return the lattice of the container with voxels no larger than asked, a whole number along periodic axes.
+
+    Parameters
+    ----------
+    problem : Problem
+        In the normalized frame.
+    voxel_size : float
+        Largest edge of a voxel, in median diameters.
+
+    Returns
+    -------
+    ContainerLattice
+
+    Raises
+    ------
+    InputError
+        If a voxel is larger than the container, or no voxel size down to half of it divides all periodic lengths.
+    """
+    container = problem.container
+    lower, upper = container.bounds
+    lengths = (upper - lower)[: container.dimension]
+    wraps = [k for k in range(container.dimension) if container.periodic[k]]
+    size = _dividing_size(lengths[wraps], voxel_size, problem.unit_length) if wraps else voxel_size
+    counts = np.ones(3, dtype=np.int64)
+    counts[: container.dimension] = np.floor(lengths / size + WHOLE).astype(np.int64)
+    if counts.min() < 1:
+        raise InputError(
+            f"voxel_size is {size * problem.unit_length:.6g}: the container is only "
+            f"{lengths.min() * problem.unit_length:.6g} wide; make the voxels smaller"
+        )
+    return ContainerLattice(lower.copy(), float(size), counts)
+
+
+def _dividing_size(lengths: Floats, voxel_size: float, unit: float) -> float:
+    """Return the largest size, not above the one asked for, that divides all lengths."""
+    fewest = int(np.ceil(lengths[0] / voxel_size - WHOLE))
+    for count in range(max(fewest, 1), 2 * max(fewest, 1) + 1):
+        size = lengths[0] / count
+        parts = lengths / size
+        if np.all(np.abs(parts - np.rint(parts)) <= WHOLE * np.maximum(parts, 1.0)):
+            return float(size)
+    raise InputError(
+        f"no voxel_size from {voxel_size * unit / 2:.6g} to {voxel_size * unit:.6g} divides the periodic lengths "
+        f"{(lengths * unit).tolist()}: make their ratio a simple fraction"
+    )
+
+
+def free_voxels(container: Container, lattice: ContainerLattice) -> Booleans | None:
+    """Return which voxels lie wholly inside the container; None where all do.
+
+    Parameters
+    ----------
+    container : Container
+        In median diameters.
+    lattice : ContainerLattice
+        Its lattice.
+
+    Returns
+    -------
+    (nx, ny, nz) ndarray of bool or None
+    """
+    if isinstance(container, Box | Rectangle):
+        return None
+    x, y, z = (int(n) for n in lattice.shape)
+    corner = (float(lattice.corner[0]), float(lattice.corner[1]), float(lattice.corner[2]))
+    if isinstance(container, ClosedMesh):
+        # touched from inside the solid and touched from outside: what is inside and not on the surface is free
+        grid = Grid(corner, lattice.voxel_size, (x, y, z))
+        offset = np.asarray(container.shape.offset)
+        surface = occupy(container.shape, grid, offset=offset, cover="surface")
+        return occupy(container.shape, grid, offset=offset, cover="center") & ~surface
+    # the other containers are convex: a cube lies inside when its corners do
+    axes = [corner[k] + np.arange(n + 1) * lattice.voxel_size for k, n in enumerate((x, y, z))]
+    inside = np.zeros((x + 1, y + 1, z + 1), dtype=bool)
+    for k, height in enumerate(axes[2]):
+        points = np.stack(np.broadcast_arrays(axes[0][:, None], axes[1][None, :], height), axis=-1)
+        inside[:, :, k] = container.signed_distance(points.reshape(-1, 3)).reshape(x + 1, y + 1) <= WHOLE
+    for axis in range(3):
+        inside = np.delete(inside, -1, axis) & np.delete(inside, 0, axis)
+    return inside
+
+
+def axis_of(direction: str, container: Container) -> Integers:
+    """Return a direction such as ``"-z"`` as a lattice vector; ``"none"`` is zero.
+
+    Raises
+    ------
+    InputError
+        If it points along a periodic axis, or out of the plane of a 2D container.
+    """
+    vector = np.zeros(3, dtype=np.int64)
+    if direction != "none":
+        axis = "xyz".index(direction[1])
+        if axis >= container.dimension or container.periodic[axis]:
+            raise InputError(
+                f"gravity is {direction!r}: it must point along a walled axis of the container; choose another axis, "
+                "or 'none'"
+            )
+        vector[axis] = -1 if direction[0] == "-" else 1
+    return vector

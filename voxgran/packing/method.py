@@ -1,0 +1,93 @@
+"""What a packing method is: three functions over plain arrays, and the registry that finds them.
+
+A method never sees checkpoints, signals, clocks or progress; :mod:`voxgran.packing.pack` does these for all. Therefore
+its state is arrays and counters and nothing else, and what attempt number k does depends on the state and k alone, so
+that results do not depend on how many attempts are computed in one call.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+from numpy.typing import NDArray
+
+from voxgran._base.registry import Registry
+from voxgran.packing.model import Packing
+from voxgran.packing.problem import Problem
+
+Array: TypeAlias = NDArray[Any]
+
+
+@dataclass(slots=True)
+class State:
+    """Where a run stands.
+
+    Attributes
+    ----------
+    arrays : dict of str to ndarray
+        All that changes and must survive a kill; a checkpoint holds these.
+    counters : dict of str to int
+        Attempts, acceptances and what else the method counts; a checkpoint holds these.
+    done, total : int
+        Attempts made, and attempts after which the method stops at the latest.
+    stop_reason : str
+        Empty while there is more to do.
+    derived : dict of str to ndarray
+        What follows from the problem and the rest and is made again when it is missing; never saved.
+    """
+
+    arrays: dict[str, Array]
+    counters: dict[str, int]
+    done: int = 0
+    total: int = 0
+    stop_reason: str = ""
+    derived: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PackingMethod:
+    """One registered packing method.
+
+    Attributes
+    ----------
+    name, summary, source : str
+        Name, one line, and the paper with its DOI.
+    parameters : type
+        Parameter class; it alone yields TOML keys, flags, help and provenance.
+    prepare : callable
+        Problem to the first State.
+    advance : callable
+        Problem, State and a number of attempts to the State after at most as many.
+    finish : callable
+        Problem and State to the Packing.
+    cost : callable
+        Problem to (bytes at the peak, attempts at the most), before anything is made, without numba, Open3D or VTK.
+    dimensions : tuple of int
+        In which dimensions it works.
+    tolerance : float
+        Largest overlap of true shapes that the method may leave, in mean diameters; 0 where it leaves none.
+    libraries : tuple of str
+        Libraries that it loads.
+    """
+
+    name: str
+    summary: str
+    source: str
+    parameters: type
+    prepare: Callable[[Problem], State]
+    advance: Callable[[Problem, State, int], State]
+    finish: Callable[[Problem, State], Packing]
+    cost: Callable[[Problem], tuple[int, int]]
+    dimensions: tuple[int, ...] = (3,)
+    tolerance: Callable[[Any], float] = field(default=lambda parameters: 0.0)
+    libraries: tuple[str, ...] = ("numba",)
+
+
+def method_registry() -> Registry[PackingMethod]:
+    """Return the registry of packing methods."""
+    return Registry("packing method", "voxgran.packing.methods", PackingMethod, group="voxgran.packing_methods")
+
+
+def packing_methods() -> tuple[str, ...]:
+    """Return the names of all packing methods."""
+    return method_registry().names()

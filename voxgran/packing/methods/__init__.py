@@ -1,0 +1,1 @@
+"""One packing method per file; the file name is the name of the method."""

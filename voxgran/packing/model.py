@@ -1,0 +1,143 @@
+"""Packing: grains where a method left them, the type that the packing room hands on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal, TypeAlias
+
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import as_choice, as_number, as_positive
+from voxgran.contacts.assembly import Assembly, checked_arrays
+from voxgran.contacts.find import find_contacts
+from voxgran.contacts.model import Contacts
+from voxgran.containers.model import Container
+from voxgran.shapes.model import Shape
+
+StopReason: TypeAlias = Literal["settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted"]
+STOP_REASONS: tuple[str, ...] = (
+    "settled",
+    "count",
+    "solid_fraction",
+    "saturated",
+    "full",
+    "steps",
+    "interrupted",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Packing(Assembly):
+    """Grains in a container, with how they came there.
+
+    Attributes
+    ----------
+    density : float
+        Density of the material, mass per volume in the user's units.
+    provenance : dict
+        JSON-able record of what was asked, what was done and what was missed.
+    stop_reason : str
+        One of :data:`STOP_REASONS`.
+    unit : str
+        Unit of all lengths.
+    """
+
+    density: float = 1.0
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    stop_reason: str = "count"
+    unit: str = "1"
+
+    @classmethod
+    def of(
+        cls,
+        shapes: Sequence[Shape],
+        container: Container,
+        *,
+        position: ArrayLike,
+        scale: ArrayLike | None = None,
+        shape_id: ArrayLike | None = None,
+        orientation: ArrayLike | None = None,
+        density: float = 1.0,
+        provenance: Mapping[str, Any] | None = None,
+        stop_reason: str = "count",
+        unit: str = "1",
+    ) -> "Packing":
+        """Make a packing from array-likes.
+
+        Parameters
+        ----------
+        shapes : sequence of Shape
+            The different shapes.
+        container : Container
+            What holds the grains.
+        position : (n, 3) array_like of float
+            Centroids, in the unit of lengths; z = 0 in 2D.
+        scale : (n,) array_like of float, optional
+            Factor on the lengths of the shape; 1 where left out.
+        shape_id : (n,) array_like of int, optional
+            Which shape each grain has; 0 where left out.
+        orientation : (n, 4) array_like of float, optional
+            Unit quaternions (w, x, y, z); no rotation where left out.
+        density : float
+            Density of the material.
+        provenance : mapping, optional
+            JSON-able record.
+        stop_reason : str
+            One of :data:`STOP_REASONS`.
+        unit : str
+            Unit of all lengths.
+
+        Returns
+        -------
+        Packing
+
+        Raises
+        ------
+        InputError
+            If an array has the wrong length, a scale or the density is not above 0, a shape index is out of range,
+            the dimension of a shape is not that of the container, or the stop reason is unknown.
+        """
+        arrays = checked_arrays(shapes, container, position, scale, shape_id, orientation)
+        reason = as_choice(stop_reason, "stop_reason", STOP_REASONS)
+        return cls(*arrays, container, as_positive(density, "density"), dict(provenance or {}), reason, unit)
+
+    @cached_property
+    def solid_fraction(self) -> float:
+        """True volume of the grains over the volume of the container (in 2D areas)."""
+        return float(self.volumes.sum() / self.container.volume)
+
+    @property
+    def porosity(self) -> float:
+        """One minus the solid fraction."""
+        return 1.0 - self.solid_fraction
+
+    @cached_property
+    def _contacts(self) -> dict[float, Contacts]:
+        """Contacts found so far, by gap."""
+        return {}
+
+    def contacts(self, gap: float = 0.0) -> Contacts:
+        """Return all pairs of grains whose surfaces are nearer than a gap; found once and kept.
+
+        Parameters
+        ----------
+        gap : float
+            Largest distance of the surfaces, in the unit of lengths, at least 0.
+
+        Returns
+        -------
+        Contacts
+
+        Raises
+        ------
+        InputError
+            If the gap is negative or not finite.
+        """
+        reach = as_number(gap, "gap", at_least=0.0)
+        if reach not in self._contacts:
+            self._contacts[reach] = find_contacts(self, reach)
+        return self._contacts[reach]
+
+    def __repr__(self) -> str:
+        """Count, solid fraction and how it ended."""
+        return f"Packing({self.count} grains, solid_fraction={self.solid_fraction:.4f}, {self.stop_reason})"

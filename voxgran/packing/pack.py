@@ -1,0 +1,266 @@
+"""`pack`: from shapes and a container to a packing, by any registered method."""
+
+import importlib.metadata
+import os
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import as_count
+from voxgran._base.config import from_mapping, to_mapping
+from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.progress import OnStep
+from voxgran.containers.model import Container
+from voxgran.packing.grains import Grains, draw_grains
+from voxgran.packing.method import PackingMethod, State, method_registry
+from voxgran.packing.model import Packing
+from voxgran.packing.problem import Problem
+from voxgran.packing.run import Drive, drive
+from voxgran.shapes.model import Shape
+from voxgran.shapes.sizes import SizeDistribution
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What `pack` was asked, checked and drawn, before anything is computed."""
+
+    method: PackingMethod
+    problem: Problem
+    grains: Grains
+    asked: dict[str, Any]
+
+
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    *,
+    method: str,
+    count: int | None = None,
+    solid_fraction: float | None = None,
+    sizes: SizeDistribution | None = None,
+    weights: ArrayLike | None = None,
+    weights_by: str = "number",
+    seed: int = 0,
+    threads: int | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    time_limit: float | None = None,
+    on_step: OnStep | None = None,
+    **parameters: Any,
+) -> Packing:
+    """Pack grains into a container.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape or Shape
+        Shapes to draw the grains from.
+    container : Container
+        What holds the grains.
+    method : str
+        Name of a packing method; :func:`packing_methods` lists them.
+    count : int, optional
+        How many grains.
+    solid_fraction : float, optional
+        Wanted solid fraction. With a count too, whichever comes first; with neither, grains are added until the
+        method stops.
+    sizes : SizeDistribution, optional
+        Distribution of the equivalent diameters, in the unit of the container; each shape at its own size where
+        left out.
+    weights : (len(shapes),) array_like of float, optional
+        Shares of the shapes; equal where left out.
+    weights_by : {"number", "volume"}
+        What the shares are of.
+    seed : int
+        The same seed gives the same bits on the same machine and versions.
+    threads : int, optional
+        Most threads to use; the result does not depend on it.
+    checkpoint : path-like, optional
+        File for checkpoints, written every ten seconds and when the run is asked to stop.
+    resume : bool
+        Whether to go on from that file where it is there.
+    time_limit : float, optional
+        Seconds after which the run stops at the end of a chunk, with a checkpoint; the stop reason is then
+        ``interrupted``.
+    on_step : callable, optional
+        Told of each step of the work.
+    **parameters
+        Parameters of the method.
+
+    Returns
+    -------
+    Packing
+
+    Raises
+    ------
+    UnknownNameError
+        If the method or a parameter is unknown.
+    InputError
+        If a value breaks a rule, or the grains have more volume than the container.
+    GrainTooLargeError
+        If no grain can fit.
+    CheckpointError
+        If the checkpoint is damaged or belongs to another run.
+    OutputError
+        If the checkpoint cannot be written.
+    Interrupted
+        On SIGINT or SIGTERM, after a checkpoint was written.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> box = vg.Box((4, 4, 4))
+    >>> vg.pack(vg.make_shape("sphere"), box, method="digital", count=20, voxel_size=0.1).count
+    20
+    """
+    began = time.monotonic()
+    task = prepare_task(
+        shapes,
+        container,
+        method=method,
+        count=count,
+        solid_fraction=solid_fraction,
+        sizes=sizes,
+        weights=weights,
+        weights_by=weights_by,
+        seed=seed,
+        parameters=parameters,
+    )
+    used = 1 if threads is None else min(as_count(threads, "threads", at_least=1), 1)
+    state = drive(task.method, task.problem, Drive(checkpoint, resume, on_step, time_limit=time_limit))
+    packing = task.method.finish(task.problem, state)
+    _warn_of_misses(task, packing)
+    seconds = time.monotonic() - began
+    return with_provenance(task, state, packing, seconds=seconds, threads=used)
+
+
+def prepare_task(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    *,
+    method: str,
+    count: int | None,
+    solid_fraction: float | None,
+    sizes: SizeDistribution | None,
+    weights: ArrayLike | None,
+    weights_by: str,
+    seed: int,
+    parameters: dict[str, Any],
+) -> Task:
+    """Check what was asked, draw the grains and put all into the normalized frame; nothing is packed.
+
+    Raises
+    ------
+    UnknownNameError
+        If the method or a parameter is unknown.
+    InputError
+        If a value breaks a rule.
+    GrainTooLargeError
+        If no grain can fit.
+    """
+    chosen = method_registry().get(method)
+    settings: Any = from_mapping(chosen.parameters, parameters, f"method {method!r}")
+    given = (shapes,) if isinstance(shapes, Shape) else tuple(shapes)
+    for shape in given:
+        if shape.dimension != container.dimension:
+            raise InputError(
+                f"shape {shape.name!r} has dimension {shape.dimension}: the container has {container.dimension}; "
+                "use shapes and container of one dimension"
+            )
+    if container.dimension not in chosen.dimensions:
+        raise InputError(
+            f"method {method!r} packs in dimension {chosen.dimensions}: the container has {container.dimension}; "
+            "choose another method"
+        )
+    grains = draw_grains(
+        given,
+        container,
+        sizes,
+        count=count,
+        solid_fraction=solid_fraction,
+        weights=weights,
+        weights_by=weights_by,
+        seed=seed,
+    )
+    asked = {
+        "count": count,
+        "solid_fraction": solid_fraction,
+        "sizes": None if sizes is None else sizes.to_mapping(),
+        "weights": None if weights is None else np.asarray(weights, dtype=float).tolist(),
+        "weights_by": weights_by,
+    }
+    return Task(chosen, _problem(given, container, grains, settings, seed), grains, asked)
+
+
+def _problem(shapes: tuple[Shape, ...], container: Container, grains: Grains, settings: Any, seed: int) -> Problem:
+    """Put shapes, grains and container into the frame whose unit is the median diameter."""
+    unit = float(np.median(grains.diameter)) if len(grains.diameter) else shapes[0].diameter
+    return Problem(
+        shapes=tuple(shape.scaled(1 / shape.diameter) for shape in shapes),
+        shape_id=grains.shape_id,
+        diameter=grains.diameter / unit,
+        container=container.scaled(1 / unit),
+        parameters=settings,
+        seed=as_count(seed, "seed"),
+        unit_length=unit,
+        original=shapes,
+    )
+
+
+def with_provenance(task: Task, state: State, packing: Packing, *, seconds: float, threads: int) -> Packing:
+    """Return the packing with the record of what was asked, done and missed."""
+    problem = task.problem
+    libraries = ("numpy", "scipy", "numba", "open3d", "vtk", "manifold3d")
+    record = {
+        "method": task.method.name,
+        "parameters": to_mapping(problem.parameters),
+        "seed": problem.seed,
+        "asked": task.asked,
+        "placed": {"count": packing.count, "solid_fraction": packing.solid_fraction},
+        "missed": {
+            "count": problem.count - packing.count,
+            **{f"cannot_fit_{k}": v for k, v in task.grains.removed.items()},
+        },
+        "shapes": [{"name": shape.name, "key": shape.key} for shape in packing.shapes],
+        "median_diameter": problem.unit_length,
+        "counters": {**state.counters, **problem.counters, "attempts": state.done},
+        "threads": threads,
+        "versions": {name: importlib.metadata.version(name) for name in ("voxgran", *libraries) if _installed(name)},
+        "timing": {"wall_seconds": seconds},
+        **packing.provenance,
+    }
+    return Packing.of(
+        packing.shapes,
+        packing.container,
+        position=packing.position,
+        scale=packing.scale,
+        shape_id=packing.shape_id,
+        orientation=packing.orientation,
+        provenance=record,
+        stop_reason=packing.stop_reason,
+    )
+
+
+def _installed(name: str) -> bool:
+    """Tell whether a distribution is there."""
+    try:
+        importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return False
+    return True
+
+
+def _warn_of_misses(task: Task, packing: Packing) -> None:
+    """Warn where a count was asked and not reached."""
+    asked = task.asked["count"]
+    if asked is not None and packing.count < task.problem.count and packing.stop_reason != "interrupted":
+        warnings.warn(
+            f"{packing.count} of {asked} grains were placed before the method stopped ({packing.stop_reason}): make "
+            "the container larger, the grains fewer, or give the method more attempts",
+            PackingWarning,
+            stacklevel=3,
+        )

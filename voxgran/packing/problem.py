@@ -1,0 +1,140 @@
+"""Problem: what a packing method is given, with representations of the shapes made on demand.
+
+All lengths in here are in the normalized frame, whose unit is the median diameter of the grains: a scene and the same
+scene in other units give the same numbers. Representations are kept under a byte limit, oldest out first.
+"""
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran.containers.model import Container
+from voxgran.lattice.grid import Grid
+from voxgran.points.sample import SurfacePoints, sample_surface
+from voxgran.shapes.model import Shape
+from voxgran.voxels.occupy import occupy
+
+
+@dataclass(eq=False)
+class Problem:
+    """A packing task in the normalized frame.
+
+    Attributes
+    ----------
+    shapes : tuple of Shape
+        The different shapes at unit equivalent diameter.
+    shape_id : (n,) ndarray of int
+        Which shape each grain has.
+    diameter : (n,) ndarray of float
+        Equivalent diameter of each grain, in median diameters; the factor on the shape's lengths.
+    container : Container
+        What holds the grains, in median diameters.
+    parameters : object
+        Parameter object of the method; its lengths are in `unit_length`.
+    seed : int
+        Seed of the run.
+    unit_length : float
+        The median diameter in the user's unit of lengths.
+    original : tuple of Shape
+        The shapes as the user gave them.
+    byte_limit : int
+        How many bytes of representations are kept.
+    """
+
+    shapes: tuple[Shape, ...]
+    shape_id: Integers
+    diameter: Floats
+    container: Container
+    parameters: Any
+    seed: int
+    unit_length: float
+    original: tuple[Shape, ...]
+    byte_limit: int = 2**30
+    counters: dict[str, int] = field(default_factory=lambda: {"voxelized_shapes": 0, "sampled_shapes": 0})
+    _kept: "OrderedDict[tuple[Any, ...], Any]" = field(default_factory=OrderedDict)
+    _bytes: int = 0
+
+    @property
+    def count(self) -> int:
+        """Number of grains that are asked for."""
+        return len(self.shape_id)
+
+    @property
+    def dimension(self) -> int:
+        """2 or 3."""
+        return self.container.dimension
+
+    @property
+    def volumes(self) -> Floats:
+        """True volumes of the grains, (n,)."""
+        shapes = np.array([shape.volume for shape in self.shapes])
+        return shapes[self.shape_id] * self.diameter**self.dimension
+
+    def length(self, value: float) -> float:
+        """Return a length given in the user's unit in median diameters."""
+        return value / self.unit_length
+
+    def voxels(self, grain: int, orientation: Floats, voxel_size: float, *, cover: str) -> Booleans:
+        """Return the voxels of a grain on a cubic lattice with a voxel corner at its centroid.
+
+        Parameters
+        ----------
+        grain : int
+            Which grain.
+        orientation : (4,) ndarray of float
+            Unit quaternion (w, x, y, z).
+        voxel_size : float
+            Edge of a voxel, in median diameters.
+        cover : {"touch", "center"}
+            Which voxels are taken.
+
+        Returns
+        -------
+        (2 k, 2 k, 2 k) ndarray of bool
+            In 2D (2 k, 2 k, 1). The centroid is at the middle corner.
+        """
+        shape, diameter = self.shapes[self.shape_id[grain]], float(self.diameter[grain])
+        key = ("voxels", self.shape_id[grain], diameter, orientation.tobytes(), voxel_size, cover)
+
+        def make() -> Booleans:
+            half = int(np.ceil(shape.bounding_radius * diameter / voxel_size)) + 1
+            tall = 2 * half if self.dimension == 3 else 1
+            low = -half * voxel_size
+            grid = Grid((low, low, low if tall > 1 else 0.0), voxel_size, (2 * half, 2 * half, tall))
+            self.counters["voxelized_shapes"] += 1
+            return occupy(shape, grid, scale=diameter, rotation=orientation, cover=cover)
+
+        return self._keep(key, make)
+
+    def points(self, shape: int, spacing: float) -> SurfacePoints:
+        """Return control points on a shape of unit diameter, every surface point within spacing / 2 of one.
+
+        Parameters
+        ----------
+        shape : int
+            Which shape.
+        spacing : float
+            Wanted spacing, in diameters of the shape.
+        """
+
+        def make() -> SurfacePoints:
+            self.counters["sampled_shapes"] += 1
+            return sample_surface(self.shapes[shape], spacing=spacing, seed=self.seed)
+
+        return self._keep(("points", shape, spacing), make)
+
+    def _keep(self, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
+        """Return what is kept under a key, made if needed; the oldest leave when the limit is passed."""
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key]
+        made = make()
+        self._kept[key] = made
+        self._bytes += made.nbytes
+        while self._bytes > self.byte_limit and len(self._kept) > 1:
+            self._bytes -= self._kept.popitem(last=False)[1].nbytes
+        return made

@@ -1,0 +1,188 @@
+"""Driving a packing method: chunks, checkpoints, resume, signals and progress, once for all methods."""
+
+import contextlib
+import hashlib
+import json
+import logging
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
+from voxgran._base.config import to_mapping
+from voxgran._base.errors import CheckpointError, Interrupted
+from voxgran._base.progress import OnStep, Step
+from voxgran.packing.method import PackingMethod, State
+from voxgran.packing.problem import Problem
+
+log = logging.getLogger(__name__)
+
+#: a chunk is as many attempts as take about this long; no result depends on it
+CHUNK_SECONDS = 0.5
+CHECKPOINT_SECONDS = 10.0
+
+
+@dataclass(slots=True)
+class Drive:
+    """How a run is driven; none of it changes the result.
+
+    Attributes
+    ----------
+    checkpoint : path-like or None
+        File that is written every ten seconds and when the run is asked to stop.
+    resume : bool
+        Whether to go on from that file where it is there.
+    on_step : callable or None
+        Told of each chunk.
+    chunk : int or None
+        Attempts per chunk; None adapts it to the clock.
+    time_limit : float or None
+        Seconds after which the run stops at the end of a chunk.
+    """
+
+    checkpoint: str | os.PathLike[str] | None = None
+    resume: bool = False
+    on_step: OnStep | None = None
+    chunk: int | None = None
+    time_limit: float | None = None
+    started: float = field(default_factory=time.monotonic)
+
+
+def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
+    """Run a method until it stops.
+
+    Parameters
+    ----------
+    method : PackingMethod
+        The method.
+    problem : Problem
+        What to pack.
+    how : Drive
+        Checkpoint, progress and limits.
+
+    Returns
+    -------
+    State
+        With `stop_reason` set.
+
+    Raises
+    ------
+    CheckpointError
+        If the checkpoint is damaged or belongs to another run.
+    OutputError
+        If the checkpoint cannot be written; the one before is then still good.
+    Interrupted
+        On SIGINT or SIGTERM, after a checkpoint was written.
+    """
+    state = method.prepare(problem)
+    mark = fingerprint(method, problem)
+    if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
+        _restore(state, how.checkpoint, mark)
+    chunk, saved = how.chunk or 1000, time.monotonic()
+    with _signals() as asked:
+        while not state.stop_reason:
+            began = time.monotonic()
+            state = method.advance(problem, state, chunk)
+            now = time.monotonic()
+            if how.chunk is None:
+                chunk = int(np.clip(chunk * CHUNK_SECONDS / max(now - began, 1e-4), chunk / 4 + 1, chunk * 4))
+            _tell(how, state)
+            stop = bool(asked) and not state.stop_reason
+            if how.checkpoint is not None and (stop or now - saved > CHECKPOINT_SECONDS):
+                _save(state, how.checkpoint, mark)
+                saved = time.monotonic()
+            if stop:
+                raise Interrupted(_farewell(how, state), asked[0])
+            if how.time_limit is not None and not state.stop_reason and now - how.started > how.time_limit:
+                if how.checkpoint is not None:
+                    _save(state, how.checkpoint, mark)
+                state.stop_reason = "interrupted"
+    return state
+
+
+def fingerprint(method: PackingMethod, problem: Problem) -> str:
+    """Return the hash that a checkpoint must carry to be resumed: all that the result depends on."""
+    digest = hashlib.sha256()
+    head = {
+        "method": method.name,
+        "parameters": to_mapping(problem.parameters),
+        "container": problem.container.to_mapping(),
+        "seed": problem.seed,
+        "shapes": [shape.key for shape in problem.shapes],
+    }
+    digest.update(json.dumps(head, sort_keys=True, default=str).encode())
+    digest.update(problem.shape_id.tobytes() + problem.diameter.tobytes())
+    return digest.hexdigest()
+
+
+def _save(state: State, path: str | os.PathLike[str], mark: str) -> None:
+    """Write what a checkpoint holds."""
+    header: dict[str, Any] = {
+        "fingerprint": mark,
+        "done": state.done,
+        "total": state.total,
+        "stop_reason": state.stop_reason,
+        "counters": state.counters,
+    }
+    save_checkpoint(path, header, state.arrays)
+    log.info("checkpoint after %d attempts: %s", state.done, path)
+
+
+def _restore(state: State, path: str | os.PathLike[str], mark: str) -> None:
+    """Put a checkpoint into a freshly prepared state."""
+    header, arrays = load_checkpoint(path)
+    if header.get("fingerprint") != mark:
+        raise CheckpointError(
+            f"{path} belongs to another run (other shapes, sizes, parameters, seed or version): resume with the scene "
+            "that wrote it, or start anew without it"
+        )
+    state.arrays = arrays
+    state.counters = dict(header["counters"])
+    state.done, state.total = int(header["done"]), int(header["total"])
+    state.stop_reason = str(header["stop_reason"])
+    state.derived = {}
+    log.info("resumed after %d attempts from %s", state.done, path)
+
+
+def _tell(how: Drive, state: State) -> None:
+    """Report progress."""
+    if how.on_step is not None:
+        text = ", ".join(f"{name} {value}" for name, value in list(state.counters.items())[:2])
+        how.on_step(Step(stage="packing", done=state.done, total=state.total, text=text))
+
+
+def _farewell(how: Drive, state: State) -> str:
+    """Say where the run stopped and how to go on."""
+    if how.checkpoint is None:
+        return (
+            f"stopped after {state.done} of {state.total} attempts without a checkpoint: give one to be able to resume"
+        )
+    return f"stopped after {state.done} of {state.total} attempts; to go on, resume from {how.checkpoint}"
+
+
+@contextlib.contextmanager
+def _signals() -> Iterator[list[int]]:
+    """Note SIGINT and SIGTERM in a list instead of dying, while in the main thread."""
+    asked: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+
+    def note(number: int, frame: FrameType | None) -> None:
+        del frame
+        asked.append(number)
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,223 @@
+"""KD-trees of point sets as flat arrays, and the one question that is asked of them: which of their points are near
+each other?
+
+The trees of all sets lie one after another in the same arrays. A tree is balanced and implicit: the points are sorted
+so that node k of level l holds points ``k n >> l`` to ``(k + 1) n >> l``, and its children are nodes 2 k and 2 k + 1 of
+the next level; so nothing is stored but the points and, for each node, a ball that holds its points. Balls stay balls
+under rotation: two sets in any relative pose are compared by walking both trees at once, and only parts that are near
+each other are visited.
+
+References
+----------
+Bentley 1975, Multidimensional binary search trees used for associative searching, Communications of the ACM 18(9),
+509-517, doi:10.1145/361002.361007
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import InputError
+from voxgran._base.kernels import kernel
+
+#: points at most in a leaf
+LEAF = 8
+#: relative room by which balls are made larger, so that rounding never hides a point
+ROOM = 1e-12
+
+
+class Trees(NamedTuple):
+    """KD-trees of several point sets.
+
+    Attributes
+    ----------
+    points : (n, 3) ndarray of float
+        Points of all sets, each set in the order of its tree.
+    start : (sets + 1,) ndarray of int
+        Where the points of each set begin.
+    balls : (nodes, 4) ndarray of float
+        Center and radius of each node; node k of level l of a tree is entry ``2**l - 1 + k``.
+    first : (sets + 1,) ndarray of int
+        Where the nodes of each set begin.
+    depth : (sets,) ndarray of int
+        Level of the leaves.
+    """
+
+    points: Floats
+    start: Integers
+    balls: Floats
+    first: Integers
+    depth: Integers
+
+
+def make_trees(sets: Sequence[Floats]) -> Trees:
+    """Return the trees of point sets.
+
+    Parameters
+    ----------
+    sets : sequence of (n, 3) ndarray of float
+        Point sets, each in its own frame; none may be empty.
+
+    Returns
+    -------
+    Trees
+
+    Raises
+    ------
+    InputError
+        If a set has no points.
+    """
+    for k, points in enumerate(sets):
+        if len(points) == 0:
+            raise InputError(f"set {k} has 0 points: a tree needs at least 1; use a smaller spacing")
+    count = np.array([len(points) for points in sets], dtype=np.int64)
+    depth = np.array([max(0, int(np.ceil(np.log2(n / LEAF)))) for n in count], dtype=np.int64)
+    start = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
+    first = np.concatenate([[0], np.cumsum(2 ** (depth + 1) - 1)]).astype(np.int64)
+    joined = np.zeros((int(start[-1]), 3))
+    balls = np.zeros((int(first[-1]), 4))
+    for k, points in enumerate(sets):
+        ordered = np.array(points, dtype=np.float64)
+        _build(ordered, int(depth[k]), balls[first[k] : first[k + 1]])
+        joined[start[k] : start[k + 1]] = ordered
+    return Trees(joined, start, balls, first, depth)
+
+
+def stack_room(trees: Trees) -> int:
+    """Return how many rows the stack of a walk over two of these trees needs."""
+    return 2 * (int(trees.depth.max(initial=0)) + 2)
+
+
+def _build(points: Floats, depth: int, balls: Floats) -> None:
+    """Sort points in place into the order of their tree, and fill in the balls of the nodes."""
+    n = len(points)
+    for level in range(depth + 1):
+        for k in range(2**level):
+            begin, end = (k * n) >> level, ((k + 1) * n) >> level
+            part = points[begin:end]
+            low, high = part.min(axis=0), part.max(axis=0)
+            balls[2**level - 1 + k, :3] = (low + high) / 2
+            radius = np.sqrt(((part - (low + high) / 2) ** 2).sum(axis=1).max())
+            balls[2**level - 1 + k, 3] = radius * (1 + ROOM)
+            if level < depth:
+                middle = ((2 * k + 1) * n) >> (level + 1)
+                order = np.argpartition(part[:, int((high - low).argmax())], middle - begin)
+                points[begin:end] = part[order]
+
+
+@kernel
+def list_near(
+    points: Floats,
+    start: Integers,
+    balls: Floats,
+    first: Integers,
+    depth: Integers,
+    a: int,
+    b: int,
+    turn: Floats,
+    shift: Floats,
+    scale: float,
+    low: float,
+    high: float,
+    stack: Integers,
+    found: Integers,
+) -> tuple[int, float]:
+    """List the points of tree a, put into the frame of tree b, that are nearer than a distance to points of tree b.
+
+    A point p of a lies at ``turn @ p + shift``, where `turn` is a rotation matrix times `scale`. The pairs that are
+    nearer than `high` go to the rows of `found`; where they are too many, `high` is lowered. As soon as two points are
+    nearer than `low`, the walk ends with these two in the first row. `stack` is scratch of `stack_room` rows of 2. The
+    first arguments are the fields of `Trees`: numba counts no references where a kernel takes arrays and numbers only,
+    and that is most of the time of a short walk.
+
+    Returns
+    -------
+    count : int
+        Rows that were filled; -1 where two points are nearer than `low`.
+    high : float
+        Distance up to which the rows are complete.
+    """
+    leaves_a, leaves_b = (1 << depth[a]) - 1, (1 << depth[b]) - 1
+    stack[0, 0], stack[0, 1], top = 0, 0, 1
+    count = 0
+    while top > 0:
+        top -= 1
+        na, nb = stack[top, 0], stack[top, 1]
+        x, y, z = _placed(balls, first[a] + na, turn, shift)
+        at = first[b] + nb
+        dx, dy, dz = x - balls[at, 0], y - balls[at, 1], z - balls[at, 2]
+        reach = balls[first[a] + na, 3] * scale + balls[at, 3] + high
+        if dx * dx + dy * dy + dz * dz >= reach * reach * (1.0 + ROOM):
+            continue
+        if na >= leaves_a and nb >= leaves_b:
+            ka, kb = na - leaves_a, nb - leaves_b
+            count, high = _list_leaves(points, start, depth, a, b, ka, kb, turn, shift, low, high, found, count)
+            if count < 0:
+                return -1, high
+            continue
+        wide_a = balls[first[a] + na, 3] * scale > balls[at, 3]
+        split_a = nb >= leaves_b or (na < leaves_a and wide_a)
+        for child in range(1, 3):
+            stack[top, 0] = 2 * na + child if split_a else na
+            stack[top, 1] = nb if split_a else 2 * nb + child
+            top += 1
+    return count, high
+
+
+@kernel
+def point_distance(points: Floats, i: int, j: int, turn: Floats, shift: Floats) -> float:
+    """Return the distance of point i, turned and shifted, and point j."""
+    x, y, z = _placed(points, i, turn, shift)
+    dx, dy, dz = x - points[j, 0], y - points[j, 1], z - points[j, 2]
+    return float(np.sqrt(dx * dx + dy * dy + dz * dz))
+
+
+@kernel
+def _placed(points, i, turn, shift):  # type: ignore[no-untyped-def]
+    """Return a point turned and shifted."""
+    x, y, z = points[i, 0], points[i, 1], points[i, 2]
+    return (
+        turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z + shift[0],
+        turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + shift[1],
+        turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + shift[2],
+    )
+
+
+@kernel
+def _list_leaves(points, start, depth, a, b, ka, kb, turn, shift, low, high, found, count):  # type: ignore[no-untyped-def]
+    """Add the near pairs of two leaves; return the count, -1 where a pair is too near, and the distance that is
+    complete.
+    """
+    begin_a, begin_b = start[a], start[b]
+    count_a, count_b = start[a + 1] - begin_a, start[b + 1] - begin_b
+    la, lb = depth[a], depth[b]
+    for i in range(begin_a + ((ka * count_a) >> la), begin_a + (((ka + 1) * count_a) >> la)):
+        x, y, z = _placed(points, i, turn, shift)
+        for j in range(begin_b + ((kb * count_b) >> lb), begin_b + (((kb + 1) * count_b) >> lb)):
+            dx, dy, dz = x - points[j, 0], y - points[j, 1], z - points[j, 2]
+            square = dx * dx + dy * dy + dz * dz
+            if square < high * high:
+                if square < low * low:
+                    found[0, 0], found[0, 1] = i, j
+                    return -1, high
+                while count == len(found):
+                    high = low + 0.5 * (high - low)
+                    count = _keep_near(points, turn, shift, high, found)
+                if square < high * high:
+                    found[count, 0], found[count, 1] = i, j
+                    count += 1
+    return count, high
+
+
+@kernel
+def _keep_near(points, turn, shift, high, found):  # type: ignore[no-untyped-def]
+    """Drop the rows of full `found` that are not nearer than `high`; return how many are left."""
+    count = 0
+    for k in range(len(found)):
+        i, j = found[k, 0], found[k, 1]
+        if point_distance(points, i, j, turn, shift) < high:
+            found[count, 0], found[count, 1] = i, j
+            count += 1
+    return count

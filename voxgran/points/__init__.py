@@ -1,0 +1,1 @@
+"""Shapes as points on their surface."""

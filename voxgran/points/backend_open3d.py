@@ -1,0 +1,35 @@
+"""Open3D's samplers of a triangle mesh: uniform and Poisson-disk."""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.lazy import load
+
+
+def sample_triangles(vertices: Floats, faces: Integers, count: int, *, seed: int, poisson: bool) -> Floats:
+    """Return points on a mesh.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points, of the order of 1.
+    faces : (m, 3) ndarray of int
+        Triangles.
+    count : int
+        How many points.
+    seed : int
+        Open3D's generator is one for the whole process; it is seeded here each time.
+    poisson : bool
+        Whether points keep apart (sample elimination after Yuksel 2015, doi:10.1111/cgf.12538) or are uniform.
+
+    Returns
+    -------
+    (count, 3) ndarray of float
+    """
+    open3d = load("open3d")
+    mesh = open3d.geometry.TriangleMesh(
+        open3d.utility.Vector3dVector(np.array(vertices)), open3d.utility.Vector3iVector(faces.astype(np.int32))
+    )
+    open3d.utility.random.seed(seed % 2**31)
+    sampler = mesh.sample_points_poisson_disk if poisson else mesh.sample_points_uniformly
+    return np.asarray(sampler(count).points, dtype=np.float64)

@@ -1,0 +1,1 @@
+"""Pictures, plots and one self-contained page about a packing."""

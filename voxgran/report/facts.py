@@ -1,0 +1,194 @@
+"""What a report says in words and numbers: rows of label, value and note, as texts."""
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran.packing.model import Packing
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+    from voxgran.packing.verify import Verification
+
+
+@dataclass(frozen=True, slots=True)
+class Fact:
+    """One line of a table or one headline number.
+
+    Attributes
+    ----------
+    label, value, note : str
+        What it is, how much, and what should be known about it.
+    tone : {"", "good", "bad"}
+        Whether it is a verdict.
+    """
+
+    label: str
+    value: str
+    note: str = ""
+    tone: str = ""
+
+
+def number(value: Any) -> str:
+    """Return a value as a person would write it: four digits, thousands parted.
+
+    Parameters
+    ----------
+    value : object
+        A number, a flag or anything else.
+
+    Returns
+    -------
+    str
+    """
+    plain = value.item() if isinstance(value, np.generic) else value
+    if isinstance(plain, bool):
+        return "yes" if plain else "no"
+    if isinstance(plain, int):
+        return f"{plain:,}".replace(",", "\u202f")
+    if isinstance(plain, float):
+        return "not known" if math.isnan(plain) else f"{plain:.4g}".replace("-", "\u2212")
+    return "none" if plain is None else str(plain)
+
+
+def headline(packing: Packing, statistics: "DataTree | None", verification: "Verification | None") -> list[Fact]:
+    """Return the numbers that a reader looks for first.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    statistics : xarray.DataTree or None
+        Its measures.
+    verification : Verification or None
+        Its proof.
+
+    Returns
+    -------
+    list of Fact
+    """
+    space = "volume" if packing.dimension == 3 else "area"
+    facts = [
+        Fact("grains", number(packing.count), f"stopped: {packing.stop_reason.replace('_', ' ')}"),
+        Fact("solid fraction", f"{packing.solid_fraction:.4f}", f"true grain {space} / container {space}"),
+    ]
+    bulk = scalar(statistics, "bulk_solid_fraction")
+    if bulk is not None:
+        note = "away from walls and the free surface" if math.isfinite(bulk) else "too few grains away from walls"
+        facts.append(Fact("bulk solid fraction", f"{bulk:.4f}" if math.isfinite(bulk) else "not known", note))
+    facts.append(Fact("porosity", f"{packing.porosity:.4f}", "1 \u2212 solid fraction"))
+    strict = scalar(statistics, "strict_solid_fraction")
+    if strict is not None:
+        facts.append(Fact("strict solid fraction", f"{strict:.4f}", "all grains shrunk until none overlap"))
+    if verification is None:
+        facts.append(Fact("verified", "not run", "true shapes were not checked"))
+    elif verification.ok:
+        facts.append(Fact("verified", "yes", "true shapes: no overlap, no escape", "good"))
+    else:
+        facts.append(Fact("verified", "no", "see the table of the verification", "bad"))
+    return facts
+
+
+def scalar(statistics: "DataTree | None", name: str) -> float | None:
+    """Return a number of the root of the statistics, or None where it is not there."""
+    if statistics is None or name not in statistics.data_vars:
+        return None
+    return float(statistics[name])
+
+
+def details(packing: Packing) -> list[Fact]:
+    """Return how the packing was made, from its provenance.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+
+    Returns
+    -------
+    list of Fact
+    """
+    record, unit = packing.provenance, packing.unit
+    container = {
+        key: value for key, value in packing.container.to_mapping().items() if key not in ("vertices", "faces")
+    }
+    kind = str(container.pop("kind"))
+    facts = [
+        Fact("method", number(record.get("method"))),
+        Fact("parameters", _pairs(record.get("parameters", {}))),
+        Fact("seed", number(record.get("seed"))),
+        Fact("container", f"{kind}: {_pairs(container)}" if container else kind),
+        Fact("unit of lengths", "not given" if unit == "1" else unit),
+        Fact("density of the material", number(packing.density)),
+    ]
+    if packing.count:
+        low, middle, high = (number(float(v)) for v in np.quantile(packing.diameters, [0.0, 0.5, 1.0]))
+        facts.append(Fact("equivalent diameter", f"{low} to {high}, median {middle}"))
+    more = [key for key in ("asked", "placed", "missed", "counters", "threads", "assumed") if record.get(key)]
+    facts += [Fact(key, _pairs(record[key])) for key in more]
+    seconds = record.get("timing", {}).get("wall_seconds")
+    return [*facts, Fact("wall time", f"{number(float(seconds))} s")] if seconds is not None else facts
+
+
+def shape_rows(packing: Packing) -> list[tuple[str, str, str, str]]:
+    """Return name, geometry, grains and share by volume of each shape, the most frequent first."""
+    counts = np.bincount(packing.shape_id, minlength=len(packing.shapes))
+    volumes = np.bincount(packing.shape_id, weights=packing.volumes, minlength=len(packing.shapes))
+    whole = max(float(volumes.sum()), 1e-300)
+    rows = []
+    for index in np.argsort(-counts, kind="stable"):
+        geometry = packing.shapes[index].geometry
+        kind = str(getattr(geometry, "kind", type(geometry).__name__.lower()))
+        rows.append((packing.shapes[index].name, kind, number(counts[index]), f"{100 * volumes[index] / whole:.1f} %"))
+    return rows
+
+
+def proof_rows(verification: "Verification") -> list[Fact]:
+    """Return what the verification found, one row a number."""
+    notes = {
+        "ok": "no overlap and no escape beyond the tolerance",
+        "tolerance": "in mean diameters, the same for all methods",
+        "deepest": "largest depth of one grain in another, in mean diameters",
+        "overlapping_pairs": "pairs of grains that overlap beyond the tolerance",
+        "escaped": "grains that reach through a wall beyond the tolerance",
+        "largest_escape": "how far the worst of them, in mean diameters",
+        "count": "grains that were looked at",
+        "pair_tests": "pairs near enough for an exact test",
+        "mean_diameter": "the unit of depths, in the unit of lengths",
+    }
+    rows = []
+    for field in dataclasses.fields(verification):
+        value = getattr(verification, field.name)
+        if isinstance(value, bool | int | float | str | np.generic):
+            tone = ("good" if value else "bad") if field.name == "ok" else ""
+            rows.append(Fact(field.name.replace("_", " "), number(value), notes.get(field.name, ""), tone))
+    return rows
+
+
+def worst_rows(found: Sequence[Any]) -> list[list[str]]:
+    """Return head and rows of the ten worst pairs or escapes, empty where there are none."""
+    if not found:
+        return []
+    names = [field.name for field in dataclasses.fields(found[0])]
+    rows = [[_inner(getattr(one, name)) for name in names] for one in found[:10]]
+    return [[name.replace("_", " ") for name in names], *rows]
+
+
+def _pairs(value: Any) -> str:
+    """Write a mapping as text: name value, name value; what is None is left out."""
+    if isinstance(value, list | tuple):
+        return ", ".join(_inner(item) for item in value)
+    if not isinstance(value, Mapping):
+        return number(value)
+    parts = [f"{str(key).replace('_', ' ')} {_inner(item)}" for key, item in value.items() if item is not None]
+    return ", ".join(parts) or "none"
+
+
+def _inner(value: Any) -> str:
+    """Write a value inside of a mapping or list, in brackets where it has parts."""
+    return f"({_pairs(value)})" if isinstance(value, Mapping | list | tuple) else number(value)

@@ -1,0 +1,301 @@
+"""One self-contained page about a packing: numbers, pictures, plots, proof and provenance.
+
+Pictures and plots stand inside the file; it loads nothing from elsewhere and is read on light and on dark ground, in
+wide and in narrow windows.
+"""
+
+import base64
+import io
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran import __version__
+from voxgran._base.errors import OutputExistsError
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.lazy import load
+from voxgran.packing.model import Packing
+from voxgran.report import facts, plots, scenes
+from voxgran.report.stage import Picture
+from voxgran.shapes.model import Shape
+
+if TYPE_CHECKING:
+    from xarray import Dataset, DataTree
+
+    from voxgran.packing.verify import Verification
+
+#: how many shapes are drawn, and how many are listed
+SHAPES_DRAWN, SHAPES_LISTED = 3, 20
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """One picture on the page.
+
+    Attributes
+    ----------
+    source : str
+        The picture as a data address.
+    alt, caption : str
+        What it shows, for who cannot see it and for who can.
+    width, height : int
+        In pixels.
+    """
+
+    source: str
+    alt: str
+    caption: str
+    width: int
+    height: int
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """All pictures of a page by name, with alternative text and caption."""
+
+    packing: dict[str, tuple[Picture, str, str]]
+    grains: dict[str, dict[str, tuple[Picture, str, str]]]
+
+
+def write_report(
+    packing: Packing,
+    path: str | os.PathLike[str],
+    *,
+    statistics: "DataTree | None" = None,
+    verification: "Verification | None" = None,
+    pictures: bool = True,
+    pictures_folder: str | os.PathLike[str] | None = None,
+    title: str | None = None,
+    comparisons: Mapping[str, Mapping[str, Any]] | None = None,
+    overwrite: bool = True,
+) -> None:
+    """Write one self-contained HTML page about a packing.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    path : path-like
+        File to write, by custom ``.html``.
+    statistics : xarray.DataTree, optional
+        What :func:`voxgran.measure` returns; profiles and the bulk solid fraction need it.
+    verification : Verification, optional
+        What :func:`voxgran.verify` returns.
+    pictures : bool
+        Whether pictures are rendered; without, no graphics library is loaded.
+    pictures_folder : path-like, optional
+        Folder that is given the pictures as PNG files too: whole, cut_open, grain_0, ...
+    title : str, optional
+        Headline of the page.
+    comparisons : mapping of str to mapping, optional
+        One row a packing: its name, and its values by the name of the column.
+    overwrite : bool
+        Whether what is there may be replaced.
+
+    Raises
+    ------
+    OutputExistsError
+        If the page or a picture is there and `overwrite` is false.
+    OutputError
+        If it cannot be written; what was there before is untouched.
+    MissingLibraryError
+        If a library that it needs cannot be loaded.
+    """
+    if not overwrite:
+        _refuse_to_replace([Path(path)])
+    drawn = _draw(packing) if pictures else Drawn({}, {})
+    files = _picture_files(drawn, Path(pictures_folder)) if pictures_folder is not None else {}
+    if not overwrite:
+        _refuse_to_replace(list(files))
+    template = load("jinja2").Environment(
+        loader=load("jinja2").FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=load("jinja2").StrictUndefined,
+    )
+    shapes = facts.shape_rows(packing)
+    text = template.get_template("template.html.j2").render(
+        version=__version__,
+        title=title or f"Packing of {packing.count} grains",
+        subtitle=_subtitle(packing),
+        headline=facts.headline(packing, statistics, verification),
+        views=[_view(*parts) for parts in drawn.packing.values()],
+        legend=_legend(packing),
+        gradient=_gradient() if pictures else "gray, gray",
+        grains=[{"name": n, "views": [_view(*p) for p in v.values()]} for n, v in drawn.grains.items()],
+        grains_note=_grains_note(packing),
+        figures=_figures(packing, statistics),
+        proof=facts.proof_rows(verification) if verification is not None else [],
+        worst=_worst(verification) if verification is not None else {},
+        comparison=_comparison(comparisons or {}),
+        details=facts.details(packing),
+        shapes=shapes[:SHAPES_LISTED],
+        shapes_left=max(0, len(shapes) - SHAPES_LISTED),
+        space="volume" if packing.dimension == 3 else "area",
+        provenance=json.dumps(packing.provenance, indent=2, default=str, ensure_ascii=False),
+    )
+    for place, content in files.items():
+        with written_whole(place, overwrite=overwrite) as draft:
+            draft.write_bytes(content)
+    write_text(path, text, overwrite=overwrite)
+
+
+def _draw(packing: Packing) -> Drawn:
+    """Render all pictures."""
+    plural = "grain" if packing.count == 1 else "grains"
+    what = f"{packing.count} {plural} in a {packing.container.kind}"
+    coarse = ""
+    most = scenes.picture_faces(packing)
+    if any(len(shape.faces) > most for shape in packing.shapes):
+        coarse = f" For the picture grains are drawn with about {most} triangles at most."
+    elif packing.count > scenes.BALL_LIMIT:
+        coarse = " Balls are drawn as points, shaded by the slope of the heap."
+    whole = {"whole": (scenes.picture_packing(packing), f"{what}, seen from outside", f"The whole packing.{coarse}")}
+    if packing.dimension == 3 and packing.count:
+        caption = "Cut open: without the grains whose centroids lie in the near quarter."
+        whole["cut_open"] = (scenes.picture_cut(packing), f"{what}, without the near quarter", caption)
+    captions = {
+        "surface": "true surface",
+        "voxels": "voxels of 1/24 of its diameter",
+        "points": "control points a tenth of its diameter apart",
+        "clump": "clump of at most 30 spheres",
+    }
+    grains = {}
+    for shape in _drawn_shapes(packing):
+        views = scenes.picture_grain(shape)
+        grains[shape.name] = {n: (p, f"{shape.name}: {captions[n]}", captions[n]) for n, p in views.items()}
+    return Drawn(whole, grains)
+
+
+def _drawn_shapes(packing: Packing) -> list[Shape]:
+    """Return the most frequent shapes, one of each name."""
+    counts = np.bincount(packing.shape_id, minlength=len(packing.shapes))
+    frequent = [packing.shapes[index] for index in np.argsort(-counts, kind="stable") if counts[index]]
+    return list({shape.name: shape for shape in reversed(frequent[:SHAPES_DRAWN])}.values())[::-1]
+
+
+def _grains_note(packing: Packing) -> str:
+    """Say which shapes are drawn where not all are."""
+    used = len(np.unique(packing.shape_id))
+    return f"The {SHAPES_DRAWN} most frequent of {used} shapes." if used > SHAPES_DRAWN else ""
+
+
+def _png(picture: Picture) -> bytes:
+    """Return a picture as a PNG file."""
+    buffer = io.BytesIO()
+    load("matplotlib.image").imsave(buffer, picture, format="png", pil_kwargs={"optimize": True})
+    return buffer.getvalue()
+
+
+def _view(picture: Picture, alt: str, caption: str) -> View:
+    """Return a picture with all that the page says about it."""
+    source = "data:image/png;base64," + base64.b64encode(_png(picture)).decode()
+    return View(source, alt, caption, picture.shape[1], picture.shape[0])
+
+
+def _picture_files(drawn: Drawn, folder: Path) -> dict[Path, bytes]:
+    """Return the pictures as PNG files, the four of a grain side by side."""
+    files = {folder / f"{name}.png": _png(picture) for name, (picture, _, _) in drawn.packing.items()}
+    for index, views in enumerate(drawn.grains.values()):
+        row = np.hstack([picture for picture, _, _ in views.values()])
+        files[folder / f"grain_{index}.png"] = _png(row)
+    return files
+
+
+def _refuse_to_replace(places: Sequence[Path]) -> None:
+    """Refuse before anything is written."""
+    for place in places:
+        if place.exists():
+            raise OutputExistsError(
+                f"{place} is there already: it is not replaced unasked; ask to overwrite or move it"
+            )
+
+
+def _subtitle(packing: Packing) -> str:
+    """Say in one line what was packed how."""
+    names = [row[0] for row in facts.shape_rows(packing)]
+    shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
+    method = packing.provenance.get("method")
+    return f"{shown or 'no shapes'} in a {packing.container.kind}" + (
+        f", packed by the method {method}" if method else ""
+    )
+
+
+def _legend(packing: Packing) -> tuple[str, str] | None:
+    """Return what the darkest and the brightest colour stand for."""
+    if not packing.count or packing.diameters.min() == packing.diameters.max():
+        return None
+    unit = "" if packing.unit == "1" else f" {packing.unit}"
+    low, high = facts.number(float(packing.diameters.min())), facts.number(float(packing.diameters.max()))
+    return f"{low}{unit}", f"{high}{unit}"
+
+
+def _gradient() -> str:
+    """Return the colour scale as stops of a CSS gradient."""
+    matplotlib = load("matplotlib")
+    scale = matplotlib.colormaps[scenes.COLORS]
+    return ", ".join(load("matplotlib.colors").to_hex(scale(k / 8)) for k in range(9))
+
+
+def _worst(verification: "Verification") -> dict[str, list[list[str]]]:
+    """Return the tables of the worst pairs and escapes by their headlines."""
+    pairs, escapes = facts.worst_rows(verification.pairs), facts.worst_rows(verification.escapes)
+    return {name: rows for name, rows in (("The deepest overlaps", pairs), ("The farthest escapes", escapes)) if rows}
+
+
+def _comparison(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
+    """Return head and rows of the comparison table; what a packing does not have is left blank."""
+    columns = list(dict.fromkeys(name for row in rows.values() for name in row))
+    # a column that only repeats the name of the row says nothing
+    columns = [c for c in columns if any(c in row and row[c] != name for name, row in rows.items())]
+    body = [[name, *(facts.number(row[c]) if c in row else "" for c in columns)] for name, row in rows.items()]
+    return [["packing", *(c.replace("_", " ") for c in columns)], *body] if rows else []
+
+
+def _figures(packing: Packing, statistics: "DataTree | None") -> list[dict[str, str]]:
+    """Return the plots: gradation, and what the statistics hold over a place or a gap."""
+    figures = []
+    if packing.count:
+        gradation = plots.svg_of(lambda axes: plots.plot_gradation(axes, packing), "gradation")
+        figures.append({"svg": gradation, "alt": "gradation", "caption": "Gradation: what passes which size."})
+    levels = {"whole": packing.solid_fraction, "bulk": facts.scalar(statistics, "bulk_solid_fraction") or np.nan}
+    for data, name in _curves(packing, statistics):
+        svg = plots.svg_of(partial(_draw_curve, data=data, name=name, levels=levels), name.replace("_", "-"))
+        title = str(data[name].attrs.get("long_name", name.replace("_", " ")))
+        figures.append({"svg": svg, "alt": title, "caption": f"{title[:1].upper()}{title[1:]}."})
+    return figures
+
+
+def _curves(packing: Packing, statistics: "DataTree | None") -> "list[tuple[Dataset, str]]":
+    """Return dataset and name of each curve: solid fractions over a place, coordination numbers over the gap.
+
+    Along a periodic axis every place is like another.
+    """
+    periodic = [axis for axis, flag in zip("xyz", packing.container.periodic, strict=True) if flag]
+    found = []
+    for node in statistics.subtree if statistics is not None else ():
+        data = node.to_dataset()
+        for name, variable in data.data_vars.items():
+            along = str(variable.dims[0]) if variable.ndim == 1 else ""
+            if along not in data.coords or variable.size < 2 or along in periodic or str(name).endswith("_error"):
+                continue
+            if str(name).startswith("solid_fraction") or (along == "gap" and "coordination" in str(name)):
+                found.append((data, str(name)))
+    return found
+
+
+def _draw_curve(axes: Any, *, data: "Dataset", name: str, levels: Mapping[str, float]) -> Any:
+    """Draw one curve."""
+    variable = data[name]
+    place = variable[variable.dims[0]]
+    label = str(place.attrs.get("long_name", place.name)).removeprefix("the ")
+    unit = str(place.attrs.get("units", ""))
+    if place.name == "gap":
+        return plots.plot_coordination(axes, place.values, variable.values, name=label, unit=unit)
+    error = data[f"{name}_error"].values if f"{name}_error" in data else 0.0
+    return plots.plot_profile(axes, place.values, variable.values, name=label, unit=unit, error=error, levels=levels)

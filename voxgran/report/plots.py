@@ -1,0 +1,240 @@
+"""Plots of a packing with matplotlib: each function draws on axes that it is given and returns them.
+
+:func:`svg_of` makes one plot for a page: lines and texts in the colour of the page's text, so that it is read on
+light and on dark ground.
+"""
+
+import io
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, as_floats
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+from voxgran.packing.model import Packing
+from voxgran.shapes.descriptors import principal_extents
+from voxgran.shapes.sizes import SizeDistribution, make_sizes
+
+#: stands for the colour of the page's text until the page is written
+_INK = "#0a0b0c"
+PLACED, ASKED, OTHER = "#2a9d8f", "#e07a3f", "#7a86c8"
+
+_STYLE = {
+    "axes.edgecolor": _INK,
+    "axes.grid": True,
+    "axes.labelcolor": _INK,
+    "axes.labelsize": 12,
+    "axes.linewidth": 0.8,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "figure.constrained_layout.use": True,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "grid.alpha": 0.18,
+    "grid.color": _INK,
+    "legend.fontsize": 11,
+    "legend.frameon": False,
+    "legend.labelcolor": _INK,
+    "lines.linewidth": 2.0,
+    "svg.fonttype": "none",
+    "text.color": _INK,
+    "xtick.color": _INK,
+    "xtick.labelsize": 11,
+    "ytick.color": _INK,
+    "ytick.labelsize": 11,
+}
+
+
+def svg_of(draw: Callable[[Any], Any], name: str, *, size: tuple[float, float] = (5.2, 3.7)) -> str:
+    """Draw one plot and return it as an ``<svg>`` element.
+
+    Parameters
+    ----------
+    draw : callable
+        Is given the axes.
+    name : str
+        Goes before all ids in it, so that several plots can stand on one page.
+    size : tuple of float
+        Width and height, in inches.
+
+    Returns
+    -------
+    str
+        The same plot gives the same text.
+    """
+    matplotlib = load("matplotlib")
+    load("matplotlib.backends.backend_svg")
+    with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
+        figure = load("matplotlib.figure").Figure(figsize=size)
+        draw(figure.add_subplot())
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    text = text[text.index("<svg") :].replace(_INK, "currentColor")
+    text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
+    # a style element would hold for the whole page
+    text = re.sub(r"<style[^>]*>\*{([^}]*)}</style>", "", text)
+    text = re.sub(r' (width|height)="[\d.]+pt"', "", text, count=2)
+    text = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{name}-", text)
+    return text.replace("<svg", '<svg style="stroke-linejoin: round; stroke-linecap: butt"', 1)
+
+
+def plot_gradation(axes: Any, packing: Packing) -> Any:
+    """Draw which share by volume passes which size: as placed, and as asked where the provenance tells.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where to draw.
+    packing : Packing
+        Any packing.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Notes
+    -----
+    A sieve passes a grain by its intermediate axis; both curves are drawn where they differ.
+    """
+    diameters = packing.diameters
+    ratio = np.array([*(principal_extents(s)[1] / s.diameter for s in packing.shapes), 1.0])[packing.shape_id]
+    middle = diameters * ratio
+    _passing(axes, diameters, packing.volumes, color=PLACED, label="placed, equivalent diameter")
+    if packing.count and np.abs(ratio - 1).max() > 0.01 and packing.dimension == 3:
+        _passing(axes, middle, packing.volumes, color=OTHER, label="placed, intermediate axis")
+    asked = _asked(packing)
+    if asked is not None and packing.count:
+        low, high = min(diameters.min(), middle.min()), max(diameters.max(), middle.max())
+        sizes = np.geomspace(0.8 * low, 1.25 * high, 600)
+        shares = 100 * asked.cumulative(sizes, basis="volume", dimension=packing.dimension)
+        what = "intermediate axis" if asked.by_intermediate_axis else "equivalent diameter"
+        axes.plot(sizes, shares, color=ASKED, linestyle=(0, (4, 2)), label=f"asked, {what}")
+    if packing.count and diameters.max() > 4 * diameters.min():
+        axes.set_xscale("log")
+    axes.set(ylim=(0, 101), xlabel=f"size{_unit(packing.unit)}", ylabel="passing by volume (%)")
+    axes.legend(loc="best")
+    return axes
+
+
+def plot_profile(
+    axes: Any,
+    place: ArrayLike,
+    solid_fraction: ArrayLike,
+    *,
+    name: str,
+    unit: str,
+    error: ArrayLike = 0.0,
+    levels: Mapping[str, float] | None = None,
+) -> Any:
+    """Draw the solid fraction over a coordinate.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where to draw.
+    place : (n,) array_like of float
+        Coordinate, in the unit of lengths.
+    solid_fraction : (n,) array_like of float
+        Solid fraction there; NaN leaves a gap.
+    name : str
+        What the coordinate is, such as ``"height z"``.
+    unit : str
+        Unit of lengths.
+    error : (n,) array_like of float
+        Drawn as a band on both sides, where it is not 0.
+    levels : mapping of str to float, optional
+        Solid fractions to compare with, by name; drawn as lines across.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    InputError
+        If the coordinate is not an (n,) array of finite numbers.
+    """
+    x, y = as_floats(place, "place", shape=(None,)), np.asarray(solid_fraction, dtype=np.float64)
+    marks = {label: value for label, value in (levels or {}).items() if np.isfinite(value)}
+    for (label, value), dash in zip(marks.items(), ((2, 2), (6, 2), (6, 2, 1, 2)), strict=False):
+        axes.axhline(value, color=_INK, linewidth=1.0, linestyle=(0, dash), label=f"{label}: {value:.3f}")
+    if marks:
+        axes.legend(loc="best")
+    band = np.asarray(error, dtype=np.float64)
+    if (band > 0).any():
+        axes.fill_between(x, y - band, y + band, color=PLACED, alpha=0.25, linewidth=0)
+    axes.plot(x, y, color=PLACED)
+    top = max(np.nanmax(y, initial=0.0), *marks.values(), 0.05)
+    axes.set(xlabel=f"{name}{_unit(unit)}", ylabel="solid fraction", ylim=(0, min(1.08 * top, max(1.02, top))))
+    return axes
+
+
+def plot_coordination(
+    axes: Any, gap: ArrayLike, coordination_number: ArrayLike, *, unit: str, name: str = "gap"
+) -> Any:
+    """Draw the mean coordination number over the gap up to which grains count as neighbours.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where to draw.
+    gap : (n,) array_like of float
+        Gaps, in the unit that is named.
+    coordination_number : (n,) array_like of float
+        Mean number of neighbours of a grain.
+    unit : str
+        Unit of the gap, such as ``"mean diameters"``.
+    name : str
+        What the axis says.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    InputError
+        If the arrays are not (n,) arrays of finite numbers.
+    """
+    x = as_floats(gap, "gap", shape=(None,))
+    y = as_floats(coordination_number, "coordination_number", shape=(len(x),))
+    axes.plot(x, y, color=PLACED, marker="o", markersize=4, clip_on=False)
+    if len(x) and x.max() > 0:
+        # gaps span decades and begin at 0
+        axes.set_xscale("symlog", linthresh=float(x[x > 0].min()), linscale=0.4)
+    axes.set(xlabel=f"{name}{_unit(unit)}", ylabel="mean coordination number")
+    axes.set_ylim(0, max(1.08 * float(y.max(initial=0.0)), 1.0))
+    return axes
+
+
+def _passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label: str) -> None:
+    """Draw a step curve of the share by volume up to each size, thinned to what a plot shows."""
+    order = np.argsort(sizes, kind="stable")
+    share = 100 * np.cumsum(volumes[order]) / max(float(volumes.sum()), 1e-300)
+    keep = np.unique(np.linspace(0, max(len(order) - 1, 0), 400).astype(int))[: len(order)]
+    x, y = sizes[order][keep], share[keep]
+    axes.step(
+        np.concatenate([x[:1], x]), np.concatenate([[0.0] * len(x[:1]), y]), where="post", color=color, label=label
+    )
+
+
+def _asked(packing: Packing) -> SizeDistribution | None:
+    """Return the distribution that was asked for, where the provenance tells."""
+    asked = packing.provenance.get("asked")
+    mapping = asked.get("sizes") if isinstance(asked, Mapping) else None
+    if not isinstance(mapping, Mapping):
+        return None
+    try:
+        return make_sizes({key: value for key, value in mapping.items() if value is not None})
+    except InputError:  # a record of other hands: what was placed is drawn all the same
+        return None
+
+
+def _unit(unit: str) -> str:
+    """Return what follows the name on an axis."""
+    return "" if unit in ("", "1") else f" ({unit})"

@@ -1,0 +1,251 @@
+"""Pictures of packings and grains, rendered off screen with PyVista.
+
+Colours grow evenly in lightness (viridis). Each function returns the picture as an (h, w, 3) array of bytes. Grains of
+many triangles are drawn coarser: :func:`picture_faces` tells how coarse.
+"""
+
+from collections.abc import Sequence
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.lazy import load
+from voxgran.clumps.fit import fit_clump
+from voxgran.io.surfaces import merged_surfaces
+from voxgran.packing.model import Packing
+from voxgran.points.sample import sample_surface
+from voxgran.report.stage import MATERIAL, Picture, add_balls, add_container, look_at, shot, stage_of
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.tessellate import ball
+from voxgran.voxels.occupy import voxelize
+
+ColorBy: TypeAlias = Literal["diameter", "shape"]
+
+#: a picture of a packing has at most about this many triangles
+TRIANGLE_BUDGET = 600_000
+#: a grain is not drawn with fewer
+FEWEST_FACES = 80
+#: more balls than this are drawn as shaded points
+BALL_LIMIT = 10_000
+
+_GRAIN = "#6d9fb5"
+COLORS = "viridis"
+_SMOOTH = {"smooth_shading": True, "split_sharp_edges": True, **MATERIAL}
+
+
+def picture_faces(packing: Packing) -> int:
+    """Return how many triangles a grain has at most in a picture.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+
+    Returns
+    -------
+    int
+    """
+    return max(FEWEST_FACES, TRIANGLE_BUDGET // max(packing.count, 1))
+
+
+def picture_packing(
+    packing: Packing, *, color_by: ColorBy = "diameter", window: tuple[int, int] = (900, 900)
+) -> Picture:
+    """Draw the whole packing.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    color_by : {"diameter", "shape"}
+        What the colours show: dark is small (or the first shape), bright is large (or the last).
+    window : tuple of int
+        Width and height, in pixels.
+
+    Returns
+    -------
+    (height, width, 3) ndarray of uint8
+    """
+    return _picture(packing, np.arange(packing.count), color_by, window)
+
+
+def picture_cut(packing: Packing, *, color_by: ColorBy = "diameter", window: tuple[int, int] = (900, 900)) -> Picture:
+    """Draw the packing without the grains whose centroids lie in the quarter that faces the viewer.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing; in 2D nothing is taken away.
+    color_by : {"diameter", "shape"}
+        What the colours show.
+    window : tuple of int
+        Width and height, in pixels.
+
+    Returns
+    -------
+    (height, width, 3) ndarray of uint8
+    """
+    middle = packing.container.bounds.mean(axis=0)
+    near = (packing.position[:, 0] > middle[0]) & (packing.position[:, 1] < middle[1])
+    kept = np.flatnonzero(~near | (packing.dimension == 2))
+    return _picture(packing, kept, color_by, window)
+
+
+def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres: int = 30) -> dict[str, Picture]:
+    """Draw a shape, its voxels, its control points and its clump, all from one side.
+
+    Parameters
+    ----------
+    shape : Shape
+        Any shape; in 2D there is no clump.
+    window : tuple of int
+        Width and height of each, in pixels.
+    spheres : int
+        Most spheres of the clump.
+
+    Returns
+    -------
+    dict of str to (height, width, 3) ndarray of uint8
+        Under ``surface``, ``voxels``, ``points`` and ``clump``.
+    """
+    flat = shape.dimension == 2
+    pictures = {}
+    for name in ("surface", "voxels", "points") if flat else ("surface", "voxels", "points", "clump"):
+        with stage_of(window) as stage:
+            if name == "surface":
+                stage.add_mesh(shape.to_pyvista(), color=_GRAIN, **_SMOOTH)
+            elif name == "voxels":
+                _add_voxels(stage, shape)
+            elif name == "points":
+                _add_points(stage, shape)
+            else:
+                _add_clump(stage, shape, spheres)
+            look_at(stage, 1.06 * shape.vertices, flat=flat)
+            pictures[name] = shot(stage)
+    return pictures
+
+
+def render_ids(packing: Packing, *, window: tuple[int, int] = (320, 240)) -> Integers:
+    """Draw which grain is seen where: the same view as the pictures, without light.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing of fewer than 16 million grains.
+    window : tuple of int
+        Width and height, in pixels.
+
+    Returns
+    -------
+    (height, width) ndarray of int
+        0 is background, k + 1 is grain k.
+    """
+    merged = merged_surfaces(packing, bodies=_bodies(packing))
+    label = merged.grain + 1
+    colors = np.stack([label >> 16 & 255, label >> 8 & 255, label & 255], axis=1).astype(np.uint8)
+    with stage_of(window, lit=False) as stage:
+        if len(label):
+            mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
+            mesh.cell_data["label"] = colors
+            stage.add_mesh(mesh, scalars="label", rgb=True, lighting=False)
+        look_at(stage, packing.container.mesh()[0], flat=packing.dimension == 2)
+        seen: Integers = shot(stage).astype(np.int64) @ np.array([1 << 16, 1 << 8, 1])
+    return seen
+
+
+def _picture(packing: Packing, grains: Integers, color_by: ColorBy, window: tuple[int, int]) -> Picture:
+    """Draw some grains and the container."""
+    values = packing.diameters if color_by == "diameter" else packing.shape_id.astype(float)
+    low, high = float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
+    if not low < high:
+        low, high = (0.6 * low, 1.2 * high) if low == high and low > 0 else (-0.5, 0.5)
+    look = {"cmap": COLORS, "clim": (low, high), "show_scalar_bar": False}
+    balls = np.array([_is_ball(shape) for shape in packing.shapes] + [False])[packing.shape_id[grains]]
+    as_points = grains[balls] if balls.sum() > BALL_LIMIT else grains[:0]
+    as_meshes = np.setdiff1d(grains, as_points)
+    with stage_of(window) as stage:
+        if len(as_meshes):
+            merged = merged_surfaces(packing, grains=as_meshes, bodies=_bodies(packing))
+            mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
+            mesh.cell_data["value"] = values[merged.grain]
+            stage.add_mesh(mesh, scalars="value", **look, **_SMOOTH)
+        if len(as_points):
+            colors = load("matplotlib").colormaps[COLORS]((values[as_points] - low) / (high - low))[:, :3]
+            add_balls(stage, packing.position[as_points], packing.bounding_radii[as_points], colors)
+        add_container(stage, packing.container)
+        look_at(stage, packing.container.mesh()[0], flat=packing.dimension == 2)
+        return shot(stage)
+
+
+def _is_ball(shape: Shape) -> bool:
+    """Tell whether a shape is one ball."""
+    return isinstance(shape.geometry, Primitive) and shape.geometry.kind == "sphere"
+
+
+def _bodies(packing: Packing) -> Sequence[tuple[Floats, Integers]]:
+    """Return triangles that stand for each shape, as many as the picture can have."""
+    most = picture_faces(packing)
+    return [_body(shape, most) for shape in packing.shapes]
+
+
+def _body(shape: Shape, most: int) -> tuple[Floats, Integers]:
+    """Return the surface of a shape with at most so many triangles.
+
+    Vertices are clustered with quadric error metrics (Lindstrom 2000, doi:10.1145/344779.344912): a tenth of the time
+    of edge collapses, and hundreds of different shapes are common.
+    """
+    if _is_ball(shape):
+        level = int(np.clip(np.log(most / 20) / np.log(4), 1, 4))
+        vertices, faces, _ = ball(level)
+        return vertices * shape.bounding_radius, faces
+    vertices, faces = shape.vertices, shape.faces
+    divisions = int(np.sqrt(most / 5)) + 1
+    while len(faces) > most and divisions > 2 and shape.dimension == 3:
+        cluster = load("vtkmodules.vtkFiltersCore").vtkQuadricClustering()
+        cluster.SetInputData(shape.to_pyvista())
+        cluster.AutoAdjustNumberOfDivisionsOff()
+        cluster.SetNumberOfDivisions(divisions, divisions, divisions)
+        cluster.Update()
+        coarse = load("pyvista").wrap(cluster.GetOutput())
+        vertices, faces = np.array(coarse.points, dtype=np.float64), coarse.regular_faces.astype(np.int64)
+        divisions = divisions * 7 // 8
+    return vertices, faces
+
+
+def _add_voxels(stage: Any, shape: Shape) -> None:
+    """Draw voxels of 1/24 of the diameter."""
+    voxels = voxelize(shape, voxel_size=shape.diameter / 24)
+    image = load("pyvista").ImageData(
+        dimensions=tuple(n + 1 for n in voxels.mask.shape),
+        spacing=(voxels.voxel_size,) * 3,
+        origin=tuple(float(value) for value in voxels.origin),
+    )
+    image.cell_data["solid"] = voxels.mask.ravel(order="F").astype(np.uint8)
+    solid = image.threshold(0.5, scalars="solid").extract_surface(algorithm="dataset_surface")
+    stage.add_mesh(solid, color=_GRAIN, show_edges=True, edge_color="#46626f", line_width=0.6, **MATERIAL)
+
+
+def _add_points(stage: Any, shape: Shape) -> None:
+    """Draw control points a tenth of the diameter apart, on the faint surface."""
+    points = np.asarray(sample_surface(shape, spacing=shape.diameter / 10))
+    vertices, faces, _ = ball(2)
+    size = 0.018 * shape.diameter
+    beads = (points[:, None] + size * vertices).reshape(-1, 3)
+    triangles = (faces + len(vertices) * np.arange(len(points))[:, None, None]).reshape(-1, 3)
+    pyvista = load("pyvista")
+    stage.add_mesh(shape.to_pyvista(), color="#d7dee3", **_SMOOTH)
+    stage.add_mesh(pyvista.PolyData.from_regular_faces(beads, triangles), color="#2f4b7c", **MATERIAL)
+
+
+def _add_clump(stage: Any, shape: Shape, spheres: int) -> None:
+    """Draw the clump of a shape, large spheres bright."""
+    clump = fit_clump(shape, max_spheres=spheres)
+    vertices, faces, _ = ball(3)
+    surfaces = (clump.centers[:, None] + clump.radii[:, None, None] * vertices).reshape(-1, 3)
+    triangles = (faces + len(vertices) * np.arange(len(clump.radii))[:, None, None]).reshape(-1, 3)
+    mesh = load("pyvista").PolyData.from_regular_faces(surfaces, triangles)
+    mesh.cell_data["radius"] = np.repeat(clump.radii, len(faces))
+    limits = (0.0, float(clump.radii.max()))
+    stage.add_mesh(mesh, scalars="radius", cmap=COLORS, clim=limits, show_scalar_bar=False, **_SMOOTH)

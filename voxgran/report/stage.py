@@ -1,0 +1,155 @@
+"""The stage that all pictures are taken on: one light set-up, one background, a camera that just holds a box."""
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats
+from voxgran._base.lazy import load
+from voxgran.containers.model import Container
+
+Picture: TypeAlias = NDArray[np.uint8]
+
+BACKGROUND = "#eef1f4"
+#: how surfaces answer to the light
+MATERIAL = {"ambient": 0.28, "diffuse": 0.75, "specular": 0.12, "specular_power": 12}
+
+_LINE = "#5b6670"
+_LIGHTS = (((-0.6, 0.9, 1.0), 0.85), ((1.0, 0.1, 0.6), 0.35), ((0.0, -0.8, 0.4), 0.15))
+#: direction from the middle to the camera
+_VIEW = (0.85, -1.55, 0.75)
+#: share of the picture that stays free around the box
+_MARGIN = 0.03
+#: from where a heap of many balls is lit
+_HEAP_LIGHT = (-0.55, -0.4, 0.73)
+#: points shaded as balls; `offsetVCVSOutput` is the place on the disk, 1 at its rim
+_BALL_SHADER = """//VTK::Color::Impl
+float rim = dot(offsetVCVSOutput.xy, offsetVCVSOutput.xy);
+if (rim > 1.0) { discard; }
+vec3 outward = vec3(offsetVCVSOutput.xy, sqrt(1.0 - rim));
+float shade = 0.42 + 0.58 * max(0.0, dot(outward, vec3(-0.41, 0.61, 0.68)));
+diffuseColor *= shade;
+ambientColor *= shade;
+"""
+
+
+@contextlib.contextmanager
+def stage_of(window: tuple[int, int], *, lit: bool = True) -> Iterator[Any]:
+    """Give an off-screen plotter, closed at the end (context manager).
+
+    Parameters
+    ----------
+    window : tuple of int
+        Width and height, in pixels.
+    lit : bool
+        Whether there is light and smoothing; without, colours arrive as they are given.
+
+    Yields
+    ------
+    pyvista.Plotter
+    """
+    pyvista = load("pyvista")
+    stage = pyvista.Plotter(off_screen=True, window_size=list(window), lighting="none")
+    try:
+        stage.set_background(BACKGROUND if lit else "black")
+        if lit:
+            stage.enable_anti_aliasing("ssaa")
+        else:
+            stage.disable_anti_aliasing()
+        for place, strength in _LIGHTS if lit else ():
+            stage.add_light(pyvista.Light(position=place, intensity=strength, light_type="camera light", color="white"))
+        yield stage
+    finally:
+        stage.close()
+
+
+def look_at(stage: Any, points: Floats, *, flat: bool = False) -> None:
+    """Point the camera at points, so that they just fit; flat scenes are seen from above.
+
+    Parameters
+    ----------
+    stage : pyvista.Plotter
+        From :func:`stage_of`.
+    points : (n, 3) ndarray of float
+        What must be in the picture.
+    flat : bool
+        Whether the scene lies in the plane z = 0.
+    """
+    toward = np.array((0.0, 0.0, 1.0) if flat else _VIEW)
+    toward /= np.linalg.norm(toward)
+    right = np.cross((0.0, 1.0, 0.0) if flat else (0.0, 0.0, 1.0), toward)
+    right /= np.linalg.norm(right)
+    axes = np.array([right, np.cross(toward, right), toward])
+    low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
+    middle, (wide, tall, deep) = (low + high) / 2 @ axes, (high - low) / 2
+    width, height = stage.window_size
+    scale = max(tall, wide * height / width, 1e-300) / (1 - 2 * _MARGIN)
+    stage.camera.parallel_projection = True
+    stage.camera.focal_point = tuple(middle)
+    stage.camera.position = tuple(middle + 10 * (scale + deep) * toward)
+    stage.camera.up = tuple(axes[1])
+    stage.camera.parallel_scale = scale
+    stage.camera_set = True
+
+
+def shot(stage: Any) -> Picture:
+    """Return what the camera sees, (height, width, 3)."""
+    stage.renderer.reset_camera_clipping_range()
+    stage.render()
+    image: Picture = np.ascontiguousarray(stage.screenshot(None, return_img=True)[:, :, :3])
+    return image
+
+
+def add_container(stage: Any, container: Container) -> None:
+    """Draw the outline of a container: its sharp edges and its silhouette."""
+    mesh = load("pyvista").PolyData.from_regular_faces(*container.mesh())
+    if container.dimension == 2:
+        mesh = mesh.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
+        stage.add_mesh(mesh, color=_LINE, line_width=2, lighting=False)
+    else:
+        stage.add_silhouette(mesh, color=_LINE, line_width=2, feature_angle=30.0)
+
+
+def add_balls(stage: Any, positions: Floats, radii: Floats, colors: Floats) -> None:
+    """Draw balls as shaded points, each with its radius: quick for any number.
+
+    Parameters
+    ----------
+    stage : pyvista.Plotter
+        From :func:`stage_of`.
+    positions : (n, 3) ndarray of float
+        Centers.
+    radii : (n,) ndarray of float
+        Radii.
+    colors : (n, 3) ndarray of float
+        Red, green and blue from 0 to 1.
+
+    Notes
+    -----
+    Where balls are smaller than a few pixels, their own shading does not tell one side of the heap from another.
+    Therefore each is lighter or darker by the slope of the density around it, as if the heap were one body.
+    """
+    cloud = load("pyvista").PolyData(positions)
+    shade = 0.95 + 0.45 * _slope(positions) @ np.array(_HEAP_LIGHT)
+    cloud.point_data["color"] = np.round(255 * np.clip(colors * shade[:, None], 0, 1)).astype(np.uint8)
+    cloud.point_data["radius"] = radii
+    actor = stage.add_mesh(cloud, scalars="color", rgb=True, style="points_gaussian", emissive=False, **MATERIAL)
+    actor.mapper.scale_array = "radius"
+    actor.mapper.scale_factor = 1.0
+    actor.mapper.SetSplatShaderCode(_BALL_SHADER)
+
+
+def _slope(positions: Floats, cells: int = 40) -> Floats:
+    """Return for each point the way out of the crowd, (n, 3), at most of length 1, on a coarse lattice."""
+    low, length = positions.min(axis=0), float(np.ptp(positions, axis=0).max())
+    index = np.minimum((positions - low) / max(length, 1e-300) * cells, cells - 1).astype(np.int64) + 3
+    crowd = np.zeros((cells + 6,) * 3)
+    np.add.at(crowd, tuple(index.T), 1.0)
+    crowd = load("scipy.ndimage").gaussian_filter(crowd, 1.6, mode="constant")
+    way = -np.stack(np.gradient(crowd), axis=-1)[tuple(index.T)]
+    steep = 0.4 * float(np.quantile(np.linalg.norm(way, axis=1), 0.98))
+    long = np.maximum(np.linalg.norm(way, axis=1, keepdims=True), max(steep, 1e-300))
+    return np.asarray(way / long)

@@ -1,0 +1,1 @@
+"""From a scene file to a checked, measured and saved packing."""

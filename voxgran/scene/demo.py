@@ -1,0 +1,166 @@
+"""The demo: scanned rocks and random solids packed in a box, proven against their true meshes, measured, saved and
+shown.
+"""
+
+import json
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from voxgran._base.errors import MissingFileError
+from voxgran._base.files import write_text
+from voxgran._base.progress import OnStep
+from voxgran.containers.box import Box
+from voxgran.io.files import save
+from voxgran.io.netcdf import save_statistics
+from voxgran.io.vtk_files import save_scene
+from voxgran.measure.model import measure
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.packing.verify import Verification, verify
+from voxgran.report.page import write_report
+from voxgran.scene.run import open_folder, summary_of
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.files import load_shape
+from voxgran.shapes.model import Shape
+from voxgran.shapes.sizes import lognormal
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+#: scanned bodies, with their share by number; each of the four random solids has the share 1
+SCANS = {"eros.obj": 1.0, "itokawa_lp.obj": 1.0, "bennu_lp.obj": 1.0}
+SEEDS = (1, 2, 3, 4)
+GRAINS = 340
+#: fewer sweeps than by default: a demo shall be over soon
+PARAMETERS: dict[str, dict[str, Any]] = {
+    "digital": {"voxel_size": 1 / 32, "sweeps": 5000, "cycles": 10, "orientations": 48},
+    "control_point": {"sweeps": 400, "cycles": 4},
+}
+
+
+def run_demo(
+    folder: str | os.PathLike[str],
+    *,
+    overwrite: bool = False,
+    on_step: OnStep | None = None,
+    grains: int = GRAINS,
+) -> list[dict[str, Any]]:
+    """Pack the same grains by both methods and leave files, statistics and a page.
+
+    Parameters
+    ----------
+    folder : path-like
+        Where results go.
+    overwrite : bool
+        Whether results that are there may be replaced.
+    on_step : callable, optional
+        Told of each step.
+    grains : int
+        How many.
+
+    Returns
+    -------
+    list of dict
+        One row per method: grains, solid fractions, verification, seconds.
+
+    Raises
+    ------
+    OutputExistsError
+        If the folder holds something and `overwrite` is not set.
+    OutputError
+        If something cannot be written.
+    MissingFileError
+        If the scans are not installed.
+    """
+    target = open_folder(folder, resume=False, overwrite=overwrite)
+    # one core each: the second method works in a process of its own while the first shows its progress here
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as other:
+        waiting = other.submit(_packed, "control_point", grains)
+        first = _packed("digital", grains, on_step)
+        second = waiting.result()
+    rows = []
+    for stem, result in (("", first), ("_control_point", second)):
+        save(result.packing, target / f"packing{stem}.vtp")
+        save_statistics(result.statistics, target / f"statistics{stem}.nc")
+        numbers = summary_of(result.packing, result.proof, result.statistics)
+        write_text(target / f"summary{stem}.json", json.dumps(numbers, indent=2, default=str) + "\n")
+        rows.append(_row(result, numbers))
+    save_scene(first.packing, target / "scene.vtm")
+    write_report(
+        first.packing,
+        target / "report.html",
+        statistics=first.statistics,
+        verification=first.proof,
+        comparisons={str(row["method"]): row for row in rows},
+        pictures_folder=target,
+        title="Scanned rocks and random solids in a box",
+    )
+    return rows
+
+
+@dataclass(frozen=True, slots=True)
+class _Result:
+    """One packing with its proof, its measures and the seconds that packing took."""
+
+    packing: Packing
+    proof: Verification
+    statistics: "DataTree"
+    seconds: float
+
+
+def _packed(method: str, grains: int, on_step: OnStep | None = None) -> _Result:
+    """Pack the grains by one method, prove and measure."""
+    shapes = demo_shapes()
+    began = time.monotonic()
+    packing = pack(
+        shapes,
+        Box((8, 8, 14), periodic=(True, True, False)),
+        method=method,
+        count=grains,
+        sizes=lognormal(1.0, 0.2),
+        seed=1,
+        on_step=on_step,
+        **PARAMETERS[method],
+    )
+    seconds = time.monotonic() - began
+    return _Result(packing, verify(packing), measure(packing), seconds)
+
+
+def demo_shapes() -> list[Shape]:
+    """Return the scanned bodies and the random solids.
+
+    Raises
+    ------
+    MissingFileError
+        If the scans are not installed.
+    """
+    return [load_shape(_scan(name)) for name in SCANS] + [make_shape("solid_union", seed=seed) for seed in SEEDS]
+
+
+def _scan(name: str) -> Path:
+    """Return the path of a scan: within the installed package, or beside it in a checkout."""
+    package = Path(__file__).parents[1]
+    for folder in (package / "data", package.parent / "data"):
+        if (folder / name).is_file():
+            return folder / name
+    raise MissingFileError(f"{name} is neither in the package nor beside it: install voxgran again, with its data")
+
+
+def _row(result: _Result, numbers: dict[str, Any]) -> dict[str, Any]:
+    """Return one row of the table."""
+    proof = result.proof
+    return {
+        "method": numbers["method"],
+        "grains": result.packing.count,
+        "solid_fraction": result.packing.solid_fraction,
+        "bulk_solid_fraction": numbers.get("bulk_solid_fraction", float("nan")),
+        "verify": "ok" if proof.ok else f"{proof.overlapping_pairs} overlaps, {proof.escaped} escaped",
+        "deepest": proof.deepest,
+        "seconds": result.seconds,
+        "stop_reason": result.packing.stop_reason,
+    }

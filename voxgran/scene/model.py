@@ -1,0 +1,327 @@
+"""Scene: a granular scene as one TOML file describes it, the type that the scene room hands on."""
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from voxgran._base.arrays import as_count, as_number, as_positive
+from voxgran._base.config import from_mapping, parameter, to_mapping
+from voxgran._base.errors import FileFormatError, InputError, UnknownNameError
+from voxgran._base.files import existing_file
+from voxgran._base.progress import OnStep
+from voxgran._base.registry import unknown
+from voxgran.containers.make import make_container
+from voxgran.containers.model import Container
+from voxgran.packing.method import method_registry
+from voxgran.shapes.family import families, make_shape
+from voxgran.shapes.files import load_shape
+from voxgran.shapes.model import Shape
+from voxgran.shapes.sizes import SizeDistribution, make_sizes
+
+if TYPE_CHECKING:
+    from voxgran.scene.plan import Plan
+    from voxgran.scene.run import SceneResult
+
+SECTIONS = ("scene", "shape", "sizes", "container", "packing", "measure", "output")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class General:
+    """The section [scene]."""
+
+    seed: int = parameter(0, doc="seed of all random numbers")
+    unit: str = parameter("1", doc="unit of every length below; recorded")
+    density: float = parameter(1.0, doc="density of the material")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Output:
+    """The section [output].
+
+    Raises
+    ------
+    UnknownNameError
+        If an engine is named for which nothing can be written.
+    """
+
+    vtk: bool = parameter(True, doc="write the scene for ParaView")
+    statistics: bool = parameter(True, doc="write the measures as netCDF")
+    report: bool = parameter(True, doc="write the page with pictures")
+    dem: tuple[str, ...] = parameter((), doc="engines to write input for")
+
+    def __post_init__(self) -> None:
+        """Refuse engines that are not there."""
+        if self.dem:
+            raise UnknownNameError(unknown("[output] dem engine", self.dem[0], ()))
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeEntry:
+    """One [[shape]]: a file or a family with parameters, and its share."""
+
+    source: Literal["file", "family"]
+    name: str
+    share: float = 1.0
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def make(self) -> Shape:
+        """Return the shape."""
+        if self.source == "file":
+            return load_shape(self.name)
+        return make_shape(self.name, **self.parameters)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """A granular scene.
+
+    Attributes
+    ----------
+    general : General
+        Seed, unit and density.
+    shapes : tuple of ShapeEntry
+        Where the shapes come from, with their shares.
+    sizes : SizeDistribution or None
+        Equivalent diameters; None keeps each shape at its own size.
+    share_by : {"number", "volume"}
+        What the shares are of.
+    container : Container
+        What holds the grains.
+    method : str
+        Packing method.
+    count, solid_fraction : int or float or None
+        How many grains.
+    parameters : mapping
+        Parameters of the method.
+    which : tuple of str or None
+        Measures; None for all.
+    output : Output
+        What is written.
+    """
+
+    general: General
+    shapes: tuple[ShapeEntry, ...]
+    sizes: SizeDistribution | None
+    share_by: str
+    container: Container
+    method: str
+    count: int | None
+    solid_fraction: float | None
+    parameters: Mapping[str, Any]
+    which: tuple[str, ...] | None
+    output: Output
+
+    @classmethod
+    def from_toml(cls, path: str | os.PathLike[str]) -> "Scene":
+        """Read a scene file; files that it names are relative to it.
+
+        Parameters
+        ----------
+        path : path-like
+            TOML file.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        MissingFileError
+            If there is no such file.
+        FileFormatError
+            If it is not TOML.
+        UnknownNameError
+            If a section, key, method or family is unknown; the message gives the nearest name.
+        InputError
+            If a value is missing or breaks a rule.
+        """
+        found = existing_file(path)
+        try:
+            mapping = tomllib.loads(found.read_text(encoding="utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise FileFormatError(f"{found} is not TOML ({error}): mend that line") from error
+        return cls.from_mapping(mapping, folder=found.parent)
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any], *, folder: str | os.PathLike[str] = ".") -> "Scene":
+        """Make a scene from nested mappings, as TOML gives them.
+
+        Parameters
+        ----------
+        mapping : mapping
+            Sections by name.
+        folder : path-like
+            Where the files that it names are looked for.
+
+        Returns
+        -------
+        Scene
+
+        Raises
+        ------
+        UnknownNameError
+            If a section, key, method or family is unknown; the message gives the nearest name.
+        InputError
+            If a value is missing or breaks a rule.
+        """
+        for name in mapping:
+            if name not in SECTIONS:
+                raise UnknownNameError(unknown("section", name, SECTIONS))
+        for name in ("shape", "container", "packing"):
+            if name not in mapping:
+                raise InputError(f"[{name}] is missing: a scene needs this section; add it")
+        place = Path(folder)
+        sizes = dict(mapping.get("sizes", {}))
+        share_by = sizes.pop("share_by", "number")
+        packing = dict(mapping["packing"])
+        method = packing.pop("method", None)
+        count, solid = packing.pop("count", None), packing.pop("solid_fraction", None)
+        from_mapping(method_registry().get(method).parameters, packing, "[packing]")
+        return cls(
+            general=_general(mapping.get("scene", {})),
+            shapes=_shape_entries(mapping["shape"], place),
+            sizes=make_sizes(sizes) if sizes else None,
+            share_by=_share_by(share_by),
+            container=make_container(_with_file(mapping["container"], place)),
+            method=str(method),
+            count=None if count is None else as_count(count, "[packing] count"),
+            solid_fraction=None if solid is None else as_number(solid, "[packing] solid_fraction", above=0, at_most=1),
+            parameters=packing,
+            which=_which(mapping.get("measure", {})),
+            output=from_mapping(Output, mapping.get("output", {}), "[output]"),
+        )
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the scene as nested JSON-able values, from which :meth:`from_mapping` makes it again."""
+        shapes = [{entry.source: entry.name, "share": entry.share, **entry.parameters} for entry in self.shapes]
+        packing = {"method": self.method, "count": self.count, "solid_fraction": self.solid_fraction}
+        made = {
+            "scene": to_mapping(self.general),
+            "shape": shapes,
+            "container": self.container.to_mapping(),
+            "packing": {key: value for key, value in packing.items() if value is not None} | dict(self.parameters),
+            "output": to_mapping(self.output),
+        }
+        if self.sizes is not None:
+            kept = {key: value for key, value in self.sizes.to_mapping().items() if value is not None}
+            made["sizes"] = kept | {"share_by": self.share_by}
+        if self.which is not None:
+            made["measure"] = {"which": list(self.which)}
+        return made
+
+    def plan(self) -> "Plan":
+        """Return what a run would compute, skip and cost; nothing is packed and neither numba, Open3D nor VTK is
+        loaded.
+
+        Raises
+        ------
+        InputError
+            If the scene breaks a rule that shows only now, such as grains that cannot fit.
+        TooLargeError
+            If it does not fit in memory.
+        """
+        from voxgran.scene.plan import make_plan
+
+        return make_plan(self)
+
+    def run(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        resume: bool = False,
+        overwrite: bool = False,
+        on_step: OnStep | None = None,
+    ) -> "SceneResult":
+        """Pack, check, measure and save.
+
+        Parameters
+        ----------
+        folder : path-like
+            Where results go.
+        resume : bool
+            Whether to go on from the checkpoint in the folder.
+        overwrite : bool
+            Whether results that are there may be replaced.
+        on_step : callable, optional
+            Told of each step.
+
+        Raises
+        ------
+        OutputExistsError
+            If the folder holds something and neither `resume` nor `overwrite` is set.
+        OutputError
+            If something cannot be written.
+        InputError
+            If the scene breaks a rule that shows only now.
+        Interrupted
+            On SIGINT or SIGTERM, after a checkpoint was written.
+        """
+        from voxgran.scene.run import run_scene
+
+        return run_scene(self, folder, resume=resume, overwrite=overwrite, on_step=on_step)
+
+
+def _general(mapping: Mapping[str, Any]) -> General:
+    """Return the checked section [scene]."""
+    made = from_mapping(General, mapping, "[scene]")
+    as_count(made.seed, "[scene] seed")
+    as_positive(made.density, "[scene] density")
+    return made
+
+
+def _share_by(value: Any) -> str:
+    """Return the checked share_by."""
+    if value not in ("number", "volume"):
+        raise InputError(f"[sizes] share_by is {value!r}: it must be 'number' or 'volume'; change it")
+    return str(value)
+
+
+def _which(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """Return the names of the measures that are asked for."""
+    from voxgran.measure.model import measure_registry
+
+    for key in mapping:
+        if key != "which":
+            raise UnknownNameError(unknown("[measure] key", key, ("which",)))
+    if "which" not in mapping:
+        return None
+    names = tuple(str(name) for name in mapping["which"])
+    known = measure_registry().names()
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(unknown("[measure] which", name, known))
+    return names
+
+
+def _with_file(mapping: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return a section with its file relative to the scene file."""
+    made = dict(mapping)
+    if "file" in made:
+        made["file"] = str(folder / str(made["file"]))
+    return made
+
+
+def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
+    """Return the checked [[shape]] entries."""
+    if not isinstance(entries, list) or not entries:
+        raise InputError("[shape] is one table: write [[shape]], once per shape")
+    made = []
+    for entry in entries:
+        rest = dict(entry)
+        share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
+        if ("file" in rest) == ("family" in rest):
+            raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
+        if "file" in rest:
+            path = folder / str(rest.pop("file"))
+            if rest:
+                raise UnknownNameError(unknown("[[shape]] key", next(iter(rest)), ("file", "share")))
+            made.append(ShapeEntry("file", str(existing_file(path)), share))
+            continue
+        family = rest.pop("family")
+        settings = {key: value for key, value in rest.items() if key != "seed"}
+        from_mapping(families().get(family).parameters, settings, f"[[shape]] {family}")
+        made.append(ShapeEntry("family", family, share, rest))
+    return tuple(made)

@@ -1,0 +1,164 @@
+"""Plan: what a run would compute, skip and cost, before anything is computed."""
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.errors import TooLargeError
+from voxgran.packing.pack import Task, prepare_task
+from voxgran.scene.model import Scene, ShapeEntry
+from voxgran.shapes.family import families
+from voxgran.shapes.files import read_surface
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+
+#: bytes that the interpreter and the libraries take before anything is packed (measured)
+LIBRARIES_BYTES = 450 * 2**20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What a run of a scene would do.
+
+    Attributes
+    ----------
+    grains : int
+        Grains that are asked for.
+    solid_fraction : float
+        Their volume over that of the container.
+    memory : int
+        Bytes at the peak, estimated.
+    attempts : int
+        Attempts at the most.
+    computed, skipped : tuple of str
+        Steps, each with its reason.
+    libraries : tuple of str
+        Libraries that will be loaded.
+    """
+
+    grains: int
+    solid_fraction: float
+    memory: int
+    attempts: int
+    computed: tuple[str, ...]
+    skipped: tuple[str, ...]
+    libraries: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Return the plan as a person reads it."""
+        lines = [
+            f"grains          {self.grains}, {self.solid_fraction:.3f} of the container's volume",
+            f"memory          {self.memory / 2**20:.0f} MiB at the peak, estimated",
+            f"attempts        {self.attempts:,} at the most",
+            f"libraries       {', '.join(self.libraries)}",
+            *(f"will be done    {step}" for step in self.computed),
+            *(f"is skipped      {step}" for step in self.skipped),
+        ]
+        return "\n".join(lines)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the plan as JSON-able values."""
+        return {
+            "grains": self.grains,
+            "solid_fraction": self.solid_fraction,
+            "memory_bytes": self.memory,
+            "attempts": self.attempts,
+            "computed": list(self.computed),
+            "skipped": list(self.skipped),
+            "libraries": list(self.libraries),
+        }
+
+
+def make_plan(scene: Scene) -> Plan:
+    """Return the plan of a scene.
+
+    Raises
+    ------
+    InputError
+        If the scene breaks a rule that shows only now, such as grains that cannot fit.
+    TooLargeError
+        If it does not fit in memory.
+    """
+    task = task_of(scene, tuple(_stand_in(entry) for entry in scene.shapes))
+    working, attempts = task.method.cost(task.problem)
+    memory = LIBRARIES_BYTES + working
+    available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if memory > available:
+        raise TooLargeError(
+            f"the scene needs about {memory / 2**30:.1f} GiB: this machine has {available / 2**30:.1f} GiB; make the "
+            "voxels larger or the grains fewer"
+        )
+    computed, skipped, libraries = _steps(scene, task)
+    volume = float((task.problem.volumes).sum() / task.problem.container.volume)
+    return Plan(
+        grains=task.problem.count,
+        solid_fraction=volume,
+        memory=memory,
+        attempts=attempts,
+        computed=computed,
+        skipped=skipped,
+        libraries=libraries,
+    )
+
+
+def task_of(scene: Scene, shapes: tuple[Shape, ...]) -> Task:
+    """Return the packing task of a scene with its shapes made.
+
+    Raises
+    ------
+    InputError
+        If a value breaks a rule.
+    """
+    return prepare_task(
+        shapes,
+        scene.container,
+        method=scene.method,
+        count=scene.count,
+        solid_fraction=scene.solid_fraction,
+        sizes=scene.sizes,
+        weights=[entry.share for entry in scene.shapes],
+        weights_by=scene.share_by,
+        seed=scene.general.seed,
+        parameters=dict(scene.parameters),
+    )
+
+
+def _stand_in(entry: ShapeEntry) -> Shape:
+    """Return a shape that costs as much as the real one: meshes unchecked, random solids as an ellipsoid."""
+    if entry.source == "file":
+        points, faces = read_surface(entry.name)
+        return Shape.of(Mesh(points, faces), name=entry.name)
+    family = families().get(entry.name)
+    if family.random:
+        axes = np.array([1.5, 1.0, 0.8]) / 2
+        axes /= np.cbrt(np.prod(2 * axes))
+        return Shape.of(Primitive("ellipsoid", tuple(axes.tolist())), name=entry.name)
+    return entry.make()
+
+
+def _steps(scene: Scene, task: Task) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Return what is done, what is skipped and why, and the libraries that this takes."""
+    computed = [f"pack {task.problem.count} grains by {scene.method}", "verify against the true shapes"]
+    computed.append("measure " + (", ".join(scene.which) if scene.which else "all that applies"))
+    skipped = []
+    libraries = {"scipy", "xarray", "pyvista", "vtkmodules", *task.method.libraries}
+    for wanted, step, needs in (
+        (scene.output.vtk, "write surfaces, container and contacts for ParaView", ()),
+        (scene.output.statistics, "write statistics.nc", ("netCDF4",)),
+        (scene.output.report, "draw pictures and write report.html", ("matplotlib", "jinja2")),
+    ):
+        if wanted:
+            computed.append(step)
+            libraries.update(needs)
+        else:
+            skipped.append(f"{step}: not asked for in [output]")
+    if any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes):
+        libraries.add("manifold3d")
+    if task.problem.dimension == 2:
+        skipped.append("anything in three dimensions: the container is flat")
+    if scene.sizes is None:
+        skipped.append("drawing sizes: each shape keeps its own")
+    return tuple(computed), tuple(skipped), tuple(sorted(libraries))

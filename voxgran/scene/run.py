@@ -1,0 +1,225 @@
+"""Running a scene: pack, check, measure and save."""
+
+import json
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from voxgran._base.errors import OutputError, OutputExistsError
+from voxgran._base.files import write_text
+from voxgran._base.lazy import loaded
+from voxgran._base.progress import OnStep, Step
+from voxgran.io.files import save
+from voxgran.io.netcdf import save_statistics
+from voxgran.io.vtk_files import save_scene
+from voxgran.measure.model import measure
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.packing.verify import Verification, verify
+from voxgran.report.page import write_report
+from voxgran.scene.model import Scene
+from voxgran.scene.plan import make_plan
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+CHECKPOINT = "checkpoint.voxgran"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneResult:
+    """What a run left.
+
+    Attributes
+    ----------
+    packing : Packing
+        The packing.
+    verification : Verification
+        Its check against the true shapes.
+    statistics : xarray.DataTree
+        Its measures.
+    summary : dict
+        The main numbers, JSON-able.
+    folder : Path
+        Where the files are.
+    """
+
+    packing: Packing
+    verification: Verification
+    statistics: "DataTree"
+    summary: dict[str, Any]
+    folder: Path
+
+
+def run_scene(
+    scene: Scene,
+    folder: str | os.PathLike[str],
+    *,
+    resume: bool = False,
+    overwrite: bool = False,
+    on_step: OnStep | None = None,
+) -> SceneResult:
+    """Pack, check, measure and save a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to do.
+    folder : path-like
+        Where results go; what is there stays until the new files are complete.
+    resume : bool
+        Whether to go on from the checkpoint in the folder.
+    overwrite : bool
+        Whether results that are there may be replaced.
+    on_step : callable, optional
+        Told of each step.
+
+    Returns
+    -------
+    SceneResult
+
+    Raises
+    ------
+    OutputExistsError
+        If the folder holds something and neither `resume` nor `overwrite` is set.
+    OutputError
+        If something cannot be written.
+    InputError
+        If the scene breaks a rule that shows only now.
+    Interrupted
+        On SIGINT or SIGTERM, after a checkpoint was written.
+    """
+    plan = make_plan(scene)
+    shapes = tuple(entry.make() for entry in scene.shapes)
+    target = open_folder(folder, resume=resume, overwrite=overwrite)
+    checkpoint = target / CHECKPOINT
+    if not resume:
+        checkpoint.unlink(missing_ok=True)
+    packing = _named(
+        pack(
+            shapes,
+            scene.container,
+            method=scene.method,
+            count=scene.count,
+            solid_fraction=scene.solid_fraction,
+            sizes=scene.sizes,
+            weights=[entry.share for entry in scene.shapes],
+            weights_by=scene.share_by,
+            seed=scene.general.seed,
+            checkpoint=checkpoint,
+            resume=resume,
+            on_step=on_step,
+            **scene.parameters,
+        ),
+        scene,
+    )
+    result = finish_folder(packing, target, scene=scene, on_step=on_step)
+    result.summary["plan"] = plan.to_mapping()
+    write_text(target / "summary.json", json.dumps(result.summary, indent=2) + "\n")
+    checkpoint.unlink(missing_ok=True)
+    return result
+
+
+def open_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bool) -> Path:
+    """Return the folder for results, made if needed.
+
+    Raises
+    ------
+    OutputExistsError
+        If it holds something and neither `resume` nor `overwrite` is set.
+    OutputError
+        If it cannot be made or written to.
+    """
+    target = Path(folder)
+    if target.is_file():
+        raise OutputExistsError(f"{target} is a file: results need a folder; name another")
+    if target.is_dir() and any(target.iterdir()) and not (resume or overwrite):
+        raise OutputExistsError(f"{target} is not empty: name another folder, or ask with --overwrite or --resume")
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        probe = target / f".probe-{os.getpid()}"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(f"{target} cannot be written to ({error.strerror}): name another folder") from error
+    return target
+
+
+def finish_folder(packing: Packing, folder: Path, *, scene: Scene, on_step: OnStep | None = None) -> SceneResult:
+    """Check, measure and save a packing.
+
+    Raises
+    ------
+    OutputError
+        If something cannot be written.
+    """
+    began = time.monotonic()
+
+    def tell(number: int, text: str) -> None:
+        if on_step is not None:
+            on_step(Step(stage="finishing", done=number, total=5, text=text))
+
+    tell(0, "verifying")
+    proof = verify(packing)
+    save(packing, folder / "packing.vtp")
+    tell(1, "measuring")
+    statistics = measure(packing, which=scene.which)
+    if scene.output.statistics:
+        save_statistics(statistics, folder / "statistics.nc")
+    tell(2, "writing surfaces")
+    if scene.output.vtk:
+        save_scene(packing, folder / "scene.vtm")
+    tell(3, "drawing")
+    if scene.output.report:
+        write_report(packing, folder / "report.html", statistics=statistics, verification=proof)
+    tell(5, "done")
+    summary = summary_of(packing, proof, statistics)
+    summary["seconds_finishing"] = time.monotonic() - began
+    return SceneResult(packing=packing, verification=proof, statistics=statistics, summary=summary, folder=folder)
+
+
+def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") -> dict[str, Any]:
+    """Return the main numbers of a packing, JSON-able."""
+    record = packing.provenance
+    numbers = {
+        name: float(statistics[name])
+        for name in ("bulk_solid_fraction", "strict_solid_fraction")
+        if name in statistics and float(statistics[name]) == float(statistics[name])
+    }
+    return {
+        "method": record.get("method", ""),
+        "seed": record.get("seed", 0),
+        "grains": packing.count,
+        "solid_fraction": packing.solid_fraction,
+        "porosity": packing.porosity,
+        **numbers,
+        "stop_reason": packing.stop_reason,
+        "verify": {
+            "ok": proof.ok,
+            "overlapping_pairs": proof.overlapping_pairs,
+            "deepest": proof.deepest,
+            "escaped": proof.escaped,
+        },
+        "counters": dict(record.get("counters", {})),
+        "missed": dict(record.get("missed", {})),
+        "seconds_packing": record.get("timing", {}).get("wall_seconds", 0.0),
+        "libraries": list(loaded()),
+    }
+
+
+def _named(packing: Packing, scene: Scene) -> Packing:
+    """Return the packing with the scene's unit and density."""
+    return Packing.of(
+        packing.shapes,
+        packing.container,
+        position=packing.position,
+        scale=packing.scale,
+        shape_id=packing.shape_id,
+        orientation=packing.orientation,
+        density=scene.general.density,
+        provenance={**packing.provenance, "scene": scene.to_mapping()},
+        stop_reason=packing.stop_reason,
+        unit=scene.general.unit,
+    )

@@ -1,0 +1,43 @@
+"""Numbers that describe the form of a shape."""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+
+
+def principal_extents(shape: Shape) -> Floats:
+    """Return the extents along the principal axes of inertia, largest first.
+
+    The second is the intermediate axis, by which a grain passes a sieve.
+
+    Parameters
+    ----------
+    shape : Shape
+        Any shape.
+
+    Returns
+    -------
+    (3,) ndarray of float
+        Longest, intermediate and shortest extent, in the unit of lengths; in 2D the third is 0.
+    """
+    axes = np.linalg.eigh(shape.inertia)[1].T
+    if shape.dimension == 2:
+        # the polar axis is the largest moment; the extents lie in the plane
+        axes = np.array([[*axis[:2], 0.0] for axis in np.linalg.eigh(shape.inertia[:2, :2])[1].T])
+    geometry = shape.geometry
+    if isinstance(geometry, Primitive):
+        high = np.einsum("ij,ij->i", geometry.support(axes), axes)
+        low = np.einsum("ij,ij->i", geometry.support(-axes), axes)
+    elif isinstance(geometry, Spheres):
+        along = geometry.centers @ axes.T
+        high = (along + geometry.radii[:, None]).max(axis=0)
+        low = (along - geometry.radii[:, None]).min(axis=0)
+    else:
+        along = shape.vertices @ axes.T
+        high, low = along.max(axis=0), along.min(axis=0)
+    extents = np.zeros(3)
+    extents[: len(axes)] = np.sort(high - low)[::-1]
+    return extents

@@ -1,0 +1,41 @@
+"""Boxes: cuboids from cubes to plates and rods."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import as_positive
+from voxgran._base.config import parameter
+from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Box:
+    """Parameters of a box."""
+
+    aspect: tuple[float, float, float] = parameter((1.0, 1.0, 1.0), doc="ratios of its edges")
+    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+    lengths: tuple[float, float, float] | None = parameter(
+        None, doc="its edges, in place of ratios and diameter", unit="length"
+    )
+
+
+def make(parameters: Box, generator: np.random.Generator) -> Shape:
+    """Return the box; nothing is random.
+
+    Raises
+    ------
+    InputError
+        If a number is not above 0, or the size is given twice.
+    """
+    refuse_both(parameters.diameter, (("lengths", parameters.lengths),))
+    if parameters.lengths is not None:
+        return Shape.of(Primitive("box", parameters.lengths), name="box")
+    if parameters.diameter is not None:
+        as_positive(parameters.diameter, "diameter")
+    return sized(Primitive("box", parameters.aspect), parameters.diameter, name="box")
+
+
+registration = ShapeFamily(name="box", summary="box with three edges", parameters=Box, make=make)

@@ -1,0 +1,43 @@
+"""Cones: circular, with a sharp tip and a sharp rim."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import as_positive
+from voxgran._base.config import parameter
+from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Cone:
+    """Parameters of a cone."""
+
+    aspect: float = parameter(1.0, doc="height over the diameter of its base")
+    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+    radius: float | None = parameter(
+        None, doc="radius of its base, with height in place of aspect and diameter", unit="length"
+    )
+    height: float | None = parameter(None, doc="its height", unit="length")
+
+
+def make(parameters: Cone, generator: np.random.Generator) -> Shape:
+    """Return the cone, its axis along z; nothing is random.
+
+    Raises
+    ------
+    InputError
+        If a number is not above 0, or the size is given twice or in part.
+    """
+    refuse_both(parameters.diameter, (("radius", parameters.radius), ("height", parameters.height)))
+    if parameters.radius is not None and parameters.height is not None:
+        return Shape.of(Primitive("cone", (parameters.radius, parameters.height)), name="cone")
+    if parameters.diameter is not None:
+        as_positive(parameters.diameter, "diameter")
+    ratio = as_positive(parameters.aspect, "aspect")
+    return sized(Primitive("cone", (0.5, ratio)), parameters.diameter, name="cone")
+
+
+registration = ShapeFamily(name="cone", summary="circular cone", parameters=Cone, make=make)

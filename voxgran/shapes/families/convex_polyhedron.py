@@ -1,0 +1,66 @@
+"""Convex polyhedra: hulls of random points on a sphere, crushed rock in its simplest form.
+
+Few points give angular grains, many give nearly round ones. Stretched along three axes they become plates and needles.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_count, as_positive
+from voxgran._base.config import parameter
+from voxgran._base.lazy import load
+from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ConvexPolyhedron:
+    """Parameters of a convex polyhedron."""
+
+    points: int = parameter(20, doc="number of random points, which are its corners")
+    aspect: tuple[float, float, float] = parameter((1.0, 1.0, 1.0), doc="factors on x, y and z")
+    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+
+
+def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:
+    """Return a random polyhedron.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than four points or a number is not above 0.
+    """
+    count = as_count(parameters.points, "points", at_least=4)
+    if parameters.diameter is not None:
+        as_positive(parameters.diameter, "diameter")
+    factors = np.array([as_positive(value, "aspect") for value in parameters.aspect])
+    return sized(_hull(_on_sphere(count, generator) * factors), parameters.diameter, name="convex_polyhedron")
+
+
+def _on_sphere(count: int, generator: np.random.Generator) -> Floats:
+    """Return random points on the unit sphere, uniform in area."""
+    z = 2.0 * generator.random(count) - 1.0
+    turn = 2.0 * np.pi * generator.random(count)
+    flat = np.sqrt(1.0 - z * z)
+    return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+
+
+def _hull(points: Floats) -> Mesh:
+    """Return the convex hull, its triangles counterclockwise seen from outside."""
+    hull = load("scipy.spatial").ConvexHull(points)
+    faces = hull.simplices.astype(np.int64)
+    a, b, c = np.moveaxis(points[faces], 1, 0)
+    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return Mesh(points, faces)
+
+
+registration = ShapeFamily(
+    name="convex_polyhedron",
+    summary="hull of random points on a sphere",
+    parameters=ConvexPolyhedron,
+    make=make,
+    random=True,
+)

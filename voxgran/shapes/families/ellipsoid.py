@@ -1,0 +1,41 @@
+"""Ellipsoids: from needles to disks, smooth and convex."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import as_positive
+from voxgran._base.config import parameter
+from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Ellipsoid:
+    """Parameters of an ellipsoid."""
+
+    aspect: tuple[float, float, float] = parameter((1.0, 0.8, 0.6), doc="ratios of its axes")
+    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+    semi_axes: tuple[float, float, float] | None = parameter(
+        None, doc="halves of its axes, in place of ratios and diameter", unit="length"
+    )
+
+
+def make(parameters: Ellipsoid, generator: np.random.Generator) -> Shape:
+    """Return the ellipsoid; nothing is random.
+
+    Raises
+    ------
+    InputError
+        If a number is not above 0, or the size is given twice.
+    """
+    refuse_both(parameters.diameter, (("semi_axes", parameters.semi_axes),))
+    if parameters.semi_axes is not None:
+        return Shape.of(Primitive("ellipsoid", parameters.semi_axes), name="ellipsoid")
+    if parameters.diameter is not None:
+        as_positive(parameters.diameter, "diameter")
+    return sized(Primitive("ellipsoid", parameters.aspect), parameters.diameter, name="ellipsoid")
+
+
+registration = ShapeFamily(name="ellipsoid", summary="ellipsoid with three axes", parameters=Ellipsoid, make=make)

@@ -1,0 +1,50 @@
+"""Polygons of two dimensions: regular ones, stretched where asked, or any simple one by its corners."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import as_count, as_positive
+from voxgran._base.config import parameter
+from voxgran._base.errors import InputError
+from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Polygon:
+    """Parameters of a polygon."""
+
+    corners: int = parameter(6, doc="number of corners of a regular polygon")
+    stretch: float = parameter(1.0, doc="factor on its x, before it is sized")
+    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; left out: 1", unit="length")
+    vertices: tuple[tuple[float, float], ...] | None = parameter(
+        None, doc="its corners, counterclockwise, in place of all else", unit="length"
+    )
+
+
+def make(parameters: Polygon, generator: np.random.Generator) -> Shape:
+    """Return the polygon; nothing is random.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than three corners, a number is not above 0, the polygon is not simple, or the size is
+        given twice.
+    """
+    if parameters.vertices is not None:
+        if parameters.diameter is not None:
+            raise InputError("diameter and vertices are both given: each makes the size; leave one out")
+        outline = Outline("polygon", vertices=np.array(parameters.vertices, dtype=np.float64))
+        return Shape.of(outline, name="polygon")
+    if parameters.diameter is not None:
+        as_positive(parameters.diameter, "diameter")
+    count = as_count(parameters.corners, "corners", at_least=3)
+    angles = 2 * np.pi * (np.arange(count) + 0.5) / count
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    ring[:, 0] *= as_positive(parameters.stretch, "stretch")
+    return sized(Outline("polygon", vertices=ring), parameters.diameter, name="polygon")
+
+
+registration = ShapeFamily(name="polygon", summary="simple polygon, in 2D", parameters=Polygon, make=make, dimension=2)

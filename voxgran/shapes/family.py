@@ -1,0 +1,131 @@
+"""What a shape family is, and the registry that finds the families: one file each in `families`."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.config import from_mapping
+from voxgran._base.errors import InputError
+from voxgran._base.registry import Registry
+from voxgran._base.seeds import stream
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Geometry, Shape
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShapeFamily:
+    """One registered family of shapes.
+
+    Attributes
+    ----------
+    name, summary : str
+        Name, and one line for a person.
+    parameters : type
+        Parameter class; it alone yields TOML keys, flags, help and provenance.
+    make : callable
+        Parameters and a generator of random numbers to a Shape.
+    source : str
+        The paper with its DOI, where there is one.
+    dimension : int
+        2 or 3.
+    random : bool
+        Whether shapes of one family with the same parameters differ by the seed.
+    """
+
+    name: str
+    summary: str
+    parameters: type
+    make: Callable[[Any, np.random.Generator], Shape]
+    source: str = ""
+    dimension: int = 3
+    random: bool = False
+
+
+def families() -> Registry[ShapeFamily]:
+    """Return the registry of shape families."""
+    return Registry("shape family", "voxgran.shapes.families", ShapeFamily, group="voxgran.shape_families")
+
+
+def shape_families() -> tuple[str, ...]:
+    """Return the names of all shape families."""
+    return families().names()
+
+
+def make_shape(family: str, *, seed: int = 0, **parameters: Any) -> Shape:
+    """Make a shape of a family.
+
+    Regular shapes have the equivalent diameter 1 unless a size is asked for.
+
+    Parameters
+    ----------
+    family : str
+        One of :func:`shape_families`.
+    seed : int
+        Seed of what is random; the same seed gives the same bits.
+    **parameters
+        Parameters of the family.
+
+    Returns
+    -------
+    Shape
+
+    Raises
+    ------
+    UnknownNameError
+        If the family or a parameter is not known.
+    InputError
+        If a parameter breaks a rule.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.make_shape("box", aspect=(1, 1, 2))
+    Shape('box', primitive, diameter=1)
+    """
+    entry = families().get(family)
+    values: Any = from_mapping(entry.parameters, parameters, family)
+    return entry.make(values, stream(seed, f"shape {family}"))
+
+
+def sized(geometry: Geometry, diameter: float | None, *, name: str) -> Shape:
+    """Return the shape of a geometry, stretched to an equivalent diameter; None stands for 1.
+
+    Parameters
+    ----------
+    geometry : Mesh or Primitive or Spheres or Outline
+        What is stretched.
+    diameter : float or None
+        Wanted equivalent diameter.
+    name : str
+        What reports call it.
+    """
+    raw = Shape.of(geometry, name=name)
+    shape = Shape.of(geometry.scaled((diameter or 1.0) / raw.diameter), name=name)
+    # a second step removes the rounding of the first, where it can
+    exact = (diameter or 1.0) / shape.diameter
+    return shape if isinstance(geometry, Mesh) or exact == 1.0 else shape.scaled(exact)
+
+
+def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ...]) -> None:
+    """Refuse a size that is given twice or in part.
+
+    Parameters
+    ----------
+    diameter : float or None
+        Equivalent diameter, where given.
+    dimensions : tuple of (name, value)
+        Lengths that give the size as well, None where not given.
+
+    Raises
+    ------
+    InputError
+        If both are given, or some lengths but not all.
+    """
+    given = [name for name, value in dimensions if value is not None]
+    if given and len(given) < len(dimensions):
+        missing = ", ".join(name for name, value in dimensions if value is None)
+        raise InputError(f"{given[0]} is given without {missing}: both make the size; add it")
+    if given and diameter is not None:
+        raise InputError(f"diameter and {given[0]} are both given: each makes the size; leave one out")

@@ -1,0 +1,341 @@
+"""Mesh files in and out.
+
+STL, OBJ, OFF and PLY are read by :mod:`voxgran.shapes.mesh_formats`, VTK files by VTK and Gmsh files by meshio.
+"""
+
+import contextlib
+import io
+import logging
+import os
+import struct
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import FileFormatError, OutputError
+from voxgran._base.files import existing_file, written_whole
+from voxgran._base.lazy import load
+from voxgran.shapes.mesh_formats import Polygons, read_obj, read_off, read_ply, read_stl
+from voxgran.shapes.model import Shape
+
+log = logging.getLogger(__name__)
+
+#: what meshio and its parsers raise for a file that they cannot read
+UNREADABLE = (ValueError, KeyError, IndexError, TypeError, AssertionError, OSError, struct.error, SystemExit)
+
+
+def load_shape(path: str | os.PathLike[str], *, unit: str | None = None) -> Shape:
+    """Make a shape from a file that holds a closed surface.
+
+    Parameters
+    ----------
+    path : path-like
+        File in STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH format, by its suffix. Polygons are cut into triangles;
+        coordinates keep all digits that the format has.
+    unit : str, optional
+        Unit of its lengths; it is recorded and nothing is converted.
+
+    Returns
+    -------
+    Shape
+        Named as the file without its suffix.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If the suffix is not known, or the file is empty, cut, or damaged.
+    DirtyMeshError
+        If its surface does not bound exactly one solid.
+    """
+    points, faces = read_surface(path)
+    found = Path(path)
+    shape = Shape.from_mesh(points, faces, name=found.name, unit=unit)
+    log.info("%s: %d triangles", found, len(shape.faces))
+    return Shape(shape.geometry, found.stem, shape.offset, shape.unit)
+
+
+def read_surface(path: str | os.PathLike[str]) -> tuple[Floats, Integers]:
+    """Return points and triangles of a surface file as they stand there, closed or not.
+
+    Parameters
+    ----------
+    path : path-like
+        As :func:`load_shape`.
+
+    Returns
+    -------
+    points : (n, 3) ndarray of float
+    faces : (m, 3) ndarray of int
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If the suffix is not known, or the file is empty, cut, or damaged.
+    """
+    found = existing_file(path)
+    reader = READERS.get(found.suffix.lower())
+    if reader is None:
+        raise FileFormatError(
+            f"{found} has the suffix {found.suffix!r}: known are {', '.join(sorted(READERS))}; convert it"
+        )
+    if found.stat().st_size == 0:
+        raise FileFormatError(f"{found} is empty: it must hold a closed surface; write it again")
+    points, polygons = reader(found)
+    faces = _triangles(points, polygons, found)
+    _refuse_damaged(points, faces, found)
+    return points, faces
+
+
+def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    """Write the tessellation of a shape, in its body frame.
+
+    Parameters
+    ----------
+    shape : Shape
+        What to write.
+    path : path-like
+        STL (binary, float32), OBJ, PLY, OFF or VTP file, by its suffix; all but STL keep every digit.
+    overwrite : bool
+        Whether a file that is there may be replaced.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is not known.
+    OutputExistsError
+        If it is there and `overwrite` is false.
+    OutputError
+        If it cannot be written.
+    """
+    target = Path(path)
+    writer = WRITERS.get(target.suffix.lower())
+    if writer is None:
+        raise FileFormatError(
+            f"{target} has the suffix {target.suffix!r}: known are {', '.join(sorted(WRITERS))}; choose one"
+        )
+    with written_whole(target, overwrite=overwrite) as draft:
+        writer(shape.vertices, shape.faces, draft)
+
+
+def _refuse_damaged(points: Floats, faces: Integers, path: Path) -> None:
+    """Refuse what is no mesh at all."""
+    if not len(faces):
+        raise FileFormatError(f"{path} holds no faces: it must hold a closed surface; write it again")
+    if faces.min() < 0 or faces.max() >= len(points):
+        worst = int(faces.max() if faces.min() >= 0 else faces.min())
+        raise FileFormatError(
+            f"{path} has a face with vertex {worst} of {len(points)} (counted from 0): it is cut or damaged; "
+            "write it again"
+        )
+    bad = int((~np.isfinite(points)).sum())
+    if bad:
+        raise FileFormatError(
+            f"{path} has {bad} coordinates that are not finite: every one must be a number; mend the file"
+        )
+
+
+def _triangles(points: Floats, polygons: Sequence[Sequence[int]] | Integers, path: Path) -> Integers:
+    """Cut polygons into triangles: fans where they are convex, else by clipping ears."""
+    if isinstance(polygons, np.ndarray):
+        return polygons.astype(np.int64)
+    counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
+    if len(counts) and counts.min() < 3:
+        raise FileFormatError(f"{path} has a face of {counts.min()} corners: each needs 3 or more; mend it")
+    parts, places = [], []
+    for count in np.unique(counts):
+        chosen = np.flatnonzero(counts == count)
+        rings = np.array([polygons[k] for k in chosen.tolist()], dtype=np.int64)
+        _refuse_damaged(points, rings, path)
+        fans = np.stack([rings[:, [0, k, k + 1]] for k in range(1, count - 1)], axis=1)
+        for k in np.flatnonzero(~_convex(points[rings])) if count > 3 else ():
+            fans[k] = rings[k][_clipped(points[rings[k]])]
+        parts.append(fans.reshape(-1, 3))
+        places.append(np.repeat(chosen, count - 2))
+    if not parts:
+        return np.zeros((0, 3), dtype=np.int64)
+    faces: Integers = np.concatenate(parts)[np.argsort(np.concatenate(places), kind="stable")]
+    return faces
+
+
+def _normals(rings: Floats) -> Floats:
+    """Return the mean normals of (n, k, 3) polygons (Newell's method)."""
+    local = rings - rings[:, :1]
+    normals: Floats = np.cross(local, np.roll(local, -1, axis=1)).sum(axis=1)
+    return normals
+
+
+def _convex(rings: Floats) -> Any:
+    """Tell which of (n, k, 3) polygons are convex seen along their mean normal."""
+    ahead = np.roll(rings, -1, axis=1) - rings
+    turns = np.cross(np.roll(ahead, 1, axis=1), ahead)
+    return (np.einsum("nki,ni->nk", turns, _normals(rings)) >= 0).all(axis=1)
+
+
+def _clipped(ring: Floats) -> Integers:
+    """Return the triangles of one polygon that is not convex, as (k - 2, 3) places in it."""
+    normal = _normals(ring[None])[0]
+    keep = [axis for axis in range(3) if axis != int(np.abs(normal).argmax())]
+    flat = np.ascontiguousarray(ring[:, keep])
+    # leaving out y turns the plane over
+    mirrored = (normal[np.abs(normal).argmax()] < 0) != (keep == [0, 2])
+    if mirrored:
+        flat = flat * np.array([1.0, -1.0])
+    triangles: Integers = np.array(load("manifold3d").triangulate([flat]), dtype=np.int64)
+    return triangles
+
+
+def _from_bytes(parse: Callable[[bytes, str], Polygons]) -> Callable[[Path], Polygons]:
+    """Return the reader of a file that is parsed as a whole."""
+    return lambda path: parse(path.read_bytes(), str(path))
+
+
+def _read_msh(path: Path) -> Polygons:
+    """Return triangles and quadrangles of a Gmsh file."""
+    reader = load("meshio").gmsh
+    silence = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(silence), contextlib.redirect_stderr(silence), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            mesh = reader.read(str(path))
+    except (load("meshio").ReadError, *UNREADABLE) as error:
+        raise FileFormatError(
+            f"{path} cannot be read as a Gmsh file ({_line(error)}): it is cut or damaged; write it again"
+        ) from None
+    cells = [block.data.tolist() for block in mesh.cells if block.type in ("triangle", "quad")]
+    return np.asarray(mesh.points, dtype=np.float64).reshape(-1, 3), [row for rows in cells for row in rows]
+
+
+def _line(error: BaseException) -> str:
+    """Return what an error says, on one line, or its class where it says nothing."""
+    return " ".join(str(error).split())[:80] or type(error).__name__
+
+
+def _read_vtk(path: Path) -> Polygons:
+    """Return the polygons of a VTK file, XML or legacy; of a volume mesh its outer faces."""
+    legacy = path.suffix.lower() == ".vtk"
+    with _silent_vtk():
+        if legacy:
+            reader = load("vtkmodules.vtkIOLegacy").vtkGenericDataObjectReader()
+        else:
+            reader = load("vtkmodules.vtkIOXML").vtkXMLGenericDataObjectReader()
+        reader.SetFileName(str(path))
+        reader.Update()
+        output = reader.GetOutput()
+        if output is None or not output.IsA("vtkPointSet") or not output.GetNumberOfPoints():
+            raise FileFormatError(f"{path} holds no surface that VTK can read: it is cut or damaged; write it again")
+        if not output.IsA("vtkPolyData"):
+            surface = load("vtkmodules.vtkFiltersGeometry").vtkGeometryFilter()
+            surface.SetInputData(output)
+            surface.Update()
+            output = surface.GetOutput()
+        cutter = load("vtkmodules.vtkFiltersCore").vtkTriangleFilter()
+        cutter.PassVertsOff()
+        cutter.PassLinesOff()
+        cutter.SetInputData(output)
+        cutter.Update()
+    numpy_support = load("vtkmodules.util.numpy_support")
+    cut = cutter.GetOutput()
+    if not cut.GetNumberOfPolys():
+        return np.zeros((0, 3)), []
+    points = numpy_support.vtk_to_numpy(cut.GetPoints().GetData()).astype(np.float64)
+    cells = numpy_support.vtk_to_numpy(cut.GetPolys().GetConnectivityArray()).astype(np.int64)
+    return points, cells.reshape(-1, 3)
+
+
+@contextlib.contextmanager
+def _silent_vtk() -> Iterator[None]:
+    """Keep VTK from writing to the terminal."""
+    base = load("vtkmodules.vtkCommonCore").vtkObject
+    before = base.GetGlobalWarningDisplay()
+    base.GlobalWarningDisplayOff()
+    try:
+        yield
+    finally:
+        base.SetGlobalWarningDisplay(before)
+
+
+def _write_stl(vertices: Floats, faces: Integers, path: Path) -> None:
+    """Write binary STL."""
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    records = np.zeros(len(faces), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("", "<u2")])
+    records["normal"] = normals / np.where(length > 0, length, 1.0)
+    records["corners"] = corners
+    head = b"binary STL written by voxgran".ljust(80)
+    path.write_bytes(head + struct.pack("<I", len(faces)) + records.tobytes())
+
+
+def _write_obj(vertices: Floats, faces: Integers, path: Path) -> None:
+    """Write OBJ with all digits."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _write_off(vertices: Floats, faces: Integers, path: Path) -> None:
+    """Write OFF with all digits."""
+    lines = ["OFF", f"{len(vertices)} {len(faces)} 0"]
+    lines += [f"{x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()]
+    lines += [f"3 {a} {b} {c}" for a, b, c in faces.tolist()]
+    path.write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def _write_ply(vertices: Floats, faces: Integers, path: Path) -> None:
+    """Write binary PLY in double precision."""
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    head += [f"property double {axis}" for axis in "xyz"]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    records = np.zeros(len(faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    records["count"], records["corners"] = 3, faces
+    text = ("\n".join(head) + "\n").encode("ascii")
+    path.write_bytes(text + vertices.astype("<f8").tobytes() + records.tobytes())
+
+
+def _write_vtp(vertices: Floats, faces: Integers, path: Path) -> None:
+    """Write VTK XML PolyData in double precision."""
+    model, support = load("vtkmodules.vtkCommonDataModel"), load("vtkmodules.util.numpy_support")
+    points = load("vtkmodules.vtkCommonCore").vtkPoints()
+    points.SetData(support.numpy_to_vtk(np.ascontiguousarray(vertices), deep=True))
+    cells = model.vtkCellArray()
+    starts = 3 * np.arange(len(faces) + 1, dtype=np.int64)
+    cells.SetData(
+        support.numpy_to_vtkIdTypeArray(starts, deep=True),
+        support.numpy_to_vtkIdTypeArray(np.ascontiguousarray(faces).ravel(), deep=True),
+    )
+    data = model.vtkPolyData()
+    data.SetPoints(points)
+    data.SetPolys(cells)
+    writer = load("vtkmodules.vtkIOXML").vtkXMLPolyDataWriter()
+    writer.SetFileName(str(path))
+    writer.SetInputData(data)
+    with _silent_vtk():
+        if writer.Write() != 1:
+            raise OutputError(f"{path} cannot be written by VTK: free space or choose another place")
+
+
+READERS: dict[str, Callable[[Path], Polygons]] = {
+    ".stl": _from_bytes(read_stl),
+    ".obj": _from_bytes(read_obj),
+    ".off": _from_bytes(read_off),
+    ".ply": _from_bytes(read_ply),
+    ".msh": _read_msh,
+    ".vtk": _read_vtk,
+    ".vtp": _read_vtk,
+    ".vtu": _read_vtk,
+}
+WRITERS: dict[str, Callable[[Floats, Integers, Path], None]] = {
+    ".stl": _write_stl,
+    ".obj": _write_obj,
+    ".off": _write_off,
+    ".ply": _write_ply,
+    ".vtp": _write_vtp,
+}

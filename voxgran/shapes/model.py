@@ -1,0 +1,215 @@
+"""Shape: what a grain is, continuous, in its own frame."""
+
+import hashlib
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_faces, as_points, as_positive, as_quaternions, read_only
+from voxgran._base.lazy import load
+from voxgran._base.rotation import rotation_matrices
+from voxgran.shapes.diagnose import merged, refuse_dirty
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+
+Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One solid, frozen, with its centroid at the origin of its body frame.
+
+    Attributes
+    ----------
+    geometry : Mesh or Primitive or Spheres or Outline
+        The one true geometry. Everything that is measured uses it.
+    name : str
+        What reports call it.
+    offset : tuple of float
+        Where the centroid lay in the coordinates that the shape was made from.
+    unit : str or None
+        Unit of its lengths where it is known.
+    """
+
+    geometry: Geometry
+    name: str = "shape"
+    offset: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0))
+    unit: str | None = None
+
+    @classmethod
+    def of(cls, geometry: Geometry, *, name: str, unit: str | None = None) -> "Shape":
+        """Return the shape of a geometry given in any frame: it is moved to its centroid.
+
+        Parameters
+        ----------
+        geometry : Mesh or Primitive or Spheres or Outline
+            True geometry.
+        name : str
+            What reports call it.
+        unit : str, optional
+            Unit of its lengths.
+        """
+        center = np.asarray(geometry.centroid, dtype=np.float64)
+        if not isinstance(geometry, Primitive) and center.any():
+            geometry = geometry.moved(-center)
+        x, y, z = (float(value) for value in center)
+        return cls(geometry, name, (x, y, z), unit)
+
+    @classmethod
+    def from_mesh(
+        cls, vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh", unit: str | None = None
+    ) -> "Shape":
+        """Make a shape from a closed triangle mesh.
+
+        Parameters
+        ----------
+        vertices : (n, 3) array_like of float
+            Corner points, in the unit of lengths; coincident ones are merged.
+        faces : (m, 3) array_like of int
+            Triangles, counterclockwise seen from outside.
+        name : str
+            What reports call it.
+        unit : str, optional
+            Unit of its lengths.
+
+        Returns
+        -------
+        Shape
+
+        Raises
+        ------
+        InputError
+            If an array has the wrong shape, an index is out of range or a coordinate is not finite.
+        DirtyMeshError
+            If the surface does not bound exactly one solid; the message says where and why.
+        """
+        points = as_points(vertices, "vertices")
+        corners, triangles = merged(points, as_faces(faces, len(points)))
+        refuse_dirty(corners, triangles, name)
+        return cls.of(Mesh(corners, triangles), name=name, unit=unit)
+
+    @cached_property
+    def key(self) -> str:
+        """Hash of the content: two shapes with the same key are the same solid."""
+        return hashlib.sha256(self.geometry.content()).hexdigest()
+
+    def __eq__(self, other: object) -> bool:
+        """Compare by content."""
+        return isinstance(other, Shape) and self.key == other.key
+
+    def __hash__(self) -> int:
+        """Hash by content."""
+        return hash(self.key)
+
+    def __repr__(self) -> str:
+        """Name, kind of geometry and size."""
+        kind = type(self.geometry).__name__.lower()
+        return f"Shape({self.name!r}, {kind}, diameter={self.diameter:.6g})"
+
+    @property
+    def dimension(self) -> int:
+        """2 for an outline, else 3."""
+        return self.geometry.dimension
+
+    @property
+    def volume(self) -> float:
+        """True volume (area in 2D)."""
+        return self.geometry.volume
+
+    @property
+    def surface_area(self) -> float:
+        """True surface area (perimeter in 2D)."""
+        return self.geometry.surface_area
+
+    @property
+    def inertia(self) -> Floats:
+        """Inertia tensor about the centroid at unit density, (3, 3)."""
+        return self.geometry.inertia
+
+    @cached_property
+    def diameter(self) -> float:
+        """Equivalent diameter: of the ball of equal volume (in 2D of the disk of equal area)."""
+        if self.dimension == 2:
+            return 2 * math.sqrt(self.volume / math.pi)
+        return float(np.cbrt(6 * self.volume / math.pi))
+
+    @cached_property
+    def bounding_radius(self) -> float:
+        """Radius of a ball about the centroid that holds the solid."""
+        return self.geometry.bounding_radius
+
+    @cached_property
+    def _tessellation(self) -> tuple[Floats, Integers, float]:
+        """Vertices, faces and error, made on the first request."""
+        vertices, faces, error = self.geometry.tessellation()
+        return read_only(vertices), read_only(faces), error
+
+    @property
+    def vertices(self) -> Floats:
+        """Vertices of the tessellation, (n, 3); in 2D in the plane z = 0."""
+        return self._tessellation[0]
+
+    @property
+    def faces(self) -> Integers:
+        """Triangles of the tessellation, (m, 3)."""
+        return self._tessellation[1]
+
+    @property
+    def tessellation_error(self) -> float:
+        """Largest distance of the tessellation from the true surface, in the unit of lengths."""
+        return self._tessellation[2]
+
+    def rotated(self, quaternion: ArrayLike) -> "Shape":
+        """Return the shape turned about its centroid.
+
+        Parameters
+        ----------
+        quaternion : (4,) array_like of float
+            Unit quaternion (w, x, y, z).
+
+        Raises
+        ------
+        InputError
+            If it is not a unit quaternion.
+        """
+        matrix = rotation_matrices(as_quaternions(np.asarray(quaternion)[None], "quaternion"))[0]
+        return Shape(self.geometry.rotated(matrix), self.name, self.offset, self.unit)
+
+    def scaled(self, factor: float) -> "Shape":
+        """Return the shape with all lengths multiplied by a factor above 0.
+
+        Raises
+        ------
+        InputError
+            If the factor is not a finite number above 0.
+        """
+        return Shape(self.geometry.scaled(as_positive(factor, "factor")), self.name, self.offset, self.unit)
+
+    def to_pyvista(self) -> Any:
+        """Return the tessellation as a `pyvista.PolyData`.
+
+        Raises
+        ------
+        MissingLibraryError
+            If PyVista cannot be loaded.
+        """
+        faces = np.column_stack([np.full(len(self.faces), 3), self.faces])
+        return load("pyvista").PolyData(self.vertices.copy(), faces)
+
+    def to_open3d(self) -> Any:
+        """Return the tessellation as an `open3d.geometry.TriangleMesh`.
+
+        Raises
+        ------
+        MissingLibraryError
+            If Open3D cannot be loaded.
+        """
+        open3d = load("open3d")
+        vertices = open3d.utility.Vector3dVector(self.vertices)
+        return open3d.geometry.TriangleMesh(vertices, open3d.utility.Vector3iVector(self.faces.astype(np.int32)))

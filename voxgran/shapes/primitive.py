@@ -1,0 +1,200 @@
+"""Regular solids in closed form: sphere, ellipsoid, box, cylinder, cone."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+from voxgran._base.rotation import product, quaternions_of, rotation_matrices
+from voxgran.shapes.tessellate import SIDES, ball, revolved, unit_box
+
+Kind = Literal["sphere", "ellipsoid", "box", "cylinder", "cone"]
+
+#: what the dimensions of each kind are
+DIMENSIONS: dict[Kind, tuple[str, ...]] = {
+    "sphere": ("radius",),
+    "ellipsoid": ("semi-axis x", "semi-axis y", "semi-axis z"),
+    "box": ("length x", "length y", "length z"),
+    "cylinder": ("radius", "height"),
+    "cone": ("radius", "height"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Primitive:
+    """A regular convex solid with its centroid at the origin and its axis along z before it is turned.
+
+    Attributes
+    ----------
+    kind : str
+        One of :data:`DIMENSIONS`.
+    dimensions : tuple of float
+        Radius, semi-axes, edges or radius and height, in the unit of lengths.
+    rotation : tuple of float
+        Unit quaternion (w, x, y, z) by which it is turned.
+
+    Raises
+    ------
+    InputError
+        If the number of dimensions is not that of the kind, or one is not above 0.
+    """
+
+    kind: Kind
+    dimensions: tuple[float, ...]
+    rotation: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+
+    dimension = 3
+
+    def __post_init__(self) -> None:
+        names = DIMENSIONS[self.kind]
+        good = [math.isfinite(value) and value > 0 for value in self.dimensions]
+        if len(good) != len(names) or not all(good):
+            raise InputError(
+                f"{self.kind} has dimensions {self.dimensions}: give {', '.join(names)}, each finite and above 0"
+            )
+
+    @property
+    def centroid(self) -> Floats:
+        """Centroid, (3,): the origin."""
+        return np.zeros(3)
+
+    @cached_property
+    def matrix(self) -> Floats:
+        """Rotation matrix, (3, 3)."""
+        return rotation_matrices(np.array([self.rotation]))[0]
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume in closed form."""
+        d = self.dimensions
+        if self.kind == "sphere":
+            return 4 / 3 * math.pi * d[0] ** 3
+        if self.kind == "ellipsoid":
+            return 4 / 3 * math.pi * d[0] * d[1] * d[2]
+        if self.kind == "box":
+            return d[0] * d[1] * d[2]
+        return math.pi * d[0] ** 2 * d[1] / (1 if self.kind == "cylinder" else 3)
+
+    @cached_property
+    def surface_area(self) -> float:
+        """Surface area in closed form (ellipsoid: DLMF 19.33.1)."""
+        d = self.dimensions
+        if self.kind == "sphere":
+            return 4 * math.pi * d[0] ** 2
+        if self.kind == "ellipsoid":
+            a, b, c = (value**2 for value in d)
+            return float(4 * math.pi * load("scipy.special").elliprg(a * b, a * c, b * c))
+        if self.kind == "box":
+            return 2 * (d[0] * d[1] + d[1] * d[2] + d[2] * d[0])
+        if self.kind == "cylinder":
+            return 2 * math.pi * d[0] * (d[0] + d[1])
+        return math.pi * d[0] * (d[0] + math.hypot(d[0], d[1]))
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """Inertia tensor about the centroid at unit density, (3, 3)."""
+        d, v = self.dimensions, self.volume
+        if self.kind in ("sphere", "ellipsoid"):
+            squares = np.array(d * 3 if self.kind == "sphere" else d) ** 2 / 5
+        elif self.kind == "box":
+            squares = np.array(d) ** 2 / 12
+        elif self.kind == "cylinder":
+            squares = np.array([d[0] ** 2 / 4, d[0] ** 2 / 4, d[1] ** 2 / 12])
+        else:
+            squares = np.array([3 * d[0] ** 2 / 20, 3 * d[0] ** 2 / 20, 3 * d[1] ** 2 / 80])
+        body = np.diag(v * (squares.sum() - squares))
+        return self.matrix @ body @ self.matrix.T
+
+    @cached_property
+    def bounding_radius(self) -> float:
+        """Radius of the smallest ball about the centroid that holds it."""
+        d = self.dimensions
+        if self.kind in ("sphere", "ellipsoid"):
+            return max(d)
+        if self.kind == "box":
+            return math.sqrt(sum(value**2 for value in d)) / 2
+        if self.kind == "cylinder":
+            return math.hypot(d[0], d[1] / 2)
+        return max(0.75 * d[1], math.hypot(d[0], d[1] / 4))
+
+    def support(self, directions: Floats) -> Floats:
+        """Return the (n, 3) points of the solid that lie farthest along (n, 3) directions."""
+        return self._body_support(directions @ self.matrix) @ self.matrix.T
+
+    def _body_support(self, u: Floats) -> Floats:
+        """Support points before turning."""
+        d = self.dimensions
+        if self.kind in ("sphere", "ellipsoid"):
+            axes = np.array(d * 3 if self.kind == "sphere" else d)
+            stretched = u * axes
+            return stretched * axes / np.maximum(np.linalg.norm(stretched, axis=1, keepdims=True), 1e-300)
+        if self.kind == "box":
+            return np.where(u >= 0, 0.5, -0.5) * np.array(d)
+        flat = np.hypot(u[:, 0], u[:, 1])
+        ring = d[0] * u[:, :2] / np.maximum(flat, 1e-300)[:, None]
+        if self.kind == "cylinder":
+            return np.column_stack([ring, np.where(u[:, 2] >= 0, 0.5, -0.5) * d[1]])
+        top = u[:, 2] * d[1] >= flat * d[0]
+        return np.column_stack([np.where(top[:, None], 0.0, ring), np.where(top, 0.75, -0.25) * d[1]])
+
+    def contains(self, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Tell for (n, 3) points whether they lie in the closed solid."""
+        p, d = points @ self.matrix, self.dimensions
+        if self.kind in ("sphere", "ellipsoid"):
+            axes = np.array(d * 3 if self.kind == "sphere" else d)
+            inside = ((p / axes) ** 2).sum(axis=1) <= 1.0
+        elif self.kind == "box":
+            inside = (np.abs(p) <= np.array(d) / 2).all(axis=1)
+        elif self.kind == "cylinder":
+            inside = (np.hypot(p[:, 0], p[:, 1]) <= d[0]) & (np.abs(p[:, 2]) <= d[1] / 2)
+        else:
+            share = 0.75 - p[:, 2] / d[1]
+            inside = (share <= 1.0) & (np.hypot(p[:, 0], p[:, 1]) <= d[0] * share)
+        return inside
+
+    def content(self) -> bytes:
+        """Return the bytes that the key of the shape is a hash of."""
+        return self.kind.encode() + np.array([*self.dimensions, *self.rotation]).tobytes()
+
+    def rotated(self, matrix: Floats) -> "Primitive":
+        """Return the solid turned by a (3, 3) rotation matrix."""
+        turn = product(quaternions_of(matrix[None])[0], np.array(self.rotation))
+        w, x, y, z = (float(value) for value in turn)
+        return Primitive(self.kind, self.dimensions, (w, x, y, z))
+
+    def scaled(self, factor: float) -> "Primitive":
+        """Return the solid with all dimensions multiplied."""
+        return Primitive(self.kind, tuple(value * factor for value in self.dimensions), self.rotation)
+
+    def circumscribed(self) -> tuple[Floats, Integers]:
+        """Return vertices and faces of a tessellation that holds the true solid."""
+        vertices, faces, _ = Primitive(self.kind, self.dimensions).tessellation()
+        if self.kind in ("sphere", "ellipsoid"):
+            vertices = vertices / (1 - ball()[2])
+        elif self.kind != "box":
+            vertices = vertices / np.array([math.cos(math.pi / SIDES), math.cos(math.pi / SIDES), 1.0])
+        return vertices @ self.matrix.T, faces
+
+    def tessellation(self) -> tuple[Floats, Integers, float]:
+        """Return vertices, faces and their largest distance from the true surface.
+
+        Vertices lie on the true surface, so the tessellation is inscribed.
+        """
+        d = self.dimensions
+        if self.kind in ("sphere", "ellipsoid"):
+            axes = np.array(d * 3 if self.kind == "sphere" else d)
+            vertices, faces, error = ball()
+            vertices, error = vertices * axes, error * float(axes.max())
+        elif self.kind == "box":
+            vertices, faces, error = unit_box()
+            vertices = vertices * np.array(d)
+        elif self.kind == "cylinder":
+            vertices, faces, error = revolved([(-d[1] / 2, d[0]), (d[1] / 2, d[0])])
+        else:
+            vertices, faces, error = revolved([(-d[1] / 4, d[0]), (0.75 * d[1], 0.0)])
+        return vertices @ self.matrix.T, faces, error

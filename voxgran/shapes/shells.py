@@ -1,0 +1,119 @@
+"""Edges and shells of a triangle mesh: which faces join, which shells lie in which.
+
+Which shell lies in which follows from the winding numbers of the others about a point of it.
+"""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.lazy import load
+from voxgran.shapes.winding import winding_numbers
+
+#: a shell with less volume than this, in its area times the diagonal of the bounding box, has none
+FLAT = 1e-12
+
+
+def connected(count: int, one: Integers, two: Integers) -> Integers:
+    """Return the number of the connected component of each of `count` nodes."""
+    sparse, graph = load("scipy.sparse"), load("scipy.sparse.csgraph")
+    links = sparse.coo_matrix((np.ones(len(one), dtype=np.int8), (one, two)), shape=(count, count))
+    label: Integers = graph.connected_components(links, directed=False)[1].astype(np.int64)
+    return label
+
+
+def _half_edges(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers, Integers]:
+    """Return start, end, number of the undirected edge, and uses of that edge for the 3 m half-edges."""
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    key = np.minimum(start, end) * np.int64(vertex_count) + np.maximum(start, end)
+    _, edge, uses = np.unique(key, return_inverse=True, return_counts=True)
+    return start, end, edge.astype(np.int64), uses.astype(np.int64)
+
+
+def edge_faults(faces: Integers, vertex_count: int) -> Integers:
+    """Return the numbers of open edges, of non-manifold edges, and of edges whose two faces are wound unlike."""
+    start, end, edge, uses = _half_edges(faces, vertex_count)
+    point = np.unique(edge[start == end])
+    balance = np.bincount(edge, weights=np.sign(end - start), minlength=len(uses))
+    unlike = (uses == 2) & (balance != 0)
+    return np.array([(uses == 1).sum(), ((uses > 2).sum() + len(point)), unlike.sum()], dtype=np.int64)
+
+
+def _pairs(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers]:
+    """Return the two faces at each edge that has two, and whether they are wound unlike."""
+    start, end, edge, uses = _half_edges(faces, vertex_count)
+    order = np.argsort(edge, kind="stable")
+    chosen = order[(uses[edge[order]] == 2) & (start != end)[order]].reshape(-1, 2)
+    unlike = (start[chosen[:, 0]] == start[chosen[:, 1]]).astype(np.int64)
+    return chosen[:, 0] // 3, chosen[:, 1] // 3, unlike
+
+
+def count_flipped(faces: Integers, vertex_count: int) -> int:
+    """Return the number of faces to turn over until all neighbours agree; at least 1 where none would do."""
+    one, two, unlike = _pairs(faces, vertex_count)
+    m = len(faces)
+    # each face stands twice in the graph, as it is and turned over; neighbours that agree are linked
+    here = np.concatenate([one, one + m])
+    there = np.concatenate([two + m * unlike, two + m * (1 - unlike)])
+    label = connected(2 * m, here, there)
+    patch = np.minimum(label[:m], label[m:])
+    turned = label[:m] > label[m:]
+    patches, index, sizes = np.unique(patch, return_inverse=True, return_counts=True)
+    counts = np.bincount(index, weights=turned, minlength=len(patches))
+    return max(1, int(np.minimum(counts, sizes - counts).sum()))
+
+
+def count_apart(points: Floats, faces: Integers) -> int:
+    """Return the number of shells whose bounding box lies in that of no other one."""
+    label = shell_labels(points, faces)
+    corners = points[faces]
+    low = np.array([corners[label == k].min(axis=(0, 1)) for k in range(label.max() + 1)])
+    high = np.array([corners[label == k].max(axis=(0, 1)) for k in range(label.max() + 1)])
+    within = (low[:, None] >= low[None]).all(axis=2) & (high[:, None] <= high[None]).all(axis=2)
+    return int((within.sum(axis=1) == 1).sum())
+
+
+def shell_labels(points: Floats, faces: Integers) -> Integers:
+    """Return the number of the shell of each face; faces that share an edge lie in one shell."""
+    one, two, _ = _pairs(faces, len(points))
+    return connected(len(faces), one, two)
+
+
+def shell_counts(points: Floats, faces: Integers) -> dict[str, int]:
+    """Sort the shells of a closed surface into bodies, cavities and faults."""
+    label = shell_labels(points, faces)
+    order = np.argsort(label, kind="stable")
+    triangles, bounds = points[faces[order]], np.searchsorted(label[order], np.arange(label.max() + 2))
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    normals = np.cross(b - a, c - a)
+    middles = np.add.reduceat(a, bounds[:-1]) / np.diff(bounds)[:, None]
+    p, q, r = (corner - np.repeat(middles, np.diff(bounds), axis=0) for corner in (a, b, c))
+    volumes = np.add.reduceat(np.einsum("fi,fi->f", p, np.cross(q, r)) / 6, bounds[:-1])
+    areas = np.linalg.norm(normals, axis=1) / 2
+    flat = np.abs(volumes) <= FLAT * np.add.reduceat(areas, bounds[:-1])
+    solid = np.flatnonzero(~flat)
+    around = np.zeros(len(volumes), dtype=np.int64)
+    low = np.minimum.reduceat(triangles.min(axis=1), bounds[:-1])
+    high = np.maximum.reduceat(triangles.max(axis=1), bounds[:-1])
+    for s in solid.tolist() if len(solid) > 1 else []:
+        largest = bounds[s] + int(areas[bounds[s] : bounds[s + 1]].argmax())
+        point = triangles[largest].mean(axis=0)
+        reached = solid[((low[solid] <= point) & (point <= high[solid])).all(axis=1)]
+        around[s] = _surrounding(point, s, reached, triangles, bounds)
+    inward = volumes[solid] < 0
+    level = around[solid]
+    return {
+        "zero_volume": int(flat.sum()),
+        "bodies": int((~inward & (level == 0)).sum()),
+        "cavities": int((inward & (level == 1)).sum()),
+        "outward_inner_shells": int((~inward & (level != 0)).sum()),
+        "inside_out": int((inward & (level != 1)).sum()),
+    }
+
+
+def _surrounding(point: Floats, own: int, shells: Integers, triangles: Floats, bounds: Integers) -> int:
+    """Return the winding number of all shells but its own about a point of a shell."""
+    total = 0.0
+    for other in shells.tolist():
+        if other != own:
+            total += float(winding_numbers(triangles[bounds[other] : bounds[other + 1]], point[None])[0])
+    return round(total)

@@ -1,0 +1,415 @@
+"""The laws that grain sizes follow: log-normal, uniform, a few sizes, one size, a sieve curve.
+
+A size is an equivalent diameter: of the ball of equal volume, in two dimensions of the disk of equal area; for a sieve
+curve it is the intermediate axis unless stated. A distribution is given by number or by volume (by mass, for grains of
+one density). The other follows from it exactly: grains of diameter d have d**3 times the share by volume that they
+have by number (d**2 in two dimensions). Grains are drawn by number.
+"""
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, as_choice, as_count, as_number, as_positive
+from voxgran._base.config import parameter, to_mapping
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+
+Basis = Literal["number", "volume"]
+
+
+class SizeDistribution(ABC):
+    """A distribution of grain sizes.
+
+    Attributes
+    ----------
+    kind : str
+        Name in scene files.
+    basis : {"number", "volume"}
+        What its shares are of.
+    """
+
+    __slots__ = ()
+
+    kind: ClassVar[str]
+    basis: Basis
+
+    @property
+    def by_intermediate_axis(self) -> bool:
+        """Whether sizes are intermediate axes; the caller turns them into equivalent diameters."""
+        return False
+
+    def cumulative(self, sizes: ArrayLike, *, basis: Basis | None = None, dimension: int = 3) -> Floats:
+        """Return the share of grains up to a size.
+
+        Parameters
+        ----------
+        sizes : array_like of float
+            Sizes, in the unit of lengths.
+        basis : {"number", "volume"}, optional
+            Shares of what; left out: the basis in which it was given.
+        dimension : int
+            2 or 3.
+
+        Returns
+        -------
+        ndarray of float
+            Shares in 0 ... 1, in the shape of `sizes`.
+
+        Raises
+        ------
+        InputError
+            If the basis is not known or the dimension not 2 or 3.
+        """
+        power = self._power(basis, dimension)
+        whole = self._partial(np.array(math.inf), power)
+        return self._partial(np.asarray(sizes, dtype=np.float64), power) / whole
+
+    def quantile(self, shares: ArrayLike, *, basis: Basis | None = None, dimension: int = 3) -> Floats:
+        """Return the sizes up to which given shares of the grains lie.
+
+        Parameters
+        ----------
+        shares : array_like of float
+            Shares in 0 ... 1; 0.5 gives the median.
+        basis : {"number", "volume"}, optional
+            Shares of what; left out: the basis in which it was given.
+        dimension : int
+            2 or 3.
+
+        Returns
+        -------
+        ndarray of float
+            Sizes, in the unit of lengths, in the shape of `shares`.
+
+        Raises
+        ------
+        InputError
+            If a share is not in 0 ... 1, the basis is not known or the dimension not 2 or 3.
+        """
+        share = np.asarray(shares, dtype=np.float64)
+        if share.size and not ((share >= 0) & (share <= 1)).all():
+            raise InputError(f"shares reach from {share.min()} to {share.max()}: each must be in 0 ... 1; change them")
+        return self._inverse(share, self._power(basis, dimension))
+
+    def sample(self, count: int, generator: np.random.Generator, *, dimension: int = 3) -> Floats:
+        """Draw sizes of grains, by number.
+
+        Parameters
+        ----------
+        count : int
+            How many.
+        generator : numpy.random.Generator
+            Where the random numbers come from.
+        dimension : int
+            2 or 3; it matters where the distribution is given by volume.
+
+        Returns
+        -------
+        (count,) ndarray of float
+
+        Raises
+        ------
+        InputError
+            If the count is negative or the dimension not 2 or 3.
+        """
+        draws = generator.random(as_count(count, "count"))
+        # 0 is a possible draw, the size 0 is not
+        return self._inverse(np.maximum(draws, 2.0**-54), self._power("number", dimension))
+
+    def mean_volume(self, *, dimension: int = 3) -> float:
+        """Return the mean volume of a grain (area in 2D).
+
+        Parameters
+        ----------
+        dimension : int
+            2 or 3.
+
+        Raises
+        ------
+        InputError
+            If the dimension is not 2 or 3.
+        """
+        power, whole = self._power("number", dimension), np.array(math.inf)
+        mean = float(self._partial(whole, power + dimension) / self._partial(whole, power))
+        return mean * math.pi / (6 if dimension == 3 else 4)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return kind and parameters as JSON-able values, from which `make_sizes` makes it again."""
+        values = {key: value for key, value in to_mapping(self).items() if value is not None}
+        return {"kind": self.kind, **values}
+
+    def _power(self, basis: Basis | None, dimension: int) -> int:
+        """Return k such that a share in the wanted basis is the integral of size**k over a share in its own."""
+        wanted = self.basis if basis is None else as_choice(basis, "basis", ("number", "volume"))
+        if dimension not in (2, 3):
+            raise InputError(f"dimension is {dimension!r}: it must be 2 or 3")
+        return dimension * ((wanted == "volume") - (self.basis == "volume"))
+
+    @abstractmethod
+    def _partial(self, sizes: Floats, power: int) -> Floats:
+        """Integrate size**power over the grains up to the sizes, in its own basis."""
+
+    @abstractmethod
+    def _inverse(self, shares: Floats, power: int) -> Floats:
+        """Return where the partial integral reaches a share of the whole."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Lognormal(SizeDistribution):
+    """The logarithm of the size is normal, cut off below and above where asked.
+
+    Raises
+    ------
+    InputError
+        If a number is not above 0 or the cuts leave nothing.
+    """
+
+    kind: ClassVar[str] = "lognormal"
+
+    median: float = parameter(1.0, doc="median before it is cut off, in its basis", unit="length")
+    sigma: float = parameter(0.2, doc="standard deviation of the natural logarithm of the size")
+    basis: Literal["number", "volume"] = parameter("number", doc="what the shares are of")
+    low: float | None = parameter(None, doc="smallest size; left out: none", unit="length")
+    high: float | None = parameter(None, doc="largest size; left out: none", unit="length")
+
+    def __post_init__(self) -> None:
+        """Refuse what is no distribution."""
+        as_positive(self.median, "median")
+        as_positive(self.sigma, "sigma")
+        as_choice(self.basis, "basis", ("number", "volume"))
+        for name, value in (("low", self.low), ("high", self.high)):
+            if value is not None:
+                as_positive(value, name)
+        below, above = self._cuts(0)
+        if not below < above:
+            raise InputError(
+                f"low is {self.low} and high is {self.high}: next to no grain lies between them; move them apart"
+            )
+
+    def _scores(self, sizes: Floats, power: int) -> Floats:
+        """Return the standard score of sizes where each is weighted by size**power."""
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.log(np.maximum(sizes, 0.0) / self.median) / self.sigma - power * self.sigma)
+
+    def _cuts(self, power: int) -> tuple[float, float]:
+        """Return the shares below the two cuts."""
+        if self.low is None and self.high is None:
+            return 0.0, 1.0
+        ends = np.array([self.low or 0.0, self.high or math.inf])
+        below, above = load("scipy.special").ndtr(self._scores(ends, power))
+        return float(below), float(above)
+
+    def _partial(self, sizes: Floats, power: int) -> Floats:
+        """Integrate in closed form."""
+        below, above = self._cuts(power)
+        share = load("scipy.special").ndtr(self._scores(sizes, power))
+        moment = self.median**power * math.exp(0.5 * (power * self.sigma) ** 2)
+        return np.asarray(moment * (np.clip(share, below, above) - below))
+
+    def _inverse(self, shares: Floats, power: int) -> Floats:
+        """Invert in closed form; the median is a factor, so that a power of two scales without rounding."""
+        below, above = self._cuts(power)
+        score = load("scipy.special").ndtri(below + shares * (above - below))
+        sizes = self.median * np.exp(self.sigma * (score + power * self.sigma))
+        return np.asarray(np.clip(sizes, self.low or 0.0, self.high or math.inf))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Uniform(SizeDistribution):
+    """All sizes between two are equally likely.
+
+    Raises
+    ------
+    InputError
+        If a size is not above 0, or the largest not above the smallest.
+    """
+
+    kind: ClassVar[str] = "uniform"
+
+    low: float = parameter(doc="smallest size", unit="length")
+    high: float = parameter(doc="largest size", unit="length")
+    basis: Literal["number", "volume"] = parameter("number", doc="what the shares are of")
+
+    def __post_init__(self) -> None:
+        """Refuse what is no distribution."""
+        as_choice(self.basis, "basis", ("number", "volume"))
+        as_number(self.high, "high", above=as_positive(self.low, "low"))
+
+    def _partial(self, sizes: Floats, power: int) -> Floats:
+        """Integrate in closed form."""
+        ratio = self.high / self.low
+        share = (np.clip(sizes / self.low, 1.0, ratio) ** (power + 1) - 1.0) / (power + 1)
+        return np.asarray(self.low**power * share / (ratio - 1.0))
+
+    def _inverse(self, shares: Floats, power: int) -> Floats:
+        """Invert in closed form."""
+        if power == 0:
+            return np.asarray(self.low + shares * (self.high - self.low))
+        whole = (self.high / self.low) ** (power + 1) - 1.0
+        return np.asarray(self.low * (1.0 + shares * whole) ** (1.0 / (power + 1)))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Discrete(SizeDistribution):
+    """A few sizes, each with its weight.
+
+    Raises
+    ------
+    InputError
+        If the numbers of sizes and weights differ, a size is not above 0, a weight is negative or all are 0.
+    """
+
+    kind: ClassVar[str] = "discrete"
+
+    diameters: tuple[float, ...] = parameter(doc="sizes", unit="length")
+    weights: tuple[float, ...] = parameter(doc="their weights; the sum is made 1")
+    basis: Literal["number", "volume"] = parameter("number", doc="what the weights are of")
+
+    def __post_init__(self) -> None:
+        """Refuse what is no distribution."""
+        as_choice(self.basis, "basis", ("number", "volume"))
+        _same_length(self.diameters, self.weights, ("diameters", "weights"))
+        for value in self.diameters:
+            as_positive(value, "diameter")
+        for value in self.weights:
+            as_number(value, "weight", at_least=0.0)
+        if not sum(self.weights) > 0:
+            raise InputError(f"weights are {list(self.weights)}: one must be above 0; change them")
+
+    def _steps(self, power: int) -> tuple[Floats, Floats]:
+        """Return the sizes in order and their shares, each times size**power in units of the largest."""
+        order = np.argsort(self.diameters, kind="stable")
+        sizes = np.array(self.diameters, dtype=np.float64)[order]
+        shares = np.array(self.weights, dtype=np.float64)[order] / sum(self.weights)
+        return sizes, shares * (sizes / sizes[-1]) ** power
+
+    def _partial(self, sizes: Floats, power: int) -> Floats:
+        """Sum the steps."""
+        steps, weights = self._steps(power)
+        total = np.concatenate([[0.0], np.cumsum(weights)])
+        return np.asarray(steps[-1] ** power * total[np.searchsorted(steps, sizes, side="right")])
+
+    def _inverse(self, shares: Floats, power: int) -> Floats:
+        """Look up the step."""
+        steps, weights = self._steps(power)
+        total = np.cumsum(weights)
+        last = int(np.flatnonzero(weights)[-1])
+        place = np.searchsorted(total, shares * total[-1], side="right")
+        return np.asarray(steps[np.minimum(place, last)])
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Fixed(SizeDistribution):
+    """One size.
+
+    Raises
+    ------
+    InputError
+        If it is not above 0.
+    """
+
+    kind: ClassVar[str] = "fixed"
+
+    diameter: float = parameter(1.0, doc="size", unit="length")
+    basis: Literal["number", "volume"] = parameter("number", doc="what the shares are of; here both are the same")
+
+    def __post_init__(self) -> None:
+        """Refuse what is no size."""
+        as_positive(self.diameter, "diameter")
+        as_choice(self.basis, "basis", ("number", "volume"))
+
+    def _partial(self, sizes: Floats, power: int) -> Floats:
+        """One step."""
+        return np.asarray(np.where(sizes >= self.diameter, self.diameter**power, 0.0))
+
+    def _inverse(self, shares: Floats, power: int) -> Floats:
+        """Return the size, whatever the share."""
+        return np.full(shares.shape, self.diameter)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sieve(SizeDistribution):
+    """A measured curve of what passes sieves, straight over the logarithm of the opening between them.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two sieves, openings do not increase, or shares do not rise from 0 to 1.
+    """
+
+    kind: ClassVar[str] = "sieve"
+
+    openings: tuple[float, ...] = parameter(doc="openings of the sieves, from small to large", unit="length")
+    passing: tuple[float, ...] = parameter(doc="share that passes each, from 0 to 1")
+    as_diameter: bool = parameter(
+        False, doc="whether openings are equivalent diameters; else they are intermediate axes"
+    )
+    basis: Literal["number", "volume"] = parameter("volume", doc="what the shares are of")
+
+    def __post_init__(self) -> None:
+        """Refuse what is no distribution."""
+        as_choice(self.basis, "basis", ("number", "volume"))
+        _same_length(self.openings, self.passing, ("openings", "passing"))
+        for value in self.openings:
+            as_positive(value, "opening")
+        for value in self.passing:
+            as_number(value, "passing", at_least=0.0, at_most=1.0)
+        if len(self.openings) < 2 or (np.diff(self.openings) <= 0).any():
+            raise InputError(f"openings are {list(self.openings)}: at least two must increase strictly; sort them")
+        if (np.diff(self.passing) < 0).any() or self.passing[0] != 0 or self.passing[-1] != 1:
+            raise InputError(
+                f"passing is {list(self.passing)}: it must rise from 0 to 1, never falling; add an opening that "
+                "nothing passes and one that all passes"
+            )
+
+    @property
+    def by_intermediate_axis(self) -> bool:
+        """Whether sizes are intermediate axes; the caller turns them into equivalent diameters."""
+        return not self.as_diameter
+
+    def _bins(self, power: int) -> tuple[Floats, Floats, Floats]:
+        """Return lower openings, ratios to the upper ones, and the integrals of (size / largest)**power."""
+        openings, passing = np.array(self.openings), np.array(self.passing)
+        low, ratio = openings[:-1], openings[1:] / openings[:-1]
+        height = np.diff(passing) / np.log(ratio)
+        return low, ratio, height * (low / openings[-1]) ** power * _growth(ratio, power)
+
+    def _partial(self, sizes: Floats, power: int) -> Floats:
+        """Integrate in closed form, bin by bin."""
+        low, ratio, weights = self._bins(power)
+        total = np.concatenate([[0.0], np.cumsum(weights)])
+        place = np.clip(np.searchsorted(self.openings, sizes, side="right") - 1, 0, len(low) - 1)
+        inside = np.clip(sizes / low[place], 1.0, ratio[place])
+        part = _growth(inside, power) / _growth(ratio[place], power)
+        return np.asarray(self.openings[-1] ** power * (total[place] + weights[place] * part))
+
+    def _inverse(self, shares: Floats, power: int) -> Floats:
+        """Invert in closed form, bin by bin."""
+        low, ratio, weights = self._bins(power)
+        full = np.flatnonzero(weights)
+        low, ratio, weights = low[full], ratio[full], weights[full]
+        total = np.cumsum(weights)
+        want = shares * total[-1]
+        place = np.minimum(np.searchsorted(total, want, side="right"), len(low) - 1)
+        part = np.clip(1.0 - (total[place] - want) / weights[place], 0.0, 1.0)
+        if power == 0:
+            return np.asarray(low[place] * ratio[place] ** part)
+        return np.asarray(low[place] * (1.0 + part * (ratio[place] ** power - 1.0)) ** (1.0 / power))
+
+
+def _growth(ratio: Floats, power: int) -> Floats:
+    """Integral of x**(power - 1) from 1 to a ratio."""
+    return np.log(ratio) if power == 0 else (ratio**power - 1.0) / power
+
+
+def _same_length(one: tuple[float, ...], two: tuple[float, ...], names: tuple[str, str]) -> None:
+    """Refuse lists that do not correspond."""
+    if len(one) != len(two) or not one:
+        raise InputError(
+            f"{names[0]} has {len(one)} entries and {names[1]} {len(two)}: give as many of both, at least one"
+        )

@@ -1,0 +1,169 @@
+"""Distributions of grain sizes, by name: ``vg.sizes.lognormal(median=2.0, sigma=0.3)``.
+
+A size is an equivalent diameter; for a sieve curve it is the intermediate axis unless stated. The laws themselves are
+in :mod:`voxgran.shapes.size_laws`.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import as_floats, as_positive
+from voxgran._base.config import from_mapping
+from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.registry import unknown
+from voxgran.shapes.size_laws import (
+    Basis,
+    Discrete,
+    Fixed,
+    Lognormal,
+    Sieve,
+    SizeDistribution,
+    Uniform,
+)
+
+__all__ = [
+    "SizeDistribution",
+    "discrete",
+    "fixed",
+    "lognormal",
+    "make_sizes",
+    "sieve",
+    "size_kinds",
+    "uniform",
+]
+
+
+def lognormal(
+    median: float = 1.0,
+    sigma: float = 0.2,
+    *,
+    basis: Basis = "number",
+    low: float | None = None,
+    high: float | None = None,
+) -> Lognormal:
+    """Return a log-normal distribution.
+
+    Parameters
+    ----------
+    median : float
+        Median, in the unit of lengths, in the given basis and before it is cut off.
+    sigma : float
+        Standard deviation of the natural logarithm.
+    basis : {"number", "volume"}
+        What the shares are of.
+    low, high : float, optional
+        Sizes where it is cut off.
+
+    Raises
+    ------
+    InputError
+        If a number is not above 0 or the cuts leave nothing.
+    """
+    return Lognormal(
+        median=as_positive(median, "median"),
+        sigma=as_positive(sigma, "sigma"),
+        basis=basis,
+        low=None if low is None else as_positive(low, "low"),
+        high=None if high is None else as_positive(high, "high"),
+    )
+
+
+def fixed(diameter: float = 1.0) -> Fixed:
+    """Return the distribution of grains of one size.
+
+    Raises
+    ------
+    InputError
+        If the size is not above 0.
+    """
+    return Fixed(diameter=as_positive(diameter, "diameter"))
+
+
+def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
+    """Return the distribution in which all sizes between two are equally likely.
+
+    Raises
+    ------
+    InputError
+        If a size is not above 0, or the largest not above the smallest.
+    """
+    return Uniform(low=as_positive(low, "low"), high=as_positive(high, "high"), basis=basis)
+
+
+def discrete(diameters: ArrayLike, weights: ArrayLike, *, basis: Basis = "number") -> Discrete:
+    """Return the distribution of a few sizes, each with its weight.
+
+    Raises
+    ------
+    InputError
+        If the numbers of sizes and weights differ, a size is not above 0, a weight is negative or all are 0.
+    """
+    return Discrete(diameters=_numbers(diameters), weights=_numbers(weights), basis=basis)
+
+
+def sieve(openings: ArrayLike, passing: ArrayLike, *, as_diameter: bool = False, basis: Basis = "volume") -> Sieve:
+    """Return the distribution that a sieve analysis measured.
+
+    Parameters
+    ----------
+    openings : (n,) array_like of float
+        Openings of the sieves, from small to large, in the unit of lengths.
+    passing : (n,) array_like of float
+        Share that passes each, from 0 to 1; between two it is straight over the logarithm of the opening.
+    as_diameter : bool
+        Whether openings are equivalent diameters; else a grain passes by its intermediate axis.
+    basis : {"number", "volume"}
+        What the shares are of.
+
+    Raises
+    ------
+    InputError
+        If openings do not increase or shares do not rise from 0 to 1.
+    """
+    return Sieve(openings=_numbers(openings), passing=_numbers(passing), as_diameter=as_diameter, basis=basis)
+
+
+def _numbers(values: ArrayLike) -> tuple[float, ...]:
+    """Return a list of numbers as a tuple."""
+    return tuple(as_floats(values, "list of sizes or shares", shape=(None,)).tolist())
+
+
+def size_kinds() -> tuple[str, ...]:
+    """Return the kinds of distributions, as `kind` in scene files names them."""
+    return tuple(sorted(KINDS))
+
+
+def make_sizes(mapping: Mapping[str, Any], where: str = "[sizes]") -> SizeDistribution:
+    """Make a distribution from kind and parameters, as scene files give them.
+
+    Parameters
+    ----------
+    mapping : mapping
+        ``kind`` and the parameters of that kind.
+    where : str
+        How messages name the place.
+
+    Returns
+    -------
+    SizeDistribution
+
+    Raises
+    ------
+    UnknownNameError
+        If the kind or a parameter is not known.
+    InputError
+        If the kind is missing, or a parameter is missing or breaks a rule.
+    """
+    values = dict(mapping)
+    if "kind" not in values:
+        raise InputError(f"{where} kind is missing: it must be one of {', '.join(size_kinds())}; add it")
+    kind = values.pop("kind")
+    if kind not in KINDS:
+        raise UnknownNameError(unknown(f"{where} kind", kind, KINDS))
+    return from_mapping(KINDS[kind], values, where)
+
+
+#: the distributions by the kind that scene files name
+KINDS: dict[str, type[SizeDistribution]] = {law.kind: law for law in (Discrete, Fixed, Lognormal, Sieve, Uniform)}

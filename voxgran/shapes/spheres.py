@@ -1,0 +1,162 @@
+"""A union of balls as the true geometry of a grain: a clump or a ball assembly."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_points, read_only
+from voxgran._base.errors import InputError
+from voxgran._base.kernels import kernel
+from voxgran.shapes.ball_union import contained, union_moments
+from voxgran.shapes.boolean import united
+from voxgran.shapes.tessellate import ball
+
+#: most triangles of all balls before they are united
+MOST_TRIANGLES = 80_000
+
+
+@dataclass(frozen=True, eq=False)
+class Spheres:
+    """A union of balls; what is inside several of them counts once.
+
+    Attributes
+    ----------
+    centers : (n, 3) ndarray of float
+        Centers, in the unit of lengths.
+    radii : (n,) ndarray of float
+        Radii, above 0.
+
+    Raises
+    ------
+    InputError
+        If there is no ball, the numbers of centers and radii differ, or a radius is not above 0.
+    """
+
+    centers: Floats
+    radii: Floats
+
+    dimension = 3
+
+    def __post_init__(self) -> None:
+        centers = as_points(self.centers, "centers").copy()
+        radii = as_floats(self.radii, "radii", shape=(len(centers),)).copy()
+        if not len(radii):
+            raise InputError("spheres has no ball: a union needs at least one; give a center and a radius")
+        if radii.min() <= 0:
+            worst = int(radii.argmin())
+            raise InputError(f"radius of ball {worst} is {radii[worst]}: it must be above 0; remove the ball")
+        object.__setattr__(self, "centers", read_only(centers))
+        object.__setattr__(self, "radii", read_only(radii))
+
+    @property
+    def volume(self) -> float:
+        """Volume of the union."""
+        return self._moments[0]
+
+    @property
+    def centroid(self) -> Floats:
+        """Centroid of the union, (3,)."""
+        return self._moments[1]
+
+    @property
+    def inertia(self) -> Floats:
+        """Inertia tensor about the centroid at unit density, (3, 3)."""
+        return self._moments[2]
+
+    @property
+    def surface_area(self) -> float:
+        """Area of the outer surface, and of the inner ones where the balls enclose a cavity."""
+        return self._moments[3]
+
+    @cached_property
+    def bounding_radius(self) -> float:
+        """Largest distance of a point of the union from the origin of the frame."""
+        return float((np.linalg.norm(self.centers, axis=1) + self.radii).max())
+
+    @cached_property
+    def _moments(self) -> tuple[float, Floats, Floats, float]:
+        """Volume, centroid, inertia and area; the middle point keeps digits far from the origin."""
+        low = (self.centers - self.radii[:, None]).min(axis=0)
+        high = (self.centers + self.radii[:, None]).max(axis=0)
+        middle = (low + high) / 2
+        volume, first, second, area = union_moments(self.centers - middle, self.radii)
+        offset = first / volume
+        second = second - volume * np.outer(offset, offset)
+        inertia = np.trace(second) * np.eye(3) - second
+        return volume, read_only(middle + offset), read_only(inertia), area
+
+    def contains(self, points: Floats) -> Booleans:
+        """Tell for (n, 3) points whether they lie in the closed union."""
+        queries = as_points(points)
+        inside = np.zeros(len(queries), dtype=np.bool_)
+        _mark_inside(queries, self.centers, self.radii, inside)
+        return inside
+
+    def content(self) -> bytes:
+        """Return the bytes that the key of the shape is a hash of."""
+        return b"spheres" + self.centers.tobytes() + self.radii.tobytes()
+
+    def moved(self, offset: Floats) -> "Spheres":
+        """Return the union shifted by a (3,) offset."""
+        return Spheres(self.centers + offset, self.radii)
+
+    def rotated(self, matrix: Floats) -> "Spheres":
+        """Return the union turned about the origin by a (3, 3) rotation matrix."""
+        return Spheres(self.centers @ matrix.T, self.radii)
+
+    def scaled(self, factor: float) -> "Spheres":
+        """Return the union stretched about the origin."""
+        return Spheres(self.centers * factor, self.radii * factor)
+
+    def tessellation(self) -> tuple[Floats, Integers, float]:
+        """Return vertices, faces and their largest distance from the true surface.
+
+        The balls are inscribed icospheres, as fine as their number allows. Where two spheres meet the union of the
+        polyhedra lies deeper than each of them; the error is measured there.
+        """
+        bare = ~contained(self.centers, self.radii)
+        centers, radii = self.centers[bare], self.radii[bare]
+        level = int(np.clip(math.log(MOST_TRIANGLES / (20 * len(radii)), 4), 1, 4))
+        unit, faces, error = ball(level)
+        solids = ((c + r * unit, faces) for c, r in zip(centers, radii, strict=True))
+        vertices, triangles = united(solids)
+        paths = np.zeros(len(vertices))
+        _measure_way_out(vertices, centers, radii, paths)
+        return vertices, triangles, max(error * float(radii.max()), float(paths.max()))
+
+
+@kernel
+def _mark_inside(points, centers, radii, inside):  # type: ignore[no-untyped-def]
+    """Mark the points that lie in a ball."""
+    for p in range(len(points)):
+        for b in range(len(radii)):
+            square = 0.0
+            for axis in range(3):
+                square += (points[p, axis] - centers[b, axis]) ** 2
+            if square <= radii[b] * radii[b]:
+                inside[p] = True
+                break
+
+
+@kernel
+def _measure_way_out(points, centers, radii, paths):  # type: ignore[no-untyped-def]
+    """Push each point out of the balls that hold it, the deepest first, and write how far it went."""
+    for p in range(len(points)):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        for _ in range(100):
+            deepest, hit = 0.0, -1
+            for b in range(len(radii)):
+                dx, dy, dz = x - centers[b, 0], y - centers[b, 1], z - centers[b, 2]
+                depth = radii[b] - math.sqrt(dx * dx + dy * dy + dz * dz)
+                if depth > deepest and depth > 1e-9 * radii[b]:
+                    deepest, hit = depth, b
+            if hit < 0:
+                break
+            dx, dy, dz = x - centers[hit, 0], y - centers[hit, 1], z - centers[hit, 2]
+            # half as far again, so that a crease is left behind in few steps
+            step = 1.5 * deepest / (radii[hit] - deepest)
+            x, y, z = x + step * dx, y + step * dy, z + step * dz
+        dx, dy, dz = x - points[p, 0], y - points[p, 1], z - points[p, 2]
+        paths[p] = math.sqrt(dx * dx + dy * dy + dz * dz)

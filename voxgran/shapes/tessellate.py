@@ -1,0 +1,107 @@
+"""Triangulations of the unit ball and of bodies of revolution, with their error stated."""
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+
+#: sides of the polygon that stands for a circle
+SIDES = 96
+
+
+def ball(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
+    """Return an icosahedron subdivided onto the unit sphere.
+
+    Parameters
+    ----------
+    subdivisions : int
+        How often each triangle is cut into four; 4 gives 2562 vertices and 5120 faces.
+
+    Returns
+    -------
+    vertices : (n, 3) ndarray of float
+    faces : (m, 3) ndarray of int
+    error : float
+        Largest distance of the triangles from the sphere, for radius 1.
+    """
+    golden = (1 + math.sqrt(5)) / 2
+    corners = [(-1, golden, 0), (1, golden, 0), (-1, -golden, 0), (1, -golden, 0)]
+    vertices = np.array([np.roll(corner, shift) for shift in range(3) for corner in corners], dtype=float)
+    vertices /= np.linalg.norm(vertices[0])
+    gram = vertices @ vertices.T
+    near = gram > 0.4  # neighbours on the icosahedron have cosine 1 / sqrt(5)
+    faces = np.array(
+        [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]]
+    )
+    triangles = vertices[faces]
+    inward = (
+        np.einsum(
+            "fi,fi->f", np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), triangles[:, 0]
+        )
+        < 0
+    )
+    faces[inward] = faces[inward][:, ::-1]
+    for _ in range(subdivisions):
+        vertices, faces = _split(vertices, faces)
+    middles = vertices[faces].mean(axis=1)
+    return vertices, faces, float(1 - np.linalg.norm(middles, axis=1).min())
+
+
+def _split(vertices: Floats, faces: Integers) -> tuple[Floats, Integers]:
+    """Cut each triangle into four and push the new vertices onto the unit sphere."""
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    unique, inverse = np.unique(edges, axis=0, return_inverse=True)
+    middles = vertices[unique].sum(axis=1)
+    middles /= np.linalg.norm(middles, axis=1, keepdims=True)
+    ab, bc, ca = (inverse.reshape(3, -1) + len(vertices)).astype(np.int64)
+    a, b, c = faces.T
+    new = np.concatenate([np.stack(t, axis=1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))])
+    return np.concatenate([vertices, middles]), new
+
+
+def unit_box() -> tuple[Floats, Integers, float]:
+    """Return the cube of edge 1 about the origin: (8, 3) vertices, (12, 3) faces and the error 0."""
+    vertices = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))]
+    return vertices, np.array(faces, dtype=np.int64), 0.0
+
+
+def revolved(profile: Sequence[tuple[float, float]], *, sides: int = SIDES) -> tuple[Floats, Integers, float]:
+    """Return the closed surface of a profile turned about z.
+
+    Parameters
+    ----------
+    profile : sequence of (z, radius)
+        From bottom to top; radius 0 is a point on the axis.
+    sides : int
+        Number of sides of the polygon that stands for the circle.
+
+    Returns
+    -------
+    vertices : (n, 3) ndarray of float
+    faces : (m, 3) ndarray of int
+    error : float
+        Largest distance between the polygon and the circle.
+    """
+    angles = 2 * np.pi * np.arange(sides) / sides
+    rings: list[Integers] = []
+    vertices: list[tuple[float, float, float]] = []
+    for z, radius in profile:
+        count = sides if radius > 0 else 1
+        rings.append(np.arange(count) + len(vertices))
+        vertices += [(radius * math.cos(angle), radius * math.sin(angle), z) for angle in angles[:count]]
+    faces: list[tuple[int, int, int]] = []
+    for below, above in itertools.pairwise(rings):
+        for k in range(sides):
+            a, b = below[k % len(below)], below[(k + 1) % len(below)]
+            c, d = above[(k + 1) % len(above)], above[k % len(above)]
+            faces += [face for face in ((a, b, c), (a, c, d)) if len(set(face)) == 3]
+    for ring, upward in ((rings[0], False), (rings[-1], True)):
+        for k in range(1, len(ring) - 1):
+            faces.append((ring[0], ring[k], ring[k + 1]) if upward else (ring[0], ring[k + 1], ring[k]))
+    error = max(radius for _, radius in profile) * (1 - math.cos(math.pi / sides))
+    return np.array(vertices, dtype=float), np.array(faces, dtype=np.int64), error
