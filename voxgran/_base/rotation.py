@@ -46,6 +46,14 @@ def quaternions_of(matrices: Floats) -> Floats:
     return normalized(best)
 
 
+def stretch_of(matrix: Floats) -> float:
+    """Return the factor of a (3, 3) matrix that turns and stretches.
+
+    Twice the matrix gives twice the factor to the last bit; `numpy.linalg.det` goes by logarithms and does not.
+    """
+    return float(np.sqrt((matrix[:, 0] ** 2).sum()))
+
+
 def normalized(quaternions: Floats) -> Floats:
     """Return quaternions of length 1 with w >= 0."""
     unit = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)

@@ -133,12 +133,12 @@ def _bury(one, margin, other, other_margin, offset, size, contact):  # type: ign
     contact[0] = -max(way[0], back[0])
     if way[0] >= back[0] and (way[1] != 0.0 or way[2] != 0.0 or way[3] != 0.0):
         contact[1:] = way[1:]
-        return deep
+        return deep or deeper
     if back[1] != 0.0 or back[2] != 0.0 or back[3] != 0.0:
         for c in range(3):
             contact[1 + c] = -back[1 + c]
             contact[4 + c] = back[4 + c] + offset[c]
-        return deeper
+        return deep or deeper
     # one holds the core of the other: along the line of the centers
     length = math.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
     for c in range(3):

@@ -135,15 +135,20 @@ def _try_point(x, y, z, corners, low, high, start, best, found, sight):  # type:
 def _search_triangles(triangles, corners, low, high, start, floor, accuracy, most, found):  # type: ignore[no-untyped-def]
     """Cut triangles in two until none can hold a point deeper than the best; return its depth."""
     best, steps, sight = 0.0, 0, np.zeros(1)
+    stack, patch, middle = np.zeros((256, 3, 3)), np.zeros((3, 3)), np.zeros(3)
     for t in range(len(triangles)):
+        middle[:] = 0.0
         for c in range(3):
             x, y, z = triangles[t, c, 0], triangles[t, c, 1], triangles[t, c, 2]
             best = _try_point(x, y, z, corners, low, high, start, best, found, sight)
-    stack, patch, middle = np.zeros((256, 3, 3)), np.zeros((3, 3)), np.zeros(3)
+            middle += triangles[t, c] / 3.0
+        best = _try_point(middle[0], middle[1], middle[2], corners, low, high, start, best, found, sight)
     for t in range(len(triangles)):
         stack[0] = triangles[t]
         depth = 1
-        while depth > 0 and steps < most:
+        # what one triangle leaves is for the next ones, so that a seam of the surface can't use up all
+        allowed = most * (t + 1) // len(triangles)
+        while depth > 0 and steps < allowed:
             depth -= 1
             steps += 1
             patch[:] = stack[depth]
@@ -213,7 +218,8 @@ def _search_round(  # type: ignore[no-untyped-def]
         stack[0, 0], stack[0, 1] = 0.0, 1.0
         stack[0, 2], stack[0, 3] = 2 * math.pi * sector / sectors, 2 * math.pi * (sector + 1) / sectors
         depth = 1
-        while depth > 0 and steps < most:
+        allowed = most * (root + 1) // (sectors * (len(profile) - 1))
+        while depth > 0 and steps < allowed:
             depth -= 1
             steps += 1
             patch[:] = stack[depth]

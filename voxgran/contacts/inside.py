@@ -3,6 +3,7 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.rotation import stretch_of
 from voxgran.contacts.search import Inner
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry
@@ -44,7 +45,7 @@ def inner_distance(geometry: Geometry) -> Inner:
 
 def placed(inner: Inner, *, matrix: Floats, offset: Floats) -> Inner:
     """Return the same function for a grain that is turned by a matrix, stretched with it, and moved."""
-    factor = float(np.cbrt(np.linalg.det(matrix)))
+    factor = stretch_of(matrix)
     back = matrix / factor**2
     return lambda points: factor * inner((points - offset) @ back)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
+from voxgran._base.rotation import stretch_of
 from voxgran._base.tree import square_to_box
 from voxgran.contacts.convex import TOUCHING, part_size, penetration
 from voxgran.contacts.depth import deepest_of_round
@@ -50,14 +51,13 @@ def touch_balls(
     Touch
         In the frame of the mesh, from the mesh to the balls.
     """
-    factor = math.cbrt(float(np.linalg.det(matrix)))
+    factor = stretch_of(matrix)
     centers, radii = parts.center @ matrix.T + offset, parts.margin * factor
     distance, nearest, _ = solid.tree.nearest(centers, reach=float(radii.max()) + reach)
     # a center that finds nothing near is outside, or so deep inside that another one tells
     if not np.isfinite(distance).all():
-        hidden = ~np.isfinite(distance)
         inside = ((centers > solid.tree.low[0]) & (centers < solid.tree.high[0])).all(axis=1)
-        again = hidden & inside
+        again = ~np.isfinite(distance) & (inside | solid.inside_out)
         distance[again], nearest[again] = solid.tree.nearest(centers[again])[:2]
     gaps = distance - radii
     k = int(gaps.argmin())
@@ -88,7 +88,7 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
     Touch
         In the frame of the mesh, from the mesh to the partner.
     """
-    factor = math.cbrt(float(np.linalg.det(matrix)))
+    factor = stretch_of(matrix)
     row = row_of(primitive)
     row[1:4] *= factor
     row[4:] = ((matrix / factor) @ row[4:].reshape(3, 3)).ravel()
@@ -97,7 +97,7 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
     distance = _distance_to_mesh(row, offset, ball, *solid.tree.arrays, float(reach), near)
     size = float(part_size(row)) + solid.tree.size
     if distance > TOUCHING * size:
-        if solid.tree.nearest(offset[None], reach=ball + reach)[0][0] < 0:
+        if _holds_center(solid, offset):
             return _touch_deep(solid, primitive, 0.0, offset - ball, offset + ball, matrix, offset)
         if distance > reach:
             return Touch.apart()
@@ -114,6 +114,14 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
         if -touch.gap > depth:
             return touch
     return Touch(-depth, direction(normal, offset), point)
+
+
+def _holds_center(solid: Solid, center: Floats) -> bool:
+    """Tell whether the center of a grain lies in a mesh, however far its surface is."""
+    outside = ((center < solid.tree.low[0]) | (center > solid.tree.high[0])).any()
+    if outside:
+        return solid.inside_out
+    return bool(solid.tree.signed_distance(center[None])[0] < 0)
 
 
 def _touch_deep(

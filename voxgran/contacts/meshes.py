@@ -5,11 +5,10 @@ lies in the other, the grains are apart: that is proven. All else is handed to m
 and whose surface is searched for the deepest point. A grain that lies free in a cavity of another is apart from it.
 """
 
-import math
-
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.rotation import stretch_of
 from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import placed
 from voxgran.contacts.search import deepest_point
@@ -40,7 +39,7 @@ def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, re
     Touch
         In the frame and unit of `one`.
     """
-    factor = math.cbrt(float(np.linalg.det(matrix)))
+    factor = stretch_of(matrix)
     margin = ROUNDING * (one.tree.size + factor * other.tree.size + float(np.linalg.norm(offset)))
     distance, point, partner = nearest_points(
         one.tree, other.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
@@ -79,7 +78,7 @@ def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: 
     """
     if not len(body.triangles):
         return 0.0, np.zeros(3), offset / 2
-    factor = math.cbrt(float(np.linalg.det(matrix)))
+    factor = stretch_of(matrix)
     back = matrix.T / factor**2
     depth, point, nearest = deepest_of_triangles(one.tree, body.triangles)
     turned, theirs, their_nearest = deepest_of_triangles(other.tree, (body.triangles - offset) @ back.T)

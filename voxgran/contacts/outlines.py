@@ -11,6 +11,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
+from voxgran._base.rotation import stretch_of
 from voxgran.contacts.depth import ACCURACY, MOST_PATCHES
 from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.search import deepest_point
@@ -75,7 +76,7 @@ def touch_disk(polygon: Outline, disk: Outline, *, matrix: Floats, offset: Float
     Touch
         In the frame of the polygon, from the polygon to the disk.
     """
-    radius = disk.radius * math.sqrt(float(np.linalg.det(matrix[:2, :2])))
+    radius = disk.radius * stretch_of(matrix)
     center = matrix @ np.array([*disk.center, 0.0]) + offset
     near, vertices = np.zeros(2), np.ascontiguousarray(polygon.vertices)
     distance = -float(_signed(vertices, center[0], center[1], near))

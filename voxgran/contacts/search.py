@@ -10,7 +10,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.rotation import rotation_matrices
 
 #: distance of points to the surface of a grain, positive inside
 Inner: TypeAlias = Callable[[Floats], Floats]
@@ -42,33 +43,44 @@ def deepest_point(one: Inner, other: Inner, low: Floats, high: Floats) -> tuple[
     """
     best, where, in_one = 0.0, (low + high) / 2, True
     extent = high - low
-    if not (extent >= 0).all():
+    if not (extent >= 0).all() or not extent.any():
         return best, where, in_one
     counts = np.where(extent > 0, LATTICE, 1)
     ticks = [a + (np.arange(n) + 0.5) / n * (b - a) for a, b, n in zip(low, high, counts, strict=True)]
     lattice = np.array(list(product(*ticks)))
-    steps = [(-1, 0, 1) if n > 1 else (0,) for n in counts]
-    stencil = np.array([step for step in product(*steps) if any(step)], dtype=np.float64)
+    stencils = [stencil * extent / LATTICE for stencil in _stencils(counts)]
     for deep, bound in ((one, other), (other, one)):
         values = np.where(bound(lattice) >= 0, deep(lattice), -np.inf)
         for start in np.argsort(-values, kind="stable")[:STARTS]:
             if values[start] < 0:
                 break
-            point, depth = _climb(deep, bound, lattice[start], values[start], stencil * extent / LATTICE)
+            point, depth = _climb(deep, bound, lattice[start], values[start], stencils)
             if depth > best:
                 best, where, in_one = depth, point, deep is one
     return best, where, in_one
 
 
-def _climb(deep: Inner, bound: Inner, point: Floats, depth: float, steps: Floats) -> tuple[Floats, float]:
+def _stencils(counts: Integers) -> list[Floats]:
+    """Return two sets of steps in many directions, one turned against the other."""
+    steps = [(-1.0, -0.5, 0.0, 0.5, 1.0) if n > 1 else (0.0,) for n in counts]
+    stencil = np.array([step for step in product(*steps) if any(step)])
+    half = 0.4
+    about = np.array([0.48, 0.6, 0.64]) if counts[2] > 1 else np.array([0.0, 0.0, 1.0])
+    turn = rotation_matrices(np.array([[np.cos(half), *(np.sin(half) * about)]]))[0]
+    return [stencil, stencil @ turn.T]
+
+
+def _climb(deep: Inner, bound: Inner, point: Floats, depth: float, stencils: list[Floats]) -> tuple[Floats, float]:
     """Move to the deepest neighbour inside the other grain, with ever smaller steps."""
-    size = 1.0
+    size, failed = 1.0, 0
     while size > SMALL * LATTICE:
-        around = point + size * steps
+        around = point + size * stencils[failed]
         values = np.where(bound(around) >= 0, deep(around), -np.inf)
         best = int(values.argmax())
         if values[best] > depth:
-            point, depth = around[best], float(values[best])
+            point, depth, failed = around[best], float(values[best]), 0
+        elif failed + 1 < len(stencils):
+            failed += 1
         else:
-            size /= 2
+            size, failed = size / 2, 0
     return point, depth

@@ -10,6 +10,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
+from voxgran._base.rotation import stretch_of
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.gjk import support
@@ -189,7 +190,7 @@ def _mesh_beyond_mesh(container: Solid, grain: Solid, matrix: Floats, offset: Fl
     corner = matrix @ grain.tree.corners[0, 0] + offset
     if distance > margin and container.tree.signed_distance(corner[None])[0] < 0:
         return -distance
-    back = matrix.T / math.cbrt(float(np.linalg.det(matrix))) ** 2
+    back = matrix.T / stretch_of(matrix) ** 2
     body = combine(grain, container, matrix=back, offset=-back @ offset, operation="rest")
     if not len(body.triangles):
         return -distance

@@ -1,0 +1,162 @@
+"""Contacts where digits are scarce: tiny and huge units, far from the origin, small boxes, grains of very different sizes."""
+
+import numpy as np
+import pytest
+
+from voxgran._base.rotation import random_rotations
+from voxgran._base.seeds import stream
+from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.find import find_contacts
+from voxgran.contacts.walls import escape_depths
+from voxgran.containers.box import Box
+from voxgran.containers.cylinder import Cylinder
+from voxgran.packing.verify import verify
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.tessellate import ball
+
+
+def shapes():
+    vertices, faces, _ = ball(1)
+    clump = Spheres(np.array([[0.0, 0, 0], [0.4, 0, 0]]), np.array([0.4, 0.3]))
+    geometries = [
+        *(Primitive("sphere", (0.5,)), Primitive("ellipsoid", (0.6, 0.5, 0.3)), Primitive("box", (0.8, 0.9, 0.7))),
+        *(Primitive("cylinder", (0.4, 0.8)), Primitive("cone", (0.5, 0.9)), clump, Mesh(0.5 * vertices, faces)),
+    ]
+    return [Shape.of(geometry, name=f"shape {k}") for k, geometry in enumerate(geometries)]
+
+
+def scene(factor=1.0, shift=(0.0, 0.0, 0.0), container=None):
+    """Forty grains of all kinds, some in contact, in a box of edge 4; scaled and moved as a whole."""
+    generator = stream(1, "stability")
+    count = 40
+    kinds = shapes()
+    return Assembly.of(
+        kinds,
+        container or Box(np.full(3, 4 * factor), ("x", "y"), origin=np.array(shift) * factor),
+        position=(generator.uniform(0.2, 3.8, (count, 3)) + shift) * factor,
+        shape_id=np.arange(count) % len(kinds),
+        scale=generator.uniform(0.6, 0.9, count) * factor,
+        orientation=random_rotations(generator, count),
+    )
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return find_contacts(scene(), 0.1), verify(scene()), escape_depths(scene())
+
+
+def test_the_scene_has_gaps_overlaps_and_escapes(plain):
+    contacts, proof, _ = plain
+    assert (contacts.gap > 0).sum() > 5
+    assert proof.overlapping_pairs > 5
+    assert proof.escaped > 0
+
+
+@pytest.mark.parametrize("power", [-40, 20, 40])
+def test_scaling_by_a_power_of_two_gives_the_same_bits(plain, power):
+    contacts, proof, escape = plain
+    factor = 2.0**power
+    found = find_contacts(scene(factor), 0.1 * factor)
+    for name in ("i", "j", "image", "normal"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(contacts, name))
+    np.testing.assert_array_equal(found.gap, contacts.gap * factor)
+    np.testing.assert_array_equal(found.point, contacts.point * factor)
+    np.testing.assert_array_equal(escape_depths(scene(factor)), escape * factor)
+    assert verify(scene(factor)).deepest == proof.deepest
+
+
+@pytest.mark.parametrize("factor", [1e-12, 1e-6, 1e6, 1e12])
+def test_scaling_by_any_factor_gives_the_same_contacts(plain, factor):
+    contacts, proof, escape = plain
+    found = find_contacts(scene(factor), 0.1 * factor)
+    np.testing.assert_array_equal(np.column_stack([found.i, found.j]), np.column_stack([contacts.i, contacts.j]))
+    apart = contacts.gap > 0
+    np.testing.assert_allclose(found.gap[apart] / factor, contacts.gap[apart], rtol=1e-9)
+    np.testing.assert_allclose(found.gap[~apart] / factor, contacts.gap[~apart], rtol=3e-3)
+    np.testing.assert_allclose(escape_depths(scene(factor)) / factor, escape, atol=1e-9)
+    assert verify(scene(factor)).overlapping_pairs == proof.overlapping_pairs
+
+
+def test_far_from_the_origin_only_the_digits_of_the_positions_are_lost(plain):
+    contacts, proof, escape = plain
+    shift = np.array([1e6, -2e6, 3e6])
+    far = scene(shift=shift)
+    found = find_contacts(far, 0.1)
+    np.testing.assert_array_equal(np.column_stack([found.i, found.j]), np.column_stack([contacts.i, contacts.j]))
+    apart = contacts.gap > 0
+    np.testing.assert_allclose(found.gap[apart], contacts.gap[apart], atol=2e-9)
+    np.testing.assert_allclose(escape_depths(far), escape, atol=2e-9)
+    assert verify(far).overlapping_pairs == proof.overlapping_pairs
+
+
+@pytest.mark.parametrize("shape", shapes(), ids=lambda s: type(s.geometry).__name__)
+def test_a_grain_larger_than_half_a_periodic_box_meets_its_images(shape):
+    turn = random_rotations(stream(2, "stability"), 1)
+    alone = Assembly.of(
+        [shape], Box((1, 1, 1), (True, True, True)), position=[(0.9, 0.1, 0.5)], orientation=turn, scale=[1.6]
+    )
+    found = find_contacts(alone, 0.0)
+    assert found.count > 0
+    assert (found.i == 0).all()
+    steps = found.image
+    for step, gap in zip(steps, found.gap, strict=True):
+        two = Assembly.of(
+            [shape],
+            Box((20, 20, 20)),
+            position=[(10, 10, 10), np.array([10, 10, 10]) + step],
+            scale=[1.6, 1.6],
+            orientation=np.repeat(turn, 2, axis=0),
+        )
+        assert find_contacts(two, 0.0).gap[0] == pytest.approx(gap, rel=2e-3, abs=1e-12)
+    # one of a step and its reverse
+    assert not {tuple(-s) for s in steps} & {tuple(s) for s in steps}
+
+
+@pytest.mark.parametrize("gap", [1e-4, -1e-5])
+@pytest.mark.parametrize("large", shapes(), ids=lambda s: type(s.geometry).__name__)
+def test_sizes_in_the_ratio_of_a_thousand(large, gap):
+    """A small ball at a known distance from the deepest support plane of a large grain."""
+    small = shapes()[0]
+    assembly = Assembly.of(
+        [large, small],
+        Box((8000, 8000, 8000)),
+        position=[(4000, 4000, 4000), (4000, 4000, 5200)],
+        shape_id=[0, 1],
+        scale=[1000, 1],
+    )
+    first = find_contacts(assembly, 1000.0)
+    assert first.gap[0] > 1
+    step = (first.gap[0] - gap) * first.normal[0]
+    near = Assembly.of(
+        [large, small],
+        assembly.container,
+        position=[(4000, 4000, 4000), assembly.position[1] - step],
+        shape_id=[0, 1],
+        scale=[1000, 1],
+    )
+    assert find_contacts(near, 1.0).gap[0] == pytest.approx(gap, rel=1e-5, abs=1e-8)
+
+
+def test_needles_and_plates():
+    """Flat and long solids keep the same gap as the boxes or balls that bound them where they touch."""
+    plate = Shape.of(Primitive("cylinder", (100.0, 1e-3)), name="plate")
+    needle = Shape.of(Primitive("ellipsoid", (1e-3, 1e-3, 10.0)), name="needle")
+    for gap in (1e-3, 1e-6, -1e-6):
+        height = 5e-4 + 10.0 + gap
+        pair = Assembly.of(
+            [plate, needle], Box((500, 500, 500)), position=[(250, 250, 250), (260, 250, 250 + height)], shape_id=[0, 1]
+        )
+        assert find_contacts(pair, 0.1).gap[0] == pytest.approx(gap, rel=1e-6, abs=1e-12)
+
+
+def test_walls_far_larger_than_the_grains():
+    grains = shapes()
+    small = Assembly.of(
+        grains, Cylinder(1e6, 1e6), position=np.tile([0.0, 0, 5e5], (len(grains), 1)), shape_id=np.arange(len(grains))
+    )
+    escape = escape_depths(small)
+    assert (escape < -4.9e5).all()
+    assert np.isfinite(escape).all()

@@ -1,0 +1,364 @@
+"""Control-point packing: the walk against a plain program, its rules, and what it refuses."""
+
+import dataclasses
+import signal
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull, cKDTree
+
+import voxgran as vg
+from voxgran._base.errors import InputError, Interrupted, PackingWarning, UnknownNameError
+from voxgran._base.rotation import product, rotation_matrices
+from voxgran._base.seeds import philox_key
+from voxgran.packing.control_points import Bed, is_within, meets, write_matrix
+from voxgran.packing.control_walk import DECAY, GROWTH
+from voxgran.packing.methods.control_point import SHORTEST_STEP
+from voxgran.packing.methods.control_point import registration as control_point
+from voxgran.packing.pack import prepare_task
+from voxgran.packing.run import Drive, drive
+
+
+def task_of(shapes, container, *, count=8, seed=0, sizes=None, **parameters):
+    return prepare_task(
+        shapes,
+        container,
+        method="control_point",
+        count=count,
+        solid_fraction=None,
+        sizes=sizes,
+        weights=None,
+        weights_by="number",
+        seed=seed,
+        parameters=parameters,
+    )
+
+
+def kept_of(problem, setting):
+    """Return what a bed has besides the state."""
+    return problem.shape_id.astype(np.int64), problem.diameter, setting.extent
+
+
+class PlainWalk:
+    """Grains in a box without gravity, one attempt after the other: the method as its paper tells it."""
+
+    def __init__(self, problem, state):
+        settings, shapes = problem.parameters, problem.shapes
+        self.key = philox_key(problem.seed, "control_point")
+        self.order = state.arrays["queue"].tolist()
+        self.position = state.arrays["position"].copy()
+        self.orientation = state.arrays["orientation"].copy()
+        self.step = state.arrays["step"].copy()
+        self.size, self.shape, self.turns = problem.diameter, problem.shape_id, settings.turns
+        samples = [problem.points(k, settings.spacing) for k in range(len(shapes))]
+        self.points = [np.asarray(points) for points in samples]
+        self.half = [s.spacing / 2 + shape.tessellation_error for s, shape in zip(samples, shapes, strict=True)]
+        self.hulls = [shape.vertices[ConvexHull(shape.vertices).vertices] for shape in shapes]
+        self.margins = [shape.tessellation_error for shape in shapes]
+        self.radii = [shape.bounding_radius for shape in shapes]
+        self.longest = [min(settings.step, 0.5 * shape.volume / shape.surface_area) for shape in shapes]
+        self.low, self.high = problem.container.bounds
+
+    def words(self, attempt, draw):
+        raw = np.random.Philox(key=self.key, counter=[attempt - 1, draw, 0, 0]).random_raw(4)
+        return [int(word) for word in raw]
+
+    def body(self, points, g, place, quaternion):
+        return points[self.shape[g]] * self.size[g] @ rotation_matrices(quaternion[None])[0].T + place
+
+    def fits(self, g, place, quaternion):
+        margin = self.margins[self.shape[g]] * self.size[g]
+        corners = self.body(self.hulls, g, place, quaternion)
+        if (corners < self.low + margin).any() or (corners > self.high - margin).any():
+            return False
+        tree = cKDTree(self.body(self.points, g, place, quaternion))
+        for j in range(len(self.size)):
+            limit = self.half[self.shape[g]] * self.size[g] + self.half[self.shape[j]] * self.size[j]
+            other = self.body(self.points, j, self.position[j], self.orientation[j])
+            if j != g and tree.query(other)[0].min() < limit:
+                return False
+        return True
+
+    def attempt(self, number):
+        """Make one attempt; tell whether the grain moved."""
+        w, more = self.words(number, 0), self.words(number, 1)
+        g = self.order[len(self.order) - 1 - ((w[0] >> 32) * len(self.order) >> 32)]
+        unit = [(word >> 11) / 2**53 for word in w]
+        c, angle = 2 * unit[1] - 1, 2 * np.pi * unit[2]
+        direction = np.array([np.sqrt(1 - c * c) * np.cos(angle), np.sqrt(1 - c * c) * np.sin(angle), c])
+        place = self.position[g] + self.step[g] * (1 - unit[3]) * direction
+        quaternion = self.orientation[g]
+        if (more[2] >> 11) / 2**53 < self.turns:
+            t = [(word >> 11) / 2**53 for word in self.words(number, 2)]
+            half = self.step[g] / (self.radii[self.shape[g]] * self.size[g]) * (t[0] - 0.5)
+            c, angle = 2 * t[1] - 1, 2 * np.pi * t[2]
+            axis = np.array([np.sqrt(1 - c * c) * np.cos(angle), np.sqrt(1 - c * c) * np.sin(angle), c])
+            quaternion = product(np.array([np.cos(half), *(np.sin(half) * axis)]), quaternion)
+        if not self.fits(g, place, quaternion):
+            self.step[g] = max(self.step[g] * DECAY, SHORTEST_STEP * self.size[g])
+            return False
+        self.position[g], self.orientation[g] = place, quaternion
+        self.step[g] = min(self.step[g] * GROWTH, self.longest[self.shape[g]] * self.size[g])
+        return True
+
+
+def test_walk_is_that_of_a_plain_program():
+    """The same trajectory: 1500 attempts of 7 grains without gravity, with trees and memory and without."""
+    shapes = [vg.make_shape("ellipsoid", aspect=(1.2, 1.0, 0.8)), vg.make_shape("box", lengths=(1.0, 0.8, 0.6))]
+    task = task_of(
+        shapes,
+        vg.Box((3.3, 3.3, 3.3)),
+        count=7,
+        sizes=vg.sizes.lognormal(1.0, 0.1),
+        gravity="none",
+        feed="at_once",
+        spacing=0.3,
+        sweeps=10_000,
+    )
+    state = control_point.prepare(task.problem)
+    while state.counters["fed_at"] < 0:
+        state = control_point.advance(task.problem, state, 1)
+    assert state.counters["placed"] == 7
+    twin, begin, before = PlainWalk(task.problem, state), state.done, state.counters["moves_accepted"]
+    moved = sum(twin.attempt(number) for number in range(begin, begin + 1500))
+    state = control_point.advance(task.problem, state, 1500)
+    assert state.done == begin + 1500
+    assert state.counters["moves_accepted"] - before == moved
+    assert 100 < moved < 1400
+    assert np.allclose(state.arrays["position"], twin.position, rtol=0, atol=1e-9)
+    assert np.allclose(state.arrays["orientation"], twin.orientation, rtol=0, atol=1e-9)
+    assert np.allclose(state.arrays["step"], twin.step, rtol=1e-12)
+    assert np.allclose(np.linalg.norm(state.arrays["orientation"], axis=1), 1.0, rtol=0, atol=1e-15)
+
+
+def test_what_is_remembered_changes_nothing():
+    """A run that forgets all comparisons every 150 attempts, as a resumed one does, gives the same bits."""
+    shapes = [vg.make_shape("solid_union", seed=2), vg.make_shape("sphere")]
+    box, keywords = vg.Box((3, 3, 5), (True, True, False)), {"count": 14, "spacing": 0.25, "sweeps": 300, "cycles": 2}
+    kept, forgot = (task_of(shapes, box, **keywords).problem for _ in range(2))
+    one, two = control_point.prepare(kept), control_point.prepare(forgot)
+    one = control_point.advance(kept, one, 6000)
+    for _ in range(40):
+        two.derived = {}
+        two = control_point.advance(forgot, two, 150)
+    assert one.counters == two.counters
+    for name, array in one.arrays.items():
+        assert two.arrays[name].tobytes() == array.tobytes()
+
+
+def test_true_solids_never_overlap_and_sink():
+    shapes = [vg.make_shape("solid_union", seed=3), vg.make_shape("box", lengths=(1.2, 0.9, 0.7))]
+    packing = vg.pack(
+        shapes,
+        vg.Box((4, 4, 8), periodic=(True, True, False)),
+        method="control_point",
+        count=30,
+        seed=2,
+        sizes=vg.sizes.lognormal(1.0, 0.2),
+        spacing=0.2,
+        sweeps=600,
+        cycles=4,
+    )
+    assert packing.count == 30
+    assert packing.stop_reason == "settled"
+    assert vg.verify(packing).ok
+    assert packing.position[:, 2].mean() < 3.0
+    assert packing.provenance["parameters"]["gravity"] == "-z"
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "ball", "box"])
+def test_round_and_closed_containers_hold_their_grains(kind):
+    if kind == "cylinder":
+        container = vg.Cylinder(1.8, 5)
+    else:
+        solid = vg.make_shape("sphere").scaled(4.6) if kind == "ball" else vg.make_shape("box", lengths=(3.4, 3.0, 4.0))
+        container = vg.ClosedMesh(vg.Shape.from_mesh(solid.vertices + 3.0, solid.faces))
+    packing = vg.pack(
+        vg.make_shape("cone"), container, method="control_point", count=6, spacing=0.25, sweeps=200, cycles=1
+    )
+    proof = vg.verify(packing)
+    assert packing.count == 6
+    assert proof.escaped == 0
+    assert proof.ok
+
+
+@pytest.mark.parametrize(("gravity", "axis", "sign"), [("+z", 2, 1), ("-x", 0, -1), ("+y", 1, 1)])
+def test_gravity_points_where_it_is_told(gravity, axis, sign):
+    packing = vg.pack(
+        vg.make_shape("sphere"),
+        vg.Box((5, 5, 5)),
+        method="control_point",
+        count=12,
+        gravity=gravity,
+        spacing=0.3,
+        sweeps=400,
+        cycles=1,
+        up=0.0,
+    )
+    along = (packing.position[:, axis] - 2.5) * sign
+    assert along.min() > 0.4
+    assert vg.verify(packing).ok
+
+
+def test_disks_and_polygons_settle_in_two_dimensions():
+    shapes = [vg.make_shape("disk"), vg.make_shape("polygon", seed=1)]
+    packing = vg.pack(
+        shapes,
+        vg.Rectangle((8, 12), periodic=(True, False)),
+        method="control_point",
+        count=40,
+        sweeps=1500,
+        cycles=4,
+    )
+    assert packing.count == 40
+    assert vg.verify(packing).ok
+    assert np.all(packing.position[:, 2] == 0)
+    assert np.all(packing.orientation[:, 1:3] == 0)
+    assert packing.position[:, 1].mean() < 4.5
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_small_grains_do_not_enter_large_ones_nor_the_other_way_round(seed):
+    """Thrown anywhere at once, small grains would come to lie inside the large one, far from its control points."""
+    asked = task_of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), count=8, seed=seed, feed="at_once", sweeps=20).problem
+    problem = dataclasses.replace(asked, diameter=np.array([8.0, 1, 1, 1, 1, 1, 1, 1]))
+    packing = control_point.finish(problem, drive(control_point, problem, Drive()))
+    assert packing.count > 1
+    assert vg.verify(packing).ok
+
+
+def test_containment_is_seen_from_both_sides():
+    """No control points are near each other where a small ball lies deep in a large one; both orders are refused."""
+    task = task_of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), count=2, spacing=0.2)
+    for diameter in ([8.0, 1.0], [1.0, 8.0]):
+        problem = dataclasses.replace(task.problem, diameter=np.array(diameter))
+        state = control_point.advance(problem, control_point.prepare(problem), 1)
+        kept, rules = state.derived["setting"], (0.0, 0.1, 0.2, 0.3)
+        bed = Bed(
+            *(state.arrays[name] for name in ("position", "orientation", "entered", "step")), *kept_of(problem, kept)
+        )
+        kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
+        write_matrix(kept.scratch.quaternion, kept.scratch.turn)
+        for g in range(2):
+            arguments = (bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, *rules)
+            assert meets(*arguments, np.inf)
+            assert not meets(*arguments, 0.0)
+
+
+def test_a_grain_keeps_clear_of_its_own_images():
+    """A rod longer than the box is wide would meet itself across the face when it lies along x."""
+    rod = vg.make_shape("box", lengths=(2.6, 0.5, 0.5))
+    box = vg.Box((2.2, 2.2, 7), (True, True, False))
+    packing = vg.pack(rod, box, method="control_point", count=4, spacing=0.25, sweeps=400, cycles=2)
+    assert packing.count == 4
+    assert vg.verify(packing).ok
+
+
+def test_grains_keep_the_distance_that_is_asked_for():
+    sphere, box = vg.make_shape("sphere").scaled(2.0), vg.Box((7, 7, 14))
+    packing = vg.pack(sphere, box, method="control_point", count=20, distance=0.3, spacing=0.3, sweeps=400, cycles=2)
+    gaps = np.linalg.norm(packing.position[:, None] - packing.position[None], axis=2) - packing.diameters.mean()
+    np.fill_diagonal(gaps, np.inf)
+    assert packing.count == 20
+    assert 0.3 <= gaps.min() < 0.3 + 2 * 0.31
+
+
+def test_within_is_what_closed_forms_say():
+    """Parity of crossings against the convex solid itself, 3000 random points, and a polygon in the plane."""
+    points = np.random.Generator(np.random.Philox(3)).random((3000, 3)) * 1.4 - 0.7
+    box = vg.make_shape("box", lengths=(1.1, 0.9, 0.7))
+    triangles = np.ascontiguousarray(box.vertices[box.faces])
+    truth = box.geometry.contains(points)
+    assert [is_within(triangles, 0, len(triangles), *point) for point in points] == truth.tolist()
+    outline = vg.make_shape("polygon", seed=2)
+    triangles = np.ascontiguousarray(outline.vertices[outline.faces])
+    points[:, 2] = 0.0
+    truth = outline.geometry.contains(points)
+    assert [is_within(triangles, 0, len(triangles), *point) for point in points] == truth.tolist()
+    assert 0 < truth.sum() < len(points)
+
+
+def test_lengths_scale_exactly_by_powers_of_two():
+    def packed(factor):
+        return vg.pack(
+            [vg.make_shape("box", lengths=(1.2, 0.9, 0.7)).scaled(factor)],
+            vg.Box((4 * factor, 4 * factor, 5 * factor)),
+            method="control_point",
+            count=12,
+            sizes=vg.sizes.lognormal(factor, 0.2),
+            distance=factor / 16,
+            spacing=0.3,
+            sweeps=100,
+            cycles=1,
+        )
+
+    one = packed(1.0)
+    for factor in (2.0**20, 2.0**-20):
+        other = packed(factor)
+        assert (other.position / factor).tobytes() == one.position.tobytes()
+        assert other.orientation.tobytes() == one.orientation.tobytes()
+
+
+def test_too_many_grains_stop_as_full():
+    with pytest.warns(PackingWarning, match="of 45 grains were placed"):
+        packing = vg.pack(
+            vg.make_shape("sphere"), vg.Box((3, 3, 3)), method="control_point", count=45, spacing=0.3, sweeps=50
+        )
+    assert packing.stop_reason == "full"
+    assert 5 < packing.count < 45
+
+
+def test_attempts_are_within_the_cost():
+    task = task_of([vg.make_shape("sphere")], vg.Box((3, 3, 3)), count=2, spacing=0.3, sweeps=1)
+    size, most = control_point.cost(task.problem)
+    state = drive(control_point, task.problem, Drive())
+    assert state.stop_reason in {"settled", "steps"}
+    assert state.done <= state.total
+    assert state.done - state.counters["fed_at"] <= most
+    kept = state.derived["setting"]
+    arrays = [*kept.bodies.trees, kept.bodies.hull, kept.bodies.triangles, *kept.memory, kept.cells.head]
+    assert sum(array.nbytes for array in arrays) < size
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "words"),
+    [
+        ({"spacingg": 0.1}, UnknownNameError, "did you mean 'spacing'"),
+        ({"spacing": -0.1}, InputError, "spacing is -0.1"),
+        ({"distance": -1.0}, InputError, "distance is -1"),
+        ({"gravity": "down"}, InputError, "gravity"),
+        ({"up": 1.7}, InputError, "up is 1.7"),
+        ({"turns": 1.5}, InputError, "turns is 1.5"),
+        ({"cycles": 0}, InputError, "cycles is 0"),
+        ({"step": 0.0}, InputError, "step is 0"),
+    ],
+)
+def test_bad_parameters_are_named(parameters, error, words):
+    with pytest.raises(error, match=words):
+        vg.pack(vg.make_shape("sphere"), vg.Box((4, 4, 4)), method="control_point", count=2, **parameters)
+
+
+def test_gravity_along_a_periodic_axis_is_refused():
+    with pytest.raises(InputError, match="walled axis"):
+        vg.pack(vg.make_shape("sphere"), vg.Box((4, 4, 4), (False, False, True)), method="control_point", count=2)
+
+
+def test_a_signal_leaves_a_checkpoint_and_resume_gives_the_same_bits(tmp_path):
+    arguments = {"count": 10, "spacing": 0.3, "sweeps": 600, "seed": 4, "cycles": 2}
+    shape, box, path = vg.make_shape("cone"), vg.Box((4, 4, 5)), tmp_path / "checkpoint"
+    whole = drive(control_point, task_of([shape], box, **arguments).problem, Drive())
+
+    def interrupt(step):
+        if step.done > 4000:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(Interrupted, match="resume from"):
+        drive(
+            control_point,
+            task_of([shape], box, **arguments).problem,
+            Drive(checkpoint=path, on_step=interrupt, chunk=2000),
+        )
+    resumed = drive(control_point, task_of([shape], box, **arguments).problem, Drive(checkpoint=path, resume=True))
+    for name, array in whole.arrays.items():
+        assert resumed.arrays[name].tobytes() == array.tobytes()
+    assert resumed.counters == whole.counters
