@@ -1,4 +1,4 @@
-"""What holds for all contacts: both orders, any motion of the whole, any power of two as unit, no more gap than path."""
+"""What holds for all contacts: either order, any motion of the whole, any power of two as unit."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Contacts where digits are scarce: tiny and huge units, far from the origin, small boxes, grains of very different sizes."""
+"""Contacts where digits are scarce: tiny and huge units, far from the origin, very different sizes."""
 
 import numpy as np
 import pytest

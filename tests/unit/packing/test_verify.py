@@ -1,4 +1,4 @@
-"""Mutation tests of the checker: valid packings pass, and one grain pushed a millionth of a diameter is found by number."""
+"""Mutation tests of the checker: one grain pushed by a millionth of a diameter is found by its number."""
 
 import itertools
 import math
