@@ -18,6 +18,26 @@ from voxgran.packing.problem import Problem
 Array: TypeAlias = NDArray[Any]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cost:
+    """What a run takes, known before anything is made.
+
+    Attributes
+    ----------
+    memory : int
+        Bytes at the peak, without the libraries; an estimate.
+    attempts : int
+        Attempts at the most.
+    voxelized_shapes, sampled_shapes : int
+        How many solids are turned into voxels and into points: exactly what the run counts.
+    """
+
+    memory: int
+    attempts: int
+    voxelized_shapes: int = 0
+    sampled_shapes: int = 0
+
+
 @dataclass(slots=True)
 class State:
     """Where a run stands.
@@ -61,7 +81,7 @@ class PackingMethod:
     finish : callable
         Problem and State to the Packing.
     cost : callable
-        Problem to (bytes at the peak, attempts at the most), before anything is made, without numba, Open3D or VTK.
+        Problem to its Cost, before anything is made, without numba, Open3D or VTK.
     dimensions : tuple of int
         In which dimensions it works.
     tolerance : float
@@ -77,7 +97,7 @@ class PackingMethod:
     prepare: Callable[[Problem], State]
     advance: Callable[[Problem, State, int], State]
     finish: Callable[[Problem, State], Packing]
-    cost: Callable[[Problem], tuple[int, int]]
+    cost: Callable[[Problem], Cost]
     dimensions: tuple[int, ...] = (3,)
     tolerance: Callable[[Any], float] = field(default=lambda parameters: 0.0)
     libraries: tuple[str, ...] = ("numba",)

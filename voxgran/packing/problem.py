@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
 from voxgran.points.sample import SurfacePoints, sample_surface
@@ -74,6 +75,12 @@ class Problem:
         shapes = np.array([shape.volume for shape in self.shapes])
         return shapes[self.shape_id] * self.diameter**self.dimension
 
+    def different_voxels(self, orientations: int) -> int:
+        """Return how many sets of voxels differ when each grain has so many orientations; a ball looks the same in all."""
+        ball = np.array([is_one_ball(shape.geometry) for shape in self.shapes], dtype=np.bool_)[self.shape_id]
+        balls = np.column_stack([self.shape_id[ball], self.diameter[ball]])
+        return len(np.unique(balls, axis=0)) + orientations * int((~ball).sum())
+
     def length(self, value: float) -> float:
         """Return a length given in the user's unit in median diameters."""
         return value / self.unit_length
@@ -98,6 +105,8 @@ class Problem:
             In 2D (2 k, 2 k, 1). The centroid is at the middle corner.
         """
         shape, diameter = self.shapes[self.shape_id[grain]], float(self.diameter[grain])
+        if is_one_ball(shape.geometry):
+            orientation = np.array([1.0, 0.0, 0.0, 0.0])
         key = ("voxels", self.shape_id[grain], diameter, orientation.tobytes(), voxel_size, cover)
 
         def make() -> Booleans:

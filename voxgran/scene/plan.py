@@ -33,6 +33,8 @@ class Plan:
         Bytes at the peak, estimated.
     attempts : int
         Attempts at the most.
+    voxelized_shapes, sampled_shapes : int
+        Solids that are turned into voxels and into points.
     computed, skipped : tuple of str
         Steps, each with its reason.
     libraries : tuple of str
@@ -43,6 +45,8 @@ class Plan:
     solid_fraction: float
     memory: int
     attempts: int
+    voxelized_shapes: int
+    sampled_shapes: int
     computed: tuple[str, ...]
     skipped: tuple[str, ...]
     libraries: tuple[str, ...]
@@ -53,6 +57,7 @@ class Plan:
             f"grains          {self.grains}, {self.solid_fraction:.3f} of the container's volume",
             f"memory          {self.memory / 2**20:.0f} MiB at the peak, estimated",
             f"attempts        {self.attempts:,} at the most",
+            f"solids          {self.voxelized_shapes:,} turned into voxels, {self.sampled_shapes:,} into points",
             f"libraries       {', '.join(self.libraries)}",
             *(f"will be done    {step}" for step in self.computed),
             *(f"is skipped      {step}" for step in self.skipped),
@@ -66,6 +71,8 @@ class Plan:
             "solid_fraction": self.solid_fraction,
             "memory_bytes": self.memory,
             "attempts": self.attempts,
+            "voxelized_shapes": self.voxelized_shapes,
+            "sampled_shapes": self.sampled_shapes,
             "computed": list(self.computed),
             "skipped": list(self.skipped),
             "libraries": list(self.libraries),
@@ -83,8 +90,8 @@ def make_plan(scene: Scene) -> Plan:
         If it does not fit in memory.
     """
     task = task_of(scene, tuple(_stand_in(entry) for entry in scene.shapes))
-    working, attempts = task.method.cost(task.problem)
-    memory = LIBRARIES_BYTES + working
+    cost = task.method.cost(task.problem)
+    memory = LIBRARIES_BYTES + cost.memory
     available = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if memory > available:
         raise TooLargeError(
@@ -97,7 +104,9 @@ def make_plan(scene: Scene) -> Plan:
         grains=task.problem.count,
         solid_fraction=volume,
         memory=memory,
-        attempts=attempts,
+        attempts=cost.attempts,
+        voxelized_shapes=cost.voxelized_shapes,
+        sampled_shapes=cost.sampled_shapes,
         computed=computed,
         skipped=skipped,
         libraries=libraries,
@@ -139,24 +148,31 @@ def _stand_in(entry: ShapeEntry) -> Shape:
     return entry.make()
 
 
+def _makes_unions(scene: Scene) -> bool:
+    """Tell whether random solids are joined by boolean operations."""
+    return any(entry.source == "family" and entry.name == "solid_union" for entry in scene.shapes)
+
+
 def _steps(scene: Scene, task: Task) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
     computed = [f"pack {task.problem.count} grains by {scene.method}", "verify against the true shapes"]
     computed.append("measure " + (", ".join(scene.which) if scene.which else "all that applies"))
     skipped = []
-    libraries = {"scipy", "xarray", "pyvista", "vtkmodules", *task.method.libraries}
+    libraries = {"scipy", "xarray", "vtkmodules", *task.method.libraries}
     for wanted, step, needs in (
         (scene.output.vtk, "write surfaces, container and contacts for ParaView", ()),
         (scene.output.statistics, "write statistics.nc", ("netCDF4",)),
-        (scene.output.report, "draw pictures and write report.html", ("matplotlib", "jinja2")),
+        (scene.output.report, "draw pictures and write report.html", ("matplotlib", "jinja2", "pyvista", "open3d")),
     ):
         if wanted:
             computed.append(step)
             libraries.update(needs)
         else:
             skipped.append(f"{step}: not asked for in [output]")
-    if any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes):
+    if any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes) or _makes_unions(scene):
         libraries.add("manifold3d")
+    if any(entry.name.endswith(".msh") for entry in scene.shapes):
+        libraries.add("meshio")
     if task.problem.dimension == 2:
         skipped.append("anything in three dimensions: the container is flat")
     if scene.sizes is None:

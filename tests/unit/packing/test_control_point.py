@@ -310,14 +310,14 @@ def test_too_many_grains_stop_as_full():
 
 def test_attempts_are_within_the_cost():
     task = task_of([vg.make_shape("sphere")], vg.Box((3, 3, 3)), count=2, spacing=0.3, sweeps=1)
-    size, most = control_point.cost(task.problem)
+    cost = control_point.cost(task.problem)
     state = drive(control_point, task.problem, Drive())
     assert state.stop_reason in {"settled", "steps"}
     assert state.done <= state.total
-    assert state.done - state.counters["fed_at"] <= most
+    assert state.done - state.counters["fed_at"] <= cost.attempts
     kept = state.derived["setting"]
     arrays = [*kept.bodies.trees, kept.bodies.hull, kept.bodies.triangles, *kept.memory, kept.cells.head]
-    assert sum(array.nbytes for array in arrays) < size
+    assert sum(array.nbytes for array in arrays) < cost.memory
 
 
 @pytest.mark.parametrize(

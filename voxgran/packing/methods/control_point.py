@@ -31,7 +31,7 @@ from voxgran.containers.cylinder import Cylinder
 from voxgran.packing.control_points import FLAT, MESH, ROUND, Bed, Bodies, Memory, Scratch, Walls
 from voxgran.packing.control_walk import Cells, Rules, link_all, make_attempts
 from voxgran.packing.lattice import axis_of
-from voxgran.packing.method import PackingMethod, State
+from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.trees import make_trees, stack_room
@@ -167,8 +167,8 @@ def finish(problem: Problem, state: State) -> Packing:
     )
 
 
-def cost(problem: Problem) -> tuple[int, int]:
-    """Return bytes at the peak and attempts at the most."""
+def cost(problem: Problem) -> Cost:
+    """Return what a run takes."""
     container = problem.container
     solids = [*problem.shapes, *([container.shape] if isinstance(container, ClosedMesh) else [])]
     total = 0.0
@@ -178,7 +178,11 @@ def cost(problem: Problem) -> tuple[int, int]:
         points = 16 + 5 * solid.surface_area / problem.parameters.spacing**power
         faces = len(solid.geometry.faces) if isinstance(solid.geometry, Mesh) else 5000
         total += points * (24 * 40 + 48) + faces * (72 + 3 * 24)
-    return int(total) + _memory_room(problem) * (LISTED * 16 + 136), _most_attempts(problem, problem.count)
+    return Cost(
+        memory=int(total) + _memory_room(problem) * (LISTED * 16 + 136),
+        attempts=_most_attempts(problem, problem.count),
+        sampled_shapes=len(problem.shapes) if problem.count else 0,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,7 @@ from voxgran._base.rotation import lattice_rotations, product, quaternions_of, r
 from voxgran._base.seeds import philox_key, stream
 from voxgran.packing.bits import Bank, Canvas, Field, make_bank
 from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels
-from voxgran.packing.method import PackingMethod, State
+from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.walk import Grains, Members, Rules, make_attempts, put
@@ -173,8 +173,8 @@ def finish(problem: Problem, state: State) -> Packing:
     )
 
 
-def cost(problem: Problem) -> tuple[int, int]:
-    """Return bytes at the peak and attempts at the most."""
+def cost(problem: Problem) -> Cost:
+    """Return what a run takes."""
     settings: Digital = problem.parameters
     lattice = container_lattice(problem, _voxel_size(problem))
     radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
@@ -187,7 +187,11 @@ def cost(problem: Problem) -> tuple[int, int]:
     canvas = float(np.prod(lattice.shape + 2 * margin + np.array([0, 0, 128]))) / 8
     unpacked = 8 * canvas + float(np.prod(lattice.shape))
     bank = float((3 * members + 1) * 8 * column_words.sum())
-    return int(canvas + unpacked + bank + 2 * largest**3), problem.count * (settings.sweeps + 40 * SETTLE_SWEEPS)
+    return Cost(
+        memory=int(canvas + unpacked + bank + 2 * largest**3),
+        attempts=problem.count * (settings.sweeps + 40 * SETTLE_SWEEPS),
+        voxelized_shapes=problem.different_voxels(members),
+    )
 
 
 @dataclass(frozen=True, slots=True)
