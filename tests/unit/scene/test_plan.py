@@ -1,4 +1,4 @@
-"""What a plan says is what the run does: the libraries that it loads and the solids that it turns into voxels or points."""
+"""What a plan says is what the run does: libraries loaded, solids turned into voxels and points."""
 
 import json
 import subprocess
