@@ -70,7 +70,7 @@ class ShapeEntry:
     def make(self) -> Shape:
         """Return the shape."""
         if self.source == "file":
-            return load_shape(self.name)
+            return load_shape(self.name, **self.parameters)
         return make_shape(self.name, **self.parameters)
 
 
@@ -316,9 +316,12 @@ def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
             raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
         if "file" in rest:
             path = folder / str(rest.pop("file"))
-            if rest:
-                raise UnknownNameError(unknown("[[shape]] key", next(iter(rest)), ("file", "share")))
-            made.append(ShapeEntry("file", str(existing_file(path)), share))
+            for key, value in rest.items():
+                if key != "repair":
+                    raise UnknownNameError(unknown("[[shape]] key", key, ("file", "share", "repair")))
+                if not isinstance(value, bool):
+                    raise InputError(f"[[shape]] repair is {value!r}: it must be true or false")
+            made.append(ShapeEntry("file", str(existing_file(path)), share, rest))
             continue
         family = rest.pop("family")
         settings = {key: value for key, value in rest.items() if key != "seed"}

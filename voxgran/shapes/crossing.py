@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 
 #: overlap from which on two triangles count as crossing, in diagonals of the bounding box
@@ -33,18 +33,40 @@ def count_crossings(vertices: Floats, faces: Integers) -> int:
     faces : (m, 3) ndarray of int
         Triangles; those that share an edge are not looked at.
     """
+    return _crossings(vertices, faces)[0]
+
+
+def crossing_faces(vertices: Floats, faces: Integers) -> Booleans:
+    """Tell which triangles are cut through by another one.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points, finite.
+    faces : (m, 3) ndarray of int
+        Triangles.
+    """
+    return _crossings(vertices, faces)[1]
+
+
+def _crossings(vertices: Floats, faces: Integers) -> tuple[int, Booleans]:
+    """Return the number of pairs that cross, and whether each triangle is in one."""
+    marked = np.zeros(len(faces), dtype=np.bool_)
     if len(faces) < 2:
-        return 0
+        return 0, marked
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     diagonal = float(np.linalg.norm(high - low))
     if diagonal == 0.0:
-        return 0
+        return 0, marked
     points = (vertices - (low + high) / 2) / diagonal
     triangles = points[faces]
     order = np.argsort(_morton(triangles.mean(axis=1)), kind="stable")
     triangles, corners = np.ascontiguousarray(triangles[order]), np.ascontiguousarray(faces[order])
     below, above = _box_tree(triangles.min(axis=1), triangles.max(axis=1))
-    return int(_count_crossings(triangles, corners, below, above, DEPTH))
+    hit = np.zeros(len(faces), dtype=np.bool_)
+    count = int(_count_crossings(triangles, corners, below, above, DEPTH, hit))
+    marked[order] = hit
+    return count, marked
 
 
 def _morton(points: Floats) -> Integers:
@@ -72,8 +94,8 @@ def _box_tree(low: Floats, high: Floats) -> tuple[Floats, Floats]:
 
 
 @kernel
-def _count_crossings(triangles, faces, below, above, depth):  # type: ignore[no-untyped-def]
-    """Walk the tree for each triangle and test the later ones whose boxes overlap."""
+def _count_crossings(triangles, faces, below, above, depth, hit):  # type: ignore[no-untyped-def]
+    """Walk the tree for each triangle, test the later ones whose boxes overlap, mark those that cross."""
     size = len(below) // 2
     stack = np.empty(128, dtype=np.int64)
     count = 0
@@ -97,6 +119,7 @@ def _count_crossings(triangles, faces, below, above, depth):  # type: ignore[no-
                 j = node - size
                 if _shared(faces, i, j) < 2 and _is_crossing(triangles[i], triangles[j], depth):
                     count += 1
+                    hit[i] = hit[j] = True
     return count
 
 

@@ -150,10 +150,10 @@ def refuse_dirty(vertices: Floats, faces: Integers, name: str) -> None:
         raise DirtyMeshError(wrong[0])
 
 
-def merged(vertices: Floats, faces: Integers) -> tuple[Floats, Integers]:
+def merged(vertices: Floats, faces: Integers, *, weld: float = WELD) -> tuple[Floats, Integers]:
     """Return the mesh with coincident vertices made one and unused ones left out.
 
-    Nothing is repaired: a vertex moves by less than 1e-12 of the bounding box, and a face that becomes a line is
+    Nothing is repaired: a vertex moves by less than `weld`, and a face that becomes a line is
     left out only where the surface is closed without it.
 
     Parameters
@@ -162,6 +162,8 @@ def merged(vertices: Floats, faces: Integers) -> tuple[Floats, Integers]:
         Corner points, finite.
     faces : (m, 3) ndarray of int
         Triangles.
+    weld : float
+        Vertices nearer than this count as one, in diagonals of the bounding box.
 
     Returns
     -------
@@ -174,7 +176,7 @@ def merged(vertices: Floats, faces: Integers) -> tuple[Floats, Integers]:
     points = vertices[used] + 0.0  # no negative zeros
     first, same = _bit_equal(points)
     corners, group = points[first], same[index.reshape(-1, 3)]
-    welded = _near(corners)
+    welded = _near(corners, weld)
     if welded is not None:
         corners, group = corners[welded[0]], welded[1][group]
     line = (group == np.roll(group, 1, axis=1)).any(axis=1)
@@ -199,9 +201,9 @@ def _bit_equal(points: Floats) -> tuple[Integers, Integers]:
     return leader[rank], same
 
 
-def _near(points: Floats) -> tuple[Integers, Integers] | None:
-    """Return the first of each set of points nearer than WELD, and the set of each; None where all are apart."""
-    reach = WELD * float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+def _near(points: Floats, weld: float) -> tuple[Integers, Integers] | None:
+    """Return the first of each set of points nearer than `weld`, and the set of each; None where all are apart."""
+    reach = weld * float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
     pairs = load("scipy.spatial").cKDTree(points).query_pairs(reach, output_type="ndarray")
     if not len(pairs):
         return None

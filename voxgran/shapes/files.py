@@ -21,6 +21,7 @@ from voxgran._base.files import existing_file, written_whole
 from voxgran._base.lazy import load
 from voxgran.shapes.mesh_formats import Polygons, read_obj, read_off, read_ply, read_stl
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repair import repair as mended
 
 log = logging.getLogger(__name__)
 
@@ -28,7 +29,7 @@ log = logging.getLogger(__name__)
 UNREADABLE = (ValueError, KeyError, IndexError, TypeError, AssertionError, OSError, struct.error, SystemExit)
 
 
-def load_shape(path: str | os.PathLike[str], *, unit: str | None = None) -> Shape:
+def load_shape(path: str | os.PathLike[str], *, unit: str | None = None, repair: bool = False) -> Shape:
     """Make a shape from a file that holds a closed surface.
 
     Parameters
@@ -38,6 +39,9 @@ def load_shape(path: str | os.PathLike[str], *, unit: str | None = None) -> Shap
         coordinates keep all digits that the format has.
     unit : str, optional
         Unit of its lengths; it is recorded and nothing is converted.
+    repair : bool
+        Whether a surface that is almost closed is mended first, as :func:`voxgran.repair` does with its defaults;
+        what was done is logged.
 
     Returns
     -------
@@ -51,10 +55,12 @@ def load_shape(path: str | os.PathLike[str], *, unit: str | None = None) -> Shap
     FileFormatError
         If the suffix is not known, or the file is empty, cut, or damaged.
     DirtyMeshError
-        If its surface does not bound exactly one solid.
+        If its surface does not bound exactly one solid, or cannot be mended with certainty.
     """
     points, faces = read_surface(path)
     found = Path(path)
+    if repair:
+        return mended(points, faces, name=found.stem, unit=unit).shape
     shape = Shape.from_mesh(points, faces, name=found.name, unit=unit)
     log.info("%s: %d triangles", found, len(shape.faces))
     return Shape(shape.geometry, found.stem, shape.offset, shape.unit)

@@ -5,7 +5,7 @@ Which shell lies in which follows from the winding numbers of the others about a
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.shapes.winding import winding_numbers
 
@@ -21,7 +21,7 @@ def connected(count: int, one: Integers, two: Integers) -> Integers:
     return label
 
 
-def _half_edges(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers, Integers]:
+def half_edges(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers, Integers]:
     """Return start, end, number of the undirected edge, and uses of that edge for the 3 m half-edges."""
     start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     key = np.minimum(start, end) * np.int64(vertex_count) + np.maximum(start, end)
@@ -31,35 +31,42 @@ def _half_edges(faces: Integers, vertex_count: int) -> tuple[Integers, Integers,
 
 def edge_faults(faces: Integers, vertex_count: int) -> Integers:
     """Return the numbers of open edges, of non-manifold edges, and of edges whose two faces are wound unlike."""
-    start, end, edge, uses = _half_edges(faces, vertex_count)
+    start, end, edge, uses = half_edges(faces, vertex_count)
     point = np.unique(edge[start == end])
     balance = np.bincount(edge, weights=np.sign(end - start), minlength=len(uses))
     unlike = (uses == 2) & (balance != 0)
     return np.array([(uses == 1).sum(), ((uses > 2).sum() + len(point)), unlike.sum()], dtype=np.int64)
 
 
-def _pairs(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers]:
+def face_pairs(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers]:
     """Return the two faces at each edge that has two, and whether they are wound unlike."""
-    start, end, edge, uses = _half_edges(faces, vertex_count)
+    start, end, edge, uses = half_edges(faces, vertex_count)
     order = np.argsort(edge, kind="stable")
     chosen = order[(uses[edge[order]] == 2) & (start != end)[order]].reshape(-1, 2)
     unlike = (start[chosen[:, 0]] == start[chosen[:, 1]]).astype(np.int64)
     return chosen[:, 0] // 3, chosen[:, 1] // 3, unlike
 
 
-def count_flipped(faces: Integers, vertex_count: int) -> int:
-    """Return the number of faces to turn over until all neighbours agree; at least 1 where none would do."""
-    one, two, unlike = _pairs(faces, vertex_count)
+def turned_faces(faces: Integers, vertex_count: int) -> Booleans | None:
+    """Tell which faces to turn over until all neighbours agree, in each patch the fewer; None where none would do."""
+    one, two, unlike = face_pairs(faces, vertex_count)
     m = len(faces)
     # each face stands twice in the graph, as it is and turned over; neighbours that agree are linked
     here = np.concatenate([one, one + m])
     there = np.concatenate([two + m * unlike, two + m * (1 - unlike)])
     label = connected(2 * m, here, there)
-    patch = np.minimum(label[:m], label[m:])
-    turned = label[:m] > label[m:]
-    patches, index, sizes = np.unique(patch, return_inverse=True, return_counts=True)
-    counts = np.bincount(index, weights=turned, minlength=len(patches))
-    return max(1, int(np.minimum(counts, sizes - counts).sum()))
+    turned: Booleans = label[:m] > label[m:]
+    if (label[:m] == label[m:]).any():
+        return None
+    _, index, sizes = np.unique(np.minimum(label[:m], label[m:]), return_inverse=True, return_counts=True)
+    turned ^= (2 * np.bincount(index, weights=turned) > sizes)[index]
+    return turned
+
+
+def count_flipped(faces: Integers, vertex_count: int) -> int:
+    """Return the number of faces to turn over until all neighbours agree; at least 1 where none would do."""
+    turned = turned_faces(faces, vertex_count)
+    return 1 if turned is None else max(1, int(turned.sum()))
 
 
 def count_apart(points: Floats, faces: Integers) -> int:
@@ -74,7 +81,7 @@ def count_apart(points: Floats, faces: Integers) -> int:
 
 def shell_labels(points: Floats, faces: Integers) -> Integers:
     """Return the number of the shell of each face; faces that share an edge lie in one shell."""
-    one, two, _ = _pairs(faces, len(points))
+    one, two, _ = face_pairs(faces, len(points))
     return connected(len(faces), one, two)
 
 

@@ -1,0 +1,111 @@
+"""The solids that a closed surface bounds: outer shells with their cavities."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran.shapes.shells import FLAT, shell_labels
+from voxgran.shapes.winding import winding_numbers
+
+
+@dataclass(frozen=True, slots=True)
+class Shells:
+    """Shells of a closed surface.
+
+    Attributes
+    ----------
+    label : (m,) ndarray of int
+        Shell of each face.
+    volume : (s,) ndarray of float
+        What each encloses, negative where its faces point inward.
+    within : (s, s) ndarray of bool
+        Whether shell s lies in shell t.
+    """
+
+    label: Integers
+    volume: Floats
+    within: Booleans
+
+    @property
+    def level(self) -> Integers:
+        """In how many others each shell lies."""
+        depth: Integers = self.within.sum(axis=1)
+        return depth
+
+
+def shells_of(points: Floats, faces: Integers) -> Shells:
+    """Find the shells of a closed surface and which lies in which, whatever way they are wound.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray of float
+        Vertices.
+    faces : (m, 3) ndarray of int
+        Triangles; each edge has two.
+    """
+    label = shell_labels(points, faces)
+    count = int(label.max(initial=-1)) + 1
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    triangles = points[faces] - middle
+    sixth = np.einsum("fi,fi->f", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6
+    volume = np.bincount(label, weights=sixth, minlength=count)
+    within = np.zeros((count, count), dtype=np.bool_)
+    parts = [triangles[label == s] for s in range(count)]
+    low, high = (np.array([f(part, axis=(0, 1)) for part in parts]).reshape(-1, 3) for f in (np.min, np.max))
+    inner = np.array([part[0].mean(axis=0) for part in parts]).reshape(-1, 3)
+    for t, part in enumerate(parts):
+        reached = np.flatnonzero(((low[t] <= inner) & (inner <= high[t])).all(axis=1))
+        reached = reached[reached != t]
+        if len(reached):
+            within[reached, t] = np.abs(np.round(winding_numbers(part, inner[reached]))) == 1
+    return Shells(label, volume, within)
+
+
+def without_flat(points: Floats, faces: Integers) -> tuple[Integers, int]:
+    """Leave out shells that enclose nothing; return the faces that are left and how many shells went."""
+    shells = shells_of(points, faces)
+    diagonal = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+    corners = points[faces]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    flat = np.abs(shells.volume) <= FLAT * diagonal * np.bincount(shells.label, weights=area)
+    return faces[~flat[shells.label]], int(flat.sum())
+
+
+def outward(points: Floats, faces: Integers) -> tuple[Integers, int]:
+    """Turn shells over so that outer ones point outward; return the faces and how many shells were turned.
+
+    What lies in a shell that is turned is turned with it where it pointed outward, as in a mesh that is inside out.
+    """
+    shells = shells_of(points, faces)
+    turned = (shells.level == 0) & (shells.volume < 0)
+    with_it = (shells.within & turned[None, :]).any(axis=1)
+    turned |= with_it & (shells.volume > 0)
+    over = turned[shells.label]
+    return np.ascontiguousarray(np.where(over[:, None], faces[:, ::-1], faces)), int(turned.sum())
+
+
+def split(points: Floats, faces: Integers) -> list[tuple[Floats, Integers]]:
+    """Return the solids that a closed surface bounds, each with its cavities, the largest first.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray of float
+        Vertices.
+    faces : (m, 3) ndarray of int
+        Triangles; outer shells point outward and cavities inward.
+    """
+    shells = shells_of(points, faces)
+    solid = np.flatnonzero(shells.volume > 0)
+    owner = np.full(len(shells.volume), -1)
+    owner[solid] = solid
+    for s in np.flatnonzero(shells.volume <= 0):
+        around = solid[shells.within[s, solid]]
+        if len(around):
+            owner[s] = around[shells.volume[around].argmin()]
+    whole = np.bincount(owner[owner >= 0], weights=shells.volume[owner >= 0], minlength=len(owner))
+    bodies = []
+    for s in solid[np.argsort(-whole[solid], kind="stable")]:
+        used, index = np.unique(faces[owner[shells.label] == s], return_inverse=True)
+        bodies.append((points[used], index.reshape(-1, 3).astype(np.int64)))
+    return bodies

@@ -1,0 +1,141 @@
+"""Patches of a triangle mesh that hang on edges with more than two faces, and how faces are wound.
+
+Cut along the edges that have more than two faces, a surface falls into patches. A patch with open edges hangs out like
+a flag, and one between edges with an odd number of faces divides a solid that is whole without it: both are no part
+of the surface of a solid.
+"""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import DirtyMeshError
+from voxgran.shapes.shells import half_edges, shell_labels, turned_faces
+
+#: a patch with more than this share of the surface is not left out
+MOST_AREA = 0.1
+
+
+def without_doubles(faces: Integers) -> tuple[Integers, int, int]:
+    """Leave out faces that stand twice; two that lie on each other turned over enclose nothing, and both go.
+
+    Parameters
+    ----------
+    faces : (m, 3) ndarray of int
+        Triangles.
+
+    Returns
+    -------
+    faces : (k, 3) ndarray of int
+    doubles, empty : int
+        Faces left out because they stand twice, and because they lie on their reverse.
+    """
+    corners = np.sort(faces, axis=1)
+    even = np.array([0, 1, 2])
+    turn = np.argsort(faces, axis=1, kind="stable")
+    # an odd order of the corners is the reverse of the sorted face
+    odd = (turn != (even + turn[:, :1]) % 3).any(axis=1)
+    _, index, counts = np.unique(corners, axis=0, return_inverse=True, return_counts=True)
+    index = index.reshape(-1)
+    reverse = np.bincount(index, weights=odd, minlength=len(counts)).astype(np.int64)
+    empty = 2 * reverse == counts
+    # of several the first one that is wound as most of them are
+    able = np.flatnonzero(odd == (2 * reverse > counts)[index])
+    kept = np.zeros(len(faces), dtype=np.bool_)
+    kept[able[np.unique(index[able], return_index=True)[1]]] = True
+    kept &= ~empty[index]
+    return faces[kept], int((~kept & ~empty[index]).sum()), int(empty[index].sum())
+
+
+def without_flaps(points: Floats, faces: Integers) -> tuple[Integers, int, int]:
+    """Leave out patches that hang on edges with more than two faces.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray of float
+        Vertices.
+    faces : (m, 3) ndarray of int
+        Triangles.
+
+    Returns
+    -------
+    faces : (k, 3) ndarray of int
+    patches, left_out : int
+        How many patches, and how many faces they had.
+    """
+    area = _areas(points, faces)
+    most, patches, before = MOST_AREA * float(area.sum()), 0, len(faces)
+    while True:
+        label = shell_labels(points, faces)
+        _, _, edge, uses = half_edges(faces, len(points))
+        of = uses[edge].reshape(-1, 3)
+        count = int(label.max(initial=-1)) + 1
+        crowded = np.bincount(label, weights=(of > 2).any(axis=1), minlength=count) > 0
+        hanging = crowded & (np.bincount(label, weights=(of == 1).any(axis=1), minlength=count) > 0)
+        even = np.bincount(label, weights=((of > 2) & (of % 2 == 0)).any(axis=1), minlength=count) > 0
+        size = np.bincount(label, weights=area, minlength=count)
+        able = np.flatnonzero((hanging | (crowded & ~even)) & (size <= most))
+        if not len(able):
+            return faces, patches, before - len(faces)
+        kept = label != able[size[able].argmin()]
+        faces, area, patches = faces[kept], area[kept], patches + 1
+
+
+def without_pinches(points: Floats, faces: Integers) -> tuple[Integers, int]:
+    """Cut out the faces at edges that have more than two, where a surface touches itself; the holes are closed later.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray of float
+        Vertices.
+    faces : (m, 3) ndarray of int
+        Triangles.
+
+    Returns
+    -------
+    faces : (k, 3) ndarray of int
+    left_out : int
+        How many were cut out; none where it would be more than a tenth of the surface.
+    """
+    _, _, edge, uses = half_edges(faces, len(points))
+    out = (uses[edge].reshape(-1, 3) > 2).any(axis=1)
+    area = _areas(points, faces)
+    if area[out].sum() > MOST_AREA * area.sum():
+        return faces, 0
+    return faces[~out], int(out.sum())
+
+
+def _areas(points: Floats, faces: Integers) -> Floats:
+    """Return the areas of triangles."""
+    corners = points[faces]
+    areas: Floats = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+    return areas
+
+
+def wound_alike(faces: Integers, vertex_count: int) -> tuple[Integers, int]:
+    """Turn over the faces that are wound against their neighbours, in each shell the fewer ones.
+
+    Parameters
+    ----------
+    faces : (m, 3) ndarray of int
+        Triangles.
+    vertex_count : int
+        Number of vertices.
+
+    Returns
+    -------
+    faces : (m, 3) ndarray of int
+    turned : int
+        How many were turned over.
+
+    Raises
+    ------
+    DirtyMeshError
+        If no way of winding fits, as on a Moebius band.
+    """
+    turned = turned_faces(faces, vertex_count)
+    if turned is None:
+        raise DirtyMeshError(
+            f"the mesh has a surface with one side only among its {len(faces)} faces: a solid has an inside and an "
+            "outside; cut it where it crosses over"
+        )
+    return np.ascontiguousarray(np.where(turned[:, None], faces[:, ::-1], faces)), int(turned.sum())
