@@ -118,12 +118,12 @@ def _least_area(ring: Floats, taken: np.ndarray[tuple[int, int], np.dtype[np.boo
             cost[i, k], split[i, k] = total[best], i + 1 + best
     if not np.isfinite(cost[0, count - 1]):
         return None
-    triangles, stack = [], [(0, count - 1)]
-    while stack:
-        i, k = stack.pop()
-        if k - i < 2:
+    triangles, spans = [], [(0, count - 1)]
+    while spans:
+        first, last = spans.pop()
+        if last - first < 2:
             continue
-        j = int(split[i, k])
-        triangles.append((i, j, k))
-        stack += [(i, j), (j, k)]
+        between = int(split[first, last])
+        triangles.append((first, between, last))
+        spans += [(first, between), (between, last)]
     return np.array(triangles, dtype=np.int64)

@@ -81,7 +81,7 @@ def repair(
     Parameters
     ----------
     vertices : (n, 3) array_like of float, or an object with `vertices` and `faces`
-        Corner points, in the unit of lengths.
+        Corner points, in the unit of lengths. A shape is closed as it is and comes back unchanged.
     faces : (m, 3) array_like of int, optional
         Triangles; left out where the first argument is an object that has them.
     largest_hole : float
@@ -108,6 +108,8 @@ def repair(
     """
     as_choice(bodies, "bodies", BODIES)
     limit = as_number(largest_hole, "largest_hole", at_least=0.0)
+    if isinstance(vertices, Shape):
+        return Repair(shapes=(vertices,), sentences=(), volume_before=vertices.volume, volume=vertices.volume)
     if faces is None:
         if not hasattr(vertices, "vertices") or not hasattr(vertices, "faces"):
             raise InputError(
@@ -122,10 +124,9 @@ def repair(
         whole = Shape.from_mesh(given, triangles, name=name, unit=unit)
         return Repair(shapes=(whole,), sentences=(), volume_before=whole.volume, volume=whole.volume)
     done: list[str] = []
+    used = len(np.unique(triangles))
     corners, triangles = merged(given, triangles, weld=WELD)
-    _say(
-        done, len(np.unique(as_faces(np.asarray(faces), len(given)))) - len(corners), "merged {} vertices that coincide"
-    )
+    _say(done, used - len(corners), "merged {} vertices that coincide")
     triangles = _cleared(corners, triangles, done)
     before = _enclosed(corners, triangles)
     mesh = _mended(corners, triangles, limit, name, done)
@@ -241,8 +242,8 @@ def _joined(points: Floats, faces: Integers, done: list[str]) -> tuple[Floats, I
         return points, faces
     if (shells.volume < 0).any():
         raise DirtyMeshError(
-            f"the mesh has {int((shells.volume < 0).sum())} cavities beside shells that overlap: which is inside is not "
-            "certain; save each solid in a file of its own"
+            f"the mesh has {int((shells.volume < 0).sum())} cavities beside shells that overlap: what is inside is "
+            "not certain; save each solid in a file of its own"
         )
     solids = [(points, faces[shells.label == shell]) for shell in range(len(shells.volume))]
     done.append(f"joined {len(solids)} shells that overlap or lie in each other, by manifold3d")
