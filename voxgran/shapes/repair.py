@@ -108,15 +108,14 @@ def repair(
     """
     as_choice(bodies, "bodies", BODIES)
     limit = as_number(largest_hole, "largest_hole", at_least=0.0)
-    if isinstance(vertices, Shape):
-        return Repair(shapes=(vertices,), sentences=(), volume_before=vertices.volume, volume=vertices.volume)
+    source: Any = vertices
+    if isinstance(source, Shape):
+        return Repair(shapes=(source,), sentences=(), volume_before=source.volume, volume=source.volume)
     if faces is None:
-        if not hasattr(vertices, "vertices") or not hasattr(vertices, "faces"):
-            raise InputError(
-                f"faces is None and {type(vertices).__name__} has none: give vertices and faces, or a shape"
-            )
-        vertices, faces = vertices.vertices, vertices.faces
-    given = as_points(vertices, "vertices")
+        if not hasattr(source, "vertices") or not hasattr(source, "faces"):
+            raise InputError(f"faces is None and {type(source).__name__} has none: give vertices and faces, or a shape")
+        source, faces = source.vertices, source.faces
+    given = as_points(source, "vertices")
     triangles = as_faces(np.asarray(faces), len(given))
     if not len(triangles):
         raise InputError(f"{name} has 0 faces: a solid needs a closed surface; check the file")
