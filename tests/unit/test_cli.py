@@ -9,7 +9,8 @@ import time
 
 import pytest
 
-from voxgran.cli import COMMANDS, main
+from voxgran.cli import main
+from voxgran.cli.commands import COMMANDS
 
 # small scenes have no bulk to speak of, which is said in a warning
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")

@@ -5,6 +5,7 @@ half a file under the final name, and a file that was there before stays until t
 """
 
 import contextlib
+import glob
 import os
 import secrets
 import shutil
@@ -88,6 +89,19 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Tru
     """
     with written_whole(path, overwrite=overwrite) as draft:
         draft.write_text(text, encoding="utf-8")
+
+
+def remove_drafts(path: str | os.PathLike[str]) -> None:
+    """Remove what a process that was killed while it wrote a file left beside it.
+
+    Parameters
+    ----------
+    path : path-like
+        The file; no other process may be writing it.
+    """
+    target = Path(path)
+    for draft in target.parent.glob(f".{glob.escape(target.stem)}.????????{glob.escape(target.suffix)}"):
+        _remove(draft)
 
 
 def _sync(draft: Path) -> None:

@@ -20,7 +20,7 @@ from voxgran.packing.grains import Grains, draw_grains
 from voxgran.packing.method import PackingMethod, State, method_registry
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.run import Drive, drive
+from voxgran.packing.run import Drive, Recorder, drive
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution
 
@@ -51,6 +51,7 @@ def pack(
     resume: bool = False,
     time_limit: float | None = None,
     on_step: OnStep | None = None,
+    recorder: Recorder | None = None,
     **parameters: Any,
 ) -> Packing:
     """Pack grains into a container.
@@ -80,7 +81,8 @@ def pack(
     threads : int, optional
         Most threads to use; the result does not depend on it.
     checkpoint : path-like, optional
-        File for checkpoints, written every ten seconds and when the run is asked to stop.
+        File for checkpoints, written every ten seconds, when the run is asked to stop, and at the end. It holds the
+        poses and little more: some hundred bytes a grain, whatever the shapes.
     resume : bool
         Whether to go on from that file where it is there.
     time_limit : float, optional
@@ -88,6 +90,8 @@ def pack(
         ``interrupted``.
     on_step : callable, optional
         Told of each step of the work.
+    recorder : Recorder, optional
+        Given the packing whenever a snapshot is due, such as a :class:`Series` for ParaView.
     **parameters
         Parameters of the method.
 
@@ -131,7 +135,8 @@ def pack(
         parameters=parameters,
     )
     used = 1 if threads is None else min(as_count(threads, "threads", at_least=1), 1)
-    state = drive(task.method, task.problem, Drive(checkpoint, resume, on_step, time_limit=time_limit))
+    how = Drive(checkpoint, resume, on_step, time_limit=time_limit, recorder=recorder)
+    state = drive(task.method, task.problem, how)
     packing = task.method.finish(task.problem, state)
     _warn_of_misses(task, packing)
     seconds = time.monotonic() - began

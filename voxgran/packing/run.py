@@ -4,6 +4,7 @@ import contextlib
 import hashlib
 import json
 import logging
+import math
 import os
 import signal
 import threading
@@ -12,15 +13,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import CheckpointError, Interrupted
+from voxgran._base.errors import CheckpointError, Interrupted, OutputError
+from voxgran._base.files import remove_drafts
 from voxgran._base.progress import OnStep, Step
 from voxgran.packing.method import PackingMethod, State
+from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
 log = logging.getLogger(__name__)
@@ -28,6 +31,18 @@ log = logging.getLogger(__name__)
 #: a chunk is as many attempts as take about this long; no result depends on it
 CHUNK_SECONDS = 0.5
 CHECKPOINT_SECONDS = 10.0
+#: a checkpoint is written at most so often that it takes this share of the time
+CHECKPOINT_SHARE = 0.05
+
+
+class Recorder(Protocol):
+    """Takes snapshots of a run."""
+
+    def due(self, done: int) -> int:
+        """Return after how many attempts the next snapshot is due."""
+
+    def record(self, packing: Packing, done: int) -> None:
+        """Take a snapshot after so many attempts."""
 
 
 @dataclass(slots=True)
@@ -37,7 +52,8 @@ class Drive:
     Attributes
     ----------
     checkpoint : path-like or None
-        File that is written every ten seconds and when the run is asked to stop.
+        File that is written every ten seconds, when the run is asked to stop, and at the end; a large one less often,
+        so that it takes no more than a twentieth of the time.
     resume : bool
         Whether to go on from that file where it is there.
     on_step : callable or None
@@ -46,6 +62,8 @@ class Drive:
         Attempts per chunk; None adapts it to the clock.
     time_limit : float or None
         Seconds after which the run stops at the end of a chunk.
+    recorder : Recorder or None
+        Given the packing whenever a snapshot is due.
     """
 
     checkpoint: str | os.PathLike[str] | None = None
@@ -53,6 +71,7 @@ class Drive:
     on_step: OnStep | None = None
     chunk: int | None = None
     time_limit: float | None = None
+    recorder: Recorder | None = None
     started: float = field(default_factory=time.monotonic)
 
 
@@ -86,26 +105,50 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
     mark = fingerprint(method, problem)
     if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
         _restore(state, how.checkpoint, mark)
-    chunk, saved = how.chunk or 1000, time.monotonic()
+    keeper = _Keeper(how.checkpoint, mark)
+    chunk = how.chunk or 1000
     with _signals() as asked:
         while not state.stop_reason:
-            began = time.monotonic()
-            state = method.advance(problem, state, chunk)
+            began, due = time.monotonic(), math.inf if how.recorder is None else how.recorder.due(state.done)
+            taken = int(min(chunk, due - state.done))
+            state = method.advance(problem, state, taken)
             now = time.monotonic()
             if how.chunk is None:
-                chunk = int(np.clip(chunk * CHUNK_SECONDS / max(now - began, 1e-4), chunk / 4 + 1, chunk * 4))
+                chunk = int(np.clip(taken * CHUNK_SECONDS / max(now - began, 1e-4), chunk / 4 + 1, chunk * 4))
             _tell(how, state)
+            if how.recorder is not None and (state.done >= due or state.stop_reason):
+                how.recorder.record(method.finish(problem, state), state.done)
             stop = bool(asked) and not state.stop_reason
-            if how.checkpoint is not None and (stop or now - saved > CHECKPOINT_SECONDS):
-                _save(state, how.checkpoint, mark)
-                saved = time.monotonic()
+            late = how.time_limit is not None and not state.stop_reason and now - how.started > how.time_limit
+            keeper.keep(state, at_once=stop or late or bool(state.stop_reason))
             if stop:
                 raise Interrupted(_farewell(how, state), asked[0])
-            if how.time_limit is not None and not state.stop_reason and now - how.started > how.time_limit:
-                if how.checkpoint is not None:
-                    _save(state, how.checkpoint, mark)
+            if late:
                 state.stop_reason = "interrupted"
     return state
+
+
+class _Keeper:
+    """Writes checkpoints, not too often."""
+
+    def __init__(self, path: str | os.PathLike[str] | None, mark: str) -> None:
+        self.path, self.mark = path, mark
+        self.done, self.next = -1, time.monotonic() + CHECKPOINT_SECONDS
+        if path is not None:
+            remove_drafts(path)
+
+    def keep(self, state: State, *, at_once: bool) -> None:
+        """Write a checkpoint where it is time."""
+        began = time.monotonic()
+        if self.path is None or not (at_once or began > self.next):
+            return
+        try:
+            _save(state, self.path, self.mark)
+        except OutputError as error:
+            last = f"that after {self.done} attempts is still good" if self.done >= 0 else "there is none"
+            raise OutputError(f"{error} (the checkpoint after {state.done} attempts; {last})") from error
+        now = time.monotonic()
+        self.done, self.next = state.done, now + max(CHECKPOINT_SECONDS, (now - began) / CHECKPOINT_SHARE)
 
 
 def fingerprint(method: PackingMethod, problem: Problem) -> str:

@@ -33,6 +33,7 @@ class General:
     """The section [scene]."""
 
     seed: int = parameter(0, doc="seed of all random numbers")
+    seeds: int = parameter(1, doc="how many packings to make, with this seed and the next ones")
     unit: str = parameter("1", doc="unit of every length below; recorded")
     density: float = parameter(1.0, doc="density of the material")
 
@@ -45,15 +46,20 @@ class Output:
     ------
     UnknownNameError
         If an engine is named for which nothing can be written.
+    InputError
+        If the number of snapshots is negative or 1.
     """
 
     vtk: bool = parameter(True, doc="write the scene for ParaView")
     statistics: bool = parameter(True, doc="write the measures as netCDF")
     report: bool = parameter(True, doc="write the page with pictures")
+    snapshots: int = parameter(0, doc="most snapshots of the run to keep for ParaView; 0 for none")
     dem: tuple[str, ...] = parameter((), doc="engines to write input for")
 
     def __post_init__(self) -> None:
-        """Refuse engines that are not there."""
+        """Refuse engines that are not there and a single snapshot."""
+        if as_count(self.snapshots, "[output] snapshots") == 1:
+            raise InputError("[output] snapshots is 1: a series has at least 2; give more, or 0 for none")
         if self.dem:
             raise UnknownNameError(unknown("[output] dem engine", self.dem[0], ()))
 
@@ -268,6 +274,7 @@ def _general(mapping: Mapping[str, Any]) -> General:
     """Return the checked section [scene]."""
     made = from_mapping(General, mapping, "[scene]")
     as_count(made.seed, "[scene] seed")
+    as_count(made.seeds, "[scene] seeds", at_least=1)
     as_positive(made.density, "[scene] density")
     return made
 

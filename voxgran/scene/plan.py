@@ -156,6 +156,8 @@ def _makes_unions(scene: Scene) -> bool:
 def _steps(scene: Scene, task: Task) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
     computed = [f"pack {task.problem.count} grains by {scene.method}", "verify against the true shapes"]
+    if scene.general.seeds > 1:
+        computed.append(f"all of it {scene.general.seeds} times, with {scene.general.seeds} seeds")
     computed.append("measure " + (", ".join(scene.which) if scene.which else "all that applies"))
     skipped = []
     libraries = {"scipy", "xarray", "vtkmodules", *task.method.libraries}

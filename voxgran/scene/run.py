@@ -13,6 +13,7 @@ from voxgran._base.lazy import loaded
 from voxgran._base.progress import OnStep, Step
 from voxgran.io.files import save
 from voxgran.io.netcdf import save_statistics
+from voxgran.io.series import Series
 from voxgran.io.vtk_files import save_scene
 from voxgran.measure.model import measure
 from voxgran.packing.model import Packing
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 CHECKPOINT = "checkpoint.voxgran"
+SUMMARY = "summary.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +63,7 @@ def run_scene(
     overwrite: bool = False,
     on_step: OnStep | None = None,
 ) -> SceneResult:
-    """Pack, check, measure and save a scene.
+    """Pack, check, measure and save a scene, once for each of its seeds.
 
     Parameters
     ----------
@@ -91,12 +93,43 @@ def run_scene(
     Interrupted
         On SIGINT or SIGTERM, after a checkpoint was written.
     """
+    if scene.general.seeds > 1:
+        from voxgran.scene.seeds import run_seeds
+
+        return run_seeds(scene, folder, resume=resume, overwrite=overwrite, on_step=on_step)
+    return run_one(scene, folder, resume=resume, overwrite=overwrite, on_step=on_step)
+
+
+def run_one(
+    scene: Scene,
+    folder: str | os.PathLike[str],
+    *,
+    resume: bool,
+    overwrite: bool,
+    on_step: OnStep | None,
+) -> SceneResult:
+    """Pack, check, measure and save a scene with its first seed.
+
+    Raises
+    ------
+    OutputExistsError
+        If the folder holds something and neither `resume` nor `overwrite` is set.
+    OutputError
+        If something cannot be written.
+    InputError
+        If the scene breaks a rule that shows only now.
+    Interrupted
+        On SIGINT or SIGTERM, after a checkpoint was written.
+    """
     plan = make_plan(scene)
     shapes = tuple(entry.make() for entry in scene.shapes)
     target = open_folder(folder, resume=resume, overwrite=overwrite)
     checkpoint = target / CHECKPOINT
     if not resume:
         checkpoint.unlink(missing_ok=True)
+    recorder = None
+    if scene.output.snapshots:
+        recorder = Series(target / "snapshots.pvd", most=scene.output.snapshots, every=plan.grains, resume=resume)
     packing = _named(
         pack(
             shapes,
@@ -111,13 +144,14 @@ def run_scene(
             checkpoint=checkpoint,
             resume=resume,
             on_step=on_step,
+            recorder=recorder,
             **scene.parameters,
         ),
         scene,
     )
     result = finish_folder(packing, target, scene=scene, on_step=on_step)
     result.summary["plan"] = plan.to_mapping()
-    write_text(target / "summary.json", json.dumps(result.summary, indent=2) + "\n")
+    write_text(target / SUMMARY, json.dumps(result.summary, indent=2) + "\n")
     checkpoint.unlink(missing_ok=True)
     return result
 

@@ -49,7 +49,7 @@ def shells_of(points: Floats, faces: Integers) -> Shells:
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     triangles = points[faces] - middle
     sixth = np.einsum("fi,fi->f", triangles[:, 0], np.cross(triangles[:, 1], triangles[:, 2])) / 6
-    volume: Floats = np.bincount(label, weights=sixth, minlength=count)
+    volume = np.bincount(label, weights=sixth, minlength=count).astype(np.float64)
     within = np.zeros((count, count), dtype=np.bool_)
     parts = [triangles[label == s] for s in range(count)]
     low, high = (np.array([f(part, axis=(0, 1)) for part in parts]).reshape(-1, 3) for f in (np.min, np.max))

@@ -1,0 +1,119 @@
+"""Driving a method: checkpoints that are bounded, written in time, and good when the next one fails."""
+
+import itertools
+import shutil
+
+import pytest
+
+import voxgran as vg
+from voxgran._base.checkpoint import load_checkpoint
+from voxgran._base.errors import OutputError
+from voxgran._base.files import remove_drafts
+from voxgran.packing import run
+from voxgran.packing.method import method_registry
+from voxgran.packing.pack import prepare_task
+from voxgran.packing.run import Drive, drive
+
+METHODS = vg.packing_methods()
+QUICK = {"digital": {"voxel_size": 0.2, "sweeps": 30}, "control_point": {"spacing": 0.3, "sweeps": 30}}
+
+
+def task_of(method="digital", count=20):
+    return prepare_task(
+        [vg.make_shape("sphere")],
+        vg.Box((5, 5, 8)),
+        method=method,
+        count=count,
+        solid_fraction=None,
+        sizes=None,
+        weights=None,
+        weights_by="number",
+        seed=1,
+        parameters=QUICK.get(method, {}),
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_checkpoint_takes_some_hundred_bytes_a_grain(method, tmp_path):
+    sizes = []
+    for count in (20, 60):
+        task, path = task_of(method, count), tmp_path / f"{count}.voxgran"
+        drive(method_registry().get(method), task.problem, Drive(path))
+        sizes.append(path.stat().st_size)
+    assert (sizes[1] - sizes[0]) / 40 < 400
+    assert sizes[0] < 8000 + 20 * 400
+
+
+def test_the_last_state_is_kept_so_that_a_resume_packs_nothing_again(tmp_path):
+    task, path = task_of(), tmp_path / "run.voxgran"
+    ended = drive(task.method, task.problem, Drive(path))
+    header, arrays = load_checkpoint(path)
+    assert header["stop_reason"] == ended.stop_reason
+    assert arrays["site"].tobytes() == ended.arrays["site"].tobytes()
+    steps = []
+    again = drive(task.method, task_of().problem, Drive(path, resume=True, on_step=steps.append))
+    assert not steps
+    assert again.arrays["site"].tobytes() == ended.arrays["site"].tobytes()
+
+
+def test_a_checkpoint_that_fails_names_the_last_good_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr(run, "CHECKPOINT_SHARE", 1e9)
+    folder = tmp_path / "out"
+    task, seen = task_of(), []
+
+    def lose(step):
+        seen.append(step)
+        if len(seen) == 3:
+            shutil.rmtree(folder)
+            folder.write_text("in the way")
+
+    with pytest.raises(OutputError, match=r"cannot be written .*the checkpoint after .* attempts; that after .* good"):
+        drive(task.method, task.problem, Drive(folder / "run.voxgran", chunk=200, on_step=lose))
+
+
+def test_a_folder_that_was_removed_is_made_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(run, "CHECKPOINT_SECONDS", 0.0)
+    folder = tmp_path / "out"
+    task, seen = task_of(), []
+
+    def lose(step):
+        seen.append(step)
+        if len(seen) == 3:
+            shutil.rmtree(folder)
+
+    ended = drive(task.method, task.problem, Drive(folder / "run.voxgran", chunk=200, on_step=lose))
+    assert ended.stop_reason
+    assert (folder / "run.voxgran").is_file()
+
+
+def test_large_checkpoints_are_written_less_often(tmp_path, monkeypatch):
+    clock, written = [0.0], []
+    monkeypatch.setattr(run.time, "monotonic", lambda: clock[0])
+
+    def slow(state, path, mark):
+        written.append(clock[0])
+        clock[0] += 4.0
+
+    monkeypatch.setattr(run, "_save", slow)
+    keeper = run._Keeper(tmp_path / "run.voxgran", "")
+    state = type("S", (), {"done": 1})
+    for _ in range(400):
+        clock[0] += 1.0
+        keeper.keep(state, at_once=False)
+    assert written[0] == 11.0
+    assert min(b - a for a, b in itertools.pairwise(written)) >= 80.0
+
+
+def test_what_a_kill_left_half_written_is_removed(tmp_path):
+    path = tmp_path / "run.voxgran"
+    half, other = tmp_path / ".run.0a1b2c3d.voxgran", tmp_path / ".ran.0a1b2c3d.voxgran"
+    for file in (path, half, other):
+        file.write_text("x")
+    remove_drafts(path)
+    assert path.exists()
+    assert other.exists()
+    assert not half.exists()
+    half.write_text("x")
+    drive(task_of().method, task_of().problem, Drive(path))
+    assert not half.exists()

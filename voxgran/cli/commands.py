@@ -1,0 +1,240 @@
+"""What each command does: one function and one entry in :data:`COMMANDS`."""
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import voxgran
+from voxgran._base.config import parameters_of
+from voxgran._base.files import write_text
+from voxgran.cli.doctor import doctor
+from voxgran.cli.parser import default_text
+from voxgran.cli.terminal import progress, show, table
+
+
+def init(options: argparse.Namespace) -> None:
+    """Write a scene file to start from."""
+    write_text(options.file, SCENE, overwrite=options.overwrite)
+    print(f"{options.file}: edit it, then 'voxgran plan {options.file}' and 'voxgran run {options.file} -o out'")
+
+
+def plan(options: argparse.Namespace) -> None:
+    """Say what a run would compute, skip and cost."""
+    made = voxgran.Scene.from_toml(options.file).plan()
+    print(json.dumps(made.to_mapping(), indent=2) if options.json else made)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Pack, check, measure and save a scene."""
+    scene = voxgran.Scene.from_toml(options.file)
+    with progress(options) as on_step:
+        result = scene.run(options.output, resume=options.resume, overwrite=options.overwrite, on_step=on_step)
+    summary = dict(result.summary)
+    if not options.json and "runs" in summary:
+        spread = summary["standard_error"]
+        table([{"": name, "mean": value, "standard error": spread[name]} for name, value in summary["mean"].items()])
+        summary = {key: summary[key] for key in ("method", "seeds", "verify")}
+    elif not options.json:
+        summary.pop("plan", None)
+    show(summary, options, f"results in {result.folder}")
+
+
+def verify(options: argparse.Namespace) -> int:
+    """Check a packing against the true shapes; exit status 1 where it fails."""
+    proof = voxgran.verify(voxgran.load(options.file), tolerance=options.tolerance)
+    show(
+        {
+            "ok": proof.ok,
+            "overlapping_pairs": proof.overlapping_pairs,
+            "deepest": proof.deepest,
+            "escaped": proof.escaped,
+            "tolerance": proof.tolerance,
+        },
+        options,
+    )
+    return 0 if proof.ok else 1
+
+
+def measure(options: argparse.Namespace) -> None:
+    """Measure a packing."""
+    tree = voxgran.measure(voxgran.load(options.file), which=options.which or None)
+    if options.output:
+        voxgran.save_statistics(tree, options.output, overwrite=options.overwrite)
+    show({name: float(value) for name, value in tree.dataset.data_vars.items() if value.ndim == 0}, options)
+
+
+def report(options: argparse.Namespace) -> None:
+    """Write a page about a packing."""
+    target = Path(options.output or Path(options.file).with_suffix(".html"))
+    packing = voxgran.load(options.file)
+    voxgran.write_report(
+        packing,
+        target,
+        statistics=voxgran.measure(packing),
+        verification=voxgran.verify(packing),
+        overwrite=options.overwrite,
+    )
+    print(target)
+
+
+def shape(options: argparse.Namespace) -> None:
+    """Make a shape of a family and write it."""
+    from voxgran.shapes.family import families
+
+    entry = families().get(options.family)
+    given = {
+        key: getattr(options, key)
+        for key in (item.name for item in parameters_of(entry.parameters))
+        if getattr(options, key) is not None
+    }
+    made = voxgran.make_shape(options.family, seed=options.seed, **given)
+    if options.output:
+        voxgran.save_shape(made, options.output, overwrite=options.overwrite)
+    numbers = {"volume": made.volume, "surface_area": made.surface_area, "diameter": made.diameter}
+    show({"name": made.name, **numbers, "faces": len(made.faces)}, options)
+
+
+def repair(options: argparse.Namespace) -> None:
+    """Mend a mesh file and say what was done."""
+    from voxgran.shapes.files import read_surface
+
+    points, faces = read_surface(options.file)
+    name = Path(options.file).stem
+    made = voxgran.repair(points, faces, name=name, largest_hole=options.largest_hole, bodies=options.bodies)
+    written = _write_bodies(made.shapes, options) if options.output else []
+    numbers: dict[str, Any] = {
+        "done": list(made.sentences) or ["nothing: the mesh is good as it is"],
+        "bodies": len(made.shapes),
+        "faces": sum(len(shape.faces) for shape in made.shapes),
+        "volume": made.volume,
+        "volume_change": made.volume_change,
+        "written": written,
+    }
+    if options.json:
+        show(numbers, options)
+        return
+    print(*(numbers.pop("done")), sep="\n")
+    show(numbers, options)
+
+
+def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[str]:
+    """Write each solid to the output, several with a number each."""
+    target = Path(options.output)
+    names = [target] if len(shapes) == 1 else [target.with_stem(f"{target.stem}_{k}") for k in range(len(shapes))]
+    for shape, path in zip(shapes, names, strict=True):
+        voxgran.save_shape(shape, path, overwrite=options.overwrite)
+    return [str(path) for path in names]
+
+
+def clump(options: argparse.Namespace) -> None:
+    """Fit a clump of spheres to a mesh file and write its spheres."""
+    made = voxgran.fit_clump(voxgran.load_shape(options.file), max_spheres=options.spheres, method=options.method)
+    if options.output:
+        rows = [
+            "x,y,z,r",
+            *(",".join(f"{v:.17g}" for v in (*c, r)) for c, r in zip(made.centers, made.radii, strict=True)),
+        ]
+        write_text(options.output, "\n".join(rows) + "\n", overwrite=options.overwrite)
+    show({"spheres": made.count, **made.errors.to_mapping()}, options)
+
+
+def methods(options: argparse.Namespace) -> None:
+    """List packing methods, clump methods, shape families and measures with their parameters."""
+    from voxgran.clumps.method import clump_registry
+    from voxgran.measure.model import measure_registry
+    from voxgran.packing.method import method_registry
+    from voxgran.shapes.family import families
+
+    groups: dict[str, Any] = {
+        "packing methods": method_registry(),
+        "clump methods": clump_registry(),
+        "shape families": families(),
+        "measures": measure_registry(),
+    }
+    if options.json:
+        print(json.dumps({title: list(registry.names()) for title, registry in groups.items()}, indent=2))
+        return
+    for title, registry in groups.items():
+        print(title)
+        for name in registry.names():
+            entry = registry.get(name)
+            print(f"  {name:18} {getattr(entry, 'summary', '')}")
+            if source := getattr(entry, "source", ""):
+                print(f"  {'':18} {source}")
+            for item in parameters_of(entry.parameters) if hasattr(entry, "parameters") else ():
+                print(f"      {item.name:20} {item.doc} ({default_text(item)})")
+
+
+def bench(options: argparse.Namespace) -> None:
+    """Measure run time against error and write rows and a figure."""
+    from voxgran.bench.model import trade_offs
+
+    entry = trade_offs().get(options.name)
+    for path in entry.run(Path(options.output)):
+        print(path)
+
+
+def demo(options: argparse.Namespace) -> int:
+    """Pack scanned rocks and random solids, prove, measure, save and show them."""
+    from voxgran.scene.demo import run_demo
+
+    with progress(options) as on_step:
+        rows = run_demo(options.output, overwrite=options.overwrite, on_step=on_step)
+    if options.json:
+        print(json.dumps(rows, indent=2))
+    else:
+        table(rows)
+        print(f"results in {options.output}: open report.html, or packing.vtp and scene.vtm in ParaView")
+    return 0 if all(row["verify"] == "ok" for row in rows) else 1
+
+
+#: name: help, function, flags
+COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
+    "init": ("write a scene file to start from", init),
+    "plan": ("say what a run would compute, skip and cost", plan),
+    "run": ("pack, check, measure and save a scene", run),
+    "verify": ("check a packing against the true shapes", verify),
+    "measure": ("measure a packing", measure),
+    "report": ("write a page with pictures about a packing", report),
+    "shape": ("make a shape of a family", shape),
+    "repair": ("mend a mesh file and say what was done", repair),
+    "clump": ("fit a clump of spheres to a mesh file", clump),
+    "methods": ("list methods, families and measures with their parameters", methods),
+    "bench": ("measure run time against error", bench),
+    "doctor": ("say what this machine has and what is missing", doctor),
+    "demo": ("pack scanned rocks and random solids in a box", demo),
+}
+
+SCENE = """\
+# A scene of voxgran: 'voxgran plan' says what it costs, 'voxgran run' packs it.
+[scene]
+seed = 1
+unit = "mm"
+
+[[shape]]
+family = "solid_union"
+share = 1.0
+solids = [3, 6]
+
+[sizes]
+kind = "lognormal"
+median = 1.0
+sigma = 0.2
+
+[container]
+kind = "box"
+lengths = [5, 5, 8]
+periodic = ["x", "y"]
+
+[packing]
+method = "digital"
+count = 100
+gravity = "-z"
+
+[output]
+vtk = true
+statistics = true
+report = true
+"""

@@ -1,0 +1,154 @@
+"""Doctor: what this machine has, what is missing, and what mends it."""
+
+import argparse
+import importlib.metadata
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import voxgran
+from voxgran._base.errors import MissingLibraryError
+from voxgran._base.kernels import cache_folder
+from voxgran._base.lazy import LIBRARIES, load
+from voxgran.cli.terminal import show
+
+#: name of the distribution where it is not that of the module
+DISTRIBUTIONS = {"vtkmodules": "vtk"}
+#: seconds after which a picture counts as not drawn
+PATIENCE = 120
+#: free space in bytes below which results may not fit
+LITTLE_SPACE = 2**30
+
+#: draws a sphere; in a process of its own, since a broken driver ends the process
+PICTURE = """
+from voxgran._base.lazy import load
+pyvista = load("pyvista")
+plotter = pyvista.Plotter(off_screen=True, window_size=(64, 64))
+plotter.add_mesh(pyvista.Sphere(), color="red")
+plotter.render()
+picture = plotter.screenshot(return_img=True)
+print(type(plotter.render_window).__name__, int(picture.max()) - int(picture.min()))
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes
+    ----------
+    name, value : str
+        What it is and what was found.
+    good : bool
+        Whether it is as it should be.
+    remedy : str
+        What mends it; empty where it is good.
+    """
+
+    name: str
+    value: str
+    good: bool = True
+    remedy: str = ""
+
+
+def doctor(options: argparse.Namespace) -> int:
+    """Say what this machine has and how to mend what is missing."""
+    findings = list(examine())
+    good = all(finding.good for finding in findings)
+    if options.json:
+        rows = {finding.name: asdict(finding) for finding in findings}
+        show({"voxgran": voxgran.__version__, "findings": rows, "all_good": good}, options)
+        return 0 if good else 1
+    print(f"{'voxgran':16} {voxgran.__version__}")
+    for finding in findings:
+        print(f"{finding.name:16} {finding.value}" + ("" if finding.good else f"   <- {finding.remedy}"))
+    print("all good" if good else "what is marked <- needs mending")
+    return 0 if good else 1
+
+
+def examine() -> Iterator[Finding]:
+    """Look at libraries, pictures, threads, memory and disk, one finding each."""
+    floors = _floors()
+    for name in ("numpy", *LIBRARIES):
+        yield _library(name, floors)
+    yield _picture()
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    yield Finding("threads", f"{available} of {os.cpu_count()} processors may be used")
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    free = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_AVPHYS_PAGES")
+    yield Finding("memory", f"{memory / 2**30:.1f} GiB, {free / 2**30:.1f} GiB of it free")
+    yield _disk("disk here", Path.cwd())
+    yield _disk("kernel cache", cache_folder())
+
+
+def _floors() -> dict[str, str]:
+    """Return the lowest version that each distribution must have."""
+    found = {}
+    try:
+        lines = importlib.metadata.requires("voxgran") or []
+    except importlib.metadata.PackageNotFoundError:
+        # run from its source tree: nobody says what is needed
+        lines = []
+    for line in lines:
+        if match := re.match(r"([A-Za-z0-9_.-]+)\s*>=\s*([0-9.]+)", line):
+            found[match[1].lower()] = match[2]
+    return found
+
+
+def _library(name: str, floors: dict[str, str]) -> Finding:
+    """Load a library and compare its version."""
+    distribution = DISTRIBUTIONS.get(name, name)
+    try:
+        load(name)
+        version = importlib.metadata.version(distribution)
+    except (MissingLibraryError, importlib.metadata.PackageNotFoundError) as error:
+        return Finding(distribution, "missing", good=False, remedy=str(error))
+    floor = floors.get(distribution.lower(), "0")
+    if _numbers(version) < _numbers(floor):
+        remedy = f"at least {floor} is needed: pip install -U '{distribution}>={floor}'"
+        return Finding(distribution, version, good=False, remedy=remedy)
+    return Finding(distribution, version)
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    """Return the leading numbers of a version."""
+    return tuple(int(part) for part in re.findall(r"\d+", version.split("+")[0])[:3])
+
+
+def _picture() -> Finding:
+    """Draw a small picture off screen."""
+    remedy = "install Mesa's drivers: sudo apt-get install -y libgl1 libegl1 libgl1-mesa-dri"
+    try:
+        drawn = subprocess.run(
+            [sys.executable, "-c", PICTURE], capture_output=True, text=True, timeout=PATIENCE, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return Finding("pictures", f"none after {PATIENCE} s", good=False, remedy=remedy)
+    words = drawn.stdout.split()
+    if drawn.returncode or len(words) != 2:
+        return Finding("pictures", f"cannot be drawn (exit status {drawn.returncode})", good=False, remedy=remedy)
+    if words[1] == "0":
+        return Finding("pictures", f"blank, by {words[0]}", good=False, remedy=remedy)
+    return Finding("pictures", f"drawn off screen by {words[0]}")
+
+
+def _disk(name: str, folder: Path) -> Finding:
+    """Look whether a folder, or the nearest one above that is there, can be written and has room."""
+    place = folder
+    while not place.exists():
+        place = place.parent
+    free = shutil.disk_usage(place).free
+    value = f"{folder}, {free / 2**30:.1f} GiB free"
+    if not os.access(place, os.W_OK):
+        remedy = "it cannot be written: change its permissions or go elsewhere"
+        if name == "kernel cache":
+            remedy = "it cannot be written: name another folder in VOXGRAN_CACHE"
+        return Finding(name, value, good=False, remedy=remedy)
+    if free < LITTLE_SPACE:
+        return Finding(name, value, good=False, remedy="little is left: free space")
+    return Finding(name, value)

@@ -1,0 +1,103 @@
+"""Entry of the command line: what a command raises becomes one line on the error stream and an exit status.
+
+2 is bad input, 1 failure, 130 and 143 an interrupt.
+"""
+
+import argparse
+import logging
+import os
+import shlex
+import signal
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+
+from voxgran._base.errors import Interrupted, OutputError, VoxgranError
+from voxgran.cli.commands import COMMANDS
+from voxgran.cli.parser import make_parser
+from voxgran.cli.terminal import complain, warn
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return the exit status.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Words after the program's name; left out: those of this process.
+
+    Returns
+    -------
+    int
+        0, or 2 for bad input, 1 for failure, 130 and 143 after an interrupt.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    with warnings.catch_warnings():
+        warnings.showwarning = warn  # type: ignore[assignment]
+        return _run(words)
+
+
+def _run(words: list[str]) -> int:
+    """Run a command; what it raises becomes a line and an exit status."""
+    options = argparse.Namespace()
+    try:
+        options = make_parser(words, COMMANDS).parse_args(words)
+        _set_logging(options)
+        _end_softly()
+        return int(COMMANDS[options.command][1](options) or 0)
+    except Interrupted as stop:
+        complain(f"{stop}")
+        _say_how_to_go_on(options, words)
+        return 128 + stop.signal_number
+    except KeyboardInterrupt:
+        complain("stopped")
+        _say_how_to_go_on(options, words)
+        return 130
+    except VoxgranError as error:
+        complain(str(error))
+        if isinstance(error, OutputError):
+            _say_how_to_go_on(options, words)
+        return error.exit_code
+    except BrokenPipeError:
+        # whoever read the output has gone: there is nobody to tell
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _end_softly() -> None:
+    """Let SIGTERM end a command as Ctrl-C does, so that it can say how to go on."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        del frame
+        raise Interrupted("stopped by SIGTERM", number)
+
+    try:
+        signal.signal(signal.SIGTERM, stop)
+    except ValueError:
+        # not the main thread: whoever runs it there handles signals
+        return
+
+
+def _say_how_to_go_on(options: argparse.Namespace, words: Sequence[str]) -> None:
+    """Name the command that goes on, where a checkpoint of `run` is left."""
+    if getattr(options, "command", "") != "run":
+        return
+    from voxgran.scene.run import CHECKPOINT
+
+    folder = Path(options.output)
+    if next(folder.glob(CHECKPOINT), None) or next(folder.glob(f"seed_*/{CHECKPOINT}"), None):
+        complain(f"to go on: voxgran {_resumed(words)}")
+
+
+def _resumed(words: Sequence[str]) -> str:
+    """Return the command that goes on."""
+    kept = [word for word in words if word != "--overwrite"]
+    return shlex.join(kept if "--resume" in kept else [*kept, "--resume"])
+
+
+def _set_logging(options: argparse.Namespace) -> None:
+    """Let the libraries' logs reach the error stream where asked."""
+    if options.verbose:
+        logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(name)s: %(message)s")

@@ -1,0 +1,163 @@
+"""Words and flags of the command line, the help of each command with an example, and shell completion."""
+
+import argparse
+import contextlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING
+from typing import Any, NoReturn
+
+import voxgran
+from voxgran._base.config import Parameter, parameters_of
+from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.lazy import load
+from voxgran._base.registry import unknown
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise the message as bad input.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        raise InputError(f"{message}; see '{self.prog} --help'")
+
+
+Flag = tuple[tuple[str, ...], dict[str, Any]]
+
+PACKING: tuple[Flag, ...] = ((("file",), {"help": "a saved packing, or a file of spheres of another program"}),)
+
+#: flags of each command beside --json and --overwrite
+FLAGS: dict[str, tuple[Flag, ...]] = {
+    "init": ((("file",), {"nargs": "?", "default": "scene.toml"}),),
+    "plan": ((("file",), {"help": "scene file"}),),
+    "run": (
+        (("file",), {"help": "scene file"}),
+        (("-o", "--output"), {"default": "out", "help": "folder for the results"}),
+        (("--resume",), {"action": "store_true", "help": "go on from the checkpoint in the folder"}),
+    ),
+    "verify": (*PACKING, (("--tolerance",), {"type": float, "default": 1e-9, "help": "in mean diameters"})),
+    "measure": (
+        *PACKING,
+        (("--which",), {"action": "append", "help": "a measure; may be repeated"}),
+        (("-o", "--output"), {"help": "netCDF file"}),
+    ),
+    "report": (*PACKING, (("-o", "--output"), {"help": "HTML file"})),
+    "repair": (
+        (("file",), {"help": "mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"}),
+        (("-o", "--output"), {"help": "mesh file for the result: STL, OBJ, PLY, OFF or VTP"}),
+        (
+            ("--largest-hole",),
+            {"type": float, "default": 0.25, "help": "widest hole that is closed, in diagonals of the bounding box"},
+        ),
+        (
+            ("--bodies",),
+            {"choices": ("refuse", "largest", "all"), "default": "refuse", "help": "what becomes of several solids"},
+        ),
+    ),
+    "clump": (
+        (("file",), {"help": "mesh file"}),
+        (("--spheres",), {"type": int, "default": 50, "help": "most spheres"}),
+        (("--method",), {"help": "clump method; 'voxgran methods' lists them"}),
+        (("-o", "--output"), {"help": "CSV file: x,y,z,r in the frame of the centroid"}),
+    ),
+    "bench": ((("name",), {"help": "trade-off"}), (("-o", "--output"), {"default": "bench", "help": "folder"})),
+    "demo": ((("-o", "--output"), {"default": "out/demo", "help": "folder for the results"}),),
+}
+
+#: an example of each command, shown at the end of its help
+EXAMPLES: dict[str, str] = {
+    "init": "voxgran init scene.toml",
+    "plan": "voxgran plan scene.toml",
+    "run": "voxgran run scene.toml -o out\n  voxgran run scene.toml -o out --resume",
+    "verify": "voxgran verify out/packing.vtp",
+    "measure": "voxgran measure out/packing.vtp --which density --which coordination -o statistics.nc",
+    "report": "voxgran report out/packing.vtp -o report.html",
+    "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl",
+    "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --largest-hole 0.1",
+    "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv",
+    "methods": "voxgran methods",
+    "bench": "voxgran bench voxelize -o figures",
+    "doctor": "voxgran doctor",
+    "demo": "voxgran demo -o out/demo",
+}
+
+
+def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., Any]]]) -> Parser:
+    """Return the parser; `shape` gets the flags of the family that the words name.
+
+    Parameters
+    ----------
+    words : sequence of str
+        What was typed.
+    commands : mapping of str to (str, callable)
+        Help and function of each command.
+
+    Raises
+    ------
+    UnknownNameError
+        If the first word is no command; the message gives the nearest one.
+    """
+    top = Parser(
+        prog="voxgran",
+        description="Packed assemblies of grains of true shape, checked and measured.",
+        epilog="'voxgran COMMAND --help' shows the flags of a command and an example. "
+        "Completion in bash: source <(voxgran --print-completion bash); zsh and tcsh likewise.",
+    )
+    top.add_argument("--version", action="version", version=f"voxgran {voxgran.__version__}")
+    load("shtab").add_argument_to(top, ["--print-completion"], help="print a completion script for a shell and end")
+    named = [word for word in words if not word.startswith("-")]
+    if named and named[0] not in commands and "--print-completion" not in words:
+        raise UnknownNameError(unknown("command", named[0], commands))
+    subparsers = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, (text, _) in commands.items():
+        sub = subparsers.add_parser(
+            name,
+            help=text,
+            description=text[0].upper() + text[1:] + ".",
+            epilog=f"example:\n  {EXAMPLES[name]}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        for flags, keywords in FLAGS.get(name, ()):
+            added = sub.add_argument(*flags, **keywords)
+            if flags[0] in ("file", "-o"):
+                added.complete = load("shtab").FILE  # type: ignore[attr-defined]
+        if name == "shape":
+            _add_family(sub, named)
+        sub.add_argument("--json", action="store_true", help="print JSON")
+        sub.add_argument("--overwrite", action="store_true", help="replace what is there")
+        sub.add_argument("-v", "--verbose", action="store_true", help="say more on the error stream")
+        sub.add_argument("-q", "--quiet", action="store_true", help="no progress")
+    return top
+
+
+def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
+    """Add the family, its parameters as flags, the seed and the output."""
+    from voxgran.shapes.family import families
+
+    sub.add_argument("family", help=", ".join(families().names()))
+    sub.add_argument("--seed", type=int, default=0, help="seed of a random family")
+    sub.add_argument("-o", "--output", help="mesh file: STL, OBJ, PLY, OFF or VTP")
+    if len(named) > 1 and named[0] == "shape":
+        for item in parameters_of(families().get(named[1]).parameters):
+            flag = "--" + item.name.replace("_", "-")
+            text = f"{item.doc}, {item.type_text} ({default_text(item)})".replace("%", "%%")
+            sub.add_argument(flag, dest=item.name, type=_value, help=text)
+
+
+def _value(text: str) -> Any:
+    """Read a flag's value as TOML would, lists with or without brackets; anything else is text."""
+    for candidate in (text, f"[{text}]" if "," in text else text):
+        with contextlib.suppress(json.JSONDecodeError):
+            return json.loads(candidate)
+    return text.split(",") if "," in text else text
+
+
+def default_text(item: Parameter) -> str:
+    """Say what holds when a parameter is left out."""
+    return "must be given" if item.default is MISSING else f"default {item.default!r}"

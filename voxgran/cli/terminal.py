@@ -1,0 +1,82 @@
+"""What the command line shows: numbers, tables, progress, warnings."""
+
+import argparse
+import contextlib
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from voxgran._base.lazy import load
+from voxgran._base.progress import OnStep, Step
+
+
+@contextlib.contextmanager
+def progress(options: argparse.Namespace) -> Iterator[OnStep | None]:
+    """Show a progress bar with rate and remaining time on a terminal, and nothing in a pipe (context manager)."""
+    if options.quiet or options.json or not sys.stderr.isatty():
+        yield None
+        return
+    rich = load("rich.progress")
+    columns = (
+        rich.TextColumn("{task.description:14}"),
+        rich.BarColumn(),
+        rich.TaskProgressColumn(),
+        rich.TextColumn("{task.fields[rate]}"),
+        rich.TextColumn("at most"),
+        rich.TimeRemainingColumn(),
+        rich.TextColumn("{task.fields[text]}"),
+    )
+    with rich.Progress(*columns, console=load("rich.console").Console(stderr=True), transient=True) as bar:
+        stages: dict[str, Any] = {}
+
+        def show(step: Step) -> None:
+            if step.stage not in stages:
+                stages[step.stage] = bar.add_task(step.stage, total=step.total or None, text="", rate="")
+            task = stages[step.stage]
+            bar.update(task, completed=step.done, total=step.total or None, text=step.text)
+            speed = next((one.speed for one in bar.tasks if one.id == task), None)
+            bar.update(task, rate=f"{speed:,.0f}/s" if speed else "")
+
+        yield show
+
+
+def show(numbers: Mapping[str, Any], options: argparse.Namespace, last: str = "") -> None:
+    """Print numbers by name, or as JSON."""
+    if options.json:
+        print(json.dumps(numbers, indent=2, default=str))
+        return
+    for name, value in numbers.items():
+        print(f"{name.replace('_', ' '):24} {_plain(value)}")
+    if last:
+        print(last)
+
+
+def _plain(value: Any) -> str:
+    """Write a value on one line, as a person would."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{str(key).replace('_', ' ')} {_plain(item)}" for key, item in value.items()) or "none"
+    if isinstance(value, list | tuple):
+        return ", ".join(_plain(item) for item in value) or "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print rows as a table."""
+    heads = list(rows[0])
+    cells = [[f"{row[h]:.4g}" if isinstance(row[h], float) else str(row[h]) for h in heads] for row in rows]
+    wide = [max(len(text) for text in column) for column in zip(heads, *cells, strict=True)]
+    for line in (heads, *cells):
+        print("  ".join(text.rjust(width) for text, width in zip(line, wide, strict=True)))
+
+
+def warn(message: Warning | str, *_: Any) -> None:
+    """Show a warning in one line."""
+    complain(f"warning: {message}")
+
+
+def complain(sentence: str) -> None:
+    """Write one line to the error stream."""
+    print(f"voxgran: {' '.join(sentence.split())}", file=sys.stderr)

@@ -1,0 +1,121 @@
+"""Snapshots of a run as a series for ParaView: one packing file each, and a ``.pvd`` file that lists them by time.
+
+Time is the number of attempts. How many a run makes is not known before; therefore it starts with close snapshots, and
+whenever there are too many every second one is removed and the distance doubled, so that a run of any length leaves
+between half the number asked for and that number, evenly spaced, and never more files.
+"""
+
+import contextlib
+import os
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from voxgran._base.arrays import as_count
+from voxgran._base.errors import FileFormatError
+from voxgran._base.files import write_text
+from voxgran.io.vtk_files import save_packing
+from voxgran.packing.model import Packing
+
+
+class Series:
+    """Snapshots in a folder, and their list beside it.
+
+    Parameters
+    ----------
+    path : path-like
+        The ``.pvd`` file; snapshots stand in the folder of the same name without the suffix.
+    most : int
+        How many snapshots are kept, at least 2.
+    every : int
+        Attempts between the first snapshots.
+    resume : bool
+        Whether to go on with what the file lists; else the file and its snapshots are started anew.
+
+    Raises
+    ------
+    InputError
+        If `most` is below 2 or `every` below 1.
+    FileFormatError
+        If the file that is to be continued is damaged.
+    """
+
+    def __init__(
+        self, path: str | os.PathLike[str], *, most: int = 20, every: int = 1000, resume: bool = False
+    ) -> None:
+        self.path = Path(path)
+        self.folder = self.path.with_suffix("")
+        self.most = as_count(most, "most", at_least=2)
+        self.every = as_count(every, "every", at_least=1)
+        self.times: list[int] = []
+        if resume and self.path.is_file():
+            self.times = listed_times(self.path)
+            self.every = self.times[0] if self.times else self.every
+        else:
+            for left in self.folder.glob("snapshot_*.vtp"):
+                left.unlink(missing_ok=True)
+
+    def due(self, done: int) -> int:
+        """Return after how many attempts the next snapshot is due."""
+        return (done // self.every + 1) * self.every
+
+    def record(self, packing: Packing, done: int) -> None:
+        """Write a snapshot and list it.
+
+        Parameters
+        ----------
+        packing : Packing
+            The grains as they are now.
+        done : int
+            Attempts so far.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written; the list before is untouched.
+        """
+        save_packing(packing, self._file(done))
+        self.times = sorted({*self.times, done})
+        # the end of a run falls between two regular times, and stays
+        last, gone = done if done % self.every else 0, []
+        while len(self.times) > self.most:
+            self.every *= 2
+            gone += [time for time in self.times if time % self.every and time != last]
+            self.times = [time for time in self.times if not time % self.every or time == last]
+        self._list()
+        for time in gone:
+            with contextlib.suppress(OSError):
+                self._file(time).unlink(missing_ok=True)
+
+    def _file(self, done: int) -> Path:
+        """Return the file of a snapshot."""
+        return self.folder / f"snapshot_{done:015d}.vtp"
+
+    def _list(self) -> None:
+        """Write the list."""
+        root = ET.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
+        collection = ET.SubElement(root, "Collection")
+        for time in self.times:
+            file = f"{self.folder.name}/{self._file(time).name}"
+            ET.SubElement(collection, "DataSet", timestep=str(time), group="", part="0", file=file)
+        ET.indent(root)
+        write_text(self.path, ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n")
+
+
+def listed_times(path: str | os.PathLike[str]) -> list[int]:
+    """Return the attempts after which the snapshots of a ``.pvd`` file were taken.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no list of snapshots.
+    """
+    try:
+        entries = ET.parse(path).getroot().iter("DataSet")
+        return sorted(int(entry.attrib["timestep"]) for entry in entries)
+    except (ET.ParseError, KeyError, ValueError, OSError) as error:
+        raise FileFormatError(f"{path} is no list of snapshots ({error}): remove it and run again") from error

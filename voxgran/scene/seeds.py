@@ -1,0 +1,173 @@
+"""Several packings of one scene with different seeds: their mean and its standard error."""
+
+import json
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import CheckpointError
+from voxgran._base.files import write_text
+from voxgran._base.lazy import load
+from voxgran._base.progress import OnStep, Step
+from voxgran.io.files import load as load_packing
+from voxgran.io.netcdf import save_statistics
+from voxgran.measure.model import measure
+from voxgran.packing.verify import verify
+from voxgran.scene.model import Scene
+from voxgran.scene.run import SUMMARY, SceneResult, open_folder, run_one
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+
+def run_seeds(
+    scene: Scene,
+    folder: str | os.PathLike[str],
+    *,
+    resume: bool = False,
+    overwrite: bool = False,
+    on_step: OnStep | None = None,
+) -> SceneResult:
+    """Pack a scene once per seed, each in a folder of its own, and average.
+
+    Parameters
+    ----------
+    scene : Scene
+        With ``seeds`` above 1.
+    folder : path-like
+        Where results go: ``seed_K/`` for each seed, ``summary.json`` and ``statistics.nc`` over all.
+    resume : bool
+        Whether to keep what is complete and go on with the first seed that is not.
+    overwrite : bool
+        Whether results that are there may be replaced.
+    on_step : callable, optional
+        Told of each step.
+
+    Returns
+    -------
+    SceneResult
+        Packing, verification and statistics of the first seed; the summary holds all, their means and standard errors.
+
+    Raises
+    ------
+    OutputExistsError
+        If the folder holds something and neither `resume` nor `overwrite` is set.
+    OutputError
+        If something cannot be written.
+    InputError
+        If the scene breaks a rule that shows only now.
+    CheckpointError
+        If what is there belongs to another scene.
+    Interrupted
+        On SIGINT or SIGTERM, after a checkpoint was written.
+    """
+    target = open_folder(folder, resume=resume, overwrite=overwrite)
+    first: SceneResult | None = None
+    runs: list[dict[str, Any]] = []
+    trees: list[DataTree] = []
+    for number in range(scene.general.seeds):
+        one = _with_seed(scene, number)
+        place = target / f"seed_{one.general.seed}"
+        if resume and (place / SUMMARY).is_file() and (place / "packing.vtp").is_file():
+            result = _read(one, place)
+        else:
+            result = run_one(one, place, resume=resume, overwrite=overwrite, on_step=_numbered(on_step, number, scene))
+        first = first or result
+        runs.append(result.summary)
+        trees.append(result.statistics)
+    assert first is not None
+    summary = averaged(runs)
+    save_statistics(_joined(trees, [run["seed"] for run in runs]), target / "statistics.nc")
+    write_text(target / SUMMARY, json.dumps(summary, indent=2) + "\n")
+    return replace(first, summary=summary, folder=target)
+
+
+def averaged(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the summary over several runs.
+
+    Parameters
+    ----------
+    runs : sequence of dict
+        Their summaries.
+
+    Returns
+    -------
+    dict
+        Seeds, mean and standard error of each number that all have (standard deviation over the root of the number
+        of runs), whether all are verified, and the summaries.
+    """
+    numbers = [
+        name
+        for name, value in runs[0].items()
+        if isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and name != "seed"
+        and all(isinstance(run.get(name), int | float) for run in runs)
+    ]
+    values = {name: np.array([run[name] for run in runs], dtype=np.float64) for name in numbers}
+    return {
+        "method": runs[0].get("method", ""),
+        "seeds": [run["seed"] for run in runs],
+        "mean": {name: float(value.mean()) for name, value in values.items()},
+        "standard_error": {name: _standard_error(value) for name, value in values.items()},
+        "verify": {"ok": all(run["verify"]["ok"] for run in runs)},
+        "runs": list(runs),
+    }
+
+
+def _standard_error(values: Floats) -> float:
+    """Return the standard error of the mean: 0 for equal values, to the last digit; NaN for a single one."""
+    if len(values) < 2:
+        return math.nan
+    return float(values.std(ddof=1) / math.sqrt(len(values))) if np.ptp(values) else 0.0
+
+
+def _with_seed(scene: Scene, number: int) -> Scene:
+    """Return the scene of one seed; only the first one is drawn and shown."""
+    output = scene.output if number == 0 else replace(scene.output, vtk=False, report=False, snapshots=0)
+    return replace(scene, general=replace(scene.general, seed=scene.general.seed + number, seeds=1), output=output)
+
+
+def _read(scene: Scene, place: Path) -> SceneResult:
+    """Return the result of a seed that was complete before."""
+    packing = load_packing(place / "packing.vtp")
+    if packing.provenance.get("scene") != json.loads(json.dumps(scene.to_mapping())):
+        raise CheckpointError(
+            f"{place} holds the packing of another scene: resume with the scene that wrote it, or ask with --overwrite"
+        )
+    return SceneResult(
+        packing=packing,
+        verification=verify(packing),
+        statistics=measure(packing, which=scene.which),
+        summary=json.loads((place / SUMMARY).read_text(encoding="utf-8")),
+        folder=place,
+    )
+
+
+def _numbered(on_step: OnStep | None, number: int, scene: Scene) -> OnStep | None:
+    """Return a callback that says which seed a step is of."""
+    if on_step is None:
+        return None
+
+    def tell(step: Step) -> None:
+        on_step(replace(step, stage=f"{step.stage} {number + 1}/{scene.general.seeds}"))
+
+    return tell
+
+
+def _joined(trees: "Sequence[DataTree]", seeds: Sequence[int]) -> "DataTree":
+    """Return the numbers of all packings along a dimension ``seed``."""
+    xarray = load("xarray")
+    scalars = [
+        tree.dataset[[name for name, value in tree.dataset.data_vars.items() if not value.ndim]] for tree in trees
+    ]
+    common = [name for name in scalars[0].data_vars if all(name in one for one in scalars)]
+    joined = xarray.concat([one[common] for one in scalars], dim="seed", combine_attrs="drop_conflicts")
+    tree: DataTree = xarray.DataTree(joined.assign_coords(seed=list(seeds)), name="measures")
+    return tree
