@@ -15,6 +15,7 @@ import voxgran
 from voxgran._base.errors import MissingLibraryError
 from voxgran._base.kernels import cache_folder
 from voxgran._base.lazy import LIBRARIES, load
+from voxgran._base.machine import memory_limit, processor_count
 from voxgran.cli.terminal import show
 
 #: name of the distribution where it is not that of the module
@@ -77,11 +78,9 @@ def examine() -> Iterator[Finding]:
     for name in ("numpy", *LIBRARIES):
         yield _library(name, floors)
     yield _picture()
-    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    yield Finding("threads", f"{available} of {os.cpu_count()} processors may be used")
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    yield Finding("threads", f"{processor_count()} of {os.cpu_count()} processors may be used")
     free = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_AVPHYS_PAGES")
-    yield Finding("memory", f"{memory / 2**30:.1f} GiB, {free / 2**30:.1f} GiB of it free")
+    yield Finding("memory", f"{memory_limit() / 2**30:.1f} GiB, {free / 2**30:.1f} GiB of it free")
     yield _disk("disk here", Path.cwd())
     yield _disk("kernel cache", cache_folder())
 

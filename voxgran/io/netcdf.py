@@ -12,6 +12,7 @@ import numpy as np
 from voxgran._base.errors import FileFormatError, OutputError
 from voxgran._base.files import existing_file, written_whole
 from voxgran._base.lazy import load
+from voxgran.measure.accessor import register_accessor
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
@@ -47,6 +48,7 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
     attribute that is None is left out.
     """
     load("netCDF4")
+    register_accessor()
     xarray = load("xarray")
     safe = {node.path: _with_safe_attributes(node.to_dataset(inherit=False)) for node in tree.subtree}
     encoding = {place: {str(n): _encoding(v) for n, v in data.variables.items()} for place, data in safe.items()}

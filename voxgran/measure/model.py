@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
+from voxgran.measure.accessor import register_accessor
 from voxgran.packing.model import Packing
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
 #: files of this folder that answer no question but hold what several answers need
-FOUNDATION = frozenset({"cylinders", "halfspaces", "model", "overlap", "region", "slices", "window"})
+FOUNDATION = frozenset({"accessor", "cylinders", "halfspaces", "model", "overlap", "region", "slices", "window"})
 #: measured whatever is asked, so that numbers never part from where they come from
 ALWAYS = ("provenance",)
 
@@ -102,6 +103,7 @@ def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTre
     >>> int(tree["/grains"].coordination_number[0])
     0
     """
+    register_accessor()
     registry = measure_registry()
     if which is None:
         chosen = [entry for entry in map(registry.get, registry.names()) if entry.applies(packing)]

@@ -138,6 +138,12 @@ class Packing(Assembly):
             self._contacts[reach] = find_contacts(self, reach)
         return self._contacts[reach]
 
+    def _repr_html_(self) -> str:
+        """Small picture and numbers, for notebooks."""
+        from voxgran.packing.thumbnail import packing_card
+
+        return packing_card(self)
+
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""
         return f"Packing({self.count} grains, solid_fraction={self.solid_fraction:.4f}, {self.stop_reason})"

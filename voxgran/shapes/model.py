@@ -112,6 +112,12 @@ class Shape:
         kind = type(self.geometry).__name__.lower()
         return f"Shape({self.name!r}, {kind}, diameter={self.diameter:.6g})"
 
+    def _repr_html_(self) -> str:
+        """Small picture and numbers, for notebooks."""
+        from voxgran.shapes.thumbnail import shape_card
+
+        return shape_card(self)
+
     @property
     def dimension(self) -> int:
         """2 for an outline, else 3."""

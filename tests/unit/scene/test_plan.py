@@ -1,10 +1,15 @@
 """What a plan says is what the run does: libraries loaded, solids turned into voxels and points."""
 
 import json
+import os
 import subprocess
 import sys
 
 import pytest
+
+import voxgran as vg
+from voxgran._base import machine
+from voxgran._base.errors import TooLargeError
 
 SCENE = """
 [[shape]]
@@ -61,3 +66,63 @@ def test_the_run_loads_and_makes_what_the_plan_says(name, tmp_path):
     assert plan["voxelized_shapes"] == counters["voxelized_shapes"]
     assert plan["sampled_shapes"] == counters["sampled_shapes"]
     assert counters["attempts"] <= plan["attempts"]
+
+
+LARGE = """
+[[shape]]
+family = "sphere"
+[container]
+kind = "box"
+lengths = [6, 6, 8]
+[packing]
+method = "digital"
+count = 60
+voxel_size = 0.0125
+sweeps = 1
+cycles = 1
+[output]
+vtk = false
+statistics = false
+report = false
+"""
+PEAK = """
+import resource, sys, warnings
+import voxgran as vg
+warnings.simplefilter("ignore")
+scene = vg.Scene.from_toml(sys.argv[1])
+planned = scene.plan().memory
+scene.run(sys.argv[2])
+print(planned, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+def test_the_memory_of_a_large_scene_is_predicted_within_30_percent(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(LARGE)
+    command = [sys.executable, "-c", PEAK, str(path), str(tmp_path / "out")]
+    out = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert out.returncode == 0, out.stderr
+    planned, peak = (float(word) for word in out.stdout.split())
+    assert planned > 800 * 2**20
+    assert planned == pytest.approx(peak, rel=0.3)
+
+
+def test_what_cannot_fit_in_the_memory_of_a_container_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "scene.toml"
+    path.write_text(LARGE)
+    scene = vg.Scene.from_toml(path)
+    monkeypatch.setattr("voxgran.scene.plan.memory_limit", lambda: 2**29)
+    with pytest.raises(TooLargeError, match=r"needs about 0\.8 GiB: this machine has 0\.5 GiB"):
+        scene.plan()
+    with pytest.raises(TooLargeError):
+        scene.run(tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_limit_of_a_control_group_counts(tmp_path, monkeypatch):
+    for text, expected in (("123456\n", 123456), ("max\n", machine.memory_limit())):
+        path = tmp_path / "memory.max"
+        path.write_text(text)
+        monkeypatch.setattr(machine, "LIMITS", (str(path), str(tmp_path / "none")))
+        assert machine.memory_limit() == expected
+    assert 1 <= machine.processor_count() <= (os.cpu_count() or 1)

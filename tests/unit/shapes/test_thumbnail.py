@@ -1,0 +1,58 @@
+"""Small pictures: the silhouette is that of the solid, light comes from above, and it takes no renderer."""
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran.packing.thumbnail import MOST_TRIANGLES, packing_picture
+from voxgran.shapes.thumbnail import shape_picture, surface_samples
+
+
+def test_points_lie_on_the_triangles_and_cover_them():
+    triangle = np.array([[(0, 0, 0), (2, 0, 0), (0, 1, 0)]], dtype=float)
+    points, normals = surface_samples(triangle, 0.05)
+    assert (normals == (0, 0, 1)).all()
+    assert (points[:, :2] >= 0).all()
+    assert (points[:, 0] / 2 + points[:, 1] <= 1 + 1e-12).all()
+    assert np.ptp(points[:, 0]) > 1.9
+    cells = set(map(tuple, (points[:, :2] // 0.1).astype(int)))
+    inside = [(i, j) for i in range(20) for j in range(10) if (i + 1) * 0.05 + (j + 1) * 0.1 <= 1]
+    assert cells.issuperset(inside)
+
+
+@pytest.mark.parametrize("name", ["sphere", "disk"])
+def test_a_ball_covers_a_round_patch(name):
+    image = shape_picture(vg.make_shape(name))
+    assert image.shape == (160, 160, 4)
+    share = image[..., 3].mean() / 255
+    assert share == pytest.approx(math.pi / 4 * 0.94**2, rel=0.02)
+
+
+def test_light_comes_from_above():
+    image = shape_picture(vg.make_shape("sphere")).astype(float)
+    assert image[30:50, 70:90, :3].mean() > 1.2 * image[115:135, 70:90, :3].mean()
+
+
+def test_many_grains_are_balls_of_their_size():
+    position = np.random.Generator(np.random.Philox(1)).uniform(0, 40, (3000, 3))
+    shape = vg.make_shape("cone")
+    few = vg.Packing.of([shape], vg.Box((40, 40, 40)), position=position[:50])
+    many = vg.Packing.of([shape], vg.Box((40, 40, 40)), position=np.tile(position, (4, 1)))
+    assert len(shape.faces) * many.count > MOST_TRIANGLES
+    for packing in (few, many):
+        image = packing_picture(packing)
+        assert 0.02 < (image[..., 3] > 0).mean() < 0.95
+        assert len(np.unique(image[..., :3])) > 20
+
+
+def test_no_renderer_is_loaded():
+    code = (
+        "import sys, voxgran as vg; vg.make_shape('cone')._repr_html_(); "
+        "print([name for name in ('vtkmodules', 'pyvista', 'open3d', 'numba') if name in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"

@@ -1,0 +1,24 @@
+"""What this process may use of the machine: memory and processors, as limits of a container allow."""
+
+import os
+from pathlib import Path
+
+#: where a control group states its limit of memory, new and old layout
+LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+
+
+def memory_limit() -> int:
+    """Return how many bytes this process may use: those of the machine, or of its control group where that is less."""
+    whole = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    for name in LIMITS:
+        try:
+            whole = min(whole, int(Path(name).read_text(encoding="ascii")))
+        except (OSError, ValueError):
+            # no such layout, or the word "max"
+            continue
+    return whole
+
+
+def processor_count() -> int:
+    """Return how many processors this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

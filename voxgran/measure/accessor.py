@@ -1,0 +1,77 @@
+"""What xarray users get: ``tree.voxgran`` on statistics, from the moment voxgran measures or reads some."""
+
+import json
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from voxgran._base.errors import UnknownNameError
+from voxgran._base.lazy import load
+from voxgran._base.registry import unknown
+
+if TYPE_CHECKING:
+    from xarray import Dataset, DataTree
+
+NAME = "voxgran"
+
+
+class StatisticsAccessor:
+    """Numbers with their units and where they come from.
+
+    Parameters
+    ----------
+    statistics : xarray.DataTree or xarray.Dataset
+        What :func:`voxgran.measure` returns, or one of its groups.
+    """
+
+    def __init__(self, statistics: "DataTree | Dataset") -> None:
+        self._statistics = statistics
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """All single numbers of this group by name."""
+        variables = self._variables().items()
+        return {str(name): float(value) for name, value in variables if not value.ndim and value.dtype.kind in "biuf"}
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """How the packing was made; empty where the statistics do not say."""
+        groups = getattr(self._statistics, "groups", ())
+        source = self._statistics["/provenance"] if "/provenance" in groups else self._statistics
+        return dict(json.loads(str(source["record"].item()))) if "record" in source.data_vars else {}
+
+    def text(self, name: str) -> str:
+        """Return a number as a person writes it: long name, four digits, unit.
+
+        Parameters
+        ----------
+        name : str
+            One of :attr:`numbers`.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no number of that name.
+        """
+        numbers = self.numbers
+        if name not in numbers:
+            raise UnknownNameError(unknown("number", name, numbers))
+        attrs = self._variables()[name].attrs
+        unit = str(attrs.get("units", "1"))
+        value = "not known" if math.isnan(numbers[name]) else f"{numbers[name]:.4g}"
+        return f"{attrs.get('long_name', name)}: {value}" + ("" if unit == "1" else f" {unit}")
+
+    def _variables(self) -> Mapping[Any, Any]:
+        """Return the variables of this group."""
+        return dict(self._statistics.data_vars)
+
+
+def register_accessor() -> None:
+    """Let datasets and trees of xarray have the accessor; once, however often it is called."""
+    xarray = load("xarray")
+    for kind, register in (
+        (xarray.Dataset, xarray.register_dataset_accessor),
+        (xarray.DataTree, xarray.register_datatree_accessor),
+    ):
+        if NAME not in vars(kind):
+            register(NAME)(StatisticsAccessor)
