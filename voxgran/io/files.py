@@ -1,21 +1,31 @@
 """`save` and `load`: packings in and out of files, by suffix."""
 
+import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
 
-from voxgran._base.errors import FileFormatError
-from voxgran.io.spheres import load_spheres, save_spheres
-from voxgran.io.vtk_files import load_packing, save_packing
+from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.files import existing_file
+from voxgran.containers.model import Container
+from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
+from voxgran.io.particles import packing_of
+from voxgran.io.spheres import save_spheres
+from voxgran.io.tables import read_table
+from voxgran.io.vtk_files import is_own, load_packing, save_packing
+from voxgran.io.vtk_points import READERS, read_vtk_points
 from voxgran.packing.model import Packing
 
-_TEXT = (save_spheres, load_spheres)
-_FORMATS: dict[str, tuple[Callable[..., None], Callable[..., Packing]]] = {
-    ".vtp": (save_packing, load_packing),
-    ".txt": _TEXT,
-    ".xyzr": _TEXT,
-    ".csv": _TEXT,
+log = logging.getLogger(__name__)
+
+_WRITERS: dict[str, Callable[..., None]] = {
+    ".vtp": save_packing,
+    ".txt": save_spheres,
+    ".xyzr": save_spheres,
+    ".csv": save_spheres,
 }
+#: bytes that are looked at to recognize a file
+_HEAD = 4096
 
 
 def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
@@ -27,7 +37,7 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Tr
         Any packing.
     path : path-like
         ``.vtp`` holds all of it, bit for bit, and opens in ParaView; ``.txt``, ``.xyzr`` and ``.csv`` hold spheres as
-        ``x y z r``.
+        ``x y z r``, clumps with a fifth column.
     overwrite : bool
         Whether a file that is there may be replaced.
 
@@ -43,36 +53,84 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Tr
         If it cannot be written; what was there before is untouched.
     """
     suffix = Path(path).suffix.lower()
-    if suffix not in _FORMATS:
-        raise FileFormatError(_unknown(path))
-    _FORMATS[suffix][0](packing, path, overwrite=overwrite)
+    if suffix not in _WRITERS:
+        raise FileFormatError(
+            f"{path} has the suffix {suffix!r}: packings are kept as {', '.join(_WRITERS)}; choose one of these"
+        )
+    _WRITERS[suffix](packing, path, overwrite=overwrite)
 
 
-def load(path: str | os.PathLike[str]) -> Packing:
-    """Read a packing from a file.
+def load(
+    path: str | os.PathLike[str],
+    *,
+    container: Container | None = None,
+    unit: str | None = None,
+    periodic: str | None = None,
+    frame: int = -1,
+) -> Packing:
+    """Read a packing from a file, of voxgran or of another program.
 
     Parameters
     ----------
     path : path-like
-        A file that :func:`save` wrote, or spheres as text, one ``x y z r`` a line.
+        Recognized by its content: a ``.vtp`` that :func:`save` wrote; spheres as text (``x y z r``, YADE's
+        ``x y z r clumpId``, CSV with a header); a LAMMPS data or dump file; ``.vtp`` or ``.vtu`` points with radii.
+    container : Container, optional
+        What holds the spheres of another program; left out: as the file says, or else the box around them.
+    unit : str, optional
+        Unit of lengths of such a file; left out: as it says, or else ``"1"``.
+    periodic : str, optional
+        Axes along which their box is periodic, such as ``"xy"``; left out: as the file says, or else none.
+    frame : int
+        Which frame of a dump file, from 0; negative: from the end.
 
     Returns
     -------
     Packing
+        ``provenance["assumed"]`` says what was taken for granted.
 
     Raises
     ------
     MissingFileError
         If there is no such file.
     FileFormatError
-        If the suffix is unknown, or the content is damaged or not a packing.
+        If the content is damaged, no packing, or of no known form.
+    InputError
+        If a container, unit or axes are given for a file of voxgran, which holds its own, or do not fit.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix not in _FORMATS:
-        raise FileFormatError(_unknown(path))
-    return _FORMATS[suffix][1](path)
+    found = existing_file(path)
+    head = _head(found)
+    given = {"container": container, "unit": unit, "periodic": periodic}
+    if found.suffix.lower() == ".vtp" and is_own(found):
+        named = [name for name, value in given.items() if value is not None]
+        if named:
+            raise InputError(f"{named[0]} is given for {found}, which holds its own: leave it out")
+        return load_packing(found)
+    if found.suffix.lower() in READERS:
+        particles = read_vtk_points(found)
+    elif "\0" in head:
+        raise FileFormatError(_unknown(found))
+    elif is_dump(head):
+        particles = read_lammps_dump(found, frame=frame)
+    elif is_data(head):
+        particles = read_lammps_data(found)
+    else:
+        particles = read_table(found)
+    packing = packing_of(particles, found, container=container, unit=unit, periodic=periodic)
+    for subject, sentence in packing.provenance.get("assumed", {}).items():
+        log.info("%s: assumed %s: %s", found, subject, sentence)
+    return packing
+
+
+def _head(path: Path) -> str:
+    """Return the beginning of a file as text; bytes that are none become NUL."""
+    with path.open("rb") as file:
+        return file.read(_HEAD).decode("utf-8", errors="replace").replace("\ufffd", "\0")
 
 
 def _unknown(path: str | os.PathLike[str]) -> str:
-    """Say which suffixes are known."""
-    return f"{path} has the suffix {Path(path).suffix!r}: packings are kept as {', '.join(_FORMATS)}; rename it"
+    """Say which forms are known."""
+    return (
+        f"{path} has the suffix {Path(path).suffix!r} and no known content: packings are read from .vtp, .vtu, text "
+        "tables of spheres, LAMMPS data and dump files; convert it"
+    )

@@ -6,6 +6,7 @@ before VTK sees the file, because the readers of VTK print, or worse, on damaged
 
 import hashlib
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -26,6 +27,8 @@ BALL_SURFACE_LIMIT = 1000
 
 _SEAL = b"<!-- voxgran seal %s -->\n"
 _SEAL_LENGTH = len(_SEAL) - 2 + 64
+#: bytes within which the names of all arrays stand
+_NAMES_WITHIN = 2**20
 
 
 def save_packing(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
@@ -75,17 +78,20 @@ def load_packing(path: str | os.PathLike[str]) -> Packing:
     Returns
     -------
     Packing
-        With the same bits.
+        With the same bits. From a file that ParaView saved again: with the same shapes, and poses as they stand there,
+        which the provenance says.
 
     Raises
     ------
     MissingFileError
         If there is no such file.
     FileFormatError
-        If it is damaged, cut off, changed by another program, or no packing.
+        If it is damaged, cut off, or no packing.
     """
     found = existing_file(path)
-    _check_seal(found)
+    sealed = not _is_rewritten(found)
+    if sealed:
+        _check_seal(found)
     data = read_data("vtkXMLPolyDataReader", found)
     arrays, texts = detach(data.GetFieldData())
     per_grain, _ = detach(data.GetPointData())
@@ -93,9 +99,53 @@ def load_packing(path: str | os.PathLike[str]) -> Packing:
     if data.GetNumberOfPoints():
         position = np.array(numpy_support().vtk_to_numpy(data.GetPoints().GetData()))
     try:
-        return from_record(Record(position, per_grain, arrays, texts))
+        packing = from_record(Record(np.asarray(position, dtype=np.float64), per_grain, arrays, texts))
     except FileFormatError as error:
         raise FileFormatError(f"{found}: {error}") from error
+    if sealed:
+        return packing
+    assumed = {
+        **packing.provenance.get("assumed", {}),
+        "poses": "as another program wrote them: the seal is gone, the shapes are proven by their keys",
+    }
+    return replace(packing, provenance={**packing.provenance, "assumed": assumed})
+
+
+def is_own(path: Path) -> bool:
+    """Tell whether a ``.vtp`` file holds a packing of voxgran, or is cut off or damaged so that it may.
+
+    Parameters
+    ----------
+    path : Path
+        File to look at.
+    """
+    return not _ends_whole(path) or _sealed(path) or _is_rewritten(path)
+
+
+def _is_rewritten(path: Path) -> bool:
+    """Tell whether another program wrote the packing again: a whole file that names our arrays and has no seal."""
+    if _sealed(path) or not _ends_whole(path):
+        return False
+    with path.open("rb") as file:
+        head = file.read(_NAMES_WITHIN)
+    return all(f'Name="{name}"'.encode() in head for name in ("stop_reason", "provenance", "shapes", "container"))
+
+
+def _sealed(path: Path) -> bool:
+    """Tell whether a file ends with a seal, right or wrong."""
+    return _SEAL.split(b"%s")[0] in _tail(path)
+
+
+def _ends_whole(path: Path) -> bool:
+    """Tell whether a file ends as XML of VTK does."""
+    return b"</VTKFile>" in _tail(path)
+
+
+def _tail(path: Path) -> bytes:
+    """Return the last bytes of a file."""
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - 2 * _SEAL_LENGTH, 0))
+        return file.read()
 
 
 def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0.0, overwrite: bool = True) -> None:

@@ -59,10 +59,10 @@ def test_statistics_tell_numbers_units_and_provenance(packing, tmp_path):
     assert tree.voxgran.numbers["solid_fraction"] == packing.solid_fraction
     assert tree.voxgran.numbers["count"] == 2
     assert tree.voxgran.text("count") == "number of grains: 2"
-    assert tree.voxgran.provenance["method"] == "by hand"
+    assert "by hand" in json.dumps(tree.voxgran.provenance)
     vg.save_statistics(tree, tmp_path / "statistics.nc")
     again = vg.load_statistics(tmp_path / "statistics.nc")
-    assert again.voxgran.numbers == tree.voxgran.numbers
+    assert again.voxgran.numbers == pytest.approx(tree.voxgran.numbers, rel=1e-15, nan_ok=True)
     assert again["/provenance"].to_dataset().voxgran.provenance == tree.voxgran.provenance
     with pytest.raises(UnknownNameError, match="did you mean 'solid_fraction'"):
         tree.voxgran.text("solid_fractoin")

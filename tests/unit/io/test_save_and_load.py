@@ -16,7 +16,9 @@ def test_every_suffix_makes_a_round_trip(balls, name, tmp_path):
 
 
 def test_an_unknown_suffix_names_the_known_ones(balls, tmp_path):
-    for call in (lambda: save(balls, tmp_path / "p.stl"), lambda: load(tmp_path / "p.stl")):
-        with pytest.raises(FileFormatError, match=r"suffix '.stl': packings are kept as .vtp, .txt, .xyzr, .csv"):
-            call()
+    with pytest.raises(FileFormatError, match=r"suffix '.stl': packings are kept as .vtp, .txt, .xyzr, .csv"):
+        save(balls, tmp_path / "p.stl")
     assert list(tmp_path.iterdir()) == []
+    (tmp_path / "p.stl").write_bytes(b"\0" * 100)
+    with pytest.raises(FileFormatError, match=r"suffix '.stl' and no known content: .* LAMMPS"):
+        load(tmp_path / "p.stl")

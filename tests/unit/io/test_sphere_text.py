@@ -45,7 +45,11 @@ def test_an_empty_packing_makes_a_round_trip(balls, tmp_path):
         "x,y,z,r\n1,2,3,0.5\n4,5,6,0.25\n",
         "# a comment\n\nX Y Z radius\n1\t2\t3\t0.5\n   \n4 5 6 0.25  # the second\n",
         "1,2,3,0.5\n4 5 6 0.25\n",
-        "1 2 3 0.5 17 text\r\n4 5 6 2.5e-1\r\n",
+        "1 2 3 0.5 17.5 text\r\n4 5 6 2.5e-1 1 more\r\n",
+        "x [mm];y [mm];z [mm];D [mm]\n1,0;2,0;3,0;1,0\n4;5;6;0,5\n",
+        'id,radius,z,y,x,name\n1,0.5,3,2,1,a b\n2,0.25,6,5,4,"c"\n',
+        "#x_coord y_coord z_coord radius clumpId\n1 2 3 0.5 -1\n4 5 6 0.25 -1\n",
+        "#format x_y_z_r_matId\n1 2 3 0.5 7\n4 5 6 0.25 7\n",
     ],
 )
 def test_every_common_form_is_read(text, tmp_path):
@@ -57,7 +61,7 @@ def test_every_common_form_is_read(text, tmp_path):
 def test_without_a_container_it_is_the_box_around_the_spheres(tmp_path):
     packing = read(tmp_path, "0 0 0 1\n3 0 0 0.5\n", unit="cm")
     np.testing.assert_allclose(packing.container.bounds, [[-1, -1, -1], [3.5, 1, 1]])
-    assert packing.provenance["assumed"] == {"container": "the box around the spheres"}
+    assert packing.provenance["assumed"] == {"container": "the box around the spheres", "periodic": "nowhere"}
     assert packing.unit == "cm"
 
 
@@ -70,14 +74,16 @@ def test_a_given_container_counts(balls, tmp_path):
 @pytest.mark.parametrize(
     ("text", "number", "reason"),
     [
-        ("1 2 3 4\n1 2 3\n", 2, "is not x y z r"),
+        ("1 2 3 4\n1 2 3\n", 2, "has 3 values, the first line 4"),
+        ("1 2 3 4\n1 2 3 4 5\n", 2, "has 5 values, the first line 4"),
+        ("1 2 3 4\n1 2 3 -4\n", 2, "r above 0"),
         ("# c\n\n1 2 three 4\n", 3, "'1 2 three 4' is not x y z r"),
         ("1 2 3 4\n1 2 nan 4\n", 2, "must be finite"),
         ("1 2 3 0\n", 1, "r above 0"),
-        ("x y z d\n1 2 3 4\n", 1, "the columns are x y z d"),
-        ("1 2 3 4\n1;2;3;4\n", 2, "is not x y z r"),
+        ("x y z s\n1 2 3 4\n", 1, "the columns are x y z s; there is no r or diameter"),
+        ("1 2 3 4\n1;2;3;4\n", 2, "has 1 values"),
         ("x,y,z\n1,2,3\n", 1, "the columns are x y z;"),
-        ("1,2,3,4\n1,2,,4\n", 2, "'1 2 4' is not x y z r"),
+        ("1,2,3,4\n1,2,,4\n", 2, "'1,2,,4' is not x y z r"),
         ('# container {"kind": "sack"}\n1 2 3 4\n', 1, "the container cannot be read"),
     ],
 )
@@ -107,7 +113,12 @@ def test_a_clump_is_written_as_its_spheres(tmp_path):
     np.testing.assert_allclose(centers, [[3, 2, 3], [3, 4, 3]], atol=1e-15)
     np.testing.assert_allclose(sizes, [1.0, 0.5])
     save_spheres(packing, tmp_path / "p.xyzr")
-    np.testing.assert_allclose(radii(load_spheres(tmp_path / "p.xyzr")), [1.0, 0.5])
+    again = load_spheres(tmp_path / "p.xyzr")
+    assert again.count == 1
+    back_centers, back_sizes = spheres_of(again)
+    np.testing.assert_allclose(back_centers, centers, atol=1e-14)
+    np.testing.assert_allclose(back_sizes, sizes)
+    assert again.solid_fraction == pytest.approx(packing.solid_fraction, rel=1e-12)
 
 
 def test_other_grains_are_refused_with_a_remedy(mixed, tmp_path):

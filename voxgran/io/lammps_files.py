@@ -1,0 +1,242 @@
+"""LAMMPS data files and dump files with spheres, in.
+
+References
+----------
+Formats: the pages `read_data` and `dump` of the LAMMPS manual, docs.lammps.org.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import FileFormatError
+from voxgran.containers.box import Box
+from voxgran.io.particles import Particles, refuse_bad_spheres
+
+#: place of diameter, density and x in a row of the section Atoms, by atom style
+STYLES = {"sphere": (2, 3, 4), "bpm/sphere": (3, 4, 5)}
+#: lines that are looked at to recognize a data file
+HEAD_LINES = 40
+#: lengths of the units that a dump file may name
+UNITS = {"si": "m", "cgs": "cm", "micro": "um", "nano": "nm", "real": "angstrom", "metal": "angstrom"}
+
+
+def is_dump(head: str) -> bool:
+    """Tell whether a text begins as a dump file does."""
+    return head.lstrip().startswith("ITEM:")
+
+
+def is_data(head: str) -> bool:
+    """Tell whether a text begins as a data file does: a free line, then counts of atoms."""
+    lines = head.splitlines()[1:HEAD_LINES]
+    return any(re.match(r"\s*\d+\s+atoms\b", line) for line in lines)
+
+
+def read_lammps_data(path: Path) -> Particles:
+    """Read spheres from a LAMMPS data file.
+
+    Parameters
+    ----------
+    path : Path
+        With a section ``Atoms`` of the style sphere or bpm/sphere.
+
+    Returns
+    -------
+    Particles
+        In the box of the file; the file does not say whether that is periodic.
+
+    Raises
+    ------
+    FileFormatError
+        If the box is tilted, the style has no diameters, a line is wrong, or there are more or fewer atoms than the
+        head says.
+    """
+    lines = _text_lines(path)
+    bounds, count = _data_head(lines, path)
+    start = next((k for k, line in enumerate(lines) if re.match(r"\s*Atoms\b", line)), None)
+    if start is None:
+        raise FileFormatError(f"{path} has no section Atoms: spheres stand there; write the file with write_data")
+    hint = lines[start].partition("#")[2].strip()
+    rows, numbers = _section(lines, start + 1)
+    if len(rows) != count:
+        raise FileFormatError(
+            f"{path} has {len(rows)} lines of atoms where its head says {count}: it is cut off or changed; write it "
+            "again"
+        )
+    style, assumed = hint, {"periodic": "nowhere: a data file does not say"}
+    if not hint:
+        style = {7: "sphere", 10: "sphere", 8: "bpm/sphere", 11: "bpm/sphere"}.get(len(rows[0]) if rows else 7, "")
+        assumed["atom style"] = f"{style}, by the number of values"
+    if style not in STYLES:
+        raise FileFormatError(
+            f"{path}, line {start + 1}: the atom style is {style or 'not known'}; only {' and '.join(STYLES)} have "
+            "diameters: write the file with one of these"
+        )
+    table = _numbers(rows, numbers, path)
+    diameter, density, x = STYLES[style]
+    order = np.argsort(table[:, 0], kind="stable") if len(table) else np.zeros(0, np.int64)
+    table = table[order] if len(table) else np.zeros((0, 7))
+    centers, radii = table[:, x : x + 3], table[:, diameter] / 2
+    refuse_bad_spheres(centers, radii, path, row="atom")
+    densities = np.unique(table[:, density])
+    return Particles(
+        centers=centers,
+        radii=radii,
+        container=_box(bounds, "", path),
+        density=float(densities[0]) if len(densities) == 1 and densities[0] > 0 else 1.0,
+        assumed=assumed,
+    )
+
+
+def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
+    """Read spheres from one frame of a LAMMPS dump file.
+
+    Parameters
+    ----------
+    path : Path
+        With x y z (or xu, xs, xsu ...) and radius or diameter among the columns.
+    frame : int
+        Which one, from 0; negative: from the end.
+
+    Returns
+    -------
+    Particles
+        Sorted by id where there is one.
+
+    Raises
+    ------
+    FileFormatError
+        If there is no such frame, it is cut off, the box is tilted, a column is missing, or a line is wrong.
+    """
+    lines = _text_lines(path)
+    starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: TIMESTEP")]
+    if not -len(starts) <= frame < len(starts):
+        raise FileFormatError(f"{path} has {len(starts)} frames: there is no frame {frame}; choose another")
+    begin = starts[frame]
+    end = starts[starts.index(begin) + 1] if begin != starts[-1] else len(lines)
+    block = lines[begin:end]
+    names = {line.split()[1]: k for k, line in enumerate(block) if line.startswith("ITEM:")}
+    if not {"NUMBER", "BOX", "ATOMS"} <= names.keys():
+        raise FileFormatError(f"{path}, line {begin + 1}: the frame is cut off; dump it again or choose another one")
+    count = int(_numbers([block[names["NUMBER"] + 1].split()], [begin + names["NUMBER"] + 2], path)[0, 0])
+    columns = block[names["ATOMS"]].split()[2:]
+    first = names["ATOMS"] + 1
+    rows = [line.split() for line in block[first:] if line.strip()]
+    if len(rows) != count:
+        raise FileFormatError(
+            f"{path} has {len(rows)} lines of atoms in the frame of line {begin + 1}, which says {count}: it is cut "
+            "off; dump it again or choose another frame"
+        )
+    flags = [word for word in block[names["BOX"]].split()[3:] if len(word) == 2 and word[0] in "pfsm"]
+    wrong = [word for word in block[names["BOX"]].split()[3:] if word in ("xy", "xz", "yz", "abc")]
+    if wrong:
+        line = begin + names["BOX"] + 1
+        raise FileFormatError(f"{path}, line {line}: the box is tilted: give an upright one")
+    place = begin + names["BOX"] + 2
+    bounds = _numbers([block[names["BOX"] + 1 + k].split() for k in range(3)], [place, place + 1, place + 2], path)
+    table = _numbers(rows, list(range(begin + first + 1, begin + first + 1 + count)), path, text=_texts(columns))
+    table = table.reshape(-1, len(columns))
+    if "id" in columns:
+        table = table[np.argsort(table[:, columns.index("id")], kind="stable")]
+    centers, radii = _columns(table, columns, bounds, path)
+    refuse_bad_spheres(centers, radii, path, row="atom")
+    unit = UNITS.get(lines[1].strip()) if lines[0].startswith("ITEM: UNITS") else None
+    step = block[1].strip()
+    periodic = "".join(axis for axis, flag in zip("xyz", flags, strict=False) if flag == "pp")
+    assumed = {"frame": f"time step {step}, one of {len(starts)}"} if len(starts) > 1 else {}
+    return Particles(centers=centers, radii=radii, container=_box(bounds, periodic, path), unit=unit, assumed=assumed)
+
+
+def _text_lines(path: Path) -> list[str]:
+    """Return the lines of a text file."""
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path} is no text ({error.reason}): give a text file of LAMMPS") from error
+
+
+def _data_head(lines: list[str], path: Path) -> tuple[Floats, int]:
+    """Return the bounds of the box and the number of atoms."""
+    bounds, count = np.full((3, 2), np.nan), -1
+    for number, line in enumerate(lines[:HEAD_LINES], 1):
+        words = line.partition("#")[0].split()
+        if words[-1:] == ["atoms"]:
+            count = int(_numbers([words[:1]], [number], path)[0, 0])
+        for axis, name in enumerate("xyz"):
+            if words[-2:] == [f"{name}lo", f"{name}hi"]:
+                bounds[axis] = _numbers([words[:2]], [number], path)[0]
+        tilted = words[-3:] == ["xy", "xz", "yz"] and bool(_numbers([words[:3]], [number], path).any())
+        if tilted or words[-1:] in (["avec"], ["bvec"], ["cvec"]):
+            raise FileFormatError(f"{path}, line {number}: the box is tilted: give an upright one")
+    if not np.isfinite(bounds).all():
+        raise FileFormatError(f"{path} gives no box (xlo xhi, ylo yhi, zlo zhi): write it with write_data")
+    return bounds, count
+
+
+def _section(lines: list[str], start: int) -> tuple[list[list[str]], list[int]]:
+    """Return the rows of a section and their line numbers: from the first line to the next heading."""
+    rows, numbers = [], []
+    for number, line in enumerate(lines[start:], start + 1):
+        words = line.partition("#")[0].split()
+        if not words:
+            continue
+        if words[0][0].isalpha():
+            break
+        rows.append(words)
+        numbers.append(number)
+    return rows, numbers
+
+
+def _texts(columns: list[str]) -> tuple[int, ...]:
+    """Return the places of columns that hold words."""
+    return tuple(k for k, name in enumerate(columns) if name in ("element", "type", "typelabel"))
+
+
+def _numbers(rows: list[list[str]], numbers: list[int], path: Path, *, text: tuple[int, ...] = ()) -> Floats:
+    """Return rows as numbers; the first row that is none, or has another length, is named."""
+    if text:
+        rows = [["0" if k in text else word for k, word in enumerate(row)] for row in rows]
+    width = len(rows[0]) if rows else 0
+    try:
+        table: Floats = np.array(rows, dtype=np.float64).reshape(len(rows), width)
+        return table
+    except ValueError:
+        for row, number in zip(rows, numbers, strict=True):
+            try:
+                good = len([float(word) for word in row]) == width
+            except ValueError:
+                good = False
+            if not good:
+                raise FileFormatError(
+                    f"{path}, line {number}: {' '.join(row)[:60]!r} is not {width} numbers; mend or remove the line"
+                ) from None
+        raise
+
+
+def _columns(table: Floats, columns: list[str], bounds: Floats, path: Path) -> tuple[Floats, Floats]:
+    """Return centers and radii of the columns of a dump."""
+    centers = None
+    for suffix, scaled in (("", False), ("u", False), ("s", True), ("su", True)):
+        names = [axis + suffix for axis in "xyz"]
+        if centers is None and set(names) <= set(columns):
+            centers = table[:, [columns.index(name) for name in names]]
+            if scaled:
+                centers = bounds[:, 0] + centers * (bounds[:, 1] - bounds[:, 0])
+    size = next((name for name in ("radius", "diameter") if name in columns), None)
+    if centers is None or size is None:
+        raise FileFormatError(
+            f"{path} has the columns {' '.join(columns)}: x y z and radius or diameter are needed; dump these too"
+        )
+    radii = table[:, columns.index(size)] / (2.0 if size == "diameter" else 1.0)
+    return centers, radii
+
+
+def _box(bounds: Floats, periodic: str, path: Path) -> Box:
+    """Return the box of a file."""
+    lengths = bounds[:, 1] - bounds[:, 0]
+    if not (np.isfinite(bounds).all() and (lengths > 0).all()):
+        raise FileFormatError(f"{path} has a box of {lengths.tolist()}: all lengths must be above 0; write it again")
+    x, y, z = lengths.tolist()
+    return Box((x, y, z), periodic, origin=tuple(bounds[:, 0].tolist()))

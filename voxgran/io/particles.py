@@ -1,0 +1,221 @@
+"""Spheres that another program wrote, and the packing that they are, with all that had to be assumed said."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.rotation import quaternions_of
+from voxgran.containers.box import Box
+from voxgran.containers.model import Container
+from voxgran.packing.model import Packing
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+
+#: clumps whose spheres agree within this part of their size share a shape
+SAME = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Particles:
+    """What a file of spheres holds.
+
+    Attributes
+    ----------
+    centers : (n, 3) ndarray of float
+        Centers, in the unit of the file.
+    radii : (n,) ndarray of float
+        Radii.
+    clump : (n,) ndarray of int or None
+        Which rigid clump each sphere belongs to, below 0 for none; None where the file has no clumps.
+    container : Container or None
+        What the file says holds them.
+    unit : str or None
+        Unit of lengths that the file names.
+    density : float
+        Density of the material, 1 where the file gives none or several.
+    assumed : dict of str to str
+        What was taken for granted, by subject.
+    """
+
+    centers: Floats
+    radii: Floats
+    clump: Integers | None = None
+    container: Container | None = None
+    unit: str | None = None
+    density: float = 1.0
+    assumed: Mapping[str, str] = field(default_factory=dict)
+
+
+def refuse_bad_spheres(centers: Floats, radii: Floats, path: Path, *, row: str = "sphere") -> None:
+    """Refuse coordinates that are not finite and radii that are not above 0.
+
+    Parameters
+    ----------
+    centers : (n, 3) ndarray of float
+        Centers.
+    radii : (n,) ndarray of float
+        Radii.
+    path : Path
+        The file, for the message.
+    row : str
+        What messages call a sphere, which is counted from 0.
+
+    Raises
+    ------
+    FileFormatError
+        If there is one; the message gives the first.
+    """
+    good = np.isfinite(centers).all(axis=1) & np.isfinite(radii) & (radii > 0)
+    if not good.all():
+        k = int(good.argmin())
+        x, y, z = centers[k].tolist()
+        raise FileFormatError(
+            f"{path}, {row} {k}: x y z r is {x:g} {y:g} {z:g} {float(radii[k]):g}; all must be finite and r above 0; "
+            "mend or remove it"
+        )
+
+
+def packing_of(
+    particles: Particles,
+    path: Path,
+    *,
+    container: Container | None = None,
+    unit: str | None = None,
+    periodic: str | None = None,
+) -> Packing:
+    """Return the packing of spheres and clumps that another program wrote.
+
+    Parameters
+    ----------
+    particles : Particles
+        What the file holds.
+    path : Path
+        The file, for the provenance.
+    container : Container, optional
+        What holds them; left out: as the file says, or else the box around the spheres.
+    unit : str, optional
+        Unit of lengths; left out: as the file says, or else ``"1"``.
+    periodic : str, optional
+        Axes along which the box is periodic, such as ``"xy"``; left out: as the file says, or else none.
+
+    Returns
+    -------
+    Packing
+        Grains in the order in which their first spheres stand in the file; what was assumed stands in the provenance.
+
+    Raises
+    ------
+    InputError
+        If there is neither a container nor a sphere to put a box around, or `periodic` does not fit.
+    """
+    assumed = dict(particles.assumed)
+    held = container or particles.container
+    if held is None:
+        held = _box_around(particles, path)
+        assumed["container"] = "the box around the spheres"
+        assumed["periodic"] = "nowhere"
+    elif container is not None:
+        assumed.pop("periodic", None)
+    if periodic is not None:
+        if not isinstance(held, Box):
+            raise InputError(f"periodic is {periodic!r}: a {held.kind} is given as it is; only a box takes axes here")
+        held = Box(held.lengths, periodic, origin=held.origin)
+        assumed.pop("periodic", None)
+    if unit is None and particles.unit is None:
+        assumed["unit"] = "none: lengths are taken as they stand"
+    grains = _balls(particles) if particles.clump is None else _clumps(particles)
+    return Packing.of(
+        container=held,
+        density=particles.density,
+        provenance={"method": "file", "parameters": {"path": str(path)}} | ({"assumed": assumed} if assumed else {}),
+        unit=unit or particles.unit or "1",
+        **grains,
+    )
+
+
+def _box_around(particles: Particles, path: Path) -> Box:
+    """Return the box around spheres."""
+    centers, radii = particles.centers, particles.radii[:, None]
+    if not len(centers):
+        raise InputError(f"{path} holds no sphere and names no container: give the container")
+    lower = (centers - radii).min(axis=0)
+    x, y, z = ((centers + radii).max(axis=0) - lower).tolist()
+    return Box((x, y, z), origin=tuple(lower.tolist()))
+
+
+def _ball() -> Shape:
+    """Return the ball of diameter 1."""
+    return Shape.of(Primitive("sphere", (0.5,)), name="sphere")
+
+
+def _balls(particles: Particles) -> dict[str, Any]:
+    """Return shapes and poses of single spheres."""
+    return {"shapes": (_ball(),), "position": particles.centers, "scale": 2 * particles.radii}
+
+
+def _clumps(particles: Particles) -> dict[str, Any]:
+    """Return shapes and poses of spheres and clumps."""
+    clump = np.asarray(particles.clump)
+    single = clump < 0
+    # each single sphere is a group of its own
+    key = np.where(single, clump.max(initial=-1) + 1 + np.arange(len(clump)), clump)
+    _, first, index = np.unique(key, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first, kind="stable")] = np.arange(len(first))
+    group = rank[index.reshape(-1)]
+    order = np.argsort(group, kind="stable")
+    bounds = np.searchsorted(group[order], np.arange(len(first) + 1))
+    shapes: list[Shape] = [_ball()]
+    templates: list[tuple[Floats, Floats]] = [(np.zeros((1, 3)), np.array([0.5]))]
+    rows = []
+    for begin, end in pairwise(bounds.tolist()):
+        members = order[begin:end]
+        centers, radii = particles.centers[members], particles.radii[members]
+        if len(members) == 1:
+            rows.append((0, 2 * float(radii[0]), centers[0], np.array([1.0, 0.0, 0.0, 0.0])))
+            continue
+        rows.append(_as_clump(centers, radii, shapes, templates))
+    used = np.unique([row[0] for row in rows])
+    place = np.searchsorted(used, [row[0] for row in rows])
+    return {
+        "shapes": tuple(shapes[k] for k in used) if len(used) else (shapes[0],),
+        "shape_id": place,
+        "scale": np.array([row[1] for row in rows]),
+        "position": np.array([row[2] for row in rows]).reshape(-1, 3),
+        "orientation": np.array([row[3] for row in rows]).reshape(-1, 4),
+    }
+
+
+def _as_clump(
+    centers: Floats, radii: Floats, shapes: list[Shape], templates: list[tuple[Floats, Floats]]
+) -> tuple[int, float, Floats, Floats]:
+    """Return shape, scale, position and orientation of a clump; a shape is added where none agrees."""
+    middle = centers.mean(axis=0)
+    local, size = centers - middle, float(np.ptp(centers, axis=0).max() + radii.max())
+    for k in range(1, len(shapes)):
+        body, same = templates[k]
+        if len(body) != len(local) or np.abs(same - radii).max() > SAME * size:
+            continue
+        turn = _turn_between(body, local)
+        if np.abs(body @ turn.T - local).max() <= SAME * size:
+            offset = np.array(shapes[k].offset)
+            return k, 1.0, turn @ offset + middle, quaternions_of(turn[None])[0]
+    shape = Shape.of(Spheres(local, radii), name=f"clump {len(shapes)}")
+    shapes.append(shape)
+    templates.append((local, radii))
+    return len(shapes) - 1, 1.0, np.array(shape.offset) + middle, np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def _turn_between(body: Floats, local: Floats) -> Floats:
+    """Return the rotation that takes points best to others (Kabsch 1976, doi:10.1107/S0567739476001873)."""
+    left, _, right = np.linalg.svd(local.T @ body)
+    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    turn: Floats = left @ flip @ right
+    return turn

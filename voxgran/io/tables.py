@@ -1,0 +1,319 @@
+"""Spheres in text tables: ``x y z r``, ``x y z r clumpId`` as YADE writes them, and CSV with a header.
+
+A table is read at once where all of it is numbers; where that fails it is read line by line, and the first bad line is
+named.
+"""
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import FileFormatError, InputError
+from voxgran.containers.make import make_container
+from voxgran.containers.model import Container
+from voxgran.io.particles import Particles
+
+#: comments at the top in which :func:`save_spheres` keeps container and unit
+CONTAINER, UNIT = "# container ", "# unit "
+
+#: what columns are called, in lower case and without unit, blanks and marks
+NAMES: dict[str, tuple[str, ...]] = {
+    "x": (
+        "x",
+        "xcoord",
+        "xcoordinate",
+        "posx",
+        "positionx",
+        "px",
+        "cx",
+        "centerx",
+        "points0",
+        "coordinates0",
+        "center0",
+    ),
+    "y": (
+        "y",
+        "ycoord",
+        "ycoordinate",
+        "posy",
+        "positiony",
+        "py",
+        "cy",
+        "centery",
+        "points1",
+        "coordinates1",
+        "center1",
+    ),
+    "z": (
+        "z",
+        "zcoord",
+        "zcoordinate",
+        "posz",
+        "positionz",
+        "pz",
+        "cz",
+        "centerz",
+        "points2",
+        "coordinates2",
+        "center2",
+    ),
+    "r": ("r", "radius", "radii", "rad"),
+    "d": ("d", "diameter", "dia", "diam"),
+    "clump": ("clumpid", "clump", "idclump"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How a table is written.
+
+    Attributes
+    ----------
+    columns : dict of str to int
+        Place of x, y, z, r or d, and clump.
+    mark : str or None
+        What parts values; None for blanks.
+    skipped : int
+        Lines before the first row.
+    width : int
+        Values a row.
+    unit : str or None
+        Unit named in the header.
+    named : bool
+        Whether the file names its columns.
+    """
+
+    columns: dict[str, int]
+    mark: str | None
+    skipped: int
+    width: int
+    unit: str | None = None
+    named: bool = False
+
+
+def read_table(path: Path) -> Particles:
+    """Read spheres from text.
+
+    Parameters
+    ----------
+    path : Path
+        One sphere a line: x, y, z, r, parted by blanks, tabs, commas or semicolons, in this order or as a line of names
+        says. Blank lines and what follows a ``#`` are skipped.
+
+    Returns
+    -------
+    Particles
+        A fifth column of whole numbers, if it is the last one or called ``clumpId``, tells the clump of each sphere.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no text, a line is no sphere or has more or fewer values than the first one; the message gives its
+        number.
+    """
+    try:
+        layout = _layout(path)
+        table = np.zeros((0, 4)) if layout is None else _rows(path, layout)
+        container, unit = _comments(path)
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path} is no text ({error.reason}): give spheres as lines of x y z r") from error
+    if layout is None:
+        return Particles(centers=table[:, :3], radii=table[:, 3], container=container, unit=unit)
+    columns, assumed = layout.columns, {}
+    radii = table[:, columns["r"]] if "r" in columns else table[:, columns["d"]] / 2
+    clump = None
+    if "clump" in columns:
+        clump = table[:, columns["clump"]].astype(np.int64)
+    elif layout.width == 5 and not layout.named and len(table) and (table[:, 4] == np.floor(table[:, 4])).all():
+        clump = table[:, 4].astype(np.int64)
+        assumed["clumps"] = "the fifth column tells the clump of each sphere"
+    return Particles(
+        centers=table[:, [columns["x"], columns["y"], columns["z"]]],
+        radii=radii,
+        clump=clump,
+        container=container,
+        unit=unit or layout.unit,
+        assumed=assumed,
+    )
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield number and content of each line that holds something but a comment."""
+    with path.open(encoding="utf-8-sig") as file:
+        for number, line in enumerate(file, 1):
+            if text := line.partition("#")[0].strip():
+                yield number, text
+
+
+def _layout(path: Path) -> Layout | None:
+    """Find out how a table is written; None for an empty one."""
+    lines = _lines(path)
+    number, first = next(lines, (0, ""))
+    if not first:
+        return None
+    mark = next((mark for mark in (";", ",") if mark in first), None)
+    words = _split(first, mark)
+    if not any(_is_number(word, mark) for word in words):
+        return _named(path, words, number, mark)
+    hint = _hinted(path)
+    if hint is not None and hint[1] == len(words):
+        return Layout(hint[0], mark, 0, len(words), named=True)
+    if len(words) < 4 or not all(_is_number(word, mark) for word in words[:4]):
+        raise FileFormatError(f"{path}, line {number}: {first[:60]!r} is not x y z r; mend or remove the line")
+    return Layout({"x": 0, "y": 1, "z": 2, "r": 3}, mark, 0, len(words))
+
+
+def _split(text: str, mark: str | None) -> list[str]:
+    """Return the values of a line."""
+    words = [word.strip().strip("\"'") for word in text.split(mark)]
+    return words[:-1] if mark and words and not words[-1] else words
+
+
+def _is_number(word: str, mark: str | None) -> bool:
+    """Tell whether a value is a number, with a decimal comma where values are parted by something else."""
+    try:
+        float(word.replace(",", ".") if mark == ";" else word)
+    except ValueError:
+        return False
+    return True
+
+
+def _named(path: Path, words: list[str], number: int, mark: str | None) -> Layout:
+    """Return the layout that a line of names gives."""
+    found, unit = _places(words)
+    missing = [name for name in "xyz" if name not in found]
+    if missing or not ("r" in found or "d" in found):
+        lacking = missing or ["r or diameter"]
+        raise FileFormatError(
+            f"{path}, line {number}: the columns are {' '.join(words)[:80]}; there is no {', '.join(lacking)}: name "
+            "columns x, y, z and r"
+        )
+    return Layout(found, mark, number, len(words), unit, named=True)
+
+
+def _places(words: list[str]) -> tuple[dict[str, int], str | None]:
+    """Return the places of known columns by their names, and the unit in brackets behind them."""
+    found: dict[str, int] = {}
+    unit = None
+    for place, word in enumerate(words):
+        bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", word)
+        plain = re.sub(r"[^a-z0-9]", "", (word[: bracket.start()] if bracket else word).lower())
+        for name, known in NAMES.items():
+            if plain in known and name not in found:
+                found[name] = place
+                unit = unit or (bracket.group(1) if bracket and name in "xyzrd" else None)
+    return found, unit
+
+
+def _hinted(path: Path) -> tuple[dict[str, int], int] | None:
+    """Return the places of columns that a comment at the top names, as YADE's do, and how many it names."""
+    with path.open(encoding="utf-8-sig") as file:
+        for line in file:
+            if not line.startswith("#"):
+                break
+            text = line.lstrip("# ").strip()
+            words = text.removeprefix("format").strip().split("_") if text.startswith("format") else text.split()
+            found, _ = _places(words)
+            if {"x", "y", "z"} <= found.keys() and ("r" in found or "d" in found):
+                return found, len(words)
+    return None
+
+
+def _rows(path: Path, layout: Layout) -> Floats:
+    """Return all values; at once where that works, else line by line, to name the line that is wrong."""
+    if layout.mark != ";" and any(number > layout.skipped for number, _ in _lines(path)):
+        try:
+            rows: Floats = np.loadtxt(
+                path, comments="#", delimiter=layout.mark, ndmin=2, skiprows=layout.skipped, encoding="utf-8-sig"
+            )
+        except ValueError:
+            return _slow_rows(path, layout)
+        if rows.shape[1] == layout.width and _good(rows, layout):
+            return rows
+    return _slow_rows(path, layout)
+
+
+def _good(rows: Floats, layout: Layout) -> bool:
+    """Tell whether all spheres are finite and have a size."""
+    used = rows[:, [layout.columns[name] for name in "xyz"]]
+    size = rows[:, layout.columns.get("r", layout.columns.get("d", 3))]
+    clump = rows[:, layout.columns["clump"]] if "clump" in layout.columns else np.zeros(1)
+    return bool(np.isfinite(used).all() and np.isfinite(size).all() and (size > 0).all() and np.isfinite(clump).all())
+
+
+def _slow_rows(path: Path, layout: Layout) -> Floats:
+    """Read line by line and refuse the first bad one; columns that are not needed may hold anything."""
+    needed = [layout.columns[name] for name in ("x", "y", "z", "r", "d", "clump") if name in layout.columns]
+    size = layout.columns.get("r", layout.columns.get("d", 3))
+    rows = []
+    for number, text in _lines(path):
+        if number <= layout.skipped:
+            continue
+        words = _split(text, layout.mark)
+        if len(words) != layout.width and layout.mark != ";":
+            # blanks and commas in one file
+            words = text.replace(",", " ").split()
+        if len(words) != layout.width:
+            raise FileFormatError(
+                f"{path}, line {number}: {text[:60]!r} has {len(words)} values, the first line {layout.width}; mend or "
+                "remove the line"
+            )
+        row = [float("nan")] * layout.width
+        for place, word in enumerate(words):
+            if _is_number(word, layout.mark):
+                row[place] = float(word.replace(",", ".") if layout.mark == ";" else word)
+            elif place in needed:
+                raise FileFormatError(f"{path}, line {number}: {text[:60]!r} is not x y z r; mend or remove the line")
+        if not (np.isfinite([row[place] for place in needed]).all() and row[size] > 0):
+            shown = " ".join(f"{row[place]:g}" for place in needed)
+            raise FileFormatError(
+                f"{path}, line {number}: x y z r is {shown}; all must be finite and r above 0; mend or remove the line"
+            )
+        rows.append(row)
+    return np.array(rows, dtype=np.float64).reshape(-1, layout.width)
+
+
+def _comments(path: Path) -> tuple[Container | None, str | None]:
+    """Return container and unit from the comments at the top."""
+    container, unit = None, None
+    with path.open(encoding="utf-8-sig") as file:
+        for number, line in enumerate(file, 1):
+            if not line.startswith("#"):
+                break
+            if line.startswith(UNIT):
+                unit = line.removeprefix(UNIT).strip()
+            elif line.startswith(CONTAINER):
+                container = _container(json_of(line.removeprefix(CONTAINER), path, number), path, number)
+    return container, unit
+
+
+def json_of(text: str, path: Path, number: int) -> Any:
+    """Return what a line of JSON holds.
+
+    Raises
+    ------
+    FileFormatError
+        If it is none.
+    """
+    try:
+        return json.loads(text)
+    except ValueError as error:
+        raise FileFormatError(
+            f"{path}, line {number}: the container cannot be read ({error}); mend or remove the line"
+        ) from error
+
+
+def _container(mapping: Any, path: Path, number: int) -> Container:
+    """Return the container of a comment."""
+    try:
+        return make_container(mapping)
+    except (InputError, KeyError, TypeError, ValueError) as error:
+        raise FileFormatError(
+            f"{path}, line {number}: the container cannot be read ({error}); mend or remove the line"
+        ) from error
