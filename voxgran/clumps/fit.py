@@ -4,14 +4,15 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_count, as_number
+from voxgran._base.arrays import as_count, as_number
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
-from voxgran._base.lazy import load
 from voxgran.clumps.errors import clump_errors
 from voxgran.clumps.method import Wanted, clump_methods, clump_registry
 from voxgran.clumps.model import Clump
 from voxgran.lattice.label import connected_components
+from voxgran.lattice.surface import smooth_surface
+from voxgran.shapes.bodies import split
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 from voxgran.voxels.model import Voxels
@@ -101,31 +102,11 @@ def _both(given: Shape | Voxels) -> tuple[Shape, Voxels]:
 
 
 def _surface_of(voxels: Voxels) -> Shape:
-    """Return the solid of the voxels: a smoothed surface at the level that holds as many voxel centers."""
+    """Return the solid of the voxels: the smooth surface that keeps their volume."""
     count = connected_components(voxels.mask, connectivity=26)[1]
     if count > 1:
         raise InputError(f"voxels hold {count} separate bodies: a clump stands for one; fit them one by one")
-    ring = np.pad(voxels.mask, 2).astype(np.float64)
-    solid = load("scipy.ndimage").gaussian_filter(ring, SMOOTHING)
-    taken = int(voxels.mask.sum())
-    level = float(np.partition(solid.ravel(), -taken - 1)[-taken - 1 :][:2].mean())
-    image = load("pyvista").ImageData(
-        dimensions=ring.shape,
-        spacing=(voxels.voxel_size,) * 3,
-        origin=np.asarray(voxels.origin) - 1.5 * voxels.voxel_size,
-    )
-    image.point_data["solid"] = solid.ravel(order="F")
-    surface = image.contour([level], scalars="solid", method="flying_edges")
-    vertices = np.asarray(surface.points, dtype=np.float64)
-    return Shape.from_mesh(vertices, _without_islands(vertices, surface.regular_faces), name="voxels")
-
-
-def _without_islands(vertices: Floats, faces: Integers) -> Integers:
-    """Return the faces of the largest solid and of the cavities; specks that smoothing cut off are left out."""
-    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
-    graph = load("scipy.sparse").coo_array((np.ones(len(edges)), edges.T), shape=(len(vertices),) * 2)
-    count, part = load("scipy.sparse.csgraph").connected_components(graph, directed=False)
-    a, b, c = np.moveaxis(vertices[faces] - vertices.mean(axis=0), 1, 0)
-    volumes = np.bincount(part[faces[:, 0]], np.einsum("fi,fi->f", a, np.cross(b, c)), minlength=count)
-    keep = (volumes < 0) | (np.arange(count) == volumes.argmax())
-    return np.asarray(faces[keep[part[faces[:, 0]]]])
+    vertices, faces = smooth_surface(voxels.mask, smoothing=SMOOTHING)
+    # specks that smoothing cut off are left out
+    points, triangles = split(vertices, faces)[0]
+    return Shape.from_mesh(points * voxels.voxel_size + np.asarray(voxels.origin), triangles, name="voxels")

@@ -1,0 +1,73 @@
+"""From grey values to labels: touching balls are parted, noise is left out."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError, MissingLibraryError
+from voxgran._base.seeds import stream
+from voxgran.lattice import segment as segmenting
+
+pytest.importorskip("skimage")
+
+MIDDLES = np.array([(12.0, 16, 16), (25.5, 16, 16), (18, 28, 16), (40, 40, 24)])
+RADII = np.array([7.0, 7.0, 7.0, 6.0])
+
+
+@pytest.fixture(scope="module")
+def grey():
+    grid = np.moveaxis(np.indices((50, 50, 36)), 0, -1) + 0.5
+    solid = np.zeros(grid.shape[:3], bool)
+    for middle, radius in zip(MIDDLES, RADII, strict=True):
+        solid |= np.linalg.norm(grid - middle, axis=-1) <= radius
+    generator = stream(1, "grey")
+    image = 60 + 120 * solid + generator.normal(0, 8, solid.shape)
+    image[3:5, 45:47, 3:5] = 200
+    return image, solid
+
+
+@pytest.mark.parametrize("options", [{}, {"threshold": 120.0}])
+def test_touching_balls_are_parted_and_specks_left_out(grey, options):
+    image, solid = grey
+    labels = vg.segment(image, **options)
+    assert labels.max() == 4
+    assert sorted(np.unique(labels)) == [0, 1, 2, 3, 4]
+    assert ((labels > 0) == solid).mean() > 0.999
+    for middle, radius in zip(MIDDLES, RADII, strict=True):
+        here = labels[tuple(middle.astype(int))]
+        assert (labels == here).sum() == pytest.approx(4 / 3 * np.pi * radius**3, rel=0.05)
+    assert vg.packing_of_labels(labels, voxel_size=0.1).count == 4
+
+
+def test_dark_grains_and_little_splitting(grey):
+    image, _ = grey
+    np.testing.assert_array_equal(vg.segment(255 - image, dark_grains=True) > 0, vg.segment(image) > 0)
+    assert vg.segment(image, separation=20.0).max() == 2
+
+
+def test_an_image_without_grains_has_no_labels():
+    assert vg.segment(np.full((6, 6, 6), 5.0)).max() == 0
+
+
+@pytest.mark.parametrize(
+    ("image", "options", "words"),
+    [
+        (np.zeros((4, 4)), {}, "three axes"),
+        (np.full((4, 4, 4), np.nan), {}, "not finite"),
+        (np.zeros((4, 4, 4)), {"threshold": "mean"}, "threshold is 'mean'"),
+        (np.zeros((4, 4, 4)), {"smallest": 0}, "smallest is 0"),
+        (np.zeros((4, 4, 4)), {"separation": 0.0}, "separation is 0"),
+    ],
+)
+def test_bad_input_is_refused(image, options, words):
+    with pytest.raises(InputError, match=words):
+        vg.segment(image, **options)
+
+
+def test_without_scikit_image_the_remedy_is_named(monkeypatch):
+    def missing(name):
+        raise MissingLibraryError(f"{name} cannot be loaded")
+
+    monkeypatch.setattr(segmenting, "load", missing)
+    with pytest.raises(MissingLibraryError, match=r"voxgran\[images\]"):
+        vg.segment(np.zeros((4, 4, 4)))

@@ -1,0 +1,101 @@
+"""Images of every format come in with axes x, y, z, or are refused in one line."""
+
+import numpy as np
+import pytest
+import pyvista
+
+import voxgran as vg
+from voxgran._base.errors import FileFormatError, MissingLibraryError
+from voxgran.shapes import image_files
+from voxgran.shapes.image_files import read_image
+
+IMAGE = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
+
+
+def write(path, suffix):
+    if suffix == ".npy":
+        np.save(path, IMAGE)
+    elif suffix == ".npz":
+        np.savez_compressed(path, labels=IMAGE)
+    elif suffix in (".tif", ".tiff"):
+        tifffile = pytest.importorskip("tifffile")
+        tifffile.imwrite(
+            path, np.moveaxis(IMAGE, (0, 1, 2), (2, 1, 0)), compression="zlib" if suffix == ".tiff" else None
+        )
+    elif suffix == ".nrrd":
+        pytest.importorskip("nrrd").write(str(path), IMAGE, {"spacings": [0.1, 0.2, 0.3]})
+    else:
+        grid = pyvista.ImageData(dimensions=(4, 5, 6), spacing=(0.1, 0.2, 0.3), origin=(1, 2, 3))
+        grid.cell_data["labels"] = IMAGE.ravel(order="F")
+        grid.save(path)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz", ".tif", ".tiff", ".nrrd", ".vti"])
+def test_every_format_comes_in_alike(suffix, tmp_path):
+    path = tmp_path / f"image{suffix}"
+    write(path, suffix)
+    image = read_image(path)
+    np.testing.assert_array_equal(image.values, IMAGE)
+    assert image.values.dtype == IMAGE.dtype
+    if suffix in (".nrrd", ".vti"):
+        assert image.voxel_size == pytest.approx((0.1, 0.2, 0.3))
+    if suffix == ".vti":
+        assert image.origin == (1, 2, 3)
+    if suffix in (".npy", ".tif"):
+        base = image.values
+        while base is not None and not isinstance(base, np.memmap):
+            base = base.base
+        assert isinstance(base, np.memmap)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz", ".tif", ".nrrd", ".vti"])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.8])
+def test_what_is_cut_off_is_refused_in_one_line(suffix, share, tmp_path):
+    path = tmp_path / f"image{suffix}"
+    write(path, suffix)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(FileFormatError) as caught:
+        read_image(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_points_of_a_vtk_image_stand_for_the_voxels_about_them(tmp_path):
+    grid = pyvista.ImageData(dimensions=(3, 4, 5), spacing=(2, 2, 2))
+    grid.point_data["labels"] = IMAGE.ravel(order="F")
+    grid.save(tmp_path / "image.vti")
+    image = read_image(tmp_path / "image.vti")
+    np.testing.assert_array_equal(image.values, IMAGE)
+    assert image.origin == (-1, -1, -1)
+
+
+def test_of_several_arrays_one_is_chosen_by_its_key(tmp_path):
+    np.savez(tmp_path / "image.npz", grey=IMAGE, labels=IMAGE + 1)
+    with pytest.raises(FileFormatError, match="arrays grey, labels: say which"):
+        read_image(tmp_path / "image.npz")
+    with pytest.raises(FileFormatError, match="no array 'lables'"):
+        read_image(tmp_path / "image.npz", key="lables")
+    np.testing.assert_array_equal(read_image(tmp_path / "image.npz", key="labels").values, IMAGE + 1)
+
+
+def test_objects_are_not_unpickled(tmp_path):
+    np.save(tmp_path / "image.npy", np.array([{"a": 1}]), allow_pickle=True)
+    with pytest.raises(FileFormatError, match="cannot be read"):
+        read_image(tmp_path / "image.npy")
+
+
+def test_a_missing_library_is_named_with_its_remedy(tmp_path, monkeypatch):
+    (tmp_path / "image.nrrd").write_text("NRRD0004\n")
+
+    def missing(name):
+        raise MissingLibraryError(f"{name} cannot be loaded")
+
+    monkeypatch.setattr(image_files, "load", missing)
+    with pytest.raises(MissingLibraryError, match=r"voxgran\[images\]"):
+        read_image(tmp_path / "image.nrrd")
+
+
+def test_a_real_voxel_image_becomes_a_grain(data_dir):
+    (shape,) = vg.load_labels(data_dir / "ice_cream_cone.npy", voxel_size=1.0, border="keep")
+    mask = np.load(data_dir / "ice_cream_cone.npy")
+    assert shape.volume == pytest.approx((mask > 0).sum(), rel=1e-6)

@@ -1,0 +1,208 @@
+"""Label images: each grain keeps its volume and place, and what is no label image is refused."""
+
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import voxgran as vg
+from voxgran._base.errors import FileFormatError, InputError, MissingFileError, PackingWarning
+from voxgran._base.seeds import stream
+from voxgran.lattice import census as counting
+from voxgran.lattice.census import census
+from voxgran.lattice.surface import smooth_surface
+from voxgran.shapes.diagnose import diagnose
+
+pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+
+
+def ball_image(radius, *, n=None, middle=None, label=1):
+    n = n or int(2 * radius) + 6
+    middle = np.full(3, n / 2) if middle is None else np.array(middle)
+    grid = np.moveaxis(np.indices((n, n, n)), 0, -1) + 0.5
+    return np.where(np.linalg.norm(grid - middle, axis=-1) <= radius, label, 0)
+
+
+@pytest.mark.parametrize("radius", [1.0, 2.5, 6.3, 12.0])
+def test_a_ball_keeps_its_volume_and_place(radius):
+    image = ball_image(radius, middle=(9.2, 10.1, 11.4) if radius < 7 else None, n=22 if radius < 7 else 30)
+    (shape,) = vg.load_labels(image, voxel_size=0.5)
+    assert shape.volume == pytest.approx((image > 0).sum() / 8, rel=1e-9)
+    packing = vg.packing_of_labels(image, voxel_size=0.5)
+    middle = np.argwhere(image).mean(axis=0) + 0.5
+    np.testing.assert_allclose(packing.position[0], 0.5 * middle, atol=0.02)
+    assert diagnose(shape).ok
+
+
+def test_the_surface_comes_nearer_with_finer_voxels():
+    errors = []
+    for radius in (5, 10, 20):
+        (shape,) = vg.load_labels(
+            ball_image(radius + 0.25, middle=np.full(3, radius + 3.37), n=2 * radius + 7), voxel_size=1 / radius
+        )
+        middle = shape.vertices.mean(axis=0)
+        errors.append(np.sqrt(((np.linalg.norm(shape.vertices - middle, axis=1) - (1 + 0.25 / radius)) ** 2).mean()))
+    assert errors[2] < errors[1] < errors[0] < 0.05
+    assert errors[2] < 0.4 * errors[0]
+
+
+def test_the_smallest_grains_and_cavities_survive():
+    one = np.zeros((5, 5, 5), int)
+    one[2, 2, 2] = 7
+    (shape,) = vg.load_labels(one, voxel_size=2.0)
+    assert shape.volume == pytest.approx(8.0)
+    assert shape.name == "label 7"
+    shell = ball_image(12.0) - ball_image(7.0, n=30)
+    (hollow,) = vg.load_labels(shell, voxel_size=1.0)
+    assert diagnose(hollow).cavities == 1
+    assert hollow.volume == pytest.approx(shell.sum(), rel=1e-9)
+
+
+def test_edges_of_a_voxel_may_differ():
+    image = np.zeros((12, 12, 12), int)
+    image[3:9, 3:9, 3:9] = 1
+    (shape,) = vg.load_labels(image, voxel_size=(1, 2, 3))
+    assert shape.volume == pytest.approx(216 * 6)
+    extent = np.ptp(shape.vertices, axis=0)
+    np.testing.assert_allclose(extent, [6, 12, 18], rtol=0.12)
+    table = vg.label_table(image, voxel_size=(1, 2, 3))
+    assert table["lower"].values.tolist() == [[3, 6, 9]]
+    assert table["upper"].values.tolist() == [[9, 18, 27]]
+
+
+def three():
+    """Three boxes with holes in the numbering; the first touches the border."""
+    image = np.zeros((20, 12, 12), np.uint16)
+    image[0:4, 3:8, 3:8] = 3
+    image[6:11, 3:8, 3:8] = 70
+    image[11:16, 3:8, 3:8] = 500
+    return image
+
+
+def test_holes_in_the_numbering_and_the_border():
+    table = vg.label_table(three(), voxel_size=0.1)
+    assert table["label"].values.tolist() == [3, 70, 500]
+    assert table["voxels"].values.tolist() == [100, 125, 125]
+    assert table["touches_border"].values.tolist() == [True, False, False]
+    assert table["centroid"].values[1].tolist() == pytest.approx([0.85, 0.55, 0.55])
+    assert [shape.name for shape in vg.load_labels(three(), voxel_size=0.1)] == ["label 70", "label 500"]
+    assert len(vg.load_labels(three(), voxel_size=0.1, border="keep")) == 3
+
+
+def test_neighbours_stay_apart_and_the_sample_is_measured():
+    packing = vg.packing_of_labels(three(), voxel_size=0.1, unit="mm")
+    assert packing.solid_fraction == pytest.approx((three() > 0).mean(), rel=1e-9)
+    assert packing.container.lengths == pytest.approx((2.0, 1.2, 1.2))
+    proof = vg.verify(packing)
+    # to keep its volume a cube of five voxels bulges where its edges are rounded, by less than a voxel
+    assert proof.deepest * proof.mean_diameter < 0.1
+    assert packing.provenance["labels"] == [3, 70, 500]
+    tree = vg.measure(packing, which=["density", "coordination"])
+    assert float(tree["solid_fraction"]) == pytest.approx(packing.solid_fraction)
+
+
+def test_a_made_packing_comes_back_from_its_image():
+    rock = vg.make_shape("ellipsoid", semi_axes=(0.6, 0.5, 0.4))
+    made = vg.pack([rock], vg.Box((4, 4, 5), "xy"), method="digital", count=30, voxel_size=0.1, sweeps=100, seed=1)
+    image = vg.to_image(made, 0.05)
+    back = vg.packing_of_labels(image, voxel_size=0.05, periodic="xy")
+    assert back.count == made.count
+    assert back.container.periodic == (True, True, False)
+    np.testing.assert_allclose(back.volumes, made.volumes, rtol=0.03)
+    shift = back.position - made.position
+    shift[:, :2] -= 4 * np.round(shift[:, :2] / 4)
+    assert np.abs(shift).max() < 0.01
+    assert back.solid_fraction == pytest.approx(made.solid_fraction, rel=5e-3)
+    assert vg.verify(back).deepest < 0.03
+
+
+def test_several_pieces_keep_the_largest_and_say_so():
+    image = np.zeros((20, 10, 10), int)
+    image[2:9, 2:8, 2:8] = 4
+    image[12:15, 2:5, 2:5] = 4
+    with pytest.warns(PackingWarning, match=r"1 of 1 labels have several pieces \(label 4 first\)"):
+        (shape,) = vg.load_labels(image, voxel_size=1.0)
+    assert shape.volume == pytest.approx(7 * 6 * 6, rel=0.03)
+
+
+def test_a_memory_map_is_read_slab_by_slab(tmp_path, monkeypatch):
+    np.save(tmp_path / "labels.npy", three())
+    monkeypatch.setattr(counting, "SLAB", 3 * 12 * 12)
+    mapped = np.load(tmp_path / "labels.npy", mmap_mode="r")
+    whole, parts = census(three()), census(mapped)
+    for name in ("label", "count", "lower", "upper", "at_border"):
+        np.testing.assert_array_equal(getattr(whole, name), getattr(parts, name))
+    np.testing.assert_allclose(whole.middle, parts.middle, rtol=1e-14)
+    assert len(vg.load_labels(tmp_path / "labels.npy", voxel_size=1.0)) == 2
+
+
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 9), labels=st.integers(1, 4))
+def test_the_census_is_that_of_plain_numpy(seed, n, labels):
+    image = stream(seed, "census").integers(0, labels + 1, (n, n + 1, n + 2)) * 5
+    found = census(image)
+    assert found.label.tolist() == [label for label in np.unique(image).tolist() if label]
+    for k, label in enumerate(found.label):
+        places = np.argwhere(image == label)
+        assert found.count[k] == len(places)
+        assert found.lower[k].tolist() == places.min(axis=0).tolist()
+        assert found.upper[k].tolist() == (places.max(axis=0) + 1).tolist()
+        np.testing.assert_allclose(found.middle[k], places.mean(axis=0) + 0.5)
+
+
+@given(seed=st.integers(0, 10**6), share=st.floats(0.05, 0.9))
+def test_any_mask_gives_closed_surfaces_of_its_volume(seed, share):
+    mask = stream(seed, "mask").random((5, 6, 4)) < share
+    mask[2, 2, 2] = True
+    vertices, faces = smooth_surface(mask)
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    assert np.einsum("fi,fi->", a, np.cross(b, c)) / 6 == pytest.approx(mask.sum(), rel=1e-9)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PackingWarning)
+        (shape,) = vg.load_labels(mask.astype(int), voxel_size=1.0, border="keep")
+    assert diagnose(shape).ok
+
+
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (np.ones((4, 4), int), r"has the shape \(4, 4\)"),
+        (np.ones((2, 4, 4, 4), int), "three axes"),
+        (np.zeros((4, 4, 4), int), "holds 0 labels"),
+        (np.zeros((0, 4, 4), int), "no voxel"),
+        (np.full((4, 4, 4), -2), "label -2"),
+        (np.full((4, 4, 4), 0.5), "segment it first"),
+        (np.full((4, 4, 4), np.nan), "segment it first"),
+        (np.full((4, 4, 4), "a"), "whole numbers"),
+        (np.ones((4, 4, 4), int), "all 1 labels touch the border"),
+    ],
+)
+def test_what_is_no_label_image_is_refused(image, words):
+    with pytest.raises(InputError, match=words):
+        vg.load_labels(image, voxel_size=1.0)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({}, "voxel_size is None"),
+        ({"voxel_size": 0.0}, "voxel_size is 0.0"),
+        ({"voxel_size": (1, 2, -1)}, "above 0"),
+        ({"voxel_size": (1, 2)}, "voxel_size"),
+        ({"voxel_size": 1.0, "border": "cut"}, "border is 'cut'"),
+        ({"voxel_size": 1.0, "smoothing": 0.0}, "smoothing is 0"),
+        ({"voxel_size": 1.0, "periodic": "w"}, "periodic is 'w'"),
+    ],
+)
+def test_bad_options_are_refused(options, words):
+    with pytest.raises(InputError, match=words):
+        vg.load_labels(three(), **options)
+
+
+def test_missing_and_unknown_files_are_refused(tmp_path):
+    with pytest.raises(MissingFileError):
+        vg.load_labels(tmp_path / "none.npy", voxel_size=1.0)
+    (tmp_path / "image.bmp").write_bytes(b"BM")
+    with pytest.raises(FileFormatError, match=r"images are read from \.npy"):
+        vg.load_labels(tmp_path / "image.bmp", voxel_size=1.0)

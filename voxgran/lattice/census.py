@@ -1,0 +1,105 @@
+"""Where each label of a large image is: counts, boxes and middles in one pass, slab by slab."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.errors import InputError
+
+#: voxels that are in memory at a time
+SLAB = 2**24
+
+
+@dataclass(frozen=True, slots=True)
+class Census:
+    """What is known about the labels of an image, 0 left out.
+
+    Attributes
+    ----------
+    label : (n,) ndarray of int
+        Labels that occur, rising; there may be holes in the numbering.
+    count : (n,) ndarray of int
+        Voxels of each.
+    lower, upper : (n, 3) ndarray of int
+        Box that holds it: from `lower` to before `upper`.
+    middle : (n, 3) ndarray of float
+        Mean of the voxel centers, in voxels.
+    at_border : (n,) ndarray of bool
+        Whether it touches the border of the image.
+    """
+
+    label: Integers
+    count: Integers
+    lower: Integers
+    upper: Integers
+    middle: Floats
+    at_border: Booleans
+
+
+def census(image: NDArray[Any], name: str = "the image") -> Census:
+    """Count the labels of an image.
+
+    Parameters
+    ----------
+    image : (nx, ny, nz) array_like of int
+        Labels, 0 for void; it may be a memory map larger than the memory.
+    name : str
+        What messages call it.
+
+    Returns
+    -------
+    Census
+
+    Raises
+    ------
+    InputError
+        If it has not three axes, is empty, or holds what is no whole number of at least 0.
+    """
+    if image.ndim != 3:
+        raise InputError(
+            f"{name} has the shape {image.shape}: labels need three axes; stack slices, or choose a channel"
+        )
+    if not image.size:
+        raise InputError(f"{name} has the shape {image.shape}: it holds no voxel; check the file")
+    if image.dtype.kind not in "buif":
+        raise InputError(f"{name} holds {image.dtype}: labels are whole numbers of at least 0; convert it")
+    thick = max(1, SLAB // (image.shape[1] * image.shape[2]))
+    parts = [
+        _count_slab(np.asarray(image[start : start + thick]), start, name) for start in range(0, image.shape[0], thick)
+    ]
+    found, index = np.unique(np.concatenate([part.label for part in parts]), return_inverse=True)
+    n = len(found)
+    count, total = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
+    lower, upper = np.full((n, 3), np.iinfo(np.int64).max), np.zeros((n, 3), dtype=np.int64)
+    every = np.concatenate([part.count for part in parts])
+    np.add.at(count, index, every)
+    np.add.at(total, index, np.concatenate([part.middle for part in parts]) * every[:, None])
+    np.minimum.at(lower, index, np.concatenate([part.lower for part in parts]))
+    np.maximum.at(upper, index, np.concatenate([part.upper for part in parts]))
+    border = (lower == 0).any(axis=1) | (upper == np.array(image.shape)).any(axis=1)
+    return Census(found, count, lower, upper, total / np.maximum(count, 1)[:, None], border)
+
+
+def _count_slab(slab: NDArray[Any], start: int, name: str) -> Census:
+    """Count the labels of a slab that begins at an index along x."""
+    if slab.dtype.kind == "f":
+        if not np.isfinite(slab).all() or (slab != np.floor(slab)).any():
+            raise InputError(f"{name} holds numbers with fractions or NaN: these are grey values; segment it first")
+        slab = slab.astype(np.int64)
+    if slab.dtype.kind == "i" and slab.min() < 0:
+        raise InputError(f"{name} holds the label {slab.min()}: labels are at least 0, 0 being void; renumber them")
+    place = np.flatnonzero(slab)
+    found, index, count = np.unique(slab.ravel()[place], return_inverse=True, return_counts=True)
+    index, n = index.reshape(-1), len(found)
+    lower, upper, middle = np.zeros((n, 3), np.int64), np.zeros((n, 3), np.int64), np.zeros((n, 3))
+    for axis, along in enumerate(np.unravel_index(place, slab.shape)):
+        low, high = np.full(n, np.iinfo(np.int64).max), np.full(n, -1)
+        np.minimum.at(low, index, along)
+        np.maximum.at(high, index, along)
+        shift = start if axis == 0 else 0
+        lower[:, axis], upper[:, axis] = low + shift, high + 1 + shift
+        middle[:, axis] = np.bincount(index, weights=along, minlength=n) / np.maximum(count, 1) + 0.5 + shift
+    return Census(found.astype(np.int64), count, lower, upper, middle, np.zeros(n, dtype=np.bool_))

@@ -1,0 +1,88 @@
+"""The packing that a scanned sample is: every label of an image a grain where it lies."""
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran.containers.box import Box
+from voxgran.packing.model import Packing
+from voxgran.shapes.image_files import voxel_sizes
+from voxgran.shapes.labels import image_of, labelled_grains
+
+
+def packing_of_labels(
+    source: str | os.PathLike[str] | NDArray[Any],
+    *,
+    voxel_size: Any = None,
+    border: str = "keep",
+    smoothing: float = 1.0,
+    periodic: str = "",
+    unit: str | None = None,
+    key: str | None = None,
+) -> Packing:
+    """Make a packing of a label image, so that it can be verified, measured, shown and packed on as any other.
+
+    Parameters
+    ----------
+    source : path-like or (nx, ny, nz) ndarray of int
+        As :func:`voxgran.load_labels`.
+    voxel_size : float or (3,) array_like of float, optional
+        Edges of a voxel; left out: as the file says.
+    border : {"keep", "drop"}
+        What becomes of grains that touch the border of the image, where they are cut.
+    smoothing : float
+        Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels.
+    periodic : str
+        Axes along which the image repeats, such as ``"xy"``: grains go on across these faces.
+    unit : str, optional
+        Unit of the voxel size.
+    key : str, optional
+        Which array of an ``.npz`` or ``.vti`` file.
+
+    Returns
+    -------
+    Packing
+        In the box of the image; each grain has a shape of its own. Smoothed neighbours may overlap by a fraction of a
+        voxel, which `verify` tells.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If it is of no known format, or damaged.
+    MissingLibraryError
+        If the library that reads the format is not installed.
+    InputError
+        If the image holds no label or what is no label, no grain is left, or an option is out of range.
+    """
+    image = image_of(source, key)
+    grains = list(
+        labelled_grains(image, voxel_size=voxel_size, border=border, smoothing=smoothing, periodic=periodic, unit=unit)
+    )
+    size = np.array(voxel_sizes(voxel_size, image))
+    x, y, z = (np.array(image.values.shape) * size).tolist()
+    errors = np.abs([grain.volume_error for grain in grains])
+    record = {
+        "method": "labels",
+        "parameters": {
+            "source": str(source) if isinstance(source, str | os.PathLike) else "array",
+            "voxel_size": size.tolist(),
+            "border": border,
+            "smoothing": smoothing,
+            "periodic": periodic,
+            "gravity": "none",
+        },
+        "labels": [grain.label for grain in grains],
+        "largest_volume_error": float(errors.max()),
+    }
+    return Packing.of(
+        tuple(grain.shape for grain in grains),
+        Box((x, y, z), periodic, origin=image.origin),
+        position=np.array([grain.position for grain in grains]),
+        shape_id=np.arange(len(grains)),
+        provenance=record,
+        unit=unit or "1",
+    )

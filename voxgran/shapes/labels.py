@@ -1,0 +1,260 @@
+"""Grains of a label image: one shape per label, and a table of what is there.
+
+Each label is cut out, and its surface is the smooth one that keeps its volume (:mod:`voxgran.lattice.surface`).
+"""
+
+import os
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_positive
+from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
+from voxgran._base.lazy import load
+from voxgran.lattice.census import Census, census
+from voxgran.lattice.surface import smooth_surface
+from voxgran.shapes.bodies import split
+from voxgran.shapes.image_files import Image, read_image, voxel_sizes
+from voxgran.shapes.model import Shape
+from voxgran.shapes.repair import repair
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+BORDER = ("drop", "keep")
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledGrain:
+    """One grain of a label image.
+
+    Attributes
+    ----------
+    label : int
+        Its label.
+    shape : Shape
+        The solid, in the unit of the voxel size.
+    position : (3,) ndarray of float
+        Its centroid in the image.
+    pieces : int
+        How many separate pieces the label has; the largest one is the shape.
+    volume_error : float
+        Relative difference of the volumes of the shape and of the voxels.
+    """
+
+    label: int
+    shape: Shape
+    position: Floats
+    pieces: int
+    volume_error: float
+
+
+def load_labels(
+    source: str | os.PathLike[str] | NDArray[Any],
+    *,
+    voxel_size: Any = None,
+    border: str = "drop",
+    smoothing: float = 1.0,
+    periodic: str = "",
+    unit: str | None = None,
+    key: str | None = None,
+) -> list[Shape]:
+    """Make a shape of each label of an image.
+
+    Parameters
+    ----------
+    source : path-like or (nx, ny, nz) ndarray of int
+        A file as :func:`voxgran.read_image` takes it, or labels with 0 for void; a memory map may be larger than the
+        memory.
+    voxel_size : float or (3,) array_like of float, optional
+        Edges of a voxel; left out: as the file says.
+    border : {"drop", "keep"}
+        What becomes of grains that touch the border of the image, where they are cut.
+    smoothing : float
+        Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels.
+    periodic : str
+        Axes along which the image repeats, such as ``"xy"``: grains go on across these faces, which cut none.
+    unit : str, optional
+        Unit of the voxel size; recorded.
+    key : str, optional
+        Which array of an ``.npz`` or ``.vti`` file.
+
+    Returns
+    -------
+    list of Shape
+        Named ``label K``, rising. Each has the volume of its voxels to round-off, unless it has several pieces, of
+        which the largest is kept.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If it is of no known format, or damaged.
+    MissingLibraryError
+        If the library that reads the format is not installed.
+    InputError
+        If the image has not three axes, holds no label or what is no label, no grain is left, or an option is out of
+        range.
+
+    Warns
+    -----
+    PackingWarning
+        If labels have several pieces.
+    """
+    image = image_of(source, key)
+    return [
+        grain.shape
+        for grain in labelled_grains(
+            image, voxel_size=voxel_size, border=border, smoothing=smoothing, periodic=periodic, unit=unit
+        )
+    ]
+
+
+def label_table(
+    source: str | os.PathLike[str] | NDArray[Any], *, voxel_size: Any = None, key: str | None = None
+) -> "Dataset":
+    """Say what labels an image has.
+
+    Parameters
+    ----------
+    source : path-like or (nx, ny, nz) ndarray of int
+        As :func:`load_labels`.
+    voxel_size : float or (3,) array_like of float, optional
+        Edges of a voxel; left out: as the file says.
+    key : str, optional
+        Which array of an ``.npz`` or ``.vti`` file.
+
+    Returns
+    -------
+    xarray.Dataset
+        Along ``label``: voxels, volume, lower and upper corner of the box, centroid, and whether it touches the border.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If it is of no known format, or damaged.
+    InputError
+        If it holds no label or what is no label, or the voxel size is out of range.
+    """
+    image = image_of(source, key)
+    size, found = np.array(voxel_sizes(voxel_size, image)), _counted(image)
+    origin = np.array(image.origin)
+    length = {"units": "unit of the voxel size"}
+    rows, corners = ("label",), ("label", "axis")
+    dataset: Dataset = load("xarray").Dataset(
+        {
+            "voxels": (rows, found.count, {"units": "1", "long_name": "number of voxels"}),
+            "volume": (rows, found.count * size.prod(), {"units": "volume", "long_name": "volume of the voxels"}),
+            "lower": (corners, origin + found.lower * size, {**length, "long_name": "lower corner of the box"}),
+            "upper": (corners, origin + found.upper * size, {**length, "long_name": "upper corner of the box"}),
+            "centroid": (corners, origin + found.middle * size, {**length, "long_name": "mean of the voxel centers"}),
+            "touches_border": (rows, found.at_border, {"units": "1", "long_name": "whether the image cuts the grain"}),
+        },
+        coords={"label": found.label, "axis": ["x", "y", "z"]},
+    )
+    return dataset
+
+
+def image_of(source: str | os.PathLike[str] | NDArray[Any], key: str | None = None) -> Image:
+    """Return an image that is given as a file or as an array.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If it is of no known format, or damaged.
+    """
+    if isinstance(source, str | os.PathLike):
+        return read_image(source, key=key)
+    return Image(np.asanyarray(source))
+
+
+def labelled_grains(
+    image: Image, *, voxel_size: Any, border: str, smoothing: float, periodic: str, unit: str | None
+) -> Iterator[LabelledGrain]:
+    """Yield the grains of a label image, rising by label.
+
+    Raises
+    ------
+    InputError
+        As :func:`load_labels`.
+    """
+    as_choice(border, "border", BORDER)
+    sigma, size = as_positive(smoothing, "smoothing"), np.array(voxel_sizes(voxel_size, image))
+    found, wraps = _counted(image), _axes(periodic)
+    cut = ((found.lower == 0) | (found.upper == np.array(image.values.shape)))[:, ~wraps].any(axis=1)
+    kept = np.flatnonzero(~cut) if border == "drop" else np.arange(len(found.label))
+    if not len(kept):
+        raise InputError(
+            f"all {len(found.label)} labels touch the border of the image: they are left out unless border is 'keep'"
+        )
+    several = []
+    for k in kept:
+        label, upper = int(found.label[k]), found.upper[k]
+        mask = np.asarray(image.values[tuple(slice(a, b) for a, b in zip(found.lower[k], upper, strict=True))]) == label
+        mask, lower = _unwrapped(mask, found.lower[k], wraps & (mask.shape == np.array(image.values.shape)))
+        shape, pieces = _solid(mask, size, sigma, f"label {label}", unit)
+        if pieces > 1:
+            several.append(label)
+        position = np.array(shape.offset) + np.array(image.origin) + lower * size
+        error = shape.volume / (found.count[k] * size.prod()) - 1
+        yield LabelledGrain(label, shape, position, pieces, float(error))
+    if several:
+        warnings.warn(
+            f"{len(several)} of {len(kept)} labels have several pieces (label {several[0]} first): the largest piece "
+            "of each is kept; label connected bodies, or clean the image",
+            PackingWarning,
+            stacklevel=3,
+        )
+
+
+def _axes(periodic: str) -> Booleans:
+    """Tell which axes are named."""
+    if set(periodic) - set("xyz"):
+        raise InputError(f"periodic is {periodic!r}: name axes of the image, such as 'xy', or none by ''")
+    return np.array([axis in periodic for axis in "xyz"], dtype=np.bool_)
+
+
+def _unwrapped(mask: Any, lower: Integers, wraps: Booleans) -> tuple[Any, Integers]:
+    """Put a grain that goes on across a periodic face together again: its widest gap is where it begins and ends."""
+    start = lower.copy()
+    for axis in np.flatnonzero(wraps):
+        taken = np.flatnonzero(mask.any(axis=tuple(other for other in range(3) if other != axis)))
+        gaps = np.diff(np.append(taken, taken[0] + mask.shape[axis]))
+        first = int(taken[(int(gaps.argmax()) + 1) % len(taken)])
+        extent = mask.shape[axis] - int(gaps.max()) + 1
+        mask = np.take(mask, (first + np.arange(extent)) % mask.shape[axis], axis=axis)
+        start[axis] = first
+    return mask, start
+
+
+def _counted(image: Image) -> Census:
+    """Return the labels of an image that has some."""
+    found = census(image.values)
+    if not len(found.label):
+        raise InputError(f"the image of shape {image.values.shape} holds 0 labels: all is void; segment it first")
+    return found
+
+
+def _solid(mask: Any, size: Floats, smoothing: float, name: str, unit: str | None) -> tuple[Shape, int]:
+    """Return the solid of a mask and the number of its pieces; smoothing is less where it would tear it apart."""
+    while True:
+        vertices, faces = smooth_surface(mask, smoothing=smoothing)
+        bodies = split(vertices, faces)
+        if len(bodies) == 1 or smoothing < 0.3:
+            break
+        smoothing /= 2
+    points, triangles = bodies[0]
+    try:
+        shape = Shape.from_mesh(points * size, triangles, name=name, unit=unit)
+    except DirtyMeshError:
+        shape = repair(points * size, triangles, name=name, unit=unit, bodies="largest").shape
+    return shape, len(bodies)
