@@ -41,6 +41,7 @@ __all__ = [
     "save_scene",
     "save_shape",
     "save_statistics",
+    "save_turntable",
     "segment",
     "shape_families",
     "sizes",
@@ -48,6 +49,7 @@ __all__ = [
     "verify",
     "voxelize",
     "window_solid_fraction",
+    "write_comparison",
     "write_report",
 ]
 
@@ -70,6 +72,7 @@ _PLACES = {
     "load_labels": "voxgran.shapes.labels",
     "packing_of_labels": "voxgran.packing.from_labels",
     "read_image": "voxgran.shapes.image_files",
+    "save_turntable": "voxgran.report.turntable",
     "segment": "voxgran.lattice.segment",
     "Series": "voxgran.io.series",
     "make_container": "voxgran.containers.make",
@@ -89,6 +92,7 @@ _PLACES = {
     "verify": "voxgran.packing.verify",
     "voxelize": "voxgran.voxels.occupy",
     "window_solid_fraction": "voxgran.measure.density",
+    "write_comparison": "voxgran.report.compare",
     "write_report": "voxgran.report.page",
 }
 

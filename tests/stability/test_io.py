@@ -45,7 +45,9 @@ def assert_refused(path, content, capfd):
 
 
 def test_a_file_cut_off_anywhere_is_refused(whole, tmp_path, capfd):
-    places = {0, 1, 50, *range(0, len(whole), 97), *range(len(whole) - 90, len(whole))}
+    # without its seal, and with nothing else missing, it is a file that another program wrote
+    end = whole.index(b"</VTKFile>") + len(b"</VTKFile>")
+    places = {0, 1, 50, *range(0, len(whole), 97), *range(len(whole) - 90, len(whole))} - {end, end + 1}
     for place in places:
         assert_refused(tmp_path / "p.vtp", whole[:place], capfd)
 

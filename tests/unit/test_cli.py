@@ -7,8 +7,10 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
+import voxgran.cli.doctor as examination
 from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
 
@@ -159,3 +161,90 @@ def test_a_full_disk_is_one_line(scene, tmp_path):
         assert "Traceback" not in run.stderr
     finally:
         subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_a_scan_is_mended_and_told(tmp_path, data_dir, capsys):
+    out = tmp_path / "bunny.ply"
+    assert main(["repair", str(data_dir / "bunny_dirty.ply"), "-o", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "closed 15 holes" in text
+    assert "volume change" in text
+    assert out.is_file()
+    assert main(["repair", str(out), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["done"] == ["nothing: the mesh is good as it is"]
+    status, line = complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "--largest-hole", "0.01")
+    assert status == 2
+    assert "raise largest_hole" in line
+    assert complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "-o", str(out))[0] == 2
+
+
+def test_spheres_of_another_program_are_checked_and_what_was_assumed_is_said(tmp_path, capsys):
+    path = tmp_path / "spheres.csv"
+    path.write_text("x [mm],y [mm],z [mm],diameter [mm]\n1,1,1,1\n2.5,1,1,1\n")
+    assert main(["verify", str(path), "--json"]) == 0
+    captured = capsys.readouterr()
+    assert json.loads(captured.out)["ok"] is True
+    assert "assumed container: the box around the spheres" in captured.err
+    assert main(["verify", str(path), "--periodic", "x", "--json"]) == 0
+    capsys.readouterr()
+    assert complaint(capsys, "verify", str(path), "--periodic", "q")[0] == 2
+
+
+def test_a_label_image_becomes_a_packing_and_two_are_compared(tmp_path, capsys):
+    image = np.zeros((20, 12, 12), np.uint8)
+    image[2:8, 3:9, 3:9], image[11:18, 3:9, 3:9] = 1, 2
+    np.save(tmp_path / "scan.npy", image)
+    for name, size in (("a", "0.1"), ("b", "0.2")):
+        words = [
+            "labels",
+            str(tmp_path / "scan.npy"),
+            "--voxel-size",
+            size,
+            "-o",
+            str(tmp_path / f"{name}.vtp"),
+            "--json",
+        ]
+        assert main(words) == 0
+        assert json.loads(capsys.readouterr().out)["grains"] == 2
+    out = tmp_path / "c.html"
+    assert main(["compare", str(tmp_path / "a.vtp"), f"other={tmp_path / 'b.vtp'}", "-o", str(out)]) == 0
+    assert "other" in out.read_text()
+    capsys.readouterr()
+    assert complaint(capsys, "labels", str(tmp_path / "scan.npy"))[0] == 2
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+def test_shells_complete_commands_and_flags(shell, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["--print-completion", shell])
+    assert stop.value.code == 0
+    script = capsys.readouterr().out
+    for word in ("repair", "compare", "voxgran", *(["--resume"] if shell != "tcsh" else [])):
+        assert word in script
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_help_of_each_command_ends_with_an_example(name, capsys):
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    assert f"voxgran {name}" in capsys.readouterr().out.partition("example:")[2]
+
+
+def test_doctor_names_a_remedy_for_what_is_missing(monkeypatch, capsys):
+    monkeypatch.setattr(examination, "PICTURE", "import sys; sys.exit(3)")
+    monkeypatch.setattr(examination, "LITTLE_SPACE", 2**80)
+    monkeypatch.setattr(examination, "_floors", lambda: {"numpy": "999.0"})
+    assert main(["doctor"]) == 1
+    text = capsys.readouterr().out
+    assert "pip install -U 'numpy>=999.0'" in text
+    assert "apt-get install -y libgl1" in text
+    assert "free space" in text
+    assert text.strip().endswith("what is marked <- needs mending")
+
+
+def test_several_seeds_are_shown_with_their_scatter(scene, tmp_path, capsys):
+    scene.write_text(scene.read_text().replace("seed = 1", "seed = 1\nseeds = 2").replace("vtk = true", "vtk = false"))
+    assert main(["run", str(scene), "-o", str(tmp_path / "out")]) == 0
+    text = capsys.readouterr().out
+    assert "standard error" in text
+    assert "seeds                    1, 2" in text

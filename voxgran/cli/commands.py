@@ -11,7 +11,7 @@ from voxgran._base.config import parameters_of
 from voxgran._base.files import write_text
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import default_text
-from voxgran.cli.terminal import progress, show, table
+from voxgran.cli.terminal import complain, progress, show, table
 
 
 def init(options: argparse.Namespace) -> None:
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> None:
 
 def verify(options: argparse.Namespace) -> int:
     """Check a packing against the true shapes; exit status 1 where it fails."""
-    proof = voxgran.verify(voxgran.load(options.file), tolerance=options.tolerance)
+    proof = voxgran.verify(_packing(options), tolerance=options.tolerance)
     show(
         {
             "ok": proof.ok,
@@ -59,24 +59,60 @@ def verify(options: argparse.Namespace) -> int:
 
 def measure(options: argparse.Namespace) -> None:
     """Measure a packing."""
-    tree = voxgran.measure(voxgran.load(options.file), which=options.which or None)
+    tree = voxgran.measure(_packing(options), which=options.which or None)
     if options.output:
         voxgran.save_statistics(tree, options.output, overwrite=options.overwrite)
     show({name: float(value) for name, value in tree.dataset.data_vars.items() if value.ndim == 0}, options)
 
 
+def _packing(options: argparse.Namespace) -> Any:
+    """Load a packing; say on the error stream what was assumed."""
+    packing = voxgran.load(options.file, unit=options.unit, periodic=options.periodic)
+    for subject, sentence in packing.provenance.get("assumed", {}).items():
+        complain(f"assumed {subject}: {sentence}")
+    return packing
+
+
 def report(options: argparse.Namespace) -> None:
     """Write a page about a packing."""
     target = Path(options.output or Path(options.file).with_suffix(".html"))
-    packing = voxgran.load(options.file)
+    packing = _packing(options)
     voxgran.write_report(
         packing,
         target,
         statistics=voxgran.measure(packing),
         verification=voxgran.verify(packing),
+        color_by=options.color_by,
+        turntable=options.turntable,
         overwrite=options.overwrite,
     )
     print(target)
+
+
+def compare(options: argparse.Namespace) -> None:
+    """Write a page that compares packings."""
+    packings: dict[str, list[Any]] = {}
+    for word in options.file:
+        name, mark, file = word.partition("=")
+        packings.setdefault(name if mark else Path(word).stem, []).append(voxgran.load(file if mark else word))
+    voxgran.write_comparison(packings, options.output, overwrite=options.overwrite)
+    print(options.output)
+
+
+def labels(options: argparse.Namespace) -> None:
+    """Make a packing of a label image and write it."""
+    packing = voxgran.packing_of_labels(
+        options.file,
+        voxel_size=options.voxel_size,
+        border=options.border,
+        periodic=options.periodic,
+        unit=options.unit,
+        key=options.key,
+    )
+    if options.output:
+        voxgran.save(packing, options.output, overwrite=options.overwrite)
+    numbers = {"grains": packing.count, "solid_fraction": packing.solid_fraction}
+    show({**numbers, "largest_volume_error": packing.provenance["largest_volume_error"]}, options)
 
 
 def shape(options: argparse.Namespace) -> None:
@@ -198,6 +234,8 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "verify": ("check a packing against the true shapes", verify),
     "measure": ("measure a packing", measure),
     "report": ("write a page with pictures about a packing", report),
+    "compare": ("write a page that compares packings", compare),
+    "labels": ("make a packing of a label image", labels),
     "shape": ("make a shape of a family", shape),
     "repair": ("mend a mesh file and say what was done", repair),
     "clump": ("fit a clump of spheres to a mesh file", clump),

@@ -30,7 +30,13 @@ class Parser(argparse.ArgumentParser):
 
 Flag = tuple[tuple[str, ...], dict[str, Any]]
 
-PACKING: tuple[Flag, ...] = ((("file",), {"help": "a saved packing, or a file of spheres of another program"}),)
+#: a packing, and what may be said of a file of another program
+PACKING: tuple[Flag, ...] = (
+    (("file",), {"help": "a saved packing, or spheres of another program: text, CSV, LAMMPS, VTK points"}),
+    (("--periodic",), {"help": "axes along which the box of such spheres is periodic, such as xy"}),
+    (("--unit",), {"help": "unit of lengths of such spheres"}),
+)
+COLOR_BY = ("diameter", "shape", "coordination", "distance")
 
 #: flags of each command beside --json and --overwrite
 FLAGS: dict[str, tuple[Flag, ...]] = {
@@ -47,7 +53,28 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         (("--which",), {"action": "append", "help": "a measure; may be repeated"}),
         (("-o", "--output"), {"help": "netCDF file"}),
     ),
-    "report": (*PACKING, (("-o", "--output"), {"help": "HTML file"})),
+    "report": (
+        *PACKING,
+        (("-o", "--output"), {"help": "HTML file; the numbers go beside it as JSON"}),
+        (("--color-by",), {"choices": COLOR_BY, "default": "diameter", "help": "what the grains are coloured by"}),
+        (("--turntable",), {"action": "store_true", "help": "add a picture that turns"}),
+    ),
+    "compare": (
+        (
+            ("file",),
+            {"nargs": "+", "help": "packings; NAME=FILE names one, and the same name again adds a packing to it"},
+        ),
+        (("-o", "--output"), {"default": "comparison.html", "help": "HTML file; the numbers go beside it as JSON"}),
+    ),
+    "labels": (
+        (("file",), {"help": "label image: .npy, .npz, .tif, .vti or .nrrd"}),
+        (("--voxel-size",), {"type": float, "help": "edge of a voxel; left out: as the file says"}),
+        (("--border",), {"choices": ("keep", "drop"), "default": "keep", "help": "grains that the image cuts"}),
+        (("--periodic",), {"default": "", "help": "axes along which the image repeats, such as xy"}),
+        (("--unit",), {"help": "unit of the voxel size"}),
+        (("--key",), {"help": "which array of an .npz or .vti file"}),
+        (("-o", "--output"), {"help": "file for the packing that the sample is: .vtp"}),
+    ),
     "repair": (
         (("file",), {"help": "mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"}),
         (("-o", "--output"), {"help": "mesh file for the result: STL, OBJ, PLY, OFF or VTP"}),
@@ -78,6 +105,8 @@ EXAMPLES: dict[str, str] = {
     "verify": "voxgran verify out/packing.vtp",
     "measure": "voxgran measure out/packing.vtp --which density --which coordination -o statistics.nc",
     "report": "voxgran report out/packing.vtp -o report.html",
+    "compare": "voxgran compare digital=a/packing.vtp digital=b/packing.vtp points=c/packing.vtp -o comparison.html",
+    "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --largest-hole 0.1",
     "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv",

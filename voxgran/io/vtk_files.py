@@ -132,8 +132,8 @@ def _is_rewritten(path: Path) -> bool:
 
 
 def _sealed(path: Path) -> bool:
-    """Tell whether a file ends with a seal, right or wrong."""
-    return _SEAL.split(b"%s")[0] in _tail(path)
+    """Tell whether a file ends with a seal, right or wrong or cut off."""
+    return bool(_tail(path).rpartition(b"</VTKFile>")[2].strip())
 
 
 def _ends_whole(path: Path) -> bool:

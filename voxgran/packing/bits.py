@@ -23,6 +23,10 @@ Words: TypeAlias = NDArray[np.uint64]
 Triple: TypeAlias = tuple[int, int, int]
 
 
+#: voxels of the canvas that are unpacked at a time
+UNPACKED = 2**23
+
+
 class Field(NamedTuple):
     """A canvas as kernels take it: flat words, steps from column to column, and the container's axes."""
 
@@ -143,16 +147,22 @@ class Canvas:
             Voxels that grains may take; None for all.
         """
         nx, nw, ny = self.word_shape
-        blocked = np.ones((nx, ny, nw * 64), dtype=bool)
-        inner = tuple(slice(m, m + n) for m, n in zip(self.margin, self.shape, strict=True))
-        reach = tuple(
-            slice(None) if wraps else part
-            for wraps, part in zip(self.periodic, (inner[0], inner[1], inner[2]), strict=True)
-        )
-        blocked[reach] = False
-        if free is not None:
-            blocked[inner] |= ~free
-        return np.ascontiguousarray(pack_columns(blocked).transpose(0, 2, 1)).reshape(-1)
+        words = np.empty((nx, nw, ny), dtype=np.uint64)
+        inner = [slice(m, m + n) for m, n in zip(self.margin.tolist(), self.shape.tolist(), strict=True)]
+        reach = [slice(None) if wraps else part for wraps, part in zip(self.periodic, inner, strict=True)]
+        open_x = np.zeros(nx, dtype=np.bool_)
+        open_x[reach[0]] = True
+        # some columns at a time: unpacked, the whole canvas would take eight times as much
+        step = max(1, UNPACKED // (ny * nw * 64))
+        for begin in range(0, nx, step):
+            blocked = np.ones((min(step, nx - begin), ny, nw * 64), dtype=np.bool_)
+            blocked[open_x[begin : begin + step], reach[1], reach[2]] = False
+            if free is not None:
+                low, high = (min(max(x, inner[0].start), inner[0].stop) for x in (begin, begin + step))
+                place = slice(low - begin, high - begin)
+                blocked[place, inner[1], inner[2]] |= ~free[low - inner[0].start : high - inner[0].start]
+            words[begin : begin + step] = pack_columns(blocked).transpose(0, 2, 1)
+        return words.reshape(-1)
 
     def occupied(self, words: Words) -> Booleans:
         """Return the (nx, ny, nz) mask of what is taken inside the container."""

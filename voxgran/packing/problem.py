@@ -54,7 +54,7 @@ class Problem:
     seed: int
     unit_length: float
     original: tuple[Shape, ...]
-    byte_limit: int = 2**30
+    byte_limit: int = 2**26
     counters: dict[str, int] = field(default_factory=lambda: {"voxelized_shapes": 0, "sampled_shapes": 0})
     _kept: "OrderedDict[tuple[Any, ...], Any]" = field(default_factory=OrderedDict)
     _bytes: int = 0

@@ -10,7 +10,6 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,17 +20,26 @@ from voxgran._base.errors import OutputExistsError
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
-from voxgran.report import facts, plots, scenes
+from voxgran.report import facts, scenes
+from voxgran.report.closeup import picture_contacts
+from voxgran.report.colors import Coloring, coloring
+from voxgran.report.figures import figures_of
+from voxgran.report.numbers import json_text, page_numbers
 from voxgran.report.stage import Picture
+from voxgran.report.turntable import animated
 from voxgran.shapes.model import Shape
 
 if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
+    from xarray import DataTree
 
     from voxgran.packing.verify import Verification
 
 #: how many shapes are drawn, and how many are listed
 SHAPES_DRAWN, SHAPES_LISTED = 3, 20
+#: contacts of more grains are not looked for to draw one of them
+MOST_FOR_CONTACTS = 50_000
+#: pictures in a turn
+TURNS = 24
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,16 +81,18 @@ def write_report(
     pictures_folder: str | os.PathLike[str] | None = None,
     title: str | None = None,
     comparisons: Mapping[str, Mapping[str, Any]] | None = None,
+    color_by: str = "diameter",
+    turntable: bool = False,
     overwrite: bool = True,
 ) -> None:
-    """Write one self-contained HTML page about a packing.
+    """Write one self-contained HTML page about a packing, and every number of it as JSON beside it.
 
     Parameters
     ----------
     packing : Packing
         Any packing.
     path : path-like
-        File to write, by custom ``.html``.
+        File to write, by custom ``.html``; the numbers go to the file of the same name with the suffix ``.json``.
     statistics : xarray.DataTree, optional
         What :func:`voxgran.measure` returns; profiles and the bulk solid fraction need it.
     verification : Verification, optional
@@ -95,41 +105,47 @@ def write_report(
         Headline of the page.
     comparisons : mapping of str to mapping, optional
         One row a packing: its name, and its values by the name of the column.
+    color_by : {"diameter", "shape", "coordination", "distance"}
+        What the grains are coloured by.
+    turntable : bool
+        Whether a picture that turns is added.
     overwrite : bool
         Whether what is there may be replaced.
 
     Raises
     ------
+    InputError
+        If `color_by` is unknown.
     OutputExistsError
-        If the page or a picture is there and `overwrite` is false.
+        If the page, its numbers or a picture is there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
     MissingLibraryError
         If a library that it needs cannot be loaded.
     """
+    twin = Path(path).with_suffix(".json")
     if not overwrite:
-        _refuse_to_replace([Path(path)])
-    drawn = _draw(packing) if pictures else Drawn({}, {})
+        _refuse_to_replace([Path(path), twin])
+    colors = coloring(packing, color_by)
+    drawn = _draw(packing, color_by) if pictures else Drawn({}, {})
     files = _picture_files(drawn, Path(pictures_folder)) if pictures_folder is not None else {}
     if not overwrite:
         _refuse_to_replace(list(files))
-    template = load("jinja2").Environment(
-        loader=load("jinja2").FileSystemLoader(Path(__file__).parent),
-        autoescape=True,
-        undefined=load("jinja2").StrictUndefined,
-    )
+    figures = figures_of(packing, statistics)
     shapes = facts.shape_rows(packing)
-    text = template.get_template("template.html.j2").render(
+    text = page_template("template.html.j2").render(
         version=__version__,
         title=title or f"Packing of {packing.count} grains",
         subtitle=_subtitle(packing),
         headline=facts.headline(packing, statistics, verification),
-        views=[_view(*parts) for parts in drawn.packing.values()],
-        legend=_legend(packing),
+        views=[view_of(*parts) for parts in drawn.packing.values()]
+        + (_turning(packing, color_by) if turntable else []),
+        legend=_legend(colors),
+        legend_label=colors.label,
         gradient=_gradient() if pictures else "gray, gray",
-        grains=[{"name": n, "views": [_view(*p) for p in v.values()]} for n, v in drawn.grains.items()],
+        grains=[{"name": n, "views": [view_of(*p) for p in v.values()]} for n, v in drawn.grains.items()],
         grains_note=_grains_note(packing),
-        figures=_figures(packing, statistics),
+        figures=figures,
         proof=facts.proof_rows(verification) if verification is not None else [],
         worst=_worst(verification) if verification is not None else {},
         comparison=_comparison(comparisons or {}),
@@ -143,9 +159,18 @@ def write_report(
         with written_whole(place, overwrite=overwrite) as draft:
             draft.write_bytes(content)
     write_text(path, text, overwrite=overwrite)
+    write_text(twin, json_text(page_numbers(packing, statistics, verification, figures=figures)), overwrite=overwrite)
 
 
-def _draw(packing: Packing) -> Drawn:
+def page_template(name: str) -> Any:
+    """Return a template of this folder; texts are escaped, and a name that is not given is an error."""
+    jinja2 = load("jinja2")
+    return jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=jinja2.StrictUndefined
+    ).get_template(name)
+
+
+def _draw(packing: Packing, color_by: str) -> Drawn:
     """Render all pictures."""
     plural = "grain" if packing.count == 1 else "grains"
     what = f"{packing.count} {plural} in a {packing.container.kind}"
@@ -155,10 +180,24 @@ def _draw(packing: Packing) -> Drawn:
         coarse = f" For the picture grains are drawn with about {most} triangles at most."
     elif packing.count > scenes.BALL_LIMIT:
         coarse = " Balls are drawn as points, shaded by the slope of the heap."
-    whole = {"whole": (scenes.picture_packing(packing), f"{what}, seen from outside", f"The whole packing.{coarse}")}
+    whole = {
+        "whole": (
+            scenes.picture_packing(packing, color_by=color_by),
+            f"{what}, seen from outside",
+            f"The whole packing.{coarse}",
+        )
+    }
     if packing.dimension == 3 and packing.count:
         caption = "Cut open: without the grains whose centroids lie in the near quarter."
-        whole["cut_open"] = (scenes.picture_cut(packing), f"{what}, without the near quarter", caption)
+        whole["cut_open"] = (
+            scenes.picture_cut(packing, color_by=color_by),
+            f"{what}, without the near quarter",
+            caption,
+        )
+    close = picture_contacts(packing) if packing.count <= MOST_FOR_CONTACTS else None
+    if close is not None:
+        caption = "The grain with the most neighbours, and the points where these are nearest."
+        whole["contacts"] = (close, "one grain among its neighbours", caption)
     captions = {
         "surface": "true surface",
         "voxels": "voxels of 1/24 of its diameter",
@@ -192,10 +231,21 @@ def _png(picture: Picture) -> bytes:
     return buffer.getvalue()
 
 
-def _view(picture: Picture, alt: str, caption: str) -> View:
+def view_of(picture: Picture, alt: str, caption: str) -> View:
     """Return a picture with all that the page says about it."""
     source = "data:image/png;base64," + base64.b64encode(_png(picture)).decode()
     return View(source, alt, caption, picture.shape[1], picture.shape[0])
+
+
+def _turning(packing: Packing, color_by: str) -> list[View]:
+    """Return the picture that turns."""
+    edge = 360
+    views = (
+        scenes.picture_packing(packing, color_by=color_by, window=(edge, edge), turn=360.0 * k / TURNS)
+        for k in range(TURNS if packing.dimension == 3 else 1)
+    )
+    source = "data:image/gif;base64," + base64.b64encode(animated(views)).decode()
+    return [View(source, "the packing, turning", "The packing from all sides.", edge, edge)]
 
 
 def _picture_files(drawn: Drawn, folder: Path) -> dict[Path, bytes]:
@@ -226,12 +276,12 @@ def _subtitle(packing: Packing) -> str:
     )
 
 
-def _legend(packing: Packing) -> tuple[str, str] | None:
+def _legend(colors: Coloring) -> tuple[str, str] | None:
     """Return what the darkest and the brightest colour stand for."""
-    if not packing.count or packing.diameters.min() == packing.diameters.max():
+    if not len(colors.values) or colors.values.min() == colors.values.max():
         return None
-    unit = "" if packing.unit == "1" else f" {packing.unit}"
-    low, high = facts.number(float(packing.diameters.min())), facts.number(float(packing.diameters.max()))
+    unit = f" {colors.unit}" if colors.unit else ""
+    low, high = (facts.number(value) for value in colors.limits)
     return f"{low}{unit}", f"{high}{unit}"
 
 
@@ -255,47 +305,3 @@ def _comparison(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
     columns = [c for c in columns if any(c in row and row[c] != name for name, row in rows.items())]
     body = [[name, *(facts.number(row[c]) if c in row else "" for c in columns)] for name, row in rows.items()]
     return [["packing", *(c.replace("_", " ") for c in columns)], *body] if rows else []
-
-
-def _figures(packing: Packing, statistics: "DataTree | None") -> list[dict[str, str]]:
-    """Return the plots: gradation, and what the statistics hold over a place or a gap."""
-    figures = []
-    if packing.count:
-        gradation = plots.svg_of(lambda axes: plots.plot_gradation(axes, packing), "gradation")
-        figures.append({"svg": gradation, "alt": "gradation", "caption": "Gradation: what passes which size."})
-    levels = {"whole": packing.solid_fraction, "bulk": facts.scalar(statistics, "bulk_solid_fraction") or np.nan}
-    for data, name in _curves(packing, statistics):
-        svg = plots.svg_of(partial(_draw_curve, data=data, name=name, levels=levels), name.replace("_", "-"))
-        title = str(data[name].attrs.get("long_name", name.replace("_", " ")))
-        figures.append({"svg": svg, "alt": title, "caption": f"{title[:1].upper()}{title[1:]}."})
-    return figures
-
-
-def _curves(packing: Packing, statistics: "DataTree | None") -> "list[tuple[Dataset, str]]":
-    """Return dataset and name of each curve: solid fractions over a place, coordination numbers over the gap.
-
-    Along a periodic axis every place is like another.
-    """
-    periodic = [axis for axis, flag in zip("xyz", packing.container.periodic, strict=True) if flag]
-    found = []
-    for node in statistics.subtree if statistics is not None else ():
-        data = node.to_dataset()
-        for name, variable in data.data_vars.items():
-            along = str(variable.dims[0]) if variable.ndim == 1 else ""
-            if along not in data.coords or variable.size < 2 or along in periodic or str(name).endswith("_error"):
-                continue
-            if str(name).startswith("solid_fraction") or (along == "gap" and "coordination" in str(name)):
-                found.append((data, str(name)))
-    return found
-
-
-def _draw_curve(axes: Any, *, data: "Dataset", name: str, levels: Mapping[str, float]) -> Any:
-    """Draw one curve."""
-    variable = data[name]
-    place = variable[variable.dims[0]]
-    label = str(place.attrs.get("long_name", place.name)).removeprefix("the ")
-    unit = str(place.attrs.get("units", ""))
-    if place.name == "gap":
-        return plots.plot_coordination(axes, place.values, variable.values, name=label, unit=unit)
-    error = data[f"{name}_error"].values if f"{name}_error" in data else 0.0
-    return plots.plot_profile(axes, place.values, variable.values, name=label, unit=unit, error=error, levels=levels)

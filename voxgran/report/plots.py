@@ -49,7 +49,9 @@ _STYLE = {
 }
 
 
-def svg_of(draw: Callable[[Any], Any], name: str, *, size: tuple[float, float] = (5.2, 3.7)) -> str:
+def svg_of(
+    draw: Callable[[Any], Any], name: str, *, size: tuple[float, float] = (5.2, 3.7), projection: str | None = None
+) -> str:
     """Draw one plot and return it as an ``<svg>`` element.
 
     Parameters
@@ -60,6 +62,8 @@ def svg_of(draw: Callable[[Any], Any], name: str, *, size: tuple[float, float] =
         Goes before all ids in it, so that several plots can stand on one page.
     size : tuple of float
         Width and height, in inches.
+    projection : str, optional
+        ``"polar"`` for angles.
 
     Returns
     -------
@@ -70,7 +74,7 @@ def svg_of(draw: Callable[[Any], Any], name: str, *, size: tuple[float, float] =
     load("matplotlib.backends.backend_svg")
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
         figure = load("matplotlib.figure").Figure(figsize=size)
-        draw(figure.add_subplot())
+        draw(figure.add_subplot(projection=projection))
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
@@ -102,12 +106,12 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
     A sieve passes a grain by its intermediate axis; both curves are drawn where they differ.
     """
     diameters = packing.diameters
-    ratio = np.array([*(principal_extents(s)[1] / s.diameter for s in packing.shapes), 1.0])[packing.shape_id]
+    ratio = sieve_ratio(packing)
     middle = diameters * ratio
-    _passing(axes, diameters, packing.volumes, color=PLACED, label="placed, equivalent diameter")
+    plot_passing(axes, diameters, packing.volumes, color=PLACED, label="placed, equivalent diameter")
     if packing.count and np.abs(ratio - 1).max() > 0.01 and packing.dimension == 3:
-        _passing(axes, middle, packing.volumes, color=OTHER, label="placed, intermediate axis")
-    asked = _asked(packing)
+        plot_passing(axes, middle, packing.volumes, color=OTHER, label="placed, intermediate axis")
+    asked = asked_sizes(packing)
     if asked is not None and packing.count:
         low, high = min(diameters.min(), middle.min()), max(diameters.max(), middle.max())
         sizes = np.geomspace(0.8 * low, 1.25 * high, 600)
@@ -130,6 +134,7 @@ def plot_profile(
     unit: str,
     error: ArrayLike = 0.0,
     levels: Mapping[str, float] | None = None,
+    published: Mapping[str, ArrayLike] | None = None,
 ) -> Any:
     """Draw the solid fraction over a coordinate.
 
@@ -149,6 +154,8 @@ def plot_profile(
         Drawn as a band on both sides, where it is not 0.
     levels : mapping of str to float, optional
         Solid fractions to compare with, by name; drawn as lines across.
+    published : mapping of str to (n,) array_like of float, optional
+        Curves to compare with, by name.
 
     Returns
     -------
@@ -163,7 +170,9 @@ def plot_profile(
     marks = {label: value for label, value in (levels or {}).items() if np.isfinite(value)}
     for (label, value), dash in zip(marks.items(), ((2, 2), (6, 2), (6, 2, 1, 2)), strict=False):
         axes.axhline(value, color=_INK, linewidth=1.0, linestyle=(0, dash), label=f"{label}: {value:.3f}")
-    if marks:
+    for (label, curve), color in zip((published or {}).items(), (ASKED, OTHER), strict=False):
+        axes.plot(x, curve, color=color, linewidth=1.5, linestyle=(0, (4, 2)), label=label)
+    if marks or published:
         axes.legend(loc="best")
     band = np.asarray(error, dtype=np.float64)
     if (band > 0).any():
@@ -212,7 +221,13 @@ def plot_coordination(
     return axes
 
 
-def _passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label: str) -> None:
+def sieve_ratio(packing: Packing) -> Floats:
+    """Return the intermediate axis of each grain, by which it passes a sieve, over its equivalent diameter."""
+    of_shape = [principal_extents(shape)[1] / shape.diameter for shape in packing.shapes]
+    return np.array([*of_shape, 1.0])[packing.shape_id]
+
+
+def plot_passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label: str) -> None:
     """Draw a step curve of the share by volume up to each size, thinned to what a plot shows."""
     order = np.argsort(sizes, kind="stable")
     share = 100 * np.cumsum(volumes[order]) / max(float(volumes.sum()), 1e-300)
@@ -223,7 +238,7 @@ def _passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label: st
     )
 
 
-def _asked(packing: Packing) -> SizeDistribution | None:
+def asked_sizes(packing: Packing) -> SizeDistribution | None:
     """Return the distribution that was asked for, where the provenance tells."""
     asked = packing.provenance.get("asked")
     mapping = asked.get("sizes") if isinstance(asked, Mapping) else None

@@ -5,7 +5,7 @@ many triangles are drawn coarser: :func:`picture_faces` tells how coarse.
 """
 
 from collections.abc import Sequence
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -15,13 +15,12 @@ from voxgran.clumps.fit import fit_clump
 from voxgran.io.surfaces import merged_surfaces
 from voxgran.packing.model import Packing
 from voxgran.points.sample import sample_surface
-from voxgran.report.stage import MATERIAL, Picture, add_balls, add_container, look_at, shot, stage_of
+from voxgran.report.colors import Coloring, coloring
+from voxgran.report.stage import MATERIAL, Picture, add_balls, add_container, add_scale_bar, look_at, shot, stage_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import ball
 from voxgran.voxels.occupy import voxelize
-
-ColorBy: TypeAlias = Literal["diameter", "shape"]
 
 #: a picture of a packing has at most about this many triangles
 TRIANGLE_BUDGET = 600_000
@@ -51,7 +50,7 @@ def picture_faces(packing: Packing) -> int:
 
 
 def picture_packing(
-    packing: Packing, *, color_by: ColorBy = "diameter", window: tuple[int, int] = (900, 900)
+    packing: Packing, *, color_by: str = "diameter", window: tuple[int, int] = (900, 900), turn: float = 0.0
 ) -> Picture:
     """Draw the whole packing.
 
@@ -59,26 +58,33 @@ def picture_packing(
     ----------
     packing : Packing
         Any packing.
-    color_by : {"diameter", "shape"}
-        What the colours show: dark is small (or the first shape), bright is large (or the last).
+    color_by : {"diameter", "shape", "coordination", "distance"}
+        What the colours show, as :func:`coloring` says: dark is small, bright is large.
     window : tuple of int
         Width and height, in pixels.
+    turn : float
+        From which side, in degrees around the upright axis.
 
     Returns
     -------
     (height, width, 3) ndarray of uint8
+
+    Raises
+    ------
+    InputError
+        If `color_by` is unknown.
     """
-    return _picture(packing, np.arange(packing.count), color_by, window)
+    return _picture(packing, np.arange(packing.count), coloring(packing, color_by), window, turn=turn)
 
 
-def picture_cut(packing: Packing, *, color_by: ColorBy = "diameter", window: tuple[int, int] = (900, 900)) -> Picture:
+def picture_cut(packing: Packing, *, color_by: str = "diameter", window: tuple[int, int] = (900, 900)) -> Picture:
     """Draw the packing without the grains whose centroids lie in the quarter that faces the viewer.
 
     Parameters
     ----------
     packing : Packing
         Any packing; in 2D nothing is taken away.
-    color_by : {"diameter", "shape"}
+    color_by : {"diameter", "shape", "coordination", "distance"}
         What the colours show.
     window : tuple of int
         Width and height, in pixels.
@@ -86,11 +92,16 @@ def picture_cut(packing: Packing, *, color_by: ColorBy = "diameter", window: tup
     Returns
     -------
     (height, width, 3) ndarray of uint8
+
+    Raises
+    ------
+    InputError
+        If `color_by` is unknown.
     """
     middle = packing.container.bounds.mean(axis=0)
     near = (packing.position[:, 0] > middle[0]) & (packing.position[:, 1] < middle[1])
     kept = np.flatnonzero(~near | (packing.dimension == 2))
-    return _picture(packing, kept, color_by, window)
+    return _picture(packing, kept, coloring(packing, color_by), window)
 
 
 def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres: int = 30) -> dict[str, Picture]:
@@ -155,12 +166,11 @@ def render_ids(packing: Packing, *, window: tuple[int, int] = (320, 240)) -> Int
     return seen
 
 
-def _picture(packing: Packing, grains: Integers, color_by: ColorBy, window: tuple[int, int]) -> Picture:
-    """Draw some grains and the container."""
-    values = packing.diameters if color_by == "diameter" else packing.shape_id.astype(float)
-    low, high = float(values.min(initial=np.inf)), float(values.max(initial=-np.inf))
-    if not low < high:
-        low, high = (0.6 * low, 1.2 * high) if low == high and low > 0 else (-0.5, 0.5)
+def _picture(
+    packing: Packing, grains: Integers, colors: Coloring, window: tuple[int, int], *, turn: float = 0.0
+) -> Picture:
+    """Draw some grains, the container and a scale bar."""
+    values, (low, high) = colors.values, colors.limits
     look = {"cmap": COLORS, "clim": (low, high), "show_scalar_bar": False}
     balls = np.array([_is_ball(shape) for shape in packing.shapes] + [False])[packing.shape_id[grains]]
     as_points = grains[balls] if balls.sum() > BALL_LIMIT else grains[:0]
@@ -172,10 +182,11 @@ def _picture(packing: Packing, grains: Integers, color_by: ColorBy, window: tupl
             mesh.cell_data["value"] = values[merged.grain]
             stage.add_mesh(mesh, scalars="value", **look, **_SMOOTH)
         if len(as_points):
-            colors = load("matplotlib").colormaps[COLORS]((values[as_points] - low) / (high - low))[:, :3]
-            add_balls(stage, packing.position[as_points], packing.bounding_radii[as_points], colors)
+            shades = load("matplotlib").colormaps[COLORS]((values[as_points] - low) / (high - low))[:, :3]
+            add_balls(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
         add_container(stage, packing.container)
-        look_at(stage, packing.container.mesh()[0], flat=packing.dimension == 2)
+        look_at(stage, packing.container.mesh()[0], flat=packing.dimension == 2, turn=turn)
+        add_scale_bar(stage, packing.unit)
         return shot(stage)
 
 

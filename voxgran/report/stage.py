@@ -66,7 +66,7 @@ def stage_of(window: tuple[int, int], *, lit: bool = True) -> Iterator[Any]:
         stage.close()
 
 
-def look_at(stage: Any, points: Floats, *, flat: bool = False) -> None:
+def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0) -> None:
     """Point the camera at points, so that they just fit; flat scenes are seen from above.
 
     Parameters
@@ -77,8 +77,13 @@ def look_at(stage: Any, points: Floats, *, flat: bool = False) -> None:
         What must be in the picture.
     flat : bool
         Whether the scene lies in the plane z = 0.
+    turn : float
+        How far the camera goes around the upright axis, in degrees; it keeps its distance over a whole turn.
     """
     toward = np.array((0.0, 0.0, 1.0) if flat else _VIEW)
+    if turn and not flat:
+        cosine, sine = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+        toward = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ toward
     toward /= np.linalg.norm(toward)
     right = np.cross((0.0, 1.0, 0.0) if flat else (0.0, 0.0, 1.0), toward)
     right /= np.linalg.norm(right)
@@ -106,11 +111,48 @@ def shot(stage: Any) -> Picture:
 def add_container(stage: Any, container: Container) -> None:
     """Draw the outline of a container: its sharp edges and its silhouette."""
     mesh = load("pyvista").PolyData.from_regular_faces(*container.mesh())
+    if container.dimension == 3:
+        stage.add_mesh(mesh, color=_LINE, opacity=0.05, lighting=False, show_edges=False)
     if container.dimension == 2:
         mesh = mesh.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
         stage.add_mesh(mesh, color=_LINE, line_width=2, lighting=False)
     else:
         stage.add_silhouette(mesh, color=_LINE, line_width=2, feature_angle=30.0)
+
+
+def add_scale_bar(stage: Any, unit: str) -> None:
+    """Draw a bar of a round length, with its length, at the lower left; the camera must stand where it will stay.
+
+    Parameters
+    ----------
+    stage : pyvista.Plotter
+        From :func:`stage_of`, with parallel projection.
+    unit : str
+        Unit of lengths.
+    """
+    width, height = stage.window_size
+    pixel = 2 * stage.camera.parallel_scale / height
+    length = round_length(0.25 * width * pixel)
+    left, low, wide = 0.03 * width, 0.03 * height, length / pixel
+    tick = 0.008 * height
+    corners = np.array([(left, low + tick), (left, low), (left + wide, low), (left + wide, low + tick)])
+    lines = load("pyvista").PolyData(np.column_stack([corners, np.zeros(4)]), lines=[4, 0, 1, 2, 3])
+    mapper = load("vtkmodules.vtkRenderingCore").vtkPolyDataMapper2D()
+    mapper.SetInputData(lines)
+    actor = load("vtkmodules.vtkRenderingCore").vtkActor2D()
+    actor.SetMapper(mapper)
+    actor.GetProperty().SetColor(*load("pyvista").Color(_LINE).float_rgb)
+    actor.GetProperty().SetLineWidth(3)
+    stage.add_actor(actor, reset_camera=False)
+    text = f"{length:g}" + ("" if unit == "1" else f" {unit}")
+    size = max(8, height // 60)
+    stage.add_text(text, position=(left, low + 2 * tick), font_size=size, color=_LINE)
+
+
+def round_length(most: float) -> float:
+    """Return the largest of 1, 2 and 5 times a power of ten that is not above a length."""
+    power = 10.0 ** np.floor(np.log10(most))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most * (1 + 1e-12)))
 
 
 def add_balls(stage: Any, positions: Floats, radii: Floats, colors: Floats) -> None:

@@ -85,13 +85,14 @@ def test_a_whole_page(packing, statistics, tmp_path, monkeypatch):
     ):
         assert part in text
     images = page.all("img")
-    assert len(images) == 2 + 4
+    assert len(images) == 3 + 4
     assert all(image["src"].startswith("data:image/png;base64,") and image["alt"] for image in images)
-    assert len(page.all("svg")) == 3
+    assert len(page.all("svg")) == 4
     assert [name for name, _ in page.tags if re.fullmatch("h[1-6]", name)][:2] == ["h1", "h2"]
     assert page.all("html") == [{"lang": "en"}]
     assert (tmp_path / "out" / "page.html").stat().st_size < 5_000_000
     assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == [
+        "contacts.png",
         "cut_open.png",
         "grain_0.png",
         "whole.png",
@@ -175,7 +176,7 @@ def test_pictures_go_into_a_folder_beside_what_is_there(packing, tmp_path):
     bare = Packing.of([], packing.container, position=[])
     (tmp_path / "packing.vtp").write_text("mine")
     write_report(bare, tmp_path / "p.html", pictures_folder=tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["p.html", "packing.vtp", "whole.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["p.html", "p.json", "packing.vtp", "whole.png"]
     assert (tmp_path / "packing.vtp").read_text() == "mine"
     with pytest.raises(OutputExistsError, match=r"whole.png is there already"):
         write_report(bare, tmp_path / "q.html", pictures_folder=tmp_path, overwrite=False)

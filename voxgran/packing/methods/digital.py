@@ -28,12 +28,15 @@ from voxgran._base.config import parameter, to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import lattice_rotations, product, quaternions_of, random_rotations
 from voxgran._base.seeds import philox_key, stream
-from voxgran.packing.bits import Bank, Canvas, Field, make_bank
+from voxgran.containers.box import Box
+from voxgran.containers.rectangle import Rectangle
+from voxgran.packing.bits import UNPACKED, Bank, Canvas, Field, make_bank
 from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.walk import Grains, Members, Rules, make_attempts, put
+from voxgran.shapes.model import Shape
 
 #: sweeps between two looks at whether the bed still sinks
 SETTLE_SWEEPS = 200
@@ -177,21 +180,35 @@ def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
     settings: Digital = problem.parameters
     lattice = container_lattice(problem, _voxel_size(problem))
+    width = np.array([_mean_width(shape) for shape in problem.shapes])[problem.shape_id] * problem.diameter
     radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
-    wide = 2 * radius / lattice.voxel_size + 4
+    wide, half = width / lattice.voxel_size + 2, np.ceil(radius / lattice.voxel_size) + 1
     tall = wide if problem.dimension == 3 else np.ones_like(wide)
-    column_words = wide * wide * (tall / 64 + 1)
     members = _bases(problem)
-    largest = float(wide.max(initial=1.0))
+    # each member along each axis, in pieces and then joined; and the bits of each grain where it lies
+    bank = (2 * 3 * members + 1) * 8 * float((wide * wide * (tall / 64 + 0.5)).sum())
+    masks = float(((2 * half) ** problem.dimension).mean()) if problem.count else 0.0
+    kept = min(problem.byte_limit, problem.different_voxels(members) * masks)
+    largest = 2 * float(radius.max(initial=0.0)) / lattice.voxel_size + 4
     margin = np.where(np.array(problem.container.periodic), largest, 1.0)
-    canvas = float(np.prod(lattice.shape + 2 * margin + np.array([0, 0, 128]))) / 8
-    unpacked = 8 * canvas + float(np.prod(lattice.shape))
-    bank = float((3 * members + 1) * 8 * column_words.sum())
+    canvas = float(np.prod(lattice.shape + 2 * margin + np.array([0, 0, 64]))) / 8
+    # what is free is found voxel by voxel where the walls are not those of the lattice
+    even = isinstance(problem.container, Box | Rectangle)
+    unpacked = 4 * UNPACKED + (0.0 if even else 2.5 * float(np.prod(lattice.shape)))
     return Cost(
-        memory=int(canvas + unpacked + bank + 2 * largest**3),
+        memory=int(canvas + unpacked + bank + kept),
         attempts=problem.count * (settings.sweeps + 40 * SETTLE_SWEEPS),
         voxelized_shapes=problem.different_voxels(members),
     )
+
+
+def _mean_width(shape: Shape) -> float:
+    """Return the width of a shape, averaged over directions, in its unit of lengths."""
+    ways = np.array([way for way in itertools.product((-1, 0, 1), repeat=3) if way > (0, 0, 0)], dtype=np.float64)
+    if shape.dimension == 2:
+        ways = ways[ways[:, 2] == 0]
+    along = shape.vertices @ (ways / np.linalg.norm(ways, axis=1, keepdims=True)).T
+    return float(np.ptp(along, axis=0).mean())
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,135 @@
+"""Figures and the numbers behind them: sizes asked against placed, the wall, normals, form."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+import scipy.stats
+
+import voxgran as vg
+from voxgran._base.rotation import random_rotations
+from voxgran._base.seeds import stream
+from voxgran.report.figures import figures_of, size_test
+from voxgran.report.shape_plots import flatness_and_elongation, normal_rose
+from voxgran.report.wall_law import law_applies, wall_law
+
+pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+
+
+def of_sizes(sizes, asked):
+    position = np.column_stack([np.arange(len(sizes)) * 5.0 + 3, np.full((len(sizes), 2), 3.0)])
+    return vg.Packing.of(
+        [vg.make_shape("sphere")],
+        vg.Box((5.0 * len(sizes) + 3, 6, 6)),
+        position=position,
+        scale=sizes,
+        provenance={"asked": {"sizes": asked.to_mapping()}},
+    )
+
+
+def test_the_distance_of_sizes_is_that_of_scipy():
+    asked = vg.sizes.lognormal(1.0, 0.3)
+    sizes = np.exp(stream(4, "sizes").normal(0.1, 0.3, 80))
+    found = size_test(of_sizes(sizes, asked))
+    reference = scipy.stats.kstest(sizes, scipy.stats.lognorm(0.3).cdf)
+    assert found["distance"] == pytest.approx(reference.statistic, rel=1e-6)
+    assert found["p_value"] == pytest.approx(reference.pvalue, rel=1e-3)
+
+
+def test_single_sizes_that_were_placed_as_asked_have_no_distance():
+    asked = vg.sizes.discrete([1.0, 2.0], [0.5, 0.5])
+    assert size_test(of_sizes(np.array([1.0, 2.0, 1.0, 2.0]), asked))["distance"] == pytest.approx(0.0, abs=1e-12)
+    assert size_test(of_sizes(np.array([1.0, 1.0, 1.0, 2.0]), asked))["distance"] == pytest.approx(0.25)
+    assert size_test(vg.Packing.of([vg.make_shape("sphere")], vg.Box((3, 3, 3)), position=[(1, 1, 1)])) is None
+
+
+def test_the_law_of_the_wall():
+    assert wall_law([0.0], bulk=0.6)[0] == pytest.approx(0.0)
+    assert wall_law([0.5], bulk=0.6)[0] == pytest.approx(1 - (2.14 * 0.25 - 2.53 * 0.5 + 1))
+    assert wall_law([20.0], bulk=0.6)[0] == pytest.approx(0.6, abs=1e-4)
+    x = np.linspace(0.7, 4, 400)
+    peaks = x[1:-1][np.diff(np.sign(np.diff(wall_law(x, bulk=0.6)))) < 0]
+    assert np.diff(peaks) == pytest.approx(2 / 2.3, abs=0.05)
+
+
+def test_the_law_is_shown_only_where_it_applies():
+    ball, rock = vg.make_shape("sphere"), vg.make_shape("cone")
+    inside = [(0, 0, 1), (1, 0, 1), (0, 1.2, 1)]
+    drum = vg.Cylinder(3, 4)
+    assert law_applies(vg.Packing.of([ball], drum, position=inside))
+    assert not law_applies(vg.Packing.of([rock], drum, position=inside))
+    assert not law_applies(vg.Packing.of([ball], drum, position=inside, scale=[1, 1.1, 0.9]))
+    assert not law_applies(vg.Packing.of([ball], vg.Box((3, 3, 3)), position=[(1, 1, 1), (2, 2, 2)]))
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_rose_of_normals_without_direction_is_round(dimension):
+    way = stream(1, "rose").normal(size=(200_000, 3))
+    way[:, 2] *= dimension == 3
+    angle, share = normal_rose(way / np.linalg.norm(way, axis=1, keepdims=True), dimension=dimension, down=2)
+    assert share == pytest.approx(1.0, abs=0.06)
+    assert len(angle) == 18
+    assert angle[0] == pytest.approx(np.pi / 36)
+
+
+def test_upright_normals_point_up_and_down():
+    angle, share = normal_rose([[0, 0, 1.0], [0, 0, -1.0]], dimension=3, down=2)
+    assert np.flatnonzero(share).tolist() == [0, len(angle) - 1]
+    _, flat = normal_rose([[0, 1.0, 0]], dimension=2, down=None)
+    assert np.flatnonzero(flat).tolist() in ([8], [9])
+
+
+def test_form_is_that_of_the_extents():
+    box = vg.make_shape("box", lengths=(4, 2, 1))
+    turned = random_rotations(stream(1, "form"), 1)[0]
+    packing = vg.Packing.of([box.rotated(turned)], vg.Box((9, 9, 9)), position=[(4, 4, 4)])
+    across, up = flatness_and_elongation(packing)
+    assert across[0] == pytest.approx(0.5, rel=1e-6)
+    assert up[0] == pytest.approx(0.5, rel=1e-6)
+
+
+def lattice():
+    ticks = np.arange(5) + 0.5
+    position = np.array(np.meshgrid(ticks, ticks, ticks)).reshape(3, -1).T
+    return vg.Packing.of([vg.make_shape("sphere")], vg.Box((5, 5, 5), "xyz"), position=position, unit="mm")
+
+
+def test_the_page_has_a_twin_of_all_numbers(tmp_path):
+    packing = lattice()
+    tree, proof = vg.measure(packing), vg.verify(packing)
+    vg.write_report(packing, tmp_path / "page.html", statistics=tree, verification=proof, pictures=False)
+    twin = json.loads((tmp_path / "page.json").read_text())
+    assert twin["count"] == 125
+    assert twin["statistics"]["solid_fraction"]["value"] == float(tree["solid_fraction"])
+    assert twin["verification"]["ok"] is True
+    names = [figure.name for figure in figures_of(packing, tree)]
+    assert sorted(twin["figures"]) == sorted(names)
+    assert twin["figures"]["contact_normals"]["contacts"] == 375
+    assert "NaN" not in (tmp_path / "page.json").read_text()
+    with pytest.raises(vg.VoxgranError, match=r"page\.html is there already"):
+        vg.write_report(packing, tmp_path / "page.html", pictures=False, overwrite=False)
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
+def test_a_browser_finds_nothing_wrong_and_nothing_too_wide(tmp_path):
+    packing = lattice()
+    page = tmp_path / "page.html"
+    vg.write_report(packing, page, statistics=vg.measure(packing), verification=vg.verify(packing), turntable=True)
+    assert page.stat().st_size < 5e6
+    probe = tmp_path / "probe.html"
+    probe.write_text(
+        f'<iframe id="f" src="{page.as_uri()}" style="width:400px;height:9000px;border:0"></iframe><pre id="out"></pre>'
+        f'<iframe id="f" src="{page.as_uri()}" style="width:400px;height:9000px;border:0"></iframe>'
+        '<pre id="out"></pre>'
+        "</script>"
+    )
+    seen = subprocess.run(
+        ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--allow-file-access-from-files",
+         "--enable-logging=stderr", "--virtual-time-budget=5000", "--dump-dom", probe.as_uri()],
+        capture_output=True, text=True, check=False, timeout=120,
+    )  # fmt: skip
+    assert "CONSOLE" not in seen.stderr
+    wide, room = (int(word) for word in seen.stdout.rpartition('<pre id="out">')[2].partition("<")[0].split())
+    assert wide <= room == 400

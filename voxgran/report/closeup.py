@@ -1,0 +1,76 @@
+"""A close look at contacts: one grain among its neighbours, with the points where they touch."""
+
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.lazy import load
+from voxgran.measure.coordination import WIDEST_GAP, mean_diameter
+from voxgran.packing.model import Packing
+from voxgran.report.stage import MATERIAL, Picture, add_scale_bar, look_at, shot, stage_of
+from voxgran.shapes.tessellate import ball
+
+_MIDDLE, _NEIGHBOUR, _POINT = "#2a9d8f", "#b9c3ca", "#d1495b"
+
+
+def picture_contacts(packing: Packing, *, window: tuple[int, int] = (900, 900)) -> Picture | None:
+    """Draw the grain with the most neighbours, these translucent, and the points where they are nearest.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    window : tuple of int
+        Width and height, in pixels.
+
+    Returns
+    -------
+    (height, width, 3) ndarray of uint8 or None
+        None where no two grains are near.
+    """
+    found = packing.contacts(WIDEST_GAP * mean_diameter(packing)) if packing.count else None
+    if found is None or not found.count:
+        return None
+    grain = _busiest(packing, found.i, found.j)
+    first, second = found.i == grain, (found.j == grain) & (found.i != grain)
+    lengths = packing.container.bounds[1] - packing.container.bounds[0]
+    others = np.concatenate([found.j[first], found.i[second]])
+    shift = np.concatenate([found.image[first], -found.image[second]]) * lengths
+    points = np.concatenate([found.point[first], found.point[second] - found.image[second] * lengths])
+    extent = []
+    with stage_of(window) as stage:
+        extent.append(_add_grain(stage, packing, grain, np.zeros(3), color=_MIDDLE, opacity=1.0))
+        for other, way in zip(others.tolist(), shift, strict=True):
+            extent.append(_add_grain(stage, packing, other, way, color=_NEIGHBOUR, opacity=0.45))
+        _add_points(stage, points, 0.04 * float(packing.diameters[grain]))
+        stage.enable_depth_peeling(8)
+        look_at(stage, np.concatenate(extent), flat=packing.dimension == 2)
+        add_scale_bar(stage, packing.unit)
+        return shot(stage)
+
+
+def _busiest(packing: Packing, i: Integers, j: Integers) -> int:
+    """Return the grain with the most neighbours; of several the one nearest to the middle."""
+    count = np.bincount(np.concatenate([i, j]), minlength=packing.count)
+    most = np.flatnonzero(count == count.max())
+    middle = packing.container.bounds.mean(axis=0)
+    return int(most[np.linalg.norm(packing.position[most] - middle, axis=1).argmin()])
+
+
+def _add_grain(stage: Any, packing: Packing, grain: int, shift: Floats, *, color: str, opacity: float) -> Floats:
+    """Draw a grain at an image of its place; return its vertices."""
+    shape = packing.shapes[packing.shape_id[grain]]
+    turned = shape.vertices @ packing.matrices[grain].T * packing.scale[grain]
+    vertices: Floats = turned + packing.position[grain] + shift
+    mesh = load("pyvista").PolyData.from_regular_faces(vertices, shape.faces)
+    stage.add_mesh(mesh, color=color, opacity=opacity, smooth_shading=True, split_sharp_edges=True, **MATERIAL)
+    return vertices
+
+
+def _add_points(stage: Any, points: Floats, radius: float) -> None:
+    """Draw small balls, seen through what is before them."""
+    vertices, faces, _ = ball(2)
+    beads = (points[:, None] + radius * vertices).reshape(-1, 3)
+    triangles = (faces + len(vertices) * np.arange(len(points))[:, None, None]).reshape(-1, 3)
+    stage.add_mesh(load("pyvista").PolyData.from_regular_faces(beads, triangles), color=_POINT, **MATERIAL)

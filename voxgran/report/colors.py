@@ -1,0 +1,84 @@
+"""What grains are coloured by: a number per grain and what it is called."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_choice
+from voxgran._base.lazy import load
+from voxgran.measure.coordination import coordination_number
+from voxgran.packing.model import Packing
+
+ColorBy: TypeAlias = Literal["diameter", "shape", "coordination", "distance"]
+COLOR_BY: tuple[ColorBy, ...] = ("diameter", "shape", "coordination", "distance")
+
+
+@dataclass(frozen=True, slots=True)
+class Coloring:
+    """Values of grains, and what the colour bar says.
+
+    Attributes
+    ----------
+    values : (n,) ndarray of float
+        One number a grain.
+    label : str
+        What it is.
+    unit : str
+        Its unit, ``""`` where it has none.
+    """
+
+    values: Floats
+    label: str
+    unit: str = ""
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The least and the largest value; a little apart where they are equal."""
+        low, high = float(self.values.min(initial=np.inf)), float(self.values.max(initial=-np.inf))
+        if low < high:
+            return low, high
+        return (0.6 * low, 1.2 * high) if low == high and low > 0 else (-0.5, 0.5)
+
+
+def coloring(packing: Packing, color_by: str) -> Coloring:
+    """Return what grains are coloured by.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    color_by : {"diameter", "shape", "coordination", "distance"}
+        Equivalent diameter; index of the shape; number of neighbours up to the usual gap; distance of the centroid from
+        the nearest other one.
+
+    Returns
+    -------
+    Coloring
+
+    Raises
+    ------
+    InputError
+        If `color_by` is unknown.
+    """
+    as_choice(color_by, "color_by", COLOR_BY)
+    unit = "" if packing.unit == "1" else packing.unit
+    if color_by == "diameter" or not packing.count:
+        return Coloring(packing.diameters, "equivalent diameter", unit)
+    if color_by == "shape":
+        return Coloring(packing.shape_id.astype(np.float64), "number of the shape")
+    if color_by == "coordination":
+        neighbours = coordination_number(packing).of_grain
+        return Coloring(neighbours.astype(np.float64), "coordination number")
+    return Coloring(_nearest(packing), "distance of the centroid from the nearest one", unit)
+
+
+def _nearest(packing: Packing) -> Floats:
+    """Return the distance of each centroid from the nearest other one, across periodic faces too."""
+    lower, upper = packing.container.bounds
+    lengths = np.where(packing.container.periodic, upper - lower, 0.0)
+    local = packing.position - lower
+    local = np.where(lengths > 0, np.mod(local, np.where(lengths > 0, lengths, 1.0)), local)
+    tree = load("scipy.spatial").cKDTree(local, boxsize=lengths)
+    distance: Floats = tree.query(local, k=2)[0][:, 1]
+    return np.where(np.isfinite(distance), distance, 0.0)

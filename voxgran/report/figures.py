@@ -1,0 +1,199 @@
+"""Which plots stand on a page, with the numbers that they show."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.lazy import load
+from voxgran.measure.coordination import mean_diameter
+from voxgran.measure.region import gravity_of
+from voxgran.packing.model import Packing
+from voxgran.report import facts, plots, shape_plots
+from voxgran.report.wall_law import law_applies, wall_law
+
+if TYPE_CHECKING:
+    from xarray import Dataset, DataTree
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One plot.
+
+    Attributes
+    ----------
+    name : str
+        Key of its numbers.
+    svg, alt, caption : str
+        What is shown and said.
+    numbers : dict
+        What the plot shows, JSON-able.
+    """
+
+    name: str
+    svg: str
+    alt: str
+    caption: str
+    numbers: dict[str, Any] = field(default_factory=dict)
+
+
+def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
+    """Return the plots of a packing, as far as there is something to show.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    statistics : xarray.DataTree or None
+        Its measures.
+    """
+    found = []
+    if packing.count:
+        found.append(_gradation(packing))
+    found += _curves(packing, statistics)
+    if packing.count and packing.dimension == 3:
+        found.append(_zingg(packing))
+    rose = _rose(packing, statistics)
+    return [*found, rose] if rose is not None else found
+
+
+def size_test(packing: Packing) -> dict[str, float] | None:
+    """Compare the sizes that were placed with those that were asked for, by number.
+
+    Parameters
+    ----------
+    packing : Packing
+        At least one grain.
+
+    Returns
+    -------
+    dict or None
+        Kolmogorov-Smirnov ``distance`` of the two distributions and its ``p_value``, the probability of a larger one by
+        chance (scipy.stats.kstest); None where nothing is known of what was asked.
+    """
+    asked = plots.asked_sizes(packing)
+    if asked is None or not packing.count:
+        return None
+
+    def share(sizes: Any) -> Any:
+        return asked.cumulative(np.asarray(sizes, dtype=np.float64), basis="number", dimension=packing.dimension)
+
+    sizes = packing.diameters
+    if asked.by_intermediate_axis:
+        sizes = sizes * plots.sieve_ratio(packing)
+    # a distribution of single sizes jumps where the sizes lie: compare on both sides of each
+    ordered = np.unique(sizes)
+    below = np.searchsorted(np.sort(sizes), ordered, side="left") / len(sizes)
+    upto = np.searchsorted(np.sort(sizes), ordered, side="right") / len(sizes)
+    before, at = share(ordered * (1 - 1e-9)), share(ordered * (1 + 1e-9))
+    distance = float(max(np.abs(below - before).max(), np.abs(upto - at).max()))
+    p_value = float(load("scipy.stats").kstwo.sf(distance, len(sizes)))
+    return {"distance": distance, "p_value": p_value}
+
+
+def _gradation(packing: Packing) -> Figure:
+    """Return the gradation, asked against placed."""
+    svg = plots.svg_of(lambda axes: plots.plot_gradation(axes, packing), "gradation")
+    test = size_test(packing)
+    caption = "Gradation: what passes which size."
+    if test is not None:
+        caption += (
+            f" Placed against asked, by number: Kolmogorov\u2013Smirnov distance {test['distance']:.3g}, larger by "
+            f"chance with probability {test['p_value']:.2g}."
+        )
+    order = np.argsort(packing.diameters, kind="stable")
+    shares = np.cumsum(packing.volumes[order]) / packing.volumes.sum()
+    keep = np.unique(np.linspace(0, packing.count - 1, 200).astype(int))
+    numbers = {
+        "diameter": packing.diameters[order][keep].tolist(),
+        "passing_by_volume": shares[keep].tolist(),
+        "kolmogorov_smirnov": test,
+    }
+    return Figure("gradation", svg, "gradation", caption, numbers)
+
+
+def _curves(packing: Packing, statistics: "DataTree | None") -> Iterator[Figure]:
+    """Yield solid fractions over a place and coordination numbers over the gap."""
+    levels = {"whole": packing.solid_fraction, "bulk": facts.scalar(statistics, "bulk_solid_fraction") or np.nan}
+    for data, name in curves_of(packing, statistics):
+        place = data[name][data[name].dims[0]]
+        published: dict[str, Any] = {}
+        if str(place.name) == "wall_distance" and law_applies(packing) and np.isfinite(levels["bulk"]):
+            law = wall_law(place.values / mean_diameter(packing), bulk=levels["bulk"])
+            published = {"de Klerk 2003": law}
+        draw = partial(_draw_curve, data=data, name=name, levels=levels, published=published)
+        title = str(data[name].attrs.get("long_name", name.replace("_", " ")))
+        note = " Dashed: equal spheres in a cylinder by de Klerk 2003." if published else ""
+        numbers = {str(place.name): place.values.tolist(), name: data[name].values.tolist()}
+        numbers |= {key: np.asarray(curve).tolist() for key, curve in published.items()}
+        svg = plots.svg_of(draw, name.replace("_", "-"))
+        yield Figure(name, svg, title, f"{title[:1].upper()}{title[1:]}.{note}", numbers)
+
+
+def curves_of(packing: Packing, statistics: "DataTree | None") -> "list[tuple[Dataset, str]]":
+    """Return dataset and name of each curve: solid fractions over a place, coordination numbers over the gap.
+
+    Along a periodic axis every place is like another.
+    """
+    periodic = [axis for axis, flag in zip("xyz", packing.container.periodic, strict=True) if flag]
+    found = []
+    for node in statistics.subtree if statistics is not None else ():
+        data = node.to_dataset()
+        for name, variable in data.data_vars.items():
+            along = str(variable.dims[0]) if variable.ndim == 1 else ""
+            if along not in data.coords or variable.size < 2 or along in periodic or str(name).endswith("_error"):
+                continue
+            if str(name).startswith("solid_fraction") or (along == "gap" and "coordination" in str(name)):
+                found.append((data, str(name)))
+    return found
+
+
+def _draw_curve(axes: Any, *, data: "Dataset", name: str, levels: Any, published: Any) -> Any:
+    """Draw one curve."""
+    variable = data[name]
+    place = variable[variable.dims[0]]
+    label = str(place.attrs.get("long_name", place.name)).removeprefix("the ")
+    unit = str(place.attrs.get("units", ""))
+    if place.name == "gap":
+        return plots.plot_coordination(axes, place.values, variable.values, name=label, unit=unit)
+    error = data[f"{name}_error"].values if f"{name}_error" in data else 0.0
+    return plots.plot_profile(
+        axes, place.values, variable.values, name=label, unit=unit, error=error, levels=levels, published=published
+    )
+
+
+def _zingg(packing: Packing) -> Figure:
+    """Return how flat and long the grains are."""
+    svg = plots.svg_of(lambda axes: shape_plots.plot_zingg(axes, packing), "zingg", size=(5.2, 4.2))
+    across, up = shape_plots.flatness_and_elongation(packing)
+    caption = "Form after Zingg 1935: extents along the axes of inertia; larger dots stand for more grains."
+    numbers = {
+        "mean_intermediate_over_longest": float(across.mean()),
+        "mean_shortest_over_intermediate": float(up.mean()),
+    }
+    return Figure("zingg", svg, "Zingg plot", caption, numbers)
+
+
+def _rose(packing: Packing, statistics: "DataTree | None") -> Figure | None:
+    """Return where contact normals point, if there are enough contacts."""
+    if statistics is None or "/contacts" not in statistics.groups:
+        return None
+    normals = np.asarray(statistics["/contacts"]["normal"].values)
+    if len(normals) < 2 * shape_plots.SECTORS:
+        return None
+    gravity = gravity_of(packing)
+    angle, share = shape_plots.normal_rose(
+        normals, dimension=packing.dimension, down=None if gravity is None else gravity[0]
+    )
+    upright = packing.dimension == 3
+    draw = partial(shape_plots.plot_rose, angle=angle, share=share, upright=upright)
+    svg = plots.svg_of(draw, "rose", size=(4.6, 4.2), projection="polar")
+    origin = "the upright axis" if upright else "x"
+    caption = (
+        f"Contact normals: how many of {len(normals)} point at which angle from {origin}, relative to a packing "
+        "without any preferred direction (dashed)."
+    )
+    numbers = {"angle": angle.tolist(), "relative_density": share.tolist(), "contacts": len(normals)}
+    return Figure("contact_normals", svg, "rose of contact normals", caption, numbers)

@@ -1,0 +1,95 @@
+"""The machine-readable twin of a page: every number that it shows, as JSON."""
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran import __version__
+from voxgran.packing.model import Packing
+from voxgran.report import facts
+from voxgran.report.figures import Figure
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+    from voxgran.packing.verify import Verification
+
+
+def page_numbers(
+    packing: Packing,
+    statistics: "DataTree | None",
+    verification: "Verification | None",
+    *,
+    figures: Sequence[Figure],
+) -> dict[str, Any]:
+    """Return every number of a page.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing.
+    statistics : xarray.DataTree or None
+        Its measures.
+    verification : Verification or None
+        Its proof.
+    figures : sequence of Figure
+        The plots of the page.
+
+    Returns
+    -------
+    dict
+        JSON-able.
+    """
+    scalars = {}
+    if statistics is not None:
+        for name, value in statistics.data_vars.items():
+            if not value.ndim and value.dtype.kind in "biuf":
+                scalars[str(name)] = {"value": value.item(), **{k: str(v) for k, v in value.attrs.items()}}
+    return {
+        "voxgran": __version__,
+        "count": packing.count,
+        "solid_fraction": packing.solid_fraction,
+        "porosity": packing.porosity,
+        "stop_reason": packing.stop_reason,
+        "unit": packing.unit,
+        "density": packing.density,
+        "diameter": _spread(packing),
+        "statistics": scalars,
+        "verification": None if verification is None else dataclasses.asdict(verification),
+        "figures": {figure.name: figure.numbers for figure in figures},
+        "shapes": [
+            {"name": name, "geometry": kind, "grains": grains, "share": share}
+            for name, kind, grains, share in facts.shape_rows(packing)
+        ],
+        "provenance": dict(packing.provenance),
+    }
+
+
+def json_text(value: Any) -> str:
+    """Write a value as JSON; what is not finite becomes null, as the format has no word for it."""
+    return json.dumps(_finite(value), indent=1, default=str, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _spread(packing: Packing) -> dict[str, float | None]:
+    """Return least, median and largest equivalent diameter."""
+    if not packing.count:
+        return {"least": None, "median": None, "largest": None}
+    low, middle, high = (float(value) for value in np.quantile(packing.diameters, [0.0, 0.5, 1.0]))
+    return {"least": low, "median": middle, "largest": high}
+
+
+def _finite(value: Any) -> Any:
+    """Replace what is not finite by None, all the way down."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _finite(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,132 @@
+"""Plots of how grains are shaped and how their contacts point."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats
+from voxgran.packing.model import Packing
+from voxgran.report.plots import ASKED, PLACED
+from voxgran.shapes.descriptors import principal_extents
+
+#: sectors of a rose over half a turn
+SECTORS = 18
+#: ratio that parts flat from compact and long grains
+ZINGG = 2 / 3
+
+
+def flatness_and_elongation(packing: Packing) -> tuple[Floats, Floats]:
+    """Return the ratios of the extents of all grains.
+
+    Parameters
+    ----------
+    packing : Packing
+        Any packing in three dimensions.
+
+    Returns
+    -------
+    intermediate_longest, shortest_intermediate : (n,) ndarray of float
+        Intermediate over longest, and shortest over intermediate extent along the axes of inertia.
+    """
+    extents = np.array([principal_extents(shape) for shape in packing.shapes]).reshape(-1, 3)[packing.shape_id]
+    return extents[:, 1] / extents[:, 0], extents[:, 2] / extents[:, 1]
+
+
+def plot_zingg(axes: Any, packing: Packing) -> Any:
+    """Draw each grain by the ratios of its extents.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Where to draw.
+    packing : Packing
+        Any packing in three dimensions.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    References
+    ----------
+    Zingg 1935, Beitrag zur Schotteranalyse, doi:10.3929/ethz-a-000103455
+    """
+    across, up = flatness_and_elongation(packing)
+    points, counts = np.unique(np.round(np.column_stack([up, across]), 6), axis=0, return_counts=True)
+    for line in (axes.axhline, axes.axvline):
+        line(ZINGG, color="#808a90", linewidth=1.0, linestyle=(0, (4, 2)))
+    for x, y, word in (
+        (0.32, 0.97, "flat"),
+        (0.85, 0.97, "compact"),
+        (0.32, 0.32, "flat and long"),
+        (0.85, 0.32, "long"),
+    ):
+        axes.text(x, y, word, ha="center", va="top", fontsize=10, alpha=0.7)
+    size = 16 + 220 * counts / counts.sum() if len(counts) <= 50 else 10
+    axes.scatter(points[:, 0], points[:, 1], s=size, color=PLACED, alpha=0.75, linewidth=0)
+    axes.set(xlim=(0.0, 1.03), ylim=(0.0, 1.03), xlabel="shortest / intermediate", ylabel="intermediate / longest")
+    return axes
+
+
+def normal_rose(normals: ArrayLike, *, dimension: int, down: int | None) -> tuple[Floats, Floats]:
+    """Return how many contact normals point which way, relative to normals that point everywhere alike.
+
+    Parameters
+    ----------
+    normals : (m, 3) array_like of float
+        Unit vectors; either sense counts.
+    dimension : {2, 3}
+        In 2D angles are those from x towards y. In 3D they are those from the axis, whatever the azimuth, and the
+        solid angle of each sector is taken into account.
+    down : int or None
+        Axis from which angles count in 3D; z where there is none.
+
+    Returns
+    -------
+    angle : (k,) ndarray of float
+        Middle of each sector over half a turn, in radians.
+    share : (k,) ndarray of float
+        1 everywhere for an isotropic packing.
+    """
+    way = np.asarray(normals, dtype=np.float64).reshape(-1, 3)
+    edges = np.linspace(0.0, np.pi, SECTORS + 1)
+    middle = (edges[:-1] + edges[1:]) / 2
+    if dimension == 2:
+        angle = np.mod(np.arctan2(way[:, 1], way[:, 0]), np.pi)
+        expected = np.full(SECTORS, 1.0 / SECTORS)
+    else:
+        along = np.clip(way[:, 2 if down is None else down], -1.0, 1.0)
+        angle = np.arccos(np.concatenate([along, -along]))
+        expected = (np.cos(edges[:-1]) - np.cos(edges[1:])) / 2
+    count = np.histogram(angle, edges)[0].astype(np.float64)
+    return middle, count / max(count.sum(), 1.0) / expected
+
+
+def plot_rose(axes: Any, angle: ArrayLike, share: ArrayLike, *, upright: bool) -> Any:
+    """Draw a rose of contact normals, with the circle of an isotropic packing.
+
+    Parameters
+    ----------
+    axes : matplotlib.projections.polar.PolarAxes
+        Where to draw.
+    angle, share : (k,) array_like of float
+        What :func:`normal_rose` returns.
+    upright : bool
+        Whether angles count from the upright axis, as in 3D.
+
+    Returns
+    -------
+    matplotlib.projections.polar.PolarAxes
+    """
+    theta, radius = np.asarray(angle, dtype=np.float64), np.asarray(share, dtype=np.float64)
+    if upright:
+        axes.set_theta_zero_location("N")
+        axes.set_theta_direction(-1)
+    both = np.concatenate([theta, theta + np.pi])
+    axes.bar(both, np.tile(radius, 2), width=0.96 * np.pi / len(theta), color=PLACED, alpha=0.8, linewidth=0)
+    circle = np.linspace(0, 2 * np.pi, 200)
+    axes.plot(circle, np.ones(200), color=ASKED, linewidth=1.5, linestyle=(0, (4, 2)))
+    axes.set_rlabel_position(68)
+    axes.set_ylim(0, max(1.15 * float(radius.max(initial=0.0)), 1.2))
+    axes.set_yticks([1.0])
+    return axes

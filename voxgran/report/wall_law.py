@@ -1,0 +1,47 @@
+"""The published solid fraction of equal spheres near a wall, to compare a profile with."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats
+from voxgran.contacts.parts import is_one_ball
+from voxgran.packing.model import Packing
+
+#: spread of the diameters, relative to their mean, up to which spheres count as equal
+EQUAL = 0.02
+#: distance from the wall, in diameters, at which the two parts of the law meet
+SEAM = 0.637
+
+
+def wall_law(distance: ArrayLike, *, bulk: float) -> Floats:
+    """Return the solid fraction of a bed of equal spheres over the distance from a cylindrical wall.
+
+    Parameters
+    ----------
+    distance : (n,) array_like of float
+        From the wall, in diameters.
+    bulk : float
+        Solid fraction far from the wall.
+
+    Returns
+    -------
+    (n,) ndarray of float
+
+    References
+    ----------
+    de Klerk 2003, Voidage variation in packed beds at small column to particle diameter ratio,
+    doi:10.1002/aic.690490812
+    """
+    x = np.asarray(distance, dtype=np.float64)
+    near = 2.14 * x**2 - 2.53 * x + 1.0
+    far = 1.0 - bulk + 0.29 * np.exp(-0.6 * x) * np.cos(2.3 * np.pi * (x - 0.16)) + 0.15 * np.exp(-0.9 * x)
+    return np.asarray(1.0 - np.where(x <= SEAM, near, far))
+
+
+def law_applies(packing: Packing) -> bool:
+    """Tell whether the law is for such a packing: equal spheres, in three dimensions, in an upright cylinder."""
+    if packing.dimension != 3 or packing.container.kind != "cylinder" or packing.count < 2:
+        return False
+    size = packing.diameters
+    balls = all(is_one_ball(packing.shapes[index].geometry) for index in np.unique(packing.shape_id))
+    return bool(balls and np.ptp(size) <= EQUAL * size.mean())
