@@ -121,9 +121,8 @@ def test_a_browser_finds_nothing_wrong_and_nothing_too_wide(tmp_path):
     probe = tmp_path / "probe.html"
     probe.write_text(
         f'<iframe id="f" src="{page.as_uri()}" style="width:400px;height:9000px;border:0"></iframe><pre id="out"></pre>'
-        f'<iframe id="f" src="{page.as_uri()}" style="width:400px;height:9000px;border:0"></iframe>'
-        '<pre id="out"></pre>'
-        "</script>"
+        "<script>f.onload=()=>{const d=f.contentDocument.documentElement;"
+        "out.textContent=d.scrollWidth+' '+d.clientWidth}</script>"
     )
     seen = subprocess.run(
         ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--allow-file-access-from-files",
