@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import GrainTooLargeError
+from voxgran._base.errors import GrainTooLargeError, InputError
 from voxgran.packing.method import method_registry
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.run import Drive, drive
@@ -154,3 +154,32 @@ def test_killed_and_resumed_to_the_same_bits(method, packing, tmp_path):
     task = task_of(method)
     state = drive(task.method, task.problem, Drive(checkpoint=path, resume=True, chunk=200))
     assert bits_of(task.method.finish(task.problem, state)) == bits_of(packing)
+
+
+def test_a_start_stays_in_order_and_goes_on(method, packing, tmp_path):
+    """A packing of another program: balls on a lattice that touch; then a packing of the method itself."""
+    ticks = np.arange(3) + 0.5
+    lattice = np.array(np.meshgrid(ticks, ticks, ticks[:2])).reshape(3, -1).T
+    (tmp_path / "spheres.txt").write_text("\n".join(f"{x} {y} {z} 0.45" for x, y, z in lattice))
+    foreign = vg.load(tmp_path / "spheres.txt")
+    box = vg.Box((3.5, 3.5, 6), "x")
+    found = vg.pack([], box, method=method, start=foreign, seed=3, **quick(method))
+    assert found.count == len(lattice)
+    assert found.diameters == pytest.approx(0.9)
+    assert vg.verify(found).ok
+    again = vg.pack([], box, method=method, start=foreign, seed=3, **quick(method))
+    assert bits_of(again) == bits_of(found)
+    more = vg.pack(vg.make_shape("cone"), box, method=method, start=found, count=2, seed=3, **quick(method))
+    assert more.count == len(lattice) + 2
+    assert more.shape_id[-2:].tolist() == [1, 1]
+    assert vg.verify(more).ok
+    assert more.provenance["asked"]["start"]["count"] == len(lattice)
+
+
+def test_a_start_that_has_no_place_is_refused(method):
+    balls = vg.Packing.of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), position=[(1, 1, k + 0.5) for k in range(4)])
+    with pytest.raises(InputError, match=r"grain 3 of start finds no place"):
+        vg.pack([], vg.Box((1.6, 1.6, 4.05)), method=method, start=balls, **quick(method))
+    flat = vg.Packing.of([vg.make_shape("disk")], vg.Rectangle((9, 9)), position=[(1, 1, 0)])
+    with pytest.raises(InputError, match="start has dimension 2"):
+        vg.pack([], vg.Box((3, 3, 3)), method=method, start=flat, **quick(method))

@@ -5,7 +5,7 @@ attempts do not matter. The centers of the grains lie in linked cells, which fol
 there does not depend on the order in the lists.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -13,17 +13,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Words
-from voxgran.packing.control_points import (
-    Bed,
-    Bodies,
-    Memory,
-    Scratch,
-    Walls,
-    is_outside,
-    meets,
-    recall,
-    write_matrix,
-)
+from voxgran.packing.control_points import Bed, Bodies, Memory, Scratch, Walls, is_outside, meets, recall, write_matrix
 
 #: how far from the top wall a grain enters, in median diameters: more than rounding
 CLEAR = 1e-9
@@ -62,6 +52,9 @@ class Rules(NamedTuple):
     longest: float
     shortest: float
     dimension: int
+
+
+World: TypeAlias = tuple[Bodies, Cells, Walls, Rules, Memory, Scratch]
 
 
 @kernel
@@ -404,8 +397,41 @@ def _random_turn(rules, q, words):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def enter_raised(bed: Bed, world: World, g: int, position: Floats, up: Floats, fine: float) -> bool:
+    """Let a grain enter in the turn that is tried, at a place within the walls or the first free one upward."""
+    bodies, cells, walls, rules, memory, scratch = world
+    write_matrix(scratch.quaternion, scratch.turn)
+    first, steps = np.zeros(3), 0
+    for axis in range(3):
+        low, high = _room(bed, bodies, walls, scratch, g, axis)
+        if low > high:
+            return False
+        first[axis] = max(low, min(position[axis], high)) if walls.walled[axis] == 1 else position[axis]
+        if up[axis] != 0.0:
+            steps = int((walls.upper[axis] - walls.lower[axis]) / fine)
+    for k in range(steps + 1):
+        scratch.place[:] = first + k * fine * up
+        if not _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, np.inf):
+            _place(bed, cells, walls, scratch, g)
+            bed.step[g] = longest_step(bed, rules, g)
+            return True
+    return False
+
+
+@kernel
 def _enter_axis(bed, bodies, walls, rules, memory, scratch, g, axis, share):  # type: ignore[no-untyped-def]
     """Write where a grain enters along one axis; tell whether there is room."""
+    low, high = _room(bed, bodies, walls, scratch, g, axis)
+    if rules.gravity[axis] != 0.0 and not rules.anywhere:
+        scratch.place[axis] = high if rules.gravity[axis] < 0.0 else low
+    else:
+        scratch.place[axis] = low + share * (high - low)
+    return low <= high
+
+
+@kernel
+def _room(bed, bodies, walls, scratch, g, axis):  # type: ignore[no-untyped-def]
+    """Return the least and the largest coordinate of a grain, in the turn that is tried, between two walls."""
     s, size = bed.shape[g], bed.diameter[g]
     low, high = 0.0, 0.0
     if walls.walled[axis] == 1:
@@ -415,9 +441,4 @@ def _enter_axis(bed, bodies, walls, rules, memory, scratch, g, axis, share):  # 
             low, high = min(low, x), max(high, x)
         room = bodies.margin[s] * size + CLEAR
         low, high = low - room, high + room
-    low, high = walls.lower[axis] - low, walls.upper[axis] - high
-    if rules.gravity[axis] != 0.0 and not rules.anywhere:
-        scratch.place[axis] = high if rules.gravity[axis] < 0.0 else low
-    else:
-        scratch.place[axis] = low + share * (high - low)
-    return low <= high
+    return walls.lower[axis] - low, walls.upper[axis] - high

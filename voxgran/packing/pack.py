@@ -5,7 +5,7 @@ import os
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from voxgran.packing.method import PackingMethod, State, method_registry
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.run import Drive, Recorder, drive
+from voxgran.packing.start import Start, check_start
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution
 
@@ -46,6 +47,7 @@ def pack(
     weights: ArrayLike | None = None,
     weights_by: str = "number",
     seed: int = 0,
+    start: Packing | None = None,
     threads: int | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
@@ -78,6 +80,10 @@ def pack(
         What the shares are of.
     seed : int
         The same seed gives the same bits on the same machine and versions.
+    start : Packing, optional
+        Grains that are there from the beginning, at their places or as little above as the method needs to part them;
+        they come first in the result. `count` and `solid_fraction` are then those of further grains; with neither,
+        there are none. Where `shapes` is empty they have those of the start.
     threads : int, optional
         Most threads to use; the result does not depend on it.
     checkpoint : path-like, optional
@@ -132,6 +138,7 @@ def pack(
         weights=weights,
         weights_by=weights_by,
         seed=seed,
+        start=start,
         parameters=parameters,
     )
     used = 1 if threads is None else min(as_count(threads, "threads", at_least=1), 1)
@@ -155,6 +162,7 @@ def prepare_task(
     weights_by: str,
     seed: int,
     parameters: dict[str, Any],
+    start: Packing | None = None,
 ) -> Task:
     """Check what was asked, draw the grains and put all into the normalized frame; nothing is packed.
 
@@ -181,11 +189,14 @@ def prepare_task(
             f"method {method!r} packs in dimension {chosen.dimensions}: the container has {container.dimension}; "
             "choose another method"
         )
+    if start is not None:
+        check_start(start, container.dimension)
+    none_asked = start is not None and count is None and solid_fraction is None
     grains = draw_grains(
-        given,
+        given or (() if start is None else start.shapes),
         container,
         sizes,
-        count=count,
+        count=0 if none_asked else count,
         solid_fraction=solid_fraction,
         weights=weights,
         weights_by=weights_by,
@@ -198,10 +209,26 @@ def prepare_task(
         "weights": None if weights is None else np.asarray(weights, dtype=float).tolist(),
         "weights_by": weights_by,
     }
-    return Task(chosen, _problem(given, container, grains, settings, seed), grains, asked)
+    if start is not None:
+        asked["start"] = {"count": start.count, "method": start.provenance.get("method", "")}
+        grains = replace(
+            grains,
+            shape_id=np.concatenate([start.shape_id, (len(start.shapes) if given else 0) + grains.shape_id]),
+            diameter=np.concatenate([start.diameters, grains.diameter]),
+        )
+        given = (*start.shapes, *given)
+    return Task(chosen, _problem(given, container, grains, settings, seed=seed, start=start), grains, asked)
 
 
-def _problem(shapes: tuple[Shape, ...], container: Container, grains: Grains, settings: Any, seed: int) -> Problem:
+def _problem(
+    shapes: tuple[Shape, ...],
+    container: Container,
+    grains: Grains,
+    settings: Any,
+    *,
+    seed: int,
+    start: Packing | None,
+) -> Problem:
     """Put shapes, grains and container into the frame whose unit is the median diameter."""
     unit = float(np.median(grains.diameter)) if len(grains.diameter) else shapes[0].diameter
     return Problem(
@@ -213,6 +240,7 @@ def _problem(shapes: tuple[Shape, ...], container: Container, grains: Grains, se
         seed=as_count(seed, "seed"),
         unit_length=unit,
         original=shapes,
+        start=None if start is None else Start(start.position / unit, start.orientation),
     )
 
 

@@ -15,6 +15,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
+from voxgran.packing.start import Start
 from voxgran.points.sample import SurfacePoints, sample_surface
 from voxgran.shapes.model import Shape
 from voxgran.voxels.occupy import occupy
@@ -42,6 +43,8 @@ class Problem:
         The median diameter in the user's unit of lengths.
     original : tuple of Shape
         The shapes as the user gave them.
+    start : Start or None
+        Poses of the first grains, which are there from the beginning.
     byte_limit : int
         How many bytes of representations are kept.
     """
@@ -54,6 +57,7 @@ class Problem:
     seed: int
     unit_length: float
     original: tuple[Shape, ...]
+    start: Start | None = None
     byte_limit: int = 2**26
     counters: dict[str, int] = field(default_factory=lambda: {"voxelized_shapes": 0, "sampled_shapes": 0})
     _kept: "OrderedDict[tuple[Any, ...], Any]" = field(default_factory=OrderedDict)

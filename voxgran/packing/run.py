@@ -163,6 +163,8 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
     }
     digest.update(json.dumps(head, sort_keys=True, default=str).encode())
     digest.update(problem.shape_id.tobytes() + problem.diameter.tobytes())
+    if problem.start is not None:
+        digest.update(problem.start.position.tobytes() + problem.start.orientation.tobytes())
     return digest.hexdigest()
 
 

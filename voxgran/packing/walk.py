@@ -64,6 +64,39 @@ def put(field: Field, members: Members, grains: Grains, g: int) -> None:
 
 
 @kernel
+def enter_raised(
+    field: Field, members: Members, grains: Grains, g: int, member: int, turn: int, site: Integers, up: Integers
+) -> int:
+    """Let a grain enter at a lattice site, within the walls, or at the first free site upward.
+
+    Return by how many voxels it was raised, -1 where there is no place.
+    """
+    low, size = turned_box(members.low[member], members.size[member], members.turns[turn])
+    first = np.zeros(3, dtype=np.int64)
+    most = 0
+    for axis in range(3):
+        first[axis] = site[axis] + low[axis]
+        if field.periodic[axis] == 0:
+            first[axis] = max(0, min(first[axis], field.shape[axis] - size[axis]))
+        if up[axis] != 0:
+            most = field.shape[axis]
+    write_turned(
+        members.words, members.start[member], members.size[member], members.turns[turn], grains.bits, grains.at[g]
+    )
+    for k in range(most + 1):
+        corner = (
+            _wrapped(first[0] + k * up[0], field.shape[0], field.periodic[0]),
+            _wrapped(first[1] + k * up[1], field.shape[1], field.periodic[1]),
+            _wrapped(first[2] + k * up[2], field.shape[2], field.periodic[2]),
+        )
+        if not _is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
+            _stamp_images(field, grains.bits, grains.at[g], size, corner)
+            _place(grains, g, member, turn, corner, low)
+            return k
+    return -1
+
+
+@kernel
 def make_attempts(
     field: Field,
     members: Members,

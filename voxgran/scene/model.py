@@ -15,7 +15,9 @@ from voxgran._base.progress import OnStep
 from voxgran._base.registry import unknown
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
+from voxgran.io.files import load
 from voxgran.packing.method import method_registry
+from voxgran.packing.model import Packing
 from voxgran.shapes.family import families, make_shape
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape
@@ -100,6 +102,8 @@ class Scene:
         Packing method.
     count, solid_fraction : int or float or None
         How many grains.
+    start : str or None
+        File of the packing whose grains are there from the beginning.
     parameters : mapping
         Parameters of the method.
     which : tuple of str or None
@@ -116,6 +120,7 @@ class Scene:
     method: str
     count: int | None
     solid_fraction: float | None
+    start: str | None
     parameters: Mapping[str, Any]
     which: tuple[str, ...] | None
     output: Output
@@ -185,6 +190,7 @@ class Scene:
         packing = dict(mapping["packing"])
         method = packing.pop("method", None)
         count, solid = packing.pop("count", None), packing.pop("solid_fraction", None)
+        start = packing.pop("start", None)
         from_mapping(method_registry().get(method).parameters, packing, "[packing]")
         return cls(
             general=_general(mapping.get("scene", {})),
@@ -195,6 +201,7 @@ class Scene:
             method=str(method),
             count=None if count is None else as_count(count, "[packing] count"),
             solid_fraction=None if solid is None else as_number(solid, "[packing] solid_fraction", above=0, at_most=1),
+            start=None if start is None else str(existing_file(place / str(start))),
             parameters=packing,
             which=_which(mapping.get("measure", {})),
             output=from_mapping(Output, mapping.get("output", {}), "[output]"),
@@ -203,7 +210,12 @@ class Scene:
     def to_mapping(self) -> dict[str, Any]:
         """Return the scene as nested JSON-able values, from which :meth:`from_mapping` makes it again."""
         shapes = [{entry.source: entry.name, "share": entry.share, **entry.parameters} for entry in self.shapes]
-        packing = {"method": self.method, "count": self.count, "solid_fraction": self.solid_fraction}
+        packing = {
+            "method": self.method,
+            "count": self.count,
+            "solid_fraction": self.solid_fraction,
+            "start": self.start,
+        }
         made = {
             "scene": to_mapping(self.general),
             "shape": shapes,
@@ -232,6 +244,16 @@ class Scene:
         from voxgran.scene.plan import make_plan
 
         return make_plan(self)
+
+    def begin(self) -> Packing | None:
+        """Return the packing whose grains are there from the beginning, read from its file; None where there is none.
+
+        Raises
+        ------
+        FileFormatError
+            If the file is no packing.
+        """
+        return None if self.start is None else load(self.start)
 
     def run(
         self,

@@ -139,6 +139,7 @@ def task_of(scene: Scene, shapes: tuple[Shape, ...]) -> Task:
         weights=[entry.share for entry in scene.shapes],
         weights_by=scene.share_by,
         seed=scene.general.seed,
+        start=scene.begin(),
         parameters=dict(scene.parameters),
     )
 

@@ -141,6 +141,7 @@ def run_one(
             weights=[entry.share for entry in scene.shapes],
             weights_by=scene.share_by,
             seed=scene.general.seed,
+            start=scene.begin(),
             checkpoint=checkpoint,
             resume=resume,
             on_step=on_step,

@@ -136,3 +136,15 @@ def test_results_are_not_replaced_unasked(write, tmp_path):
         scene.run(folder)
     scene.run(folder, overwrite=True)
     assert (folder / "mine.txt").read_text() == "mine"
+
+
+def test_a_scene_goes_on_from_a_packing_file(write, tmp_path):
+    first = vg.Scene.from_toml(write()).run(tmp_path / "first").packing
+    path = write('method = "digital"\ncount = 8', 'method = "digital"\ncount = 2\nstart = "first/packing.vtp"')
+    scene = vg.Scene.from_toml(path)
+    assert scene.plan().grains == 10
+    result = scene.run(tmp_path / "second")
+    assert result.packing.count == first.count + 2
+    assert result.verification.ok
+    with pytest.raises(MissingFileError):
+        vg.Scene.from_toml(write('count = 2\nstart = "first/packing.vtp"', 'start = "none.vtp"', text=path.read_text()))

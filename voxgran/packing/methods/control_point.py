@@ -29,11 +29,12 @@ from voxgran._base.seeds import philox_key
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.packing.control_points import FLAT, MESH, ROUND, Bed, Bodies, Memory, Scratch, Walls
-from voxgran.packing.control_walk import Cells, Rules, link_all, make_attempts
+from voxgran.packing.control_walk import Cells, Rules, enter_raised, link_all, make_attempts
 from voxgran.packing.lattice import axis_of
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
+from voxgran.packing.start import Start, refuse_start, upward
 from voxgran.packing.trees import make_trees, stack_room
 from voxgran.points.sample import sample_surface
 from voxgran.shapes.mesh import Mesh
@@ -108,7 +109,7 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If gravity points along a periodic axis.
+        If gravity points along a periodic axis, or a grain of the start finds no place.
     """
     _gravity(problem)
     n = problem.count
@@ -123,7 +124,26 @@ def prepare(problem: Problem) -> State:
     state = State(arrays, {**dict.fromkeys(TALLY, 0), "fed_at": -1}, 0, _most_attempts(problem, n))
     if n == 0:
         state.stop_reason = "count"
+    if problem.start is not None and problem.start.count:
+        _enter_start(problem, state, problem.start)
     return state
+
+
+def _enter_start(problem: Problem, state: State, start: Start) -> None:
+    """Put the grains of the start in the container, each as little above its place as the points need to part."""
+    setting, gravity = _setting(problem, state), _gravity(problem)
+    up = upward(gravity, problem.dimension).astype(np.float64)
+    bed, rules = _bed(problem, state, setting), _rules(problem, state)
+    world = (setting.bodies, setting.cells, setting.walls, rules, setting.memory, setting.scratch)
+    for grain in start.rising(gravity).tolist():
+        setting.scratch.quaternion[:] = start.orientation[grain]
+        fine = 0.25 * (float(setting.extent[grain, 1]) + rules.gap)
+        if not enter_raised(bed, world, grain, start.position[grain], up, fine):
+            refuse_start(grain)
+    state.arrays["queue"] = start.queue(problem.count)
+    state.counters["placed"] = start.count
+    if start.count == problem.count:
+        _look_at_queue(problem, state)
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:

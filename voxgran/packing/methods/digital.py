@@ -35,7 +35,8 @@ from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.walk import Grains, Members, Rules, make_attempts, put
+from voxgran.packing.start import Start, refuse_start, upward
+from voxgran.packing.walk import Grains, Members, Rules, enter_raised, make_attempts, put
 from voxgran.shapes.model import Shape
 
 #: sweeps between two looks at whether the bed still sinks
@@ -107,7 +108,8 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If gravity points along a periodic axis, or no voxel size fits the periodic lengths.
+        If gravity points along a periodic axis, no voxel size fits the periodic lengths, or a grain of the start finds
+        no place.
     """
     settings: Digital = problem.parameters
     _gravity(problem)
@@ -124,7 +126,25 @@ def prepare(problem: Problem) -> State:
     state = State(arrays, counters, 0, total)
     if n == 0:
         state.stop_reason = "count"
+    if problem.start is not None and problem.start.count:
+        _enter_start(problem, state, problem.start)
     return state
+
+
+def _enter_start(problem: Problem, state: State, start: Start) -> None:
+    """Put the grains of the start on the lattice, each as little above its place as it needs to be."""
+    setting, gravity = _setting(problem, state), _gravity(problem)
+    lattice, up = setting.lattice, upward(gravity, problem.dimension)
+    upright = int(np.flatnonzero((setting.rotations == np.eye(3, dtype=np.int64)).all(axis=(1, 2)))[0])
+    sites = np.rint((start.position - lattice.corner) / lattice.voxel_size).astype(np.int64)
+    records = _records(state, setting)
+    for grain in start.rising(gravity).tolist():
+        if enter_raised(*records, grain, grain * setting.bases, upright, sites[grain], up) < 0:
+            refuse_start(grain)
+    state.arrays["queue"] = start.queue(problem.count)
+    state.counters["placed"] = start.count
+    if start.count == problem.count:
+        _look_at_queue(problem, state)
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:
@@ -254,6 +274,9 @@ def _make_setting(problem: Problem) -> _Setting:
         rotations = rotations[:1]
     bases = _bases(problem)
     base = _base_orientations(problem, bases)
+    if problem.start is not None:
+        # the first member of each grain is the pose that it starts in
+        base[: problem.start.count * bases : bases] = problem.start.orientation
 
     def mask_of(member: int) -> Booleans:
         return problem.voxels(member // bases, base[member], lattice.voxel_size, cover=settings.cover)
