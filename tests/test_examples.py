@@ -1,5 +1,7 @@
 """Each example runs, and one number of it is pinned."""
 
+import doctest
+import importlib
 import json
 import re
 import runpy
@@ -59,3 +61,18 @@ def test_rocks_scene_leaves_a_page_and_files(tmp_path):
     assert "checkpoint.voxgran" not in names
     assert "<svg" in (tmp_path / "out" / "report.html").read_text()
     assert result.summary["counters"]["voxelized_shapes"] == 60 * 4
+
+
+PACKAGE = EXAMPLES.parent / "voxgran"
+DOCUMENTED = sorted(
+    path.relative_to(EXAMPLES.parent).with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__")
+    for path in PACKAGE.rglob("*.py")
+    if ">>> " in path.read_text()
+)
+
+
+@pytest.mark.parametrize("name", DOCUMENTED)
+def test_examples_in_docstrings_give_what_they_say(name):
+    found = doctest.testmod(importlib.import_module(name), optionflags=doctest.NORMALIZE_WHITESPACE)
+    assert found.attempted > 0
+    assert found.failed == 0

@@ -8,6 +8,7 @@ one sentence with its numbers, and the result has passed the same check as any o
 """
 
 import logging
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -80,8 +81,9 @@ def repair(
 
     Parameters
     ----------
-    vertices : (n, 3) array_like of float, or an object with `vertices` and `faces`
-        Corner points, in the unit of lengths. A shape is closed as it is and comes back unchanged.
+    vertices : (n, 3) array_like of float, path-like, or an object with `vertices` and `faces`
+        Corner points, in the unit of lengths, or a mesh file as :func:`voxgran.load_shape` reads it. A shape is closed
+        as it is and comes back unchanged.
     faces : (m, 3) array_like of int, optional
         Triangles; left out where the first argument is an object that has them.
     largest_hole : float
@@ -103,14 +105,32 @@ def repair(
     InputError
         If an array has the wrong shape, an index is out of range, a coordinate is not finite, there are no faces, or
         a parameter is out of range.
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If the file is of no known format, or damaged.
     DirtyMeshError
         If the mesh cannot be mended with certainty; the message names the reason.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> cube = vg.make_shape("box", lengths=(1, 1, 1))
+    >>> mended = vg.repair(cube.vertices, cube.faces[1:], largest_hole=1.0)
+    >>> mended.sentences
+    ('closed 1 holes with 1 faces, the widest 0.82 of the size',)
+    >>> round(mended.shape.volume, 12)
+    1.0
     """
     as_choice(bodies, "bodies", BODIES)
     limit = as_number(largest_hole, "largest_hole", at_least=0.0)
     source: Any = vertices
     if isinstance(source, Shape):
         return Repair(shapes=(source,), sentences=(), volume_before=source.volume, volume=source.volume)
+    if isinstance(source, str | os.PathLike):
+        from voxgran.shapes.files import read_surface
+
+        source, faces = read_surface(source)
     if faces is None:
         if not hasattr(source, "vertices") or not hasattr(source, "faces"):
             raise InputError(f"faces is None and {type(source).__name__} has none: give vertices and faces, or a shape")

@@ -149,3 +149,16 @@ def test_images_of_another_kind_are_refused(tmp_path):
     for bad in (np.zeros((2, 2)), np.full((2, 2, 2), "a")):
         with pytest.raises(InputError, match="give numbers along x, y and z"):
             save_image(bad, tmp_path / "i.vti", voxel_size=1.0)
+
+
+def test_porespy_measures_the_same_porosity():
+    """The image is what users of porespy take: True (or above 0) for solid, so that the void is its inverse."""
+    porespy = pytest.importorskip("porespy")
+    ticks = np.arange(4) + 0.5
+    position = np.array(np.meshgrid(ticks, ticks, ticks)).reshape(3, -1).T
+    shape = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
+    packing = Packing.of([shape], Box((4, 4, 4), "xyz"), position=position)
+    labels = to_image(packing, 0.05)
+    assert porespy.metrics.porosity(labels == 0) == pytest.approx(packing.porosity, abs=6e-3)
+    assert porespy.metrics.porosity(~to_image(packing, 0.05, labels=False)) == pytest.approx(packing.porosity, abs=6e-3)
+    assert len(np.unique(labels)) - 1 == packing.count

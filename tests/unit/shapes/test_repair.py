@@ -162,6 +162,8 @@ def test_the_scanned_bunny_becomes_a_grain(data_dir):
     with pytest.raises(DirtyMeshError):
         vg.Shape.from_mesh(vertices, faces)
     found = repair(vertices, faces, name="bunny")
+    assert repair(data_dir / "bunny_dirty.ply").shape == found.shape
+    assert vg.load_shape(data_dir / "bunny_dirty.ply", repair=True) == found.shape
     assert diagnose(found.shape).ok
     assert found.shape.volume == pytest.approx(7.5e-4, rel=0.01)
     assert abs(found.volume_change) < 0.03
