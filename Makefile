@@ -5,7 +5,7 @@ STAMP := $(VENV)/.ok
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow lint bench clean
+.PHONY: demo test test-slow lint bench figures clean
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
@@ -23,6 +23,9 @@ lint: $(STAMP)   ## style, format and types
 
 bench: $(STAMP)   ## run time against error of the voxel backends, as a figure
 	$(BIN)/voxgran bench voxelize -o docs/figures
+
+figures: demo bench   ## the pictures of README and docs
+	cp out/demo/whole.png docs/figures/demo.png
 
 clean:   ## remove what the targets above made, except the environment
 	rm -rf out/demo build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis
