@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from voxgran._base.errors import OutputError, OutputExistsError
+from voxgran._base.errors import CheckpointError, OutputError, OutputExistsError
 from voxgran._base.files import write_text
 from voxgran._base.lazy import loaded
 from voxgran._base.progress import OnStep, Step
-from voxgran.io.files import save
+from voxgran.io.files import load, save
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.series import Series
 from voxgran.io.vtk_files import save_scene
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 CHECKPOINT = "checkpoint.voxgran"
 SUMMARY = "summary.json"
+PACKING = "packing.vtp"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +73,7 @@ def run_scene(
     folder : path-like
         Where results go; what is there stays until the new files are complete.
     resume : bool
-        Whether to go on from the checkpoint in the folder.
+        Whether to go on from the checkpoint in the folder; what is complete is read and not packed again.
     overwrite : bool
         Whether results that are there may be replaced.
     on_step : callable, optional
@@ -118,13 +119,17 @@ def run_one(
         If something cannot be written.
     InputError
         If the scene breaks a rule that shows only now.
+    CheckpointError
+        If what is there belongs to another scene.
     Interrupted
         On SIGINT or SIGTERM, after a checkpoint was written.
     """
+    checkpoint = Path(folder) / CHECKPOINT
+    if resume and not checkpoint.exists() and is_complete(Path(folder)):
+        return read_folder(scene, Path(folder))
     plan = make_plan(scene)
     shapes = tuple(entry.make() for entry in scene.shapes)
     target = open_folder(folder, resume=resume, overwrite=overwrite)
-    checkpoint = target / CHECKPOINT
     if not resume:
         checkpoint.unlink(missing_ok=True)
     recorder = None
@@ -155,6 +160,35 @@ def run_one(
     write_text(target / SUMMARY, json.dumps(result.summary, indent=2) + "\n")
     checkpoint.unlink(missing_ok=True)
     return result
+
+
+def is_complete(folder: Path) -> bool:
+    """Tell whether a run has left all of its results in a folder."""
+    return (folder / SUMMARY).is_file() and (folder / PACKING).is_file()
+
+
+def read_folder(scene: Scene, folder: Path) -> SceneResult:
+    """Return the results that a run has left, checked and measured anew; nothing is packed.
+
+    Raises
+    ------
+    CheckpointError
+        If they are those of another scene.
+    FileFormatError
+        If the packing is damaged.
+    """
+    packing = load(folder / PACKING)
+    if packing.provenance.get("scene") != json.loads(json.dumps(scene.to_mapping())):
+        raise CheckpointError(
+            f"{folder} holds the packing of another scene: resume with the scene that wrote it, or ask with --overwrite"
+        )
+    return SceneResult(
+        packing=packing,
+        verification=verify(packing),
+        statistics=measure(packing, which=scene.which),
+        summary=json.loads((folder / SUMMARY).read_text(encoding="utf-8")),
+        folder=folder,
+    )
 
 
 def open_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bool) -> Path:
@@ -198,7 +232,7 @@ def finish_folder(packing: Packing, folder: Path, *, scene: Scene, on_step: OnSt
 
     tell(0, "verifying")
     proof = verify(packing)
-    save(packing, folder / "packing.vtp")
+    save(packing, folder / PACKING)
     tell(1, "measuring")
     statistics = measure(packing, which=scene.which)
     if scene.output.statistics:

@@ -5,20 +5,15 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import CheckpointError
 from voxgran._base.files import write_text
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
-from voxgran.io.files import load as load_packing
 from voxgran.io.netcdf import save_statistics
-from voxgran.measure.model import measure
-from voxgran.packing.verify import verify
 from voxgran.scene.model import Scene
 from voxgran.scene.run import SUMMARY, SceneResult, open_folder, run_one
 
@@ -74,10 +69,7 @@ def run_seeds(
     for number in range(scene.general.seeds):
         one = _with_seed(scene, number)
         place = target / f"seed_{one.general.seed}"
-        if resume and (place / SUMMARY).is_file() and (place / "packing.vtp").is_file():
-            result = _read(one, place)
-        else:
-            result = run_one(one, place, resume=resume, overwrite=overwrite, on_step=_numbered(on_step, number, scene))
+        result = run_one(one, place, resume=resume, overwrite=overwrite, on_step=_numbered(on_step, number, scene))
         first = first or result
         runs.append(result.summary)
         trees.append(result.statistics)
@@ -132,22 +124,6 @@ def _with_seed(scene: Scene, number: int) -> Scene:
     """Return the scene of one seed; only the first one is drawn and shown."""
     output = scene.output if number == 0 else replace(scene.output, vtk=False, report=False, snapshots=0)
     return replace(scene, general=replace(scene.general, seed=scene.general.seed + number, seeds=1), output=output)
-
-
-def _read(scene: Scene, place: Path) -> SceneResult:
-    """Return the result of a seed that was complete before."""
-    packing = load_packing(place / "packing.vtp")
-    if packing.provenance.get("scene") != json.loads(json.dumps(scene.to_mapping())):
-        raise CheckpointError(
-            f"{place} holds the packing of another scene: resume with the scene that wrote it, or ask with --overwrite"
-        )
-    return SceneResult(
-        packing=packing,
-        verification=verify(packing),
-        statistics=measure(packing, which=scene.which),
-        summary=json.loads((place / SUMMARY).read_text(encoding="utf-8")),
-        folder=place,
-    )
 
 
 def _numbered(on_step: OnStep | None, number: int, scene: Scene) -> OnStep | None:

@@ -7,6 +7,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import (
+    CheckpointError,
     FileFormatError,
     GrainTooLargeError,
     InputError,
@@ -148,3 +149,16 @@ def test_a_scene_goes_on_from_a_packing_file(write, tmp_path):
     assert result.verification.ok
     with pytest.raises(MissingFileError):
         vg.Scene.from_toml(write('count = 2\nstart = "first/packing.vtp"', 'start = "none.vtp"', text=path.read_text()))
+
+
+def test_what_is_complete_is_not_packed_again(write, tmp_path):
+    scene = vg.Scene.from_toml(write())
+    first = scene.run(tmp_path / "out")
+    stamp = (tmp_path / "out" / "packing.vtp").stat().st_mtime_ns
+    again = scene.run(tmp_path / "out", resume=True)
+    assert (tmp_path / "out" / "packing.vtp").stat().st_mtime_ns == stamp
+    assert again.packing.position.tobytes() == first.packing.position.tobytes()
+    assert again.summary["solid_fraction"] == first.summary["solid_fraction"]
+    other = vg.Scene.from_toml(write("count = 8", "count = 7"))
+    with pytest.raises(CheckpointError, match="another scene"):
+        other.run(tmp_path / "out", resume=True)
