@@ -10,7 +10,7 @@ from voxgran.clumps.model import ClumpErrors
 from voxgran.points.sample import sample_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
-from voxgran.voxels.closed_form import balls_mask
+from voxgran.voxels.closed_form import balls_bits
 from voxgran.voxels.model import Voxels
 
 #: spacing of the points at which distances are taken, in equivalent diameters
@@ -36,7 +36,7 @@ def clump_errors(voxels: Voxels, shape: Shape, spheres: Spheres) -> ClumpErrors:
     ClumpErrors
         Volume, centroid and inertia from exact integrals of both; overlap from voxels; distances from points.
     """
-    mask = balls_mask(spheres.centers, spheres.radii, voxels.grid, cover="center")
+    mask = balls_bits(spheres.centers, spheres.radii, voxels.grid, cover="center").unpacked()
     both, either = int((mask & voxels.mask).sum()), int((mask | voxels.mask).sum())
     # each voxel at the surface is right or wrong by chance: the errors add up as the root of their number
     rim = voxels.mask ^ load("scipy.ndimage").binary_erosion(voxels.mask)

@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.registry import Registry
 from voxgran.lattice.grid import Grid
+from voxgran.lattice.packed import PackedMask
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,14 +18,15 @@ class Backend:
     name, summary : str
         Name and one line.
     occupy : callable
-        Vertices, faces and grid to the mask of voxels whose center lies inside; it may err within `band`.
+        Vertices, faces and grid to the voxels whose center lies inside; it may err within `band`.
     band : float
-        Distance from the surface, relative to the size of the body, within which it may err by round-off.
+        Distance from the surface, relative to the size of the body, within which it may err by round-off; 0 where it
+        has a rule of its own for centers on the surface that lets touching solids share no voxel.
     """
 
     name: str
     summary: str
-    occupy: Callable[[Floats, Integers, Grid], Booleans]
+    occupy: Callable[[Floats, Integers, Grid], PackedMask]
     band: float
 
 

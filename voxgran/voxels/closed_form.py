@@ -1,18 +1,25 @@
-"""Voxels of shapes in closed form: balls, unions of balls, regular solids, disks and polygons."""
+"""Voxels of shapes in closed form: balls, unions of balls, round solids, disks and polygons.
+
+A column of voxel centers meets a convex solid in one interval, whose ends are roots of a quadratic; the bits between
+are set word by word. Centers on the surface of a round solid count as inside.
+"""
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.kernels import kernel
 from voxgran.lattice.grid import Grid
+from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
+from voxgran.voxels.cubes import meets_cubes
 from voxgran.voxels.touch import touched_voxels
 
 #: which point of a voxel decides: its center, the one nearest to the middle of a ball, or the one farthest from it
 _REACH = {"center": 0.0, "touch": -0.5, "whole": 0.5}
 
 
-def balls_mask(centers: Floats, radii: Floats, grid: Grid, *, cover: str) -> Booleans:
+def balls_bits(centers: Floats, radii: Floats, grid: Grid, *, cover: str) -> PackedMask:
     """Return the voxels of a union of balls.
 
     Parameters
@@ -28,32 +35,78 @@ def balls_mask(centers: Floats, radii: Floats, grid: Grid, *, cover: str) -> Boo
 
     Returns
     -------
-    (nx, ny, nz) ndarray of bool
+    PackedMask
     """
-    mask = np.zeros(grid.shape, dtype=np.bool_)
-    reach = _REACH[cover] * grid.voxel_size
-    for center, radius in zip(centers, radii, strict=True):
-        low = np.maximum(grid.indices(center[None] - radius)[0] - 1, 0)
-        high = np.minimum(grid.indices(center[None] + radius)[0] + 2, grid.shape)
-        if (low >= high).any():
-            continue
-        x, y, z = (
-            np.maximum(np.abs(grid.centers(axis)[low[axis] : high[axis]] - center[axis]) + reach, 0.0) ** 2
-            for axis in range(3)
-        )
-        near = x[:, None, None] + y[None, :, None] + z[None, None, :] <= radius**2 * (1 + 1e-12)
-        mask[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] |= near
-    return mask
+    bits = PackedMask.empty(grid.shape)
+    inner = (np.asarray(centers) - np.array(grid.origin)) / grid.voxel_size - 0.5
+    _fill_balls(inner, np.asarray(radii) / grid.voxel_size, _REACH[cover], bits.words, grid.shape[2])
+    return bits
 
 
-def primitive_centers(solid: Primitive, grid: Grid, offset: Floats) -> Booleans:
-    """Return the voxels whose center lies in a regular solid at a (3,) offset."""
-    mask = np.zeros(grid.shape, dtype=np.bool_)
-    y, z = np.meshgrid(grid.centers(1), grid.centers(2), indexing="ij")
-    for k, x in enumerate(grid.centers(0)):
-        points = np.column_stack([np.full(y.size, x), y.ravel(), z.ravel()]) - offset
-        mask[k] = solid.contains(points).reshape(y.shape)
-    return mask
+def round_bits(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
+    """Return the voxels whose center lies in an ellipsoid, a cylinder or a cone whose centroid has an offset, (3,)."""
+    bits = PackedMask.empty(grid.shape)
+    middle = (offset - np.array(grid.origin)) / grid.voxel_size - 0.5
+    curve, ends = profile(solid)
+    stretch, curve, ends = body_frame(solid, curve, ends, grid.voxel_size)
+    _fill_round(np.ascontiguousarray(stretch), middle, curve, ends, bits.words, grid.shape[2])
+    return bits
+
+
+def profile(solid: Primitive) -> tuple[Floats, Floats]:
+    """Return the squared radius of a round solid along its axis and where it ends.
+
+    Returns
+    -------
+    curve : (3,) ndarray of float
+        Coefficients c of r^2 = c0 + c1 t + c2 t^2, where t is the height along the axis; ellipsoids as unit spheres.
+    ends : (2,) ndarray of float
+        Lowest and highest t.
+    """
+    d = solid.dimensions
+    if solid.kind in ("sphere", "ellipsoid"):
+        return np.array([1.0, 0.0, -1.0]), np.array([-1.0, 1.0])
+    if solid.kind == "cylinder":
+        return np.array([d[0] ** 2, 0.0, 0.0]), np.array([-d[1] / 2, d[1] / 2])
+    slope = d[0] / d[1]
+    top = 0.75 * d[1]
+    return slope**2 * np.array([top**2, -2 * top, 1.0]), np.array([-d[1] / 4, top])
+
+
+def body_frame(solid: Primitive, curve: Floats, ends: Floats, voxel_size: float) -> tuple[Floats, Floats, Floats]:
+    """Return the (3, 3) matrix from voxels to the frame of the axis, with profile and ends in it.
+
+    Lengths are voxels in it, but for ellipsoids, which become unit spheres.
+    """
+    if solid.kind in ("sphere", "ellipsoid"):
+        axes = np.array(solid.dimensions * 3 if solid.kind == "sphere" else solid.dimensions)
+        return solid.matrix.T * (voxel_size / axes)[:, None], curve, ends
+    scale = np.array([voxel_size**-2, voxel_size**-1, 1.0])
+    return solid.matrix.T.copy(), curve * scale, ends / voxel_size
+
+
+def touched_round(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
+    """Return the voxels whose closed cube meets an ellipsoid, a cylinder or a cone.
+
+    Cubes that an outer tessellation touches and an inner one does not are asked one by one.
+    """
+    inner, faces, _ = solid.tessellation()
+    outer, _ = solid.circumscribed()
+    sure = touched_voxels(inner + offset, faces, grid)
+    maybe = touched_voxels(outer + offset, faces, grid)
+    inside = round_bits(solid, grid, offset)
+    sure.words[...] |= inside.words
+    maybe.words[...] &= ~sure.words
+    doubtful = np.argwhere(maybe.unpacked())
+    if len(doubtful):
+        curve, ends = profile(solid)
+        stretch, curve, ends = body_frame(solid, curve, ends, grid.voxel_size)
+        middles = doubtful + 0.5 - (offset - np.array(grid.origin)) / grid.voxel_size
+        meets = doubtful[meets_cubes(middles, stretch, curve, ends, solid.kind)]
+        found = np.zeros(grid.shape, dtype=np.bool_)
+        found[tuple(meets.T)] = True
+        sure.words[...] |= PackedMask.of(found).words
+    return sure
 
 
 def outline_mask(outline: Outline, grid: Grid, *, cover: str) -> Booleans:
@@ -63,13 +116,22 @@ def outline_mask(outline: Outline, grid: Grid, *, cover: str) -> Booleans:
         center, radius = np.array([[*outline.center, 0.0]]), np.array([outline.radius])
         if cover == "surface":
             # without the z of the cube, the corner farthest from the middle lies outside
-            return balls_mask(center, radius, flat, cover="touch") & ~_whole_pixels(outline, flat)
-        return balls_mask(center, radius, flat, cover=cover)
+            return balls_bits(center, radius, flat, cover="touch").unpacked() & ~_whole_pixels(outline, flat)
+        return balls_bits(center, radius, flat, cover=cover).unpacked()
     if cover == "surface":
         return _touched_pixels(outline, grid)
     x, y = np.meshgrid(grid.centers(0), grid.centers(1), indexing="ij")
     inside = outline.contains(np.column_stack([x.ravel(), y.ravel()])).reshape(*x.shape, 1)
     return inside | _touched_pixels(outline, grid) if cover == "touch" else inside
+
+
+def upright_faces(rim: Floats, low: float, high: float) -> tuple[Floats, Integers]:
+    """Return the vertices of a polygon's rim (n, 2) at two heights and the upright triangles between them."""
+    n = len(rim)
+    k = np.arange(n)
+    after = (k + 1) % n
+    vertices = np.concatenate([np.column_stack([rim, np.full(n, z)]) for z in (low, high)])
+    return vertices, np.concatenate([np.column_stack([k, after, n + k]), np.column_stack([after, n + after, n + k])])
 
 
 def _whole_pixels(outline: Outline, grid: Grid) -> Booleans:
@@ -81,9 +143,99 @@ def _whole_pixels(outline: Outline, grid: Grid) -> Booleans:
 
 def _touched_pixels(outline: Outline, grid: Grid) -> Booleans:
     """Return the pixels that the sides of a polygon touch: upright faces through one layer of voxels."""
-    rim, n = outline.vertices, len(outline.vertices)
-    low, high = (np.column_stack([rim, np.full(n, grid.origin[2] + part * grid.voxel_size)]) for part in (0.25, 0.75))
-    k = np.arange(n)
-    after = (k + 1) % n
-    faces = np.concatenate([np.column_stack([k, after, n + k]), np.column_stack([after, n + after, n + k])])
-    return touched_voxels(np.concatenate([low, high]), faces, grid)
+    low, high = (grid.origin[2] + part * grid.voxel_size for part in (0.25, 0.75))
+    return touched_voxels(*upright_faces(outline.vertices, low, high), grid).unpacked()
+
+
+@kernel
+def _fill_run(words, i, j, first, last):  # type: ignore[no-untyped-def]
+    """Set the bits of a column from one level to another."""
+    full = np.uint64(0xFFFFFFFFFFFFFFFF)
+    for q in range(first >> 6, (last >> 6) + 1):
+        bits = full
+        if q == first >> 6:
+            bits &= full << np.uint64(first & 63)
+        if q == last >> 6:
+            bits &= full >> np.uint64(63 - (last & 63))
+        words[i, j, q] |= bits
+
+
+@kernel
+def _range(low, high, count):  # type: ignore[no-untyped-def]
+    """Return the first and last whole number of 0 ... count - 1 in a closed interval."""
+    return int(min(max(np.ceil(low), 0.0), count)), int(max(min(np.floor(high), count - 1.0), -1.0))
+
+
+@kernel
+def _fill_balls(centers, radii, reach, words, nz):  # type: ignore[no-untyped-def]
+    """Set the voxels of balls; voxel centers at whole numbers."""
+    nx, ny = words.shape[0], words.shape[1]
+    for b in range(len(centers)):
+        x, y, z = centers[b, 0], centers[b, 1], centers[b, 2]
+        # a little more than the radius, as a sum of squares may round below it
+        radius = radii[b] * (1.0 + 1e-12)
+        first_i, last_i = _range(x - radius + reach, x + radius - reach, nx)
+        first_j, last_j = _range(y - radius + reach, y + radius - reach, ny)
+        for i in range(first_i, last_i + 1):
+            dx = max(abs(i - x) + reach, 0.0)
+            for j in range(first_j, last_j + 1):
+                dy = max(abs(j - y) + reach, 0.0)
+                rest = radius * radius - dx * dx - dy * dy
+                if rest < 0.0:
+                    continue
+                half = np.sqrt(rest) - reach
+                first, last = _range(z - half, z + half, nz)
+                if half >= 0.0 and first <= last:
+                    _fill_run(words, i, j, first, last)
+
+
+@kernel
+def _fill_round(stretch, middle, curve, ends, words, nz):  # type: ignore[no-untyped-def]
+    """Set the voxels of a solid of revolution; voxel centers at whole numbers.
+
+    Along a column the point is p + z d in the frame of the axis; inside, the squared distance from the axis is at most
+    c0 + c1 t + c2 t^2, where t is the height.
+    """
+    nx, ny = words.shape[0], words.shape[1]
+    dx, dy, dt = stretch[0, 2], stretch[1, 2], stretch[2, 2]
+    square = dx * dx + dy * dy - curve[2] * dt * dt
+    for i in range(nx):
+        for j in range(ny):
+            px = stretch[0, 0] * (i - middle[0]) + stretch[0, 1] * (j - middle[1])
+            py = stretch[1, 0] * (i - middle[0]) + stretch[1, 1] * (j - middle[1])
+            pt = stretch[2, 0] * (i - middle[0]) + stretch[2, 1] * (j - middle[1])
+            half = px * dx + py * dy - dt * (curve[2] * pt + 0.5 * curve[1])
+            rest = px * px + py * py - (curve[0] + pt * (curve[1] + curve[2] * pt))
+            low, high = _below_zero(square, half, rest, pt, dt, curve)
+            if dt != 0.0:
+                a, b = (ends[0] - pt) / dt, (ends[1] - pt) / dt
+                low, high = max(low, min(a, b)), min(high, max(a, b))
+            elif pt < ends[0] or pt > ends[1]:
+                continue
+            first, last = _range(low + middle[2], high + middle[2], nz)
+            if first <= last:
+                _fill_run(words, i, j, first, last)
+
+
+@kernel
+def _below_zero(square, half, rest, height, rise, curve):  # type: ignore[no-untyped-def]
+    """Return the interval of z where square z^2 + 2 half z + rest <= 0, of a cone on the side of its base."""
+    inf = np.inf
+    scale = abs(square) + abs(half) + 1e-300
+    if abs(square) <= 1e-15 * scale or square == 0.0:
+        if half == 0.0:
+            return (-inf, inf) if rest <= 0.0 else (inf, -inf)
+        return (-inf, -rest / (2.0 * half)) if half > 0.0 else (-rest / (2.0 * half), inf)
+    inside = half * half - square * rest
+    if square > 0.0:
+        if inside < 0.0:
+            return inf, -inf
+        # the root without cancellation first
+        large = -(half + np.sqrt(inside)) if half >= 0.0 else -half + np.sqrt(inside)
+        a = large / square
+        b = rest / large if large != 0.0 else a
+        return min(a, b), max(a, b)
+    # a column steeper than the cone: it is inside from the base up to the first root
+    root = np.sqrt(max(inside, 0.0))
+    a, b = (-half + root) / square, (-half - root) / square
+    return (-inf, min(a, b)) if rise > 0.0 else (max(a, b), inf)

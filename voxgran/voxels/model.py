@@ -1,11 +1,15 @@
 """Voxels: a solid on a lattice, the type that the voxels room hands on."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.lattice.grid import Grid
+from voxgran.lattice.packed import PackedMask
+from voxgran.voxels.shares import Shares
+from voxgran.voxels.touch import BAND, near_centers
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,40 +18,76 @@ class Voxels:
 
     Attributes
     ----------
-    mask : (nx, ny, nz) ndarray of bool
-        Voxels that are taken, axes x, y, z.
+    taken : (nx, ny, nz) ndarray of bool or PackedMask
+        Voxels that are taken, axes x, y, z; `mask` and `bits` give either form, made on the first request.
     origin : (3,) ndarray of float
         Corner of voxel (0, 0, 0), in the unit of lengths.
     voxel_size : float
         Edge of a voxel, in the unit of lengths.
     cover : str
         ``"center"``: voxels whose center is in the solid; ``"touch"``: voxels whose closed cube meets the solid.
-    fraction : (nx, ny, nz) ndarray of float or None
-        Share of each voxel that is solid, where asked.
-    fraction_error : float
-        Root mean square error of the share in voxels that the surface cuts, for bodies in random poses; where flat
-        faces are nearly parallel to the lattice the error of a single voxel goes up to 1/16. 0 without fraction.
-    band_voxels : int
-        Voxels whose center lies within 1e-6 voxel of the surface of a mesh; they count as inside.
+    shares : Shares or None
+        Share of each voxel that is solid, where asked: cut voxels and whole runs only.
+    surface : tuple of ndarray or None
+        Vertices and faces that were voxelized, where it was a mesh.
+    open_columns : int
+        Columns that cross the surface into the solid more often than out of it: it has holes. 0 for clean meshes.
+    doubtful_voxels : int
+        Voxels that such holes left in doubt; they were settled by the generalized winding number.
     """
 
-    mask: Booleans
+    taken: Booleans | PackedMask
     origin: Floats
     voxel_size: float
     cover: str = "center"
-    fraction: Floats | None = None
-    fraction_error: float = 0.0
-    band_voxels: int = 0
+    shares: Shares | None = None
+    surface: tuple[Floats, Integers] | None = None
+    open_columns: int = 0
+    doubtful_voxels: int = 0
+
+    @cached_property
+    def mask(self) -> Booleans:
+        """Voxels that are taken, (nx, ny, nz), a byte each."""
+        return self.taken.unpacked() if isinstance(self.taken, PackedMask) else self.taken
+
+    @cached_property
+    def bits(self) -> PackedMask:
+        """Voxels that are taken, a bit each."""
+        return self.taken if isinstance(self.taken, PackedMask) else PackedMask.of(self.taken)
+
+    @cached_property
+    def fraction(self) -> Floats | None:
+        """Share of each voxel that is solid, (nx, ny, nz), eight bytes each; None where it was not asked."""
+        return None if self.shares is None else self.shares.dense()
+
+    @property
+    def fraction_error(self) -> float:
+        """Root mean square error of the share of cut voxels; 0 without shares."""
+        return 0.0 if self.shares is None else self.shares.error
+
+    @cached_property
+    def band_voxels(self) -> int:
+        """Number of voxels whose center lies within 1e-6 voxel of the surface of a mesh."""
+        return 0 if self.surface is None else len(near_centers(*self.surface, self.grid, BAND)[0])
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of voxels along x, y, z."""
+        return self.taken.shape[0], self.taken.shape[1], self.taken.shape[2]
 
     @property
     def grid(self) -> Grid:
         """The lattice."""
         x, y, z = (float(value) for value in self.origin)
-        return Grid((x, y, z), self.voxel_size, (self.mask.shape[0], self.mask.shape[1], self.mask.shape[2]))
+        return Grid((x, y, z), self.voxel_size, self.shape)
 
-    @property
+    @cached_property
     def volume(self) -> float:
-        """Volume of the taken voxels, or of their shares where there are fractions; in 2D the area."""
-        solid = np.count_nonzero(self.mask) if self.fraction is None else float(self.fraction.sum())
-        dimension = 2 if self.mask.shape[2] == 1 else 3
-        return float(solid * self.voxel_size**dimension)
+        """Volume of the taken voxels, or of their shares where there are any; in 2D the area."""
+        solid = self.bits.count() if self.shares is None else self.shares.total
+        return float(solid * self.voxel_size ** (2 if self.shape[2] == 1 else 3))
+
+    @cached_property
+    def centroid(self) -> Floats:
+        """Mean center of the taken voxels, (3,), in the unit of lengths; NaN where none is taken."""
+        return np.asarray(self.origin) + self.bits.centroid() * self.voxel_size

@@ -8,12 +8,16 @@ normal where a triangle is a sliver, so that round-off never loses a touched vox
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.lattice.grid import Grid
+from voxgran.lattice.packed import PackedMask
+
+#: centers nearer to the surface than this, in voxels, are counted
+BAND = 1e-6
 
 
-def touched_voxels(vertices: Floats, faces: Integers, grid: Grid) -> Booleans:
+def touched_voxels(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
     """Return the voxels whose closed cube meets the surface.
 
     Parameters
@@ -27,11 +31,11 @@ def touched_voxels(vertices: Floats, faces: Integers, grid: Grid) -> Booleans:
 
     Returns
     -------
-    (nx, ny, nz) ndarray of bool
+    PackedMask
     """
-    mask = np.zeros(grid.shape, dtype=np.bool_)
-    _mark_touched((vertices - np.array(grid.origin)) / grid.voxel_size, faces, mask)
-    return mask
+    bits = PackedMask.empty(grid.shape)
+    _mark_touched((vertices - np.array(grid.origin)) / grid.voxel_size, faces, bits.words, np.array(grid.shape))
+    return bits
 
 
 def near_centers(vertices: Floats, faces: Integers, grid: Grid, band: float) -> tuple[Integers, Floats]:
@@ -102,29 +106,37 @@ def _normal(a, b, c):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _mark_touched(vertices, faces, mask):  # type: ignore[no-untyped-def]
+def _levels(z, slope, reach, first, last):  # type: ignore[no-untyped-def]
+    """Return which whole numbers of a range lie within a reach of a height; slope: by how much the plane rises."""
+    if (last - first) * abs(slope) <= 4.0 * reach:
+        return first, last
+    half = reach / abs(slope)
+    low, high = np.floor(z - half), np.ceil(z + half)
+    return int(max(float(first), min(low, float(last) + 1.0))), int(min(float(last), max(high, float(first) - 1.0)))
+
+
+@kernel
+def _mark_touched(vertices, faces, words, counts):  # type: ignore[no-untyped-def]
     """Mark the touched voxels; vertices in voxels from the corner of the grid."""
     low, high = np.empty(3, np.int64), np.empty(3, np.int64)
     for f in range(len(faces)):
         a, b, c = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
         for k in range(3):
-            low[k] = int(min(max(np.ceil(min(a[k], b[k], c[k]) - 1e-9) - 1.0, 0.0), mask.shape[k]))
-            high[k] = int(max(min(np.floor(max(a[k], b[k], c[k]) + 1e-9), mask.shape[k] - 1.0), -1.0))
+            low[k] = int(min(max(np.ceil(min(a[k], b[k], c[k]) - 1e-9) - 1.0, 0.0), counts[k]))
+            high[k] = int(max(min(np.floor(max(a[k], b[k], c[k]) + 1e-9), counts[k] - 1.0), -1.0))
         nx, ny, nz, turned = _normal(a, b, c)
         reach = (0.5 + 1e-9) * (abs(nx) + abs(ny) + abs(nz)) + turned
         for i in range(low[0], high[0] + 1):
             for j in range(low[1], high[1] + 1):
                 side = nx * (i + 0.5 - a[0]) + ny * (j + 0.5 - a[1])
-                first, last = low[2], high[2]
-                if (last - first) * abs(nz) > 4.0 * reach:
-                    # a large face: only the cubes of this column near its plane
-                    z, half = a[2] - side / nz - 0.5, reach / abs(nz)
-                    first = int(max(float(first), min(np.floor(z - half), float(last) + 1.0)))
-                    last = int(min(float(last), max(np.ceil(z + half), float(first) - 1.0)))
+                # of a large face only the cubes of this column near its plane
+                first, last = _levels(a[2] - side / nz - 0.5, nz, reach, low[2], high[2])
                 for k in range(first, last + 1):
-                    if mask[i, j, k] or abs(side + nz * (k + 0.5 - a[2])) > reach:
+                    q, bit = k >> 6, np.uint64(1) << np.uint64(k & 63)
+                    if words[i, j, q] & bit or abs(side + nz * (k + 0.5 - a[2])) > reach:
                         continue
-                    mask[i, j, k] = _meets_cube(a, b, c, i + 0.5, j + 0.5, k + 0.5)
+                    if _meets_cube(a, b, c, i + 0.5, j + 0.5, k + 0.5):
+                        words[i, j, q] |= bit
 
 
 @kernel
@@ -142,7 +154,8 @@ def _note_near(vertices, faces, band, counts, found, distance):  # type: ignore[
         for i in range(low[0], high[0] + 1):
             for j in range(low[1], high[1] + 1):
                 side = nx * (i - a[0]) + ny * (j - a[1])
-                for k in range(low[2], high[2] + 1):
+                first, last = _levels(a[2] - side / nz, nz, band * size + turned, low[2], high[2])
+                for k in range(first, last + 1):
                     plane = abs(side + nz * (k - a[2]))
                     if plane > band * size + turned:
                         continue

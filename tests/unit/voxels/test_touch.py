@@ -33,7 +33,7 @@ def depth(triangle, low):
 
 
 def check(triangle, grid=UNIT):
-    mask = touched_voxels(triangle, ONE, grid)
+    mask = touched_voxels(triangle, ONE, grid).unpacked()
     for voxel in np.argwhere(np.ones(grid.shape)):
         gap = depth(triangle, voxel)
         if abs(gap) > 1e-6:
@@ -56,13 +56,13 @@ def test_slivers_and_segments(index):
 
 def test_a_face_between_voxels_touches_both_sides():
     triangle = np.array([[0.25, 0.25, 2.0], [0.75, 0.25, 2.0], [0.25, 0.75, 2.0]])
-    assert np.argwhere(touched_voxels(triangle, ONE, UNIT)).tolist() == [[0, 0, 1], [0, 0, 2]]
+    assert np.argwhere(touched_voxels(triangle, ONE, UNIT).unpacked()).tolist() == [[0, 0, 1], [0, 0, 2]]
 
 
 def test_a_corner_on_a_lattice_point_touches_eight_voxels():
     point = np.array([[2.0, 2.0, 2.0]] * 3)
-    assert touched_voxels(point, ONE, UNIT).sum() == 8
-    assert touched_voxels(point, ONE, UNIT)[1:3, 1:3, 1:3].all()
+    assert touched_voxels(point, ONE, UNIT).count() == 8
+    assert touched_voxels(point, ONE, UNIT).unpacked()[1:3, 1:3, 1:3].all()
 
 
 def test_large_faces_take_the_cubes_near_their_plane():
@@ -70,7 +70,7 @@ def test_large_faces_take_the_cubes_near_their_plane():
     corners = np.array([[-3.0, -2.0, 1.3], [20.0, -4.0, 14.1], [21.0, 19.0, 3.2], [-2.0, 21.0, -9.6]])
     corners[3] = corners[0] + corners[2] - corners[1]
     grid = Grid((0.0, 0.0, 0.0), 1.0, (17, 16, 15))
-    large = touched_voxels(corners, np.array([[0, 1, 2], [0, 2, 3]]), grid)
+    large = touched_voxels(corners, np.array([[0, 1, 2], [0, 2, 3]]), grid).unpacked()
     steps = np.linspace(0, 1, 65)
     u, v = np.meshgrid(steps, steps, indexing="ij")
     net = corners[0] + u[..., None] * (corners[1] - corners[0]) + v[..., None] * (corners[3] - corners[0])
@@ -78,13 +78,13 @@ def test_large_faces_take_the_cubes_near_their_plane():
     a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
     faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
     assert large.any()
-    assert np.array_equal(large, touched_voxels(net.reshape(-1, 3), faces, grid))
+    assert np.array_equal(large, touched_voxels(net.reshape(-1, 3), faces, grid).unpacked())
 
 
 @given(st.lists(st.integers(-2, 10), min_size=9, max_size=9))
 def test_no_touched_voxel_is_missed_on_whole_and_half_coordinates(numbers):
     triangle = np.array(numbers, dtype=float).reshape(3, 3) / 2
-    mask = touched_voxels(triangle, ONE, UNIT)
+    mask = touched_voxels(triangle, ONE, UNIT).unpacked()
     # every point of the triangle lies in closed cubes, and all of these are touched
     weights = np.array([(i, j, 6 - i - j) for i in range(7) for j in range(7 - i)]) / 6
     for point in weights @ triangle:

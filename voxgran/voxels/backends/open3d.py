@@ -7,10 +7,11 @@ edge of a regular body lies in their direction, and what is near to the surface 
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.rotation import normalized, rotation_matrices
 from voxgran.lattice.grid import Grid
+from voxgran.lattice.packed import PackedMask
 from voxgran.voxels.backend import Backend
 
 #: points asked at once: bounds the memory
@@ -21,8 +22,8 @@ RAYS = 5
 TURN = (0.877, 0.262, -0.371, 0.159)
 
 
-def occupy(vertices: Floats, faces: Integers, grid: Grid) -> Booleans:
-    """Return the mask of voxels whose center lies inside."""
+def occupy(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
+    """Return the voxels whose center lies inside."""
     open3d = load("open3d")
     turn = rotation_matrices(normalized(np.array([TURN])))[0].T
     low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -31,13 +32,13 @@ def occupy(vertices: Floats, faces: Integers, grid: Grid) -> Booleans:
     body = ((vertices - middle) / size @ turn).astype(np.float32)
     scene.add_triangles(open3d.core.Tensor(body), open3d.core.Tensor(faces.astype(np.uint32)))
     x, y, z = ((grid.centers(axis) - middle[axis]) / size for axis in range(3))
-    mask = np.zeros(grid.shape, dtype=np.bool_)
+    bits = PackedMask.empty(grid.shape)
     thick = max(1, POINTS // (grid.shape[1] * grid.shape[2]))
     for begin in range(0, grid.shape[0], thick):
         slab = np.stack(np.meshgrid(x[begin : begin + thick], y, z, indexing="ij"), axis=-1) @ turn
         votes = scene.compute_occupancy(open3d.core.Tensor(slab.astype(np.float32)), nsamples=RAYS)
-        mask[begin : begin + thick] = votes.numpy() > 0.5
-    return mask
+        bits.words[begin : begin + thick] = PackedMask.of(votes.numpy() > 0.5).words
+    return bits
 
 
 registration = Backend(name="open3d", summary="Open3D's ray casting, several rays a voxel", occupy=occupy, band=1e-4)

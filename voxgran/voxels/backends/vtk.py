@@ -5,14 +5,15 @@ The grid is given, never refitted, and the tolerance is 0, so that grains share 
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.lattice.grid import Grid
+from voxgran.lattice.packed import PackedMask
 from voxgran.voxels.backend import Backend
 
 
-def occupy(vertices: Floats, faces: Integers, grid: Grid) -> Booleans:
-    """Return the mask of voxels whose center lies inside."""
+def occupy(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
+    """Return the voxels whose center lies inside."""
     stencils = load("vtkmodules.vtkImagingStencil")
     # in voxels from the center of voxel 0, so that the image has spacing 1 and exact whole coordinates
     body = (vertices - np.array(grid.origin)) / grid.voxel_size - 0.5
@@ -31,7 +32,7 @@ def occupy(vertices: Floats, faces: Integers, grid: Grid) -> Booleans:
     image.Update()
     scalars = image.GetOutput().GetPointData().GetScalars()
     flat = load("vtkmodules.util.numpy_support").vtk_to_numpy(scalars)
-    return np.ascontiguousarray(flat.reshape(grid.shape[::-1]).transpose(2, 1, 0)).astype(bool)
+    return PackedMask.of(np.ascontiguousarray(flat.reshape(grid.shape[::-1]).transpose(2, 1, 0)).view(np.bool_))
 
 
 registration = Backend(name="vtk", summary="VTK's image stencil on the given grid", occupy=occupy, band=1e-9)

@@ -1,0 +1,109 @@
+"""Surfaces that are not clean: overlaps, holes, flipped faces; against sums over all faces."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import DirtyMeshError, DirtyMeshWarning, InputError, TooLargeError
+from voxgran._base.seeds import stream
+from voxgran.lattice.grid import Grid
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+from voxgran.shapes.winding import winding_numbers
+from voxgran.voxels.occupy import voxelize
+from voxgran.voxels.open_mesh import _fan, open_edges, voxelize_mesh
+
+GRID = Grid((-1.25,) * 3, 2.5 / 32, (32, 32, 32))
+
+
+@pytest.fixture(scope="module")
+def ball():
+    shape = vg.make_shape("sphere")
+    return shape.vertices * 2, shape.faces
+
+
+@pytest.fixture(scope="module")
+def truth(ball):
+    centers = GRID.coordinates(np.argwhere(np.ones(GRID.shape)))
+    return (winding_numbers(ball[0][ball[1]], centers) > 0.5).reshape(GRID.shape)
+
+
+def test_clean_meshes_are_as_ever(ball, truth):
+    voxels = voxelize_mesh(*ball, grid=GRID)
+    assert np.array_equal(voxels.mask, truth)
+    assert (voxels.open_columns, voxels.doubtful_voxels) == (0, 0)
+    # inside out is turned
+    assert np.array_equal(voxelize_mesh(ball[0], ball[1][:, ::-1], grid=GRID).mask, truth)
+
+
+def test_unions_of_overlapping_parts(ball):
+    generator = stream(1, "places")
+    places = generator.uniform(-0.5, 0.5, (6, 3))
+    vertices = np.concatenate([ball[0] * 0.5 + place for place in places])
+    faces = np.concatenate([ball[1] + k * len(ball[0]) for k in range(6)])
+    voxels = voxelize_mesh(vertices, faces, grid=GRID)
+    parts = [voxelize_mesh(ball[0] * 0.5 + place, ball[1], grid=GRID).mask for place in places]
+    assert np.array_equal(voxels.mask, np.any(parts, axis=0))
+    assert np.sum(parts, axis=0).max() > 2
+    assert voxels.open_columns == 0
+
+
+@pytest.mark.parametrize("share", [0.002, 0.01, 0.05])
+def test_small_holes_are_settled_and_reported(ball, truth, share):
+    keep = stream(2, "holes").random(len(ball[1])) > share
+    with pytest.warns(DirtyMeshWarning, match="voxels in doubt"):
+        voxels = voxelize_mesh(ball[0], ball[1][keep], grid=GRID)
+    assert voxels.open_columns > 0
+    assert voxels.doubtful_voxels > 0
+    wrong = np.count_nonzero(voxels.mask != truth)
+    assert wrong <= 0.001 * truth.sum()
+    # where in doubt it is the generalized winding number, summed over all faces
+    centers = GRID.coordinates(np.argwhere(np.ones(GRID.shape)))
+    generalized = (winding_numbers(ball[0][ball[1][keep]], centers) > 0.5).reshape(GRID.shape)
+    assert np.count_nonzero(voxels.mask != generalized) <= 4
+
+
+def test_the_fan_gives_the_generalized_winding_number(ball):
+    vertices, faces = ball[0] * 10 + 16, ball[1][stream(3, "holes").random(len(ball[1])) > 0.1]
+    corners, fan = _fan(vertices, open_edges(faces))
+    assert len(open_edges(np.concatenate([faces, fan]))) == 0
+    points = stream(4, "points").uniform(4, 28, (50, 3))
+    both = winding_numbers(corners[np.concatenate([faces, fan])], points)
+    assert np.allclose(both, np.round(both), atol=1e-9)
+    open_part = both - winding_numbers(corners[fan], points)
+    assert np.allclose(open_part, winding_numbers(vertices[faces], points), atol=1e-9)
+
+
+def test_a_flipped_face_and_a_soup(ball, truth):
+    faces = ball[1].copy()
+    faces[100] = faces[100, ::-1]
+    with pytest.warns(DirtyMeshWarning):
+        assert np.count_nonzero(voxelize_mesh(ball[0], faces, grid=GRID).mask != truth) <= 2
+    # corners of its own for each triangle: merged, and nothing is open
+    soup = ball[0][ball[1]].reshape(-1, 3)
+    assert np.array_equal(voxelize_mesh(soup, np.arange(len(soup)).reshape(-1, 3), grid=GRID).mask, truth)
+
+
+def test_a_hole_in_a_shape_is_never_silent(ball):
+    # a shape that got past the checks: the columns notice
+    broken = Shape(Mesh(ball[0].copy(), ball[1][30:].copy()), "broken")
+    with pytest.raises(DirtyMeshError, match="open"):
+        voxelize(broken, grid=GRID)
+
+
+def test_bad_input_is_refused(ball):
+    vertices, faces = ball
+    with pytest.raises(InputError, match="exactly one"):
+        voxelize_mesh(vertices, faces)
+    with pytest.raises(InputError, match="exactly one"):
+        voxelize_mesh(vertices, faces, voxel_size=1.0, grid=GRID)
+    with pytest.raises(InputError, match="voxel_size"):
+        voxelize_mesh(vertices, faces, voxel_size=-1.0)
+    with pytest.raises(InputError, match="no rows"):
+        voxelize_mesh(vertices, faces[:0], voxel_size=1.0)
+    with pytest.raises(InputError, match="nan"):
+        voxelize_mesh(vertices * np.nan, faces, voxel_size=1.0)
+    with pytest.raises(InputError, match="names vertex"):
+        voxelize_mesh(vertices[:5], faces, voxel_size=1.0)
+    with pytest.raises(TooLargeError, match="voxel_size"):
+        voxelize_mesh(vertices, faces, voxel_size=1e-6)
