@@ -1,9 +1,102 @@
-"""Distances on a lattice."""
+"""Exact Euclidean distances on a lattice.
+
+The squared distance of a voxel from the nearest free one is a sum over the axes; so it is found axis by axis, in whole
+numbers (Felzenszwalb & Huttenlocher 2012, doi:10.4086/toc.2012.v008a019). Along the second and the third axis 64
+lines are worked on at once: where the distances are short, as in the pores and grains of a packing, each voxel
+looks at neighbours until they are too far to matter (Meijster, Roerdink & Hesselink 2000,
+doi:10.1007/0-306-47025-X_36); where they are long, the lower envelope of parabolas is built line by line. Both give
+the same bits.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Booleans, Floats
-from voxgran._base.lazy import load
+from voxgran._base.arrays import Booleans, Floats, as_number
+from voxgran._base.errors import InputError, TooLargeError
+from voxgran._base.kernels import kernel
+
+#: squared distance where nothing is free; larger than any in a lattice that is taken
+NEVER = 2**30
+#: distance above which the envelope is faster than looking at neighbours
+LONG = 40.0
+
+
+def distance_transform(
+    mask: ArrayLike,
+    *,
+    periodic: tuple[bool, bool, bool] = (False, False, False),
+    squared: bool = False,
+    threads: int = 1,
+    out: NDArray[Any] | None = None,
+) -> NDArray[Any]:
+    """Return the distance of each taken voxel's center from that of the nearest free voxel, exactly.
+
+    Parameters
+    ----------
+    mask : (nx, ny, nz) array_like of bool
+        Taken voxels; beyond the image there is nothing, neither taken nor free.
+    periodic : tuple of bool
+        Whether the image repeats along x, y, z.
+    squared : bool
+        Whether the squared distance is wanted, a whole number.
+    threads : int
+        Threads; the result does not depend on them.
+    out : (nx, ny, nz) ndarray of float32, float64 or int32, optional
+        Where the result is written, of type int32 for squared distances.
+
+    Returns
+    -------
+    (nx, ny, nz) ndarray
+        In voxels: float32, or int32 for squared distances; 0 where free. Where nothing is free it is infinite, or
+        2**30 for squared distances.
+
+    Raises
+    ------
+    InputError
+        If the image has not three axes, or `out` has another shape or type.
+    TooLargeError
+        If the diagonal of the image is longer than 2**15 voxels.
+
+    Notes
+    -----
+    Memory beside the mask: 4 bytes a voxel for the result and 4 for the squares it is made from (squared: 4 in all).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> mask = np.ones((1, 1, 6), dtype=bool)
+    >>> mask[0, 0, 1] = False
+    >>> vg.distance_transform(mask)[0, 0].tolist()
+    [1.0, 0.0, 1.0, 2.0, 3.0, 4.0]
+    >>> vg.distance_transform(mask, periodic=(False, False, True))[0, 0].tolist()
+    [1.0, 0.0, 1.0, 2.0, 3.0, 2.0]
+    """
+    taken = as_mask(mask)
+    if sum(n * n for n in taken.shape) >= NEVER:
+        raise TooLargeError(f"mask has shape {taken.shape}: its diagonal must be shorter than 2**15 voxels; cut it")
+    wanted = (np.dtype(np.int32),) if squared else (np.dtype(np.float32), np.dtype(np.float64))
+    if out is not None and (out.shape != taken.shape or out.dtype not in wanted):
+        raise InputError(
+            f"out has shape {out.shape} and type {out.dtype}: it must have shape {taken.shape} and type {wanted[0]}"
+        )
+    workers = int(as_number(threads, "threads", at_least=1))
+    squares = np.empty(taken.shape, dtype=np.int32) if out is None or not squared else out
+    turns = tuple(bool(turn) for turn in periodic)
+    _in_blocks(_pass_planes, taken.shape[0], workers, taken, squares, turns[2], turns[1], LONG)
+    _in_blocks(_pass_columns, taken.shape[1], workers, squares, turns[0], LONG)
+    if squared:
+        return squares
+    result = np.empty(taken.shape, dtype=np.float32) if out is None else out
+    np.sqrt(squares, out=result, casting="unsafe", dtype=result.dtype)
+    if squares.size and squares.max() == NEVER:
+        result[squares == NEVER] = np.inf
+    return result
 
 
 def inside_distance(mask: Booleans, voxel_size: float) -> Floats:
@@ -19,6 +112,194 @@ def inside_distance(mask: Booleans, voxel_size: float) -> Floats:
     voxel_size : float
         Edge of a voxel, in the unit of lengths.
     """
-    padded = np.pad(mask, 1)
-    distance = load("scipy.ndimage").distance_transform_edt(padded)[1:-1, 1:-1, 1:-1]
-    return np.asarray(np.maximum(distance - 0.5, 0.0) * voxel_size)
+    squares = distance_transform(np.pad(mask, 1), squared=True)[1:-1, 1:-1, 1:-1]
+    return np.asarray(np.maximum(np.sqrt(squares.astype(np.float64)) - 0.5, 0.0) * voxel_size)
+
+
+def as_mask(image: ArrayLike, name: str = "mask") -> Booleans:
+    """Return an image as a contiguous (nx, ny, nz) array of bool.
+
+    Raises
+    ------
+    InputError
+        If it has not three axes, or holds what is neither bool nor 0 or 1.
+    """
+    array = np.asarray(image)
+    if array.ndim != 3:
+        raise InputError(f"{name} has shape {array.shape}: three axes x, y, z are needed; give a slice an axis of one")
+    if array.dtype != np.bool_:
+        if array.dtype.kind not in "iu" or (array.size and (array.min() < 0 or array.max() > 1)):
+            raise InputError(f"{name} holds {array.dtype}: taken voxels are True or 1; compare labels with 0 first")
+        array = array.astype(np.bool_)
+    return np.ascontiguousarray(array)
+
+
+def _in_blocks(work: Any, count: int, threads: int, *arguments: Any) -> None:
+    """Call a kernel for blocks of planes, at the same time on several threads."""
+    blocks = min(count, threads)
+    bounds = [count * b // max(blocks, 1) for b in range(blocks + 1)]
+    if blocks <= 1:
+        work(*arguments, 0, count)
+        return
+    compiled = work.compiled()
+    with ThreadPoolExecutor(blocks) as pool:
+        jobs = [pool.submit(partial(compiled, *arguments, a, b)) for a, b in pairwise(bounds)]
+    for job in jobs:
+        job.result()
+
+
+@kernel
+def _pass_planes(taken, squares, around_z, around_y, far, begin, end):  # type: ignore[no-untyped-def]
+    """Fill planes across x with the squared distances within each plane."""
+    ny, nz = taken.shape[1], taken.shape[2]
+    never = np.int32(2**30)
+    lines, low, found = np.empty((ny, 64), np.int32), np.empty(64, np.int32), np.empty((ny, 64), np.int32)
+    height, place = np.empty(2 * ny + 2, np.int64), np.empty(2 * ny + 2, np.int64)
+    for i in range(begin, end):
+        for j in range(ny):
+            _walk(taken[i, j], squares[i, j], around_z)
+        for first in range(0, nz, 64):
+            width = min(64, nz - first)
+            longest = np.int32(0)
+            for j in range(ny):
+                for t in range(width):
+                    lines[j, t] = squares[i, j, first + t]
+                    longest = max(longest, lines[j, t])
+                for t in range(width, 64):
+                    lines[j, t] = 0
+            if longest == 0:
+                continue
+            if longest > far * far and ny > far:
+                for t in range(width):
+                    _envelope(lines, t, found, height, place, around_y, never)
+            else:
+                _look(lines, found, low, around_y)
+            for j in range(ny):
+                for t in range(width):
+                    squares[i, j, first + t] = found[j, t]
+
+
+@kernel
+def _pass_columns(squares, around, far, begin, end):  # type: ignore[no-untyped-def]
+    """Add what lies along x, for planes across y."""
+    nx, nz = squares.shape[0], squares.shape[2]
+    never = np.int32(2**30)
+    lines, low, found = np.empty((nx, 64), np.int32), np.empty(64, np.int32), np.empty((nx, 64), np.int32)
+    height, place = np.empty(2 * nx + 2, np.int64), np.empty(2 * nx + 2, np.int64)
+    for j in range(begin, end):
+        for first in range(0, nz, 64):
+            width = min(64, nz - first)
+            longest = np.int32(0)
+            for i in range(nx):
+                for t in range(width):
+                    lines[i, t] = squares[i, j, first + t]
+                    longest = max(longest, lines[i, t])
+                for t in range(width, 64):
+                    lines[i, t] = 0
+            if longest == 0:
+                continue
+            if longest > far * far and nx > far:
+                for t in range(width):
+                    _envelope(lines, t, found, height, place, around, never)
+            else:
+                _look(lines, found, low, around)
+            for i in range(nx):
+                for t in range(width):
+                    squares[i, j, first + t] = found[i, t]
+
+
+@kernel
+def _walk(taken, squares, around):  # type: ignore[no-untyped-def]
+    """Fill a line with the squared distance from the nearest free voxel along it."""
+    n, never = len(taken), np.int32(2**30)
+    count = np.int32(2**15)
+    if around:
+        # the free voxel that comes last, seen from the other end
+        for k in range(n):
+            count = np.int32(0) if not taken[n - 1 - k] else count
+            if count == 0:
+                count = np.int32(k)
+                break
+    for k in range(n):
+        count = np.int32(0) if not taken[k] else np.int32(count + 1)
+        squares[k] = count
+    count = np.int32(2**15)
+    if around:
+        for k in range(n):
+            if not taken[k]:
+                count = np.int32(k)
+                break
+    for k in range(n - 1, -1, -1):
+        count = np.int32(0) if not taken[k] else np.int32(count + 1)
+        least = min(squares[k], count)
+        squares[k] = never if least >= np.int32(2**15) else np.int32(least * least)
+
+
+@kernel
+def _look(lines, found, low, around):  # type: ignore[no-untyped-def]
+    """Find the least of value + distance^2 along 64 lines at once, looking farther as long as it can matter."""
+    n = len(lines)
+    for j in range(n):
+        largest = np.int32(0)
+        for t in range(64):
+            low[t] = lines[j, t]
+        for t in range(64):
+            largest = max(largest, low[t])
+        d = 1
+        while d * d < largest and d < n:
+            square = np.int32(d * d)
+            back, ahead = j - d, j + d
+            if around:
+                back, ahead = back + n if back < 0 else back, ahead - n if ahead >= n else ahead
+            if back >= 0:
+                for t in range(64):
+                    low[t] = min(low[t], np.int32(lines[back, t] + square))
+            if ahead < n:
+                for t in range(64):
+                    low[t] = min(low[t], np.int32(lines[ahead, t] + square))
+            if d & 3 == 0:
+                largest = np.int32(0)
+                for t in range(64):
+                    largest = max(largest, low[t])
+            d += 1
+        for t in range(64):
+            found[j, t] = min(low[t], np.int32(2**30))
+
+
+@kernel
+def _envelope(lines, t, found, height, place, around, never):  # type: ignore[no-untyped-def]
+    """Find the least of value + distance^2 along one line, by the lower envelope of parabolas in whole numbers."""
+    n = len(lines)
+    # a line that repeats is looked at from half a length before to half a length behind
+    before = n // 2 if around else 0
+    many = -1
+    for q in range(-before, n + before):
+        value = lines[(q + n) % n, t] if around else lines[q, t]
+        if value >= never:
+            continue
+        start = -before
+        while many >= 0:
+            p = place[many]
+            other = lines[(p + n) % n, t] if around else lines[p, t]
+            # the first whole number where q lies below p
+            start = (np.int64(value) + q * q - other - p * p) // (2 * (q - p)) + 1
+            if start <= height[many]:
+                many -= 1
+            else:
+                break
+        if many < 0:
+            start = -before
+        if start < n:
+            many += 1
+            place[many], height[many] = q, start
+    if many < 0:
+        for j in range(n):
+            found[j, t] = never
+        return
+    at = 0
+    for j in range(n):
+        while at < many and height[at + 1] <= j:
+            at += 1
+        p = place[at]
+        value = lines[(p + n) % n, t] if around else lines[p, t]
+        found[j, t] = np.int32(value + (j - p) * (j - p))

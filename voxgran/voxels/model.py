@@ -34,6 +34,8 @@ class Voxels:
         Columns that cross the surface into the solid more often than out of it: it has holes. 0 for clean meshes.
     doubtful_voxels : int
         Voxels that such holes left in doubt; they were settled by the generalized winding number.
+    dimension : int
+        3, or 2 for pixels of an outline.
     """
 
     taken: Booleans | PackedMask
@@ -44,6 +46,7 @@ class Voxels:
     surface: tuple[Floats, Integers] | None = None
     open_columns: int = 0
     doubtful_voxels: int = 0
+    dimension: int = 3
 
     @cached_property
     def mask(self) -> Booleans:
@@ -85,7 +88,7 @@ class Voxels:
     def volume(self) -> float:
         """Volume of the taken voxels, or of their shares where there are any; in 2D the area."""
         solid = self.bits.count() if self.shares is None else self.shares.total
-        return float(solid * self.voxel_size ** (2 if self.shape[2] == 1 else 3))
+        return float(solid * self.voxel_size**self.dimension)
 
     @cached_property
     def centroid(self) -> Floats:

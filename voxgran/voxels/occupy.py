@@ -111,17 +111,18 @@ def voxelize(
     >>> ball = vg.make_shape("sphere")
     >>> voxels = vg.voxelize(ball, voxel_size=0.1, fraction=True)
     >>> voxels.mask.shape
-    (12, 12, 12)
+    (14, 14, 14)
     >>> abs(voxels.volume / ball.volume - 1) < 1e-12
     True
     """
     as_choice(cover, "cover", COVERS[:2])
-    lattice = _lattice(shape, voxel_size, grid)
+    lattice = lattice_of(shape, voxel_size, grid)
     bits = _occupied(shape, lattice, backend=backend, cover=cover)
     shares = voxel_shares(shape.geometry, lattice, np.zeros(3)) if fraction else None
     surface = (shape.vertices, shape.faces) if isinstance(shape.geometry, Mesh) else None
     taken = bits if out is None else _written(bits, out)
-    return Voxels(taken, np.array(lattice.origin), lattice.voxel_size, cover, shares, surface)
+    origin = np.array(lattice.origin)
+    return Voxels(taken, origin, lattice.voxel_size, cover, shares, surface, dimension=shape.dimension)
 
 
 def occupy(
@@ -201,8 +202,16 @@ def _occupied(
     return _occupy_mesh(vertices + place, faces, grid, backend, cover)
 
 
-def _lattice(shape: Shape, voxel_size: float | None, grid: Grid | None) -> Grid:
-    """Return the lattice that was given, or one around the shape."""
+def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, margin: int = 1) -> Grid:
+    """Return the lattice that was given, or one around the shape with some empty layers.
+
+    Raises
+    ------
+    InputError
+        If not exactly one of voxel size and lattice is given, or the voxel size is not above 0.
+    TooLargeError
+        If there would be more than 2**34 voxels.
+    """
     if grid is not None:
         if voxel_size is not None:
             raise InputError("voxel_size and grid: give exactly one of them; a lattice has a voxel size of its own")
@@ -216,7 +225,7 @@ def _lattice(shape: Shape, voxel_size: float | None, grid: Grid | None) -> Grid:
         raise TooLargeError(
             f"voxel_size is {size}: {shape.name!r} would take more than {MOST_VOXELS} voxels; make them larger"
         )
-    around = Grid.around(low, high, size)
+    around = Grid.around(low, high, size, margin=margin)
     if shape.dimension == 3:
         return around
     return Grid((*around.origin[:2], -size / 2), size, (*around.shape[:2], 1))

@@ -97,7 +97,7 @@ def _meets_cube(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _normal(a, b, c):  # type: ignore[no-untyped-def]
+def scaled_normal(a: Floats, b: Floats, c: Floats) -> tuple[float, float, float, float]:
     """Return the components of the normal, twice the area long, and how far round-off may turn it out of place."""
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     vx, vy, vz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
@@ -106,7 +106,7 @@ def _normal(a, b, c):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _levels(z, slope, reach, first, last):  # type: ignore[no-untyped-def]
+def clip_levels(z: float, slope: float, reach: float, first: int, last: int) -> tuple[int, int]:
     """Return which whole numbers of a range lie within a reach of a height; slope: by how much the plane rises."""
     if (last - first) * abs(slope) <= 4.0 * reach:
         return first, last
@@ -124,13 +124,13 @@ def _mark_touched(vertices, faces, words, counts):  # type: ignore[no-untyped-de
         for k in range(3):
             low[k] = int(min(max(np.ceil(min(a[k], b[k], c[k]) - 1e-9) - 1.0, 0.0), counts[k]))
             high[k] = int(max(min(np.floor(max(a[k], b[k], c[k]) + 1e-9), counts[k] - 1.0), -1.0))
-        nx, ny, nz, turned = _normal(a, b, c)
+        nx, ny, nz, turned = scaled_normal(a, b, c)
         reach = (0.5 + 1e-9) * (abs(nx) + abs(ny) + abs(nz)) + turned
         for i in range(low[0], high[0] + 1):
             for j in range(low[1], high[1] + 1):
                 side = nx * (i + 0.5 - a[0]) + ny * (j + 0.5 - a[1])
                 # of a large face only the cubes of this column near its plane
-                first, last = _levels(a[2] - side / nz - 0.5, nz, reach, low[2], high[2])
+                first, last = clip_levels(a[2] - side / nz - 0.5, nz, reach, low[2], high[2])
                 for k in range(first, last + 1):
                     q, bit = k >> 6, np.uint64(1) << np.uint64(k & 63)
                     if words[i, j, q] & bit or abs(side + nz * (k + 0.5 - a[2])) > reach:
@@ -149,17 +149,17 @@ def _note_near(vertices, faces, band, counts, found, distance):  # type: ignore[
         for k in range(3):
             low[k] = int(min(max(np.ceil(min(a[k], b[k], c[k]) - band), 0.0), counts[k]))
             high[k] = int(max(min(np.floor(max(a[k], b[k], c[k]) + band), counts[k] - 1.0), -1.0))
-        nx, ny, nz, turned = _normal(a, b, c)
+        nx, ny, nz, turned = scaled_normal(a, b, c)
         size = np.sqrt(nx * nx + ny * ny + nz * nz)
         for i in range(low[0], high[0] + 1):
             for j in range(low[1], high[1] + 1):
                 side = nx * (i - a[0]) + ny * (j - a[1])
-                first, last = _levels(a[2] - side / nz, nz, band * size + turned, low[2], high[2])
+                first, last = clip_levels(a[2] - side / nz, nz, band * size + turned, low[2], high[2])
                 for k in range(first, last + 1):
                     plane = abs(side + nz * (k - a[2]))
                     if plane > band * size + turned:
                         continue
-                    gap = _distance(a, b, c, float(i), float(j), float(k))
+                    gap = distance_to_triangle(a, b, c, float(i), float(j), float(k))
                     if gap <= band:
                         if count < len(found):
                             found[count, 0], found[count, 1], found[count, 2] = i, j, k
@@ -169,9 +169,9 @@ def _note_near(vertices, faces, band, counts, found, distance):  # type: ignore[
 
 
 @kernel
-def _distance(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
+def distance_to_triangle(a: Floats, b: Floats, c: Floats, x: float, y: float, z: float) -> float:
     """Return the distance of a point from a triangle: from its plane where it lies above it, else from its edges."""
-    nx, ny, nz, _ = _normal(a, b, c)
+    nx, ny, nz, _ = scaled_normal(a, b, c)
     size = nx * nx + ny * ny + nz * nz
     above = size > 0.0
     best = np.inf

@@ -1,0 +1,105 @@
+"""Operations with balls against SciPy's structuring elements; local thickness against all balls."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt
+
+import voxgran as vg
+from voxgran._base.errors import InputError
+from voxgran._base.seeds import stream
+
+RADII = [0.0, 1.0, np.sqrt(2), 1.9, np.sqrt(5), 3.0, 4.4]
+AROUND = (True, True, True)
+
+
+def ball(radius):
+    reach = int(np.ceil(radius))
+    x = np.arange(-reach, reach + 1)
+    return x[:, None, None] ** 2 + x[None, :, None] ** 2 + x[None, None, :] ** 2 <= radius**2 * (1 + 1e-12)
+
+
+@pytest.fixture(scope="module")
+def mask():
+    return stream(5, "mask").random((15, 14, 13)) < 0.4
+
+
+@pytest.mark.parametrize("radius", RADII)
+def test_balls_of_any_radius_are_those_of_scipy(mask, radius):
+    element = ball(radius)
+    dilated, eroded = binary_dilation(mask, element), binary_erosion(mask, element, border_value=1)
+    assert np.array_equal(vg.dilation(mask, radius), dilated)
+    assert np.array_equal(vg.erosion(mask, radius), eroded)
+    assert np.array_equal(vg.opening(mask, radius), binary_dilation(eroded, element))
+    assert np.array_equal(vg.closing(mask, radius), binary_erosion(dilated, element, border_value=1))
+
+
+@pytest.mark.parametrize("radius", [1.0, 2.3])
+def test_periodic_images_are_those_of_27_copies(mask, radius):
+    tiled = np.tile(mask, (3, 3, 3))
+    inner = tuple(slice(n, 2 * n) for n in mask.shape)
+    for operation in (vg.dilation, vg.erosion, vg.opening, vg.closing):
+        assert np.array_equal(operation(mask, radius, periodic=AROUND), operation(tiled, radius)[inner])
+
+
+def test_laws(mask):
+    for radius in (1.0, 2.0):
+        assert np.array_equal(vg.erosion(mask, radius), ~vg.dilation(~mask, radius))
+        opened, closed = vg.opening(mask, radius), vg.closing(mask, radius)
+        assert (opened <= mask).all()
+        assert (mask <= closed).all()
+        assert np.array_equal(vg.opening(opened, radius), opened)
+        assert np.array_equal(vg.closing(closed, radius), closed)
+
+
+def test_no_free_voxel_and_no_taken_one():
+    full, empty = np.ones((4, 5, 6), dtype=bool), np.zeros((4, 5, 6), dtype=bool)
+    assert vg.erosion(full, 1e6).all()
+    assert not vg.dilation(empty, 1e6).any()
+    assert vg.dilation(np.pad(full, 1), 1e6).all()
+    with pytest.raises(InputError, match="radius"):
+        vg.erosion(full, -1.0)
+    with pytest.raises(InputError, match="three axes"):
+        vg.opening(full[0], 1.0)
+
+
+def all_balls(mask):
+    """Return the local thickness by painting the ball of each voxel: the plain twin."""
+    squares = np.round(distance_transform_edt(mask) ** 2)
+    places = np.argwhere(mask)
+    found = np.zeros(mask.shape)
+    for voxel in places:
+        near = ((places - voxel) ** 2).sum(axis=1) < squares[tuple(voxel)]
+        part = tuple(places[near].T)
+        found[part] = np.maximum(found[part], squares[tuple(voxel)])
+    return 2 * np.sqrt(found)
+
+
+@pytest.mark.parametrize("index", range(4))
+def test_local_thickness_is_that_of_all_balls(index):
+    generator = stream(6, "balls", index)
+    x = np.indices((22, 21, 23))
+    mask = np.zeros(x.shape[1:], dtype=bool)
+    for _ in range(7):
+        middle, radius = generator.uniform(2, 20, 3), generator.uniform(2, 7)
+        mask |= ((x - middle[:, None, None, None]) ** 2).sum(axis=0) < radius**2
+    for part in (mask, ~mask):
+        assert np.allclose(vg.local_thickness(part), all_balls(part), rtol=1e-6)
+
+
+def test_local_thickness_of_periodic_images():
+    mask = stream(7, "noise").random((9, 8, 10)) < 0.98
+    tiled = vg.local_thickness(np.tile(mask, (3, 3, 3)))
+    assert np.array_equal(vg.local_thickness(mask, periodic=AROUND), tiled[9:18, 8:16, 10:20])
+
+
+def test_local_thickness_of_what_is_known():
+    slab = np.zeros((30, 30, 20), dtype=bool)
+    slab[:, :, 5:11] = True
+    assert set(np.unique(vg.local_thickness(slab)[slab])) == {6.0}
+    x = np.indices((40, 40, 40)) - 19.5
+    ball_of_15 = (x**2).sum(axis=0) < 15**2
+    thickness = vg.local_thickness(ball_of_15)
+    # its center lies between voxels: balls about centers are a little smaller
+    assert 28 < np.median(thickness[ball_of_15]) <= 30
+    with pytest.raises(InputError, match="no free voxel"):
+        vg.local_thickness(np.ones((3, 3, 3), dtype=bool))

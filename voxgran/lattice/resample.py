@@ -1,0 +1,130 @@
+"""Images on another lattice: coarser or finer with the sum kept, nearest labels, and cut to what is there."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxgran._base.arrays import Floats, Integers, as_choice, as_number, as_positive
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+
+
+def resample(
+    image: ArrayLike,
+    *,
+    factor: float | None = None,
+    shape: tuple[int, int, int] | None = None,
+    method: str = "mean",
+) -> NDArray[Any]:
+    """Return an image of the same box with other voxels.
+
+    Parameters
+    ----------
+    image : (nx, ny, nz) array_like
+        Shares, grey values or a mask; labels with the method ``"nearest"``.
+    factor : float, optional
+        New voxels per old voxel along each axis: 0.5 halves the number, 2 doubles it; rounded to whole numbers.
+    shape : tuple of int, optional
+        Number of new voxels along x, y, z, instead.
+    method : {"mean", "nearest"}
+        ``"mean"`` averages over the part of the box that a new voxel takes, so that the sum times the volume of a voxel
+        is kept; ``"nearest"`` takes the value at the new center.
+
+    Returns
+    -------
+    ndarray
+        float64 for means, else of the type of the image.
+
+    Raises
+    ------
+    InputError
+        If the image has not three axes, not exactly one of factor and shape is given, one is not above 0, or the
+        method is unknown.
+
+    Notes
+    -----
+    Memory beside the image: that of the result, and for means 16 bytes a voxel of the larger image.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> vg.resample(np.arange(6.0).reshape(1, 1, 6), shape=(1, 1, 4))[0, 0].round(3).tolist()
+    [0.333, 1.667, 3.333, 4.667]
+    """
+    given = np.asarray(image)
+    if given.ndim != 3 or not given.size:
+        raise InputError(f"image has shape {given.shape}: three axes with voxels are needed")
+    if (factor is None) == (shape is None):
+        raise InputError("factor and shape: give exactly one of them")
+    as_choice(method, "method", ("mean", "nearest"))
+    if factor is not None:
+        counts = [max(1, round(n * as_positive(factor, "factor"))) for n in given.shape]
+    else:
+        counts = [int(as_number(n, "shape", at_least=1)) for n in shape or ()]
+        if len(counts) != 3:
+            raise InputError(f"shape has {len(counts)} numbers: give voxels along x, y and z")
+    if method == "nearest":
+        places = [((np.arange(m) + 0.5) * n / m).astype(np.int64) for n, m in zip(given.shape, counts, strict=True)]
+        return np.asarray(given[np.ix_(*places)])
+    mean = np.asarray(given, dtype=np.float64)
+    for axis, many in enumerate(counts):
+        if many != mean.shape[axis]:
+            lines = np.moveaxis(mean, axis, 0)
+            flat = _overlaps(mean.shape[axis], many) @ lines.reshape(mean.shape[axis], -1)
+            mean = np.moveaxis(flat.reshape(many, *lines.shape[1:]), 0, axis)
+    return np.ascontiguousarray(mean)
+
+
+def crop(image: ArrayLike, *, margin: int = 0) -> tuple[NDArray[Any], Integers]:
+    """Return the part of an image that holds what is not 0.
+
+    Parameters
+    ----------
+    image : (nx, ny, nz) array_like
+        Mask, labels or shares.
+    margin : int
+        Layers kept around it, as far as the image has them.
+
+    Returns
+    -------
+    part : ndarray
+        A view of the image; empty where all is 0.
+    start : (3,) ndarray of int
+        Index of its first voxel.
+
+    Raises
+    ------
+    InputError
+        If the image has not three axes or the margin is below 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> image = np.zeros((5, 6, 7), dtype=int)
+    >>> image[1, 2:4, 5] = 3
+    >>> part, start = vg.crop(image, margin=1)
+    >>> part.shape, start.tolist()
+    ((3, 4, 3), [0, 1, 4])
+    """
+    given = np.asarray(image)
+    if given.ndim != 3:
+        raise InputError(f"image has shape {given.shape}: three axes are needed")
+    layers = int(as_number(margin, "margin", at_least=0))
+    start, window = np.zeros(3, dtype=np.int64), []
+    for axis in range(3):
+        along = np.flatnonzero(given.any(axis=tuple(k for k in range(3) if k != axis)))
+        first, behind = (along[0] - layers, along[-1] + 1 + layers) if len(along) else (0, 0)
+        start[axis] = max(first, 0)
+        window.append(slice(int(start[axis]), int(min(behind, given.shape[axis]))))
+    return given[tuple(window)], start
+
+
+def _overlaps(old: int, new: int) -> Any:
+    """Return the sparse (new, old) matrix of which part of a new voxel each old one takes."""
+    edges = np.union1d(np.arange(old + 1) * new, np.arange(new + 1) * old).astype(np.int64)
+    length: Floats = np.diff(edges) / old
+    rows, columns = edges[:-1] // old, edges[:-1] // new
+    return load("scipy.sparse").coo_array((length, (rows, columns)), shape=(new, old)).tocsr()

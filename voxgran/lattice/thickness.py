@@ -1,0 +1,148 @@
+"""Local thickness: at each voxel the largest ball that covers it and fits into the taken voxels; pore size for voids.
+
+Only voxels whose ball is not held by the ball of a neighbour are painted: which radius a neighbour needs is read from a
+table (distance ridge, Dougherty & Kunzelmann 2007, doi:10.1017/S1431927607074430). On the lattice this leaves nothing
+out.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxgran._base.arrays import Integers
+from voxgran._base.errors import InputError
+from voxgran._base.kernels import kernel
+from voxgran.lattice.distance import NEVER, as_mask, distance_transform
+
+
+def local_thickness(
+    mask: ArrayLike, *, periodic: tuple[bool, bool, bool] = (False, False, False), threads: int = 1
+) -> NDArray[np.float32]:
+    """Return the diameter of the largest ball that covers a voxel and holds taken voxels only.
+
+    Of the void between grains this is the pore size.
+
+    Parameters
+    ----------
+    mask : (nx, ny, nz) array_like of bool
+        Taken voxels; beyond the image there is nothing, neither taken nor free.
+    periodic : tuple of bool
+        Whether the image repeats along x, y, z.
+    threads : int
+        Threads of the distance transform; the result does not depend on them.
+
+    Returns
+    -------
+    (nx, ny, nz) ndarray of float32
+        In voxels; 0 where free. The radius of a ball is the distance of its center from that of the nearest free voxel,
+        and it covers what lies nearer; so an even slab has its thickness, and an odd one a voxel more.
+
+    Raises
+    ------
+    InputError
+        If the image has not three axes, or no voxel is free.
+
+    Notes
+    -----
+    Memory beside the mask: 12 bytes a voxel.
+
+    References
+    ----------
+    Hildebrand & Rüegsegger 1997, A new method for the model-independent assessment of thickness in three-dimensional
+    images, doi:10.1046/j.1365-2818.1997.1340694.x
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> mask = np.zeros((1, 1, 8), dtype=bool)
+    >>> mask[0, 0, 2:6] = True
+    >>> vg.local_thickness(mask)[0, 0].tolist()
+    [0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 0.0, 0.0]
+    """
+    taken = as_mask(mask)
+    squares = distance_transform(taken, periodic=periodic, squared=True, threads=threads)
+    largest = int(squares.max(initial=0))
+    if largest == NEVER:
+        raise InputError("mask has no free voxel: no ball ends anywhere; leave a free layer around the body")
+    around = np.array([bool(turn) for turn in periodic])
+    covered = np.zeros(taken.shape, dtype=np.int32)
+    _paint_balls(squares, _needed(largest), around, covered)
+    return np.asarray(2.0 * np.sqrt(covered, dtype=np.float32), dtype=np.float32)
+
+
+def _needed(largest: int) -> Integers:
+    """Return which squared radius a neighbour's ball needs to hold a ball, (3, largest + 1).
+
+    A ball of squared radius s holds the lattice points with a squared distance below s. Row n is for a step that
+    changes n + 1 axes.
+    """
+    reach = int(np.sqrt(largest)) + 1
+    y, z = np.meshgrid(np.arange(reach + 1), np.arange(reach + 1), indexing="ij")
+    most = np.zeros((3, largest + 1), dtype=np.int64)
+    for x in range(reach + 1):
+        distance = x * x + y * y + z * z
+        held = distance < largest
+        for row, aside in enumerate((0 * y, y, y + z)):
+            # the farthest points lie on the other side of the ball
+            farther = distance + 2 * (x + aside) + row + 1
+            np.maximum.at(most[row], distance[held] + 1, farther[held] + 1)
+    return np.maximum.accumulate(most, axis=1)
+
+
+@kernel
+def _is_held(squares, needed, around, i, j, k):  # type: ignore[no-untyped-def]
+    """Tell whether the ball of a neighbour holds the ball of a voxel."""
+    nx, ny, nz = squares.shape
+    own = squares[i, j, k]
+    for di in range(-1, 2):
+        u = i + di
+        if u < 0 or u >= nx:
+            if not around[0]:
+                continue
+            u = (u + nx) % nx
+        for dj in range(-1, 2):
+            v = j + dj
+            if v < 0 or v >= ny:
+                if not around[1]:
+                    continue
+                v = (v + ny) % ny
+            for dk in range(-1, 2):
+                w = k + dk
+                if w < 0 or w >= nz:
+                    if not around[2]:
+                        continue
+                    w = (w + nz) % nz
+                step = abs(di) + abs(dj) + abs(dk)
+                if step and squares[u, v, w] > own and squares[u, v, w] >= needed[step - 1, own]:
+                    return True
+    return False
+
+
+@kernel
+def _paint_balls(squares, needed, around, covered):  # type: ignore[no-untyped-def]
+    """Raise each voxel to the largest squared radius of the balls that cover it."""
+    nx, ny, nz = squares.shape
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                own = squares[i, j, k]
+                if own == 0 or _is_held(squares, needed, around, i, j, k):
+                    continue
+                reach = int(np.ceil(np.sqrt(own))) - 1
+                for u in range(i - reach, i + reach + 1):
+                    if (u < 0 or u >= nx) and not around[0]:
+                        continue
+                    for v in range(j - reach, j + reach + 1):
+                        if (v < 0 or v >= ny) and not around[1]:
+                            continue
+                        rest = own - (u - i) ** 2 - (v - j) ** 2
+                        if rest <= 0:
+                            continue
+                        half = int(np.ceil(np.sqrt(rest))) - 1
+                        row = covered[(u + nx) % nx, (v + ny) % ny]
+                        if around[2]:
+                            for w in range(k - half, k + half + 1):
+                                row[w % nz] = max(row[w % nz], own)
+                        else:
+                            for w in range(max(k - half, 0), min(k + half, nz - 1) + 1):
+                                row[w] = max(row[w], own)
