@@ -32,14 +32,25 @@ def trade_offs() -> Registry[TradeOff]:
     return Registry("trade-off", "voxgran.bench.tradeoffs", TradeOff, group="voxgran.trade_offs")
 
 
-def least_seconds(work: Callable[[], object], *, repeats: int = 3) -> float:
-    """Return the least wall time of a few calls, after one that is not counted (it compiles and loads)."""
+def least_seconds(work: Callable[[], object], *, repeats: int = 3, processor: bool = False) -> float:
+    """Return the least time of a few calls, after one that is not counted (it compiles and loads).
+
+    Parameters
+    ----------
+    work : callable
+        What is timed.
+    repeats : int
+        Number of calls that are counted.
+    processor : bool
+        Whether processor time, summed over threads, is taken instead of wall time.
+    """
+    clock = time.process_time if processor else time.perf_counter
     work()
     times = []
     for _ in range(repeats):
-        began = time.perf_counter()
+        began = clock()
         work()
-        times.append(time.perf_counter() - began)
+        times.append(clock() - began)
     return min(times)
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Integers, as_number
 from voxgran._base.errors import InputError, MissingLibraryError
 from voxgran._base.lazy import load
+from voxgran.lattice.distance import distance_transform
 
 
 def segment(
@@ -68,7 +69,7 @@ def segment(
     ndimage = load("scipy.ndimage")
     solid = _without_small(solid, int(least), ndimage)
     solid = ~_without_small(~solid, int(least), ndimage)
-    distance = ndimage.distance_transform_edt(np.pad(solid, 1))[1:-1, 1:-1, 1:-1]
+    distance = distance_transform(np.pad(solid, 1))[1:-1, 1:-1, 1:-1]
     seeds, _ = ndimage.label(morphology.h_maxima(distance, height), np.ones((3, 3, 3)))
     # a body flatter than the separation has no maximum of its own
     bodies, count = ndimage.label(solid, np.ones((3, 3, 3)))

@@ -43,7 +43,7 @@ def local_thickness(
 
     Notes
     -----
-    Memory beside the mask: 12 bytes a voxel.
+    Memory beside the mask: 8 bytes a voxel.
 
     References
     ----------
@@ -67,7 +67,10 @@ def local_thickness(
     around = np.array([bool(turn) for turn in periodic])
     covered = np.zeros(taken.shape, dtype=np.int32)
     _paint_balls(squares, _needed(largest), around, covered)
-    return np.asarray(2.0 * np.sqrt(covered, dtype=np.float32), dtype=np.float32)
+    thickness = squares.view(np.float32)
+    np.sqrt(covered, out=thickness, dtype=np.float32, casting="unsafe")
+    thickness *= 2
+    return thickness
 
 
 def _needed(largest: int) -> Integers:

@@ -99,21 +99,28 @@ def _ordered(vertices, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _on_edge(vertices, left, right, x):  # type: ignore[no-untyped-def]
-    """Return y and z where an edge, given from left to right, passes x."""
-    t = (x - vertices[left, 0]) / (vertices[right, 0] - vertices[left, 0])
-    y = vertices[left, 1] + t * (vertices[right, 1] - vertices[left, 1])
-    return y, vertices[left, 2] + t * (vertices[right, 2] - vertices[left, 2])
+def _sides(vertices, a, b, c):  # type: ignore[no-untyped-def]
+    """Return each side of a triangle, whose corners are given by rising x, as start x, y, z and 1 / length, dy, dz."""
+    ax, ay, az = vertices[a, 0], vertices[a, 1], vertices[a, 2]
+    bx, by, bz = vertices[b, 0], vertices[b, 1], vertices[b, 2]
+    cx, cy, cz = vertices[c, 0], vertices[c, 1], vertices[c, 2]
+    long = ax, ay, az, 1.0 / (cx - ax), cy - ay, cz - az
+    first = ax, ay, az, 1.0 / (bx - ax), by - ay, bz - az
+    return long, first, (bx, by, bz, 1.0 / (cx - bx), cy - by, cz - bz)
 
 
 @kernel
-def _segment(vertices, a, b, c, x):  # type: ignore[no-untyped-def]
+def _on_side(side, x):  # type: ignore[no-untyped-def]
+    """Return y and z where a side, which runs from left to right, passes x."""
+    t = (x - side[0]) * side[3]
+    return side[1] + t * side[4], side[2] + t * side[5]
+
+
+@kernel
+def _segment(long, first, second, x):  # type: ignore[no-untyped-def]
     """Return the ends (y, z) of the cut at x by rising y, and whether the middle corner lies on the upper side."""
-    y_1, z_1 = _on_edge(vertices, a, c, x)
-    if vertices[b, 0] <= x:
-        y_2, z_2 = _on_edge(vertices, b, c, x)
-    else:
-        y_2, z_2 = _on_edge(vertices, a, b, x)
+    y_1, z_1 = _on_side(long, x)
+    y_2, z_2 = _on_side(second if second[0] <= x else first, x)
     if y_1 <= y_2:
         return y_1, z_1, y_2, z_2, True
     return y_2, z_2, y_1, z_1, False
@@ -125,20 +132,23 @@ def _toggle(vertices, faces, words, nz, above):  # type: ignore[no-untyped-def]
     nx, ny = words.shape[0], words.shape[1]
     for f in range(len(faces)):
         a, b, c, _ = _ordered(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
-        first, last = _first_last(vertices[a, 0], vertices[c, 0], nx)
+        begin, end = _first_last(vertices[a, 0], vertices[c, 0], nx)
         ya, yb, yc = vertices[a, 1], vertices[b, 1], vertices[c, 1]
         lowest, highest = _first_last(min(ya, yb, yc), max(ya, yb, yc), ny)
-        if lowest > highest:
+        if begin > end or lowest > highest:
             continue
-        for i in range(first, last + 1):
-            y_1, z_1, y_2, z_2, _ = _segment(vertices, a, b, c, float(i))
+        long, first, second = _sides(vertices, a, b, c)
+        for i in range(begin, end + 1):
+            y_1, z_1, y_2, z_2, _ = _segment(long, first, second, float(i))
             lowest, highest = _first_last(y_1, y_2, ny)
+            if lowest > highest:
+                continue
             slope = (z_2 - z_1) / (y_2 - y_1)
             floor, ceiling = max(min(z_1, z_2), 0.0), max(z_1, z_2)
             for j in range(lowest, highest + 1):
                 z = np.ceil(max(min(z_1 + (j - y_1) * slope, ceiling), floor))
                 if z < nz:
-                    k = np.uint64(z)
+                    k = np.uint64(np.int64(z))
                     words[i, j, k >> np.uint64(6)] ^= np.uint64(1) << (k & np.uint64(63))
                 else:
                     above[i, j] ^= True
@@ -177,9 +187,12 @@ def _wind(vertices, faces, numbers, total):  # type: ignore[no-untyped-def]
     nx, ny, nz = numbers.shape
     for f in range(len(faces)):
         a, b, c, turned = _ordered(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
-        first, last = _first_last(vertices[a, 0], vertices[c, 0], nx)
-        for i in range(first, last + 1):
-            y_1, z_1, y_2, z_2, upper = _segment(vertices, a, b, c, float(i))
+        begin, end = _first_last(vertices[a, 0], vertices[c, 0], nx)
+        if begin > end:
+            continue
+        long, first, second = _sides(vertices, a, b, c)
+        for i in range(begin, end + 1):
+            y_1, z_1, y_2, z_2, upper = _segment(long, first, second, float(i))
             lowest, highest = _first_last(y_1, y_2, ny)
             slope = (z_2 - z_1) / (y_2 - y_1)
             floor, ceiling = max(min(z_1, z_2), 0.0), max(z_1, z_2)

@@ -15,7 +15,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 
 #: pieces of triangles that are in memory at a time: bounds the memory beside the result
-PIECES = 2**21
+PIECES = 2**18
 #: error of the shares of a mesh, from round-off
 ERROR = 1e-12
 

@@ -17,6 +17,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.lattice.grid import Grid
+from voxgran.lattice.morphology import dilation
 from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.model import Shape
 from voxgran.voxels.backend import backend_registry
@@ -162,8 +163,7 @@ def distance_from_shares(share: ArrayLike, *, band: float = 3.0) -> Floats:
     tree = load("scipy.spatial").cKDTree(foot)
     near = np.zeros(part.shape, dtype=np.bool_)
     near[tuple(cut.T)] = True
-    ndimage = load("scipy.ndimage")
-    near = ndimage.distance_transform_edt(~near) <= reach + 1.0
+    near = dilation(near, reach + 1.0)
     voxels = np.argwhere(near)
     many = min(4, len(cut))
     gap, nearest = tree.query(voxels, k=many)

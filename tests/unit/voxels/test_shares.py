@@ -182,7 +182,7 @@ def test_few_pieces_at_a_time_give_the_same(monkeypatch, data_dir):
     whole = mesh_shares(vertices, scan.faces, counts)
     monkeypatch.setattr(module, "PIECES", 7)
     parts = mesh_shares(vertices, scan.faces[:600], counts)
-    monkeypatch.setattr(module, "PIECES", 2**21)
+    monkeypatch.setattr(module, "PIECES", 2**18)
     assert np.array_equal(parts.dense(), mesh_shares(vertices, scan.faces[:600], counts).dense())
     assert whole.total == pytest.approx(scan.volume * (3 / scan.bounding_radius) ** 3, rel=1e-12)
 

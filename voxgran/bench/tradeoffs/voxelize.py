@@ -1,7 +1,8 @@
-"""Voxelization: seconds against volume error, for each backend, resolution and shape.
+"""Voxelization: seconds against volume error, for each backend, resolution and shape; and ratios to peers.
 
-The error is the root mean square over random poses of the volume of the voxels against the exact volume. Centers of
-voxels sample the volume with an error of order 2 in the voxel size where the surface lies in no special direction.
+The error is the root mean square over poses of the volume of the voxels against the exact volume. Centers of voxels
+sample the volume with an error of order 2 in the voxel size where the surface lies in no special direction, of order 1
+where flat faces lie along the lattice; exact shares are at round-off whatever the voxel size is.
 """
 
 from pathlib import Path
@@ -9,11 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from voxgran._base.arrays import Floats
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
-from voxgran._base.rotation import random_rotations
+from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration, least_seconds
+from voxgran.bench.peers import voxel_peers
+from voxgran.lattice.grid import Grid
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.mesh import Mesh
@@ -25,20 +29,35 @@ if TYPE_CHECKING:
 
 #: voxels per equivalent diameter
 RESOLUTIONS = (16, 32, 64, 128)
-POSES = 4
+POSES = 6
+#: the series of exact shares, beside those of the backends
+SHARES = "exact shares"
+#: voxels along an edge at which peers are timed; the slow one only at the first
+PEER_SIZES = (256, 512)
+SLOW_PEER = "Open3D occupancy"
 
 
 def bench_shapes() -> list[Shape]:
-    """Return a fine sphere, a box, a random solid and, where its file is there, a scanned body: all as meshes."""
+    """Return a fine sphere, a box, the same box along the lattice, a random solid and scanned bodies: all as meshes."""
     ball = make_shape("sphere")
     box = make_shape("box", aspect=(1, 0.7, 0.5))
     shapes = [Shape.of(Mesh(body.vertices.copy(), body.faces.copy()), name=body.name) for body in (ball, box)]
+    shapes.append(Shape(shapes[1].geometry, "aligned box"))
     shapes.append(make_shape("solid_union", seed=1))
-    scan = Path(__file__).parents[3] / "data" / "eros.obj"
-    if scan.is_file():
-        body = load_shape(scan)
-        shapes.append(body.scaled(1 / body.diameter))
+    for name in ("eros.obj", "itokawa_lp.obj"):
+        scan = Path(__file__).parents[3] / "data" / name
+        if scan.is_file():
+            body = load_shape(scan)
+            shapes.append(body.scaled(1 / body.diameter))
     return shapes
+
+
+def posed_shapes(shape: Shape, poses: int) -> list[Shape]:
+    """Return a shape in random poses; the aligned box in random sizes along the lattice instead."""
+    generator = stream(0, "bench sizes")
+    if shape.name == "aligned box":
+        return [shape.scaled(float(factor)) for factor in generator.uniform(0.95, 1.05, poses)]
+    return [shape.rotated(turn) for turn in random_rotations(stream(0, "bench poses"), poses)]
 
 
 def measure_rows(shapes: list[Shape], resolutions: tuple[int, ...] = RESOLUTIONS, poses: int = POSES) -> "Dataset":
@@ -51,25 +70,24 @@ def measure_rows(shapes: list[Shape], resolutions: tuple[int, ...] = RESOLUTIONS
     resolutions : tuple of int
         Voxels per equivalent diameter.
     poses : int
-        Random orientations over which the error is taken.
+        Orientations over which the error is taken.
 
     Returns
     -------
     xarray.Dataset
         Variables seconds, volume_error; attribute calibration_seconds: a fixed loop of the same run.
     """
-    names = backends()
+    names = (*backends(), SHARES)
     seconds = np.zeros((len(shapes), len(names), len(resolutions)))
     errors = np.zeros_like(seconds)
-    turns = random_rotations(stream(0, "bench poses"), poses)
     for s, shape in enumerate(shapes):
-        posed = [shape.rotated(turn) for turn in turns]
-        for b, backend in enumerate(names):
+        bodies = posed_shapes(shape, poses)
+        for b, name in enumerate(names):
             for r, resolution in enumerate(resolutions):
                 size = shape.diameter / resolution
-                found = [voxelize(body, voxel_size=size, backend=backend).volume / body.volume - 1 for body in posed]
+                found = [_volume(body, size, name) / body.volume - 1 for body in bodies]
                 errors[s, b, r] = np.sqrt(np.mean(np.square(found)))
-                seconds[s, b, r] = least_seconds(lambda: voxelize(posed[0], voxel_size=size, backend=backend))  # noqa: B023
+                seconds[s, b, r] = least_seconds(lambda: _volume(bodies[0], size, name))  # noqa: B023
     dims = ("shape", "backend", "resolution")
     return load("xarray").Dataset(
         {
@@ -79,6 +97,47 @@ def measure_rows(shapes: list[Shape], resolutions: tuple[int, ...] = RESOLUTIONS
         coords={"shape": [shape.name for shape in shapes], "backend": list(names), "resolution": list(resolutions)},
         attrs={"calibration_seconds": calibration()},
     )
+
+
+def _volume(shape: Shape, size: float, name: str) -> float:
+    """Voxelize, and return the volume of the voxels or of their shares."""
+    if name == SHARES:
+        return voxelize(shape, voxel_size=size, fraction=True).volume
+    return voxelize(shape, voxel_size=size, backend=name).volume
+
+
+def measure_peers(sizes: tuple[int, ...] = PEER_SIZES) -> list[tuple[int, str, float, int]]:
+    """Time voxgran and its peers on a ball of 20,480 triangles; processor time of one thread, the least of some calls.
+
+    Parameters
+    ----------
+    sizes : tuple of int
+        Voxels along each edge of the lattice.
+
+    Returns
+    -------
+    list of tuple
+        Voxels along an edge, program, seconds, and voxels that differ from voxgran's.
+    """
+    icosphere = load("pyvista").Icosphere(nsub=5)
+    turn = rotation_matrices(random_rotations(stream(1, "bench pose"), 1))[0]
+    points: Floats = np.asarray(icosphere.points, dtype=np.float64) @ turn.T
+    faces = np.ascontiguousarray(icosphere.regular_faces.astype(np.int64))
+    rows = []
+    for n in sizes:
+        vertices = points / np.abs(points).max() * 0.45 * n + n / 2
+        shape, grid = Shape(Mesh(vertices, faces), "ball"), Grid((0.0, 0.0, 0.0), 1.0, (n, n, n))
+        mask = voxelize(shape, grid=grid).mask
+        packed = least_seconds(lambda: voxelize(shape, grid=grid), repeats=9, processor=True)  # noqa: B023
+        rows.append((n, "voxgran, bits", packed, 0))
+        unpacked = least_seconds(lambda: voxelize(shape, grid=grid).mask, repeats=9, processor=True)  # noqa: B023
+        rows.append((n, "voxgran, bool", unpacked, 0))
+        for name, program in voxel_peers(vertices, faces, n).items():
+            if name == SLOW_PEER and n > sizes[0]:
+                continue
+            wrong = int(np.count_nonzero(program() != mask))
+            rows.append((n, name, least_seconds(program, repeats=1 if name == SLOW_PEER else 3, processor=True), wrong))
+    return rows
 
 
 def run(folder: Path) -> tuple[Path, ...]:
@@ -91,10 +150,17 @@ def run(folder: Path) -> tuple[Path, ...]:
                 at = data.sel(shape=shape, backend=backend, resolution=resolution)
                 numbers = f"{float(at.seconds):.5f},{float(at.volume_error):.3e},{data.calibration_seconds:.5f}"
                 rows.append(f"{shape},{backend},{resolution},{numbers}")
-    table, figure = folder / "voxelize.csv", folder / "voxelize.svg"
+    peers = ["voxels_along_edge,program,seconds,ratio_to_bits,ratio_to_bool,voxels_that_differ"]
+    times: dict[tuple[int, str], float] = {}
+    for n, name, seconds, wrong in measure_peers():
+        times[n, name] = seconds
+        bits, mask = seconds / times[n, "voxgran, bits"], seconds / times.get((n, "voxgran, bool"), np.nan)
+        peers.append(f'{n},"{name}",{seconds:.5f},{bits:.1f},{mask:.1f},{wrong}')
+    table, others, figure = folder / "voxelize.csv", folder / "voxelize_peers.csv", folder / "voxelize.svg"
     write_text(table, "\n".join(rows) + "\n")
+    write_text(others, "\n".join(peers) + "\n")
     _draw(data, figure)
-    return table, figure
+    return table, others, figure
 
 
 registration = TradeOff(name="voxelize", summary="seconds against volume error of the voxel backends", run=run)
@@ -103,16 +169,23 @@ registration = TradeOff(name="voxelize", summary="seconds against volume error o
 def _draw(data: "Dataset", path: Path) -> None:
     """Draw error against seconds, a line per backend, a panel per shape."""
     figure_class = load("matplotlib.figure").Figure
-    figure = figure_class(figsize=(3.2 * data.sizes["shape"], 3.4), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, data.sizes["shape"], sharey=True))
-    for panel, shape in zip(panels, data.shape.values, strict=True):
+    columns = 3
+    figure = figure_class(figsize=(3.4 * columns, 3.2 * -(-data.sizes["shape"] // columns)), layout="constrained")
+    panels = np.atleast_1d(
+        figure.subplots(-(-data.sizes["shape"] // columns), columns, sharey=True, sharex=True)
+    ).ravel()
+    for panel, shape in zip(panels, data.shape.values, strict=False):
         for backend in data.backend.values:
             line = data.sel(shape=shape, backend=backend)
             panel.loglog(line.seconds, np.maximum(line.volume_error, 1e-16), marker="o", label=str(backend))
         panel.set_title(str(shape))
-        panel.set_xlabel("seconds")
         panel.grid(visible=True, alpha=0.3)
-    panels[0].set_ylabel("rms volume error")
-    panels[-1].legend(frameon=False)
+    for panel in panels[data.sizes["shape"] :]:
+        panel.set_axis_off()
+    for panel in panels[::columns]:
+        panel.set_ylabel("rms volume error")
+    for panel in panels[-columns:]:
+        panel.set_xlabel("seconds")
+    panels[0].legend(frameon=False)
     with written_whole(path) as draft:
         figure.savefig(draft, format="svg")
