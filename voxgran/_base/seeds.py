@@ -91,6 +91,30 @@ def below(word: np.uint64, bound: int) -> np.int64:
 
 
 @kernel
+def shuffled(index: int, size: int, key_0: np.uint64, key_1: np.uint64) -> np.int64:
+    """Return where 0 ... size - 1 is sent by a random permutation, without a table of it.
+
+    A Feistel network permutes the whole numbers below the next power of 4; those that leave the range go on until they
+    come back (Black & Rogaway 2002, Ciphers with arbitrary finite domains, doi:10.1007/3-540-45760-7_9).
+    """
+    half = np.uint64(1)
+    while np.uint64(size) > np.uint64(1) << (half + half):
+        half += np.uint64(1)
+    mask = (np.uint64(1) << half) - np.uint64(1)
+    x = np.uint64(index)
+    while True:
+        left, right = x >> half, x & mask
+        for turn in range(8):
+            word = (right ^ key_0) + np.uint64(turn + 1) * key_1 * np.uint64(2) + np.uint64(turn)
+            word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+            word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+            left, right = right, left ^ ((word ^ (word >> np.uint64(31))) & mask)
+        x = (left << half) | right
+        if x < np.uint64(size):
+            return np.int64(x)
+
+
+@kernel
 def _multiply_high(a: np.uint64, b: np.uint64) -> np.uint64:
     """Return the upper 64 bits of the 128-bit product."""
     mask, half = np.uint64(0xFFFFFFFF), np.uint64(32)

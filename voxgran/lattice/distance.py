@@ -152,8 +152,7 @@ def _in_blocks(work: Any, count: int, threads: int, *arguments: Any) -> None:
 def _pass_planes(taken, squares, around_z, around_y, far, begin, end):  # type: ignore[no-untyped-def]
     """Fill planes across x with the squared distances within each plane."""
     ny, nz = taken.shape[1], taken.shape[2]
-    never = np.int32(2**30)
-    lines, low, found = np.empty((ny, 64), np.int32), np.empty(64, np.int32), np.empty((ny, 64), np.int32)
+    lines, found = np.empty((ny, 64), np.int32), np.empty((ny, 64), np.int32)
     height, place = np.empty(2 * ny + 2, np.int64), np.empty(2 * ny + 2, np.int64)
     for i in range(begin, end):
         for j in range(ny):
@@ -169,11 +168,7 @@ def _pass_planes(taken, squares, around_z, around_y, far, begin, end):  # type: 
                     lines[j, t] = 0
             if longest == 0:
                 continue
-            if longest > far * far and ny > far:
-                for t in range(width):
-                    _envelope(lines, t, found, height, place, around_y, never)
-            else:
-                _look(lines, found, low, around_y)
+            _find_lowest(lines, width, longest, found, height, place, around_y, far)
             for j in range(ny):
                 for t in range(width):
                     squares[i, j, first + t] = found[j, t]
@@ -183,8 +178,7 @@ def _pass_planes(taken, squares, around_z, around_y, far, begin, end):  # type: 
 def _pass_columns(squares, around, far, begin, end):  # type: ignore[no-untyped-def]
     """Add what lies along x, for planes across y."""
     nx, nz = squares.shape[0], squares.shape[2]
-    never = np.int32(2**30)
-    lines, low, found = np.empty((nx, 64), np.int32), np.empty(64, np.int32), np.empty((nx, 64), np.int32)
+    lines, found = np.empty((nx, 64), np.int32), np.empty((nx, 64), np.int32)
     height, place = np.empty(2 * nx + 2, np.int64), np.empty(2 * nx + 2, np.int64)
     for j in range(begin, end):
         for first in range(0, nz, 64):
@@ -198,11 +192,7 @@ def _pass_columns(squares, around, far, begin, end):  # type: ignore[no-untyped-
                     lines[i, t] = 0
             if longest == 0:
                 continue
-            if longest > far * far and nx > far:
-                for t in range(width):
-                    _envelope(lines, t, found, height, place, around, never)
-            else:
-                _look(lines, found, low, around)
+            _find_lowest(lines, width, longest, found, height, place, around, far)
             for i in range(nx):
                 for t in range(width):
                     squares[i, j, first + t] = found[i, t]
@@ -233,6 +223,16 @@ def _walk(taken, squares, around):  # type: ignore[no-untyped-def]
         count = np.int32(0) if not taken[k] else np.int32(count + 1)
         least = min(squares[k], count)
         squares[k] = never if least >= np.int32(2**15) else np.int32(least * least)
+
+
+@kernel
+def _find_lowest(lines, width, longest, found, height, place, around, far):  # type: ignore[no-untyped-def]
+    """Find the least of value + distance^2 along 64 lines, the faster way."""
+    if longest > far * far and len(lines) > far:
+        for t in range(width):
+            _envelope(lines, t, found, height, place, around, np.int32(2**30))
+    else:
+        _look(lines, found, np.empty(64, np.int32), around)
 
 
 @kernel

@@ -1,16 +1,19 @@
 """The lattice of a container: how many voxels, where, which of them grains may take, and where down is."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
 from voxgran.lattice.grid import Grid
+from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.voxels.occupy import occupy
 
@@ -118,6 +121,54 @@ def free_voxels(container: Container, lattice: ContainerLattice) -> Booleans | N
     for axis in range(3):
         inside = np.delete(inside, -1, axis) & np.delete(inside, 0, axis)
     return inside
+
+
+def packing_on_lattice(
+    problem: Problem,
+    lattice: ContainerLattice,
+    placed: Integers,
+    *,
+    site: Integers,
+    orientation: Floats,
+    provenance: dict[str, Any],
+    stop_reason: str,
+) -> Packing:
+    """Return the packing of grains whose centroids lie at corners of voxels.
+
+    Parameters
+    ----------
+    problem : Problem
+        In the normalized frame.
+    lattice : ContainerLattice
+        Its lattice.
+    placed : (m,) ndarray of int
+        Which grains.
+    site : (m, 3) ndarray of int
+        Corners, counted from the lower corner of the lattice.
+    orientation : (m, 4) ndarray of float
+        Unit quaternions.
+    provenance : dict
+        What the method tells beyond its parameters, which are added with the voxel size.
+    stop_reason : str
+        Empty while there is more to do.
+    """
+    position = lattice.corner + site * lattice.voxel_size
+    if problem.dimension == 2:
+        position[:, 2] = 0.0
+    shape_id = problem.shape_id[placed]
+    own = np.array([shape.diameter for shape in problem.original])
+    resolved = {**to_mapping(problem.parameters), "voxel_size": lattice.voxel_size * problem.unit_length}
+    resolved.update(provenance.pop("parameters", {}))
+    return Packing.of(
+        problem.original,
+        problem.container.scaled(problem.unit_length),
+        position=position * problem.unit_length,
+        scale=problem.diameter[placed] * problem.unit_length / own[shape_id],
+        shape_id=shape_id,
+        orientation=orientation,
+        provenance={"parameters": resolved, **provenance},
+        stop_reason=stop_reason or "interrupted",
+    )
 
 
 def axis_of(direction: str, container: Container) -> Integers:

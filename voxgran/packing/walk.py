@@ -10,7 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.seeds import below, philox_block, unit_float
-from voxgran.packing.bits import Field, Words, is_blocked, is_move_blocked, stamp, turned_box, write_turned
+from voxgran.packing.bits import Field, Triple, Words, is_blocked, is_move_blocked, stamp, turned_box, write_turned
 
 
 class Members(NamedTuple):
@@ -60,7 +60,7 @@ def put(field: Field, members: Members, grains: Grains, g: int) -> None:
         members.words, members.start[m], members.size[m], members.turns[grains.turn[g]], grains.bits, grains.at[g]
     )
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
-    _stamp_images(field, grains.bits, grains.at[g], size, _corner(field, grains.site[g], low))
+    stamp_images(field, grains.bits, grains.at[g], size, _corner(field, grains.site[g], low))
 
 
 @kernel
@@ -85,12 +85,12 @@ def enter_raised(
     )
     for k in range(most + 1):
         corner = (
-            _wrapped(first[0] + k * up[0], field.shape[0], field.periodic[0]),
-            _wrapped(first[1] + k * up[1], field.shape[1], field.periodic[1]),
-            _wrapped(first[2] + k * up[2], field.shape[2], field.periodic[2]),
+            wrapped(first[0] + k * up[0], field.shape[0], field.periodic[0]),
+            wrapped(first[1] + k * up[1], field.shape[1], field.periodic[1]),
+            wrapped(first[2] + k * up[2], field.shape[2], field.periodic[2]),
         )
-        if not _is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
-            _stamp_images(field, grains.bits, grains.at[g], size, corner)
+        if not is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
+            stamp_images(field, grains.bits, grains.at[g], size, corner)
             _place(grains, g, member, turn, corner, low)
             return k
     return -1
@@ -156,7 +156,7 @@ def _direction(share, word, classes, down, up):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _wrapped(x, n, periodic):  # type: ignore[no-untyped-def]
+def wrapped(x: int, n: int, periodic: int) -> int:
     """Return a voxel index wrapped into [0, n) where the axis is periodic."""
     return x - (x // n) * n if periodic else x
 
@@ -165,9 +165,9 @@ def _wrapped(x, n, periodic):  # type: ignore[no-untyped-def]
 def _corner(field, site, low):  # type: ignore[no-untyped-def]
     """Return the lowest voxel of a grain, wrapped into the container."""
     return (
-        _wrapped(site[0] + low[0], field.shape[0], field.periodic[0]),
-        _wrapped(site[1] + low[1], field.shape[1], field.periodic[1]),
-        _wrapped(site[2] + low[2], field.shape[2], field.periodic[2]),
+        wrapped(site[0] + low[0], field.shape[0], field.periodic[0]),
+        wrapped(site[1] + low[1], field.shape[1], field.periodic[1]),
+        wrapped(site[2] + low[2], field.shape[2], field.periodic[2]),
     )
 
 
@@ -188,7 +188,7 @@ def _image(field, corner, ix, iy, iz):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _stamp_images(field, bits, at, size, corner):  # type: ignore[no-untyped-def]
+def stamp_images(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> None:
     """Flip a grain at its place and at its periodic images."""
     for ix in range(_copies(field, 0, corner[0], size[0])):
         for iy in range(_copies(field, 1, corner[1], size[1])):
@@ -209,7 +209,7 @@ def _is_outside(field, size, corner):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _is_blocked_anywhere(field, bits, at, size, corner):  # type: ignore[no-untyped-def]
+def is_blocked_anywhere(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> bool:
     """Tell whether a grain that is not on the canvas would meet anything at a place or its images."""
     if _is_outside(field, size, corner):
         return True
@@ -248,15 +248,15 @@ def _move(field, members, grains, g, step):  # type: ignore[no-untyped-def]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
     old = _corner(field, grains.site[g], low)
     new = (
-        _wrapped(old[0] + step[0], field.shape[0], field.periodic[0]),
-        _wrapped(old[1] + step[1], field.shape[1], field.periodic[1]),
-        _wrapped(old[2] + step[2], field.shape[2], field.periodic[2]),
+        wrapped(old[0] + step[0], field.shape[0], field.periodic[0]),
+        wrapped(old[1] + step[1], field.shape[1], field.periodic[1]),
+        wrapped(old[2] + step[2], field.shape[2], field.periodic[2]),
     )
     at = grains.at[g]
     if _is_step_blocked(field, grains.bits, at, size, new, step):
         return 0
-    _stamp_images(field, grains.bits, at, size, old)
-    _stamp_images(field, grains.bits, at, size, new)
+    stamp_images(field, grains.bits, at, size, old)
+    stamp_images(field, grains.bits, at, size, new)
     _place(grains, g, m, t, new, low)
     return 1
 
@@ -271,13 +271,13 @@ def _turn(field, members, grains, g, base, turn):  # type: ignore[no-untyped-def
     new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
     new = _corner(field, grains.site[g], new_low)
     write_turned(members.words, members.start[new_m], members.size[new_m], members.turns[turn], grains.scratch, zeros)
-    _stamp_images(field, grains.bits, at, size, old)
-    if _is_blocked_anywhere(field, grains.scratch, zeros, new_size, new):
-        _stamp_images(field, grains.bits, at, size, old)
+    stamp_images(field, grains.bits, at, size, old)
+    if is_blocked_anywhere(field, grains.scratch, zeros, new_size, new):
+        stamp_images(field, grains.bits, at, size, old)
         return 0
     words = (new_size[0] + 2) * (new_size[1] + 2) * ((new_size[2] + 63) // 64)
     grains.bits[at : at + words] = grains.scratch[zeros : zeros + words]
-    _stamp_images(field, grains.bits, at, new_size, new)
+    stamp_images(field, grains.bits, at, new_size, new)
     _place(grains, g, new_m, turn, new, new_low)
     return 1
 
@@ -299,10 +299,10 @@ def _feed(field, members, grains, rules, queue, tally, key, attempt, word):  # t
     )
     write_turned(members.words, members.start[m], members.size[m], members.turns[turn], grains.bits, grains.at[g])
     tally[5] += 1
-    if _is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
+    if is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
         tally[6] += 1
         return tally[6] >= rules.schedule[3]
-    _stamp_images(field, grains.bits, grains.at[g], size, corner)
+    stamp_images(field, grains.bits, grains.at[g], size, corner)
     _place(grains, g, m, turn, corner, low)
     queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
     tally[0] += 1

@@ -13,6 +13,7 @@ from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.voxels.cubes import meets_cubes
+from voxgran.voxels.scanline import centers_inside
 from voxgran.voxels.touch import touched_voxels
 
 #: which point of a voxel decides: its center, the one nearest to the middle of a ball, or the one farthest from it
@@ -120,8 +121,11 @@ def outline_mask(outline: Outline, grid: Grid, *, cover: str) -> Booleans:
         return balls_bits(center, radius, flat, cover=cover).unpacked()
     if cover == "surface":
         return _touched_pixels(outline, grid)
-    x, y = np.meshgrid(grid.centers(0), grid.centers(1), indexing="ij")
-    inside = outline.contains(np.column_stack([x.ravel(), y.ravel()])).reshape(*x.shape, 1)
+    # upright faces around a plane of pixels, seen by columns along y: the rules of meshes for centers on the sides
+    vertices, faces = upright_faces(outline.vertices, -1.0, 2.0)
+    vertices[:, :2] = (vertices[:, :2] - np.array(grid.origin[:2])) / grid.voxel_size
+    columns = centers_inside(np.ascontiguousarray(vertices[:, [2, 0, 1]]), faces, (1, *grid.shape[:2]))[0]
+    inside = columns.unpacked().reshape(*grid.shape[:2], 1)
     return inside | _touched_pixels(outline, grid) if cover == "touch" else inside
 
 

@@ -5,7 +5,8 @@ height. The ends of the segment lie on edges of the triangle and are computed fr
 asks; so both triangles of an edge get the same bits, and half-open ranges give every column an even number of
 crossings: a closed surface cannot leak. A crossing toggles one bit of a word of 64 voxels, and six shifts carry the
 parity through the word. Columns lie along z. A center that lies on the surface counts as if it lay an infinitesimal
-step further along x, y and z; so solids that touch share no voxel and leave none out.
+step further along x, y and z; so solids that touch share no voxel and leave none out. Corner points are rounded to a
+1e-10 of a voxel, so that this holds where their coordinates differ by round-off.
 """
 
 from collections.abc import Iterator
@@ -17,6 +18,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.lattice.packed import PackedMask
 
+#: corner points are rounded to so many parts of a voxel, so that faces on voxel centers are there despite round-off
+FINEST = 2.0**33
 #: voxels whose winding numbers are in memory at a time
 SLAB = 2**22
 
@@ -42,7 +45,7 @@ def centers_inside(vertices: Floats, faces: Integers, counts: tuple[int, int, in
     """
     bits = PackedMask.empty(counts)
     above = np.zeros(counts[:2], dtype=np.bool_)
-    _toggle(vertices - 0.5, faces, bits.words, counts[2], above)
+    _toggle(_settled(vertices), faces, bits.words, counts[2], above)
     return bits, int(_carry(bits.words, counts[2], above))
 
 
@@ -65,7 +68,7 @@ def winding_slabs(
     total : (thick, ny) ndarray of int32
         Crossings of each column as a whole; not 0 where the surface is open.
     """
-    inner = vertices - 0.5
+    inner = _settled(vertices)
     spans = inner[:, 0][faces]
     low, high = spans.min(axis=1, initial=np.inf), spans.max(axis=1, initial=-np.inf)
     thick = max(1, SLAB // (counts[1] * counts[2]))
@@ -77,6 +80,15 @@ def winding_slabs(
         _wind(inner - np.array([float(begin), 0.0, 0.0]), near, numbers, total)
         np.cumsum(numbers, axis=2, out=numbers)
         yield begin, numbers, total
+
+
+def _settled(vertices: Floats) -> Floats:
+    """Return corner points with voxel centers at whole numbers, rounded; the same points stay the same."""
+    inner = vertices * FINEST
+    np.rint(inner, out=inner)
+    inner /= FINEST
+    inner -= 0.5
+    return inner
 
 
 @kernel

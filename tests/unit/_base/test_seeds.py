@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from voxgran._base.errors import InputError
-from voxgran._base.seeds import below, philox_block, philox_key, stream, unit_float
+from voxgran._base.seeds import below, philox_block, philox_key, shuffled, stream, unit_float
 
 
 @pytest.mark.parametrize("counter", [0, 1, 17, 2**40, 2**63])
@@ -41,3 +41,21 @@ def test_numbers_are_uniform():
 def test_bad_seed_is_refused(seed):
     with pytest.raises(InputError, match="seed"):
         stream(seed, "sizes")
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 63, 1000, 4097])
+def test_a_shuffle_is_a_permutation_and_depends_on_the_key(size):
+    one, other = philox_key(1, "shuffle"), philox_key(2, "shuffle")
+    found = [int(shuffled(k, size, one[0], one[1])) for k in range(size)]
+    assert sorted(found) == list(range(size))
+    if size > 60:
+        assert found != [int(shuffled(k, size, other[0], other[1])) for k in range(size)]
+
+
+def test_a_shuffle_is_random():
+    # mean and correlation of neighbours, and the number of ascents, as of a random permutation
+    key, n = philox_key(3, "shuffle"), 20_000
+    found = np.array([int(shuffled(k, n, key[0], key[1])) for k in range(n)]) / n
+    assert abs(found[: n // 2].mean() - 0.5) < 4 * 0.5 / np.sqrt(12 * n / 2)
+    assert abs(np.corrcoef(found[1:], found[:-1])[0, 1]) < 4 / np.sqrt(n)
+    assert abs(np.count_nonzero(np.diff(found) > 0) - (n - 1) / 2) < 4 * np.sqrt((n + 1) / 12)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 #: voxels per equivalent diameter
 RESOLUTIONS = (16, 32, 64, 128)
-POSES = 6
+POSES = 12
 #: the series of exact shares, beside those of the backends
 SHARES = "exact shares"
 #: voxels along an edge at which peers are timed; the slow one only at the first
@@ -178,7 +178,9 @@ def _draw(data: "Dataset", path: Path) -> None:
         for backend in data.backend.values:
             line = data.sel(shape=shape, backend=backend)
             panel.loglog(line.seconds, np.maximum(line.volume_error, 1e-16), marker="o", label=str(backend))
-        panel.set_title(str(shape))
+        errors = data.volume_error.sel(shape=shape, backend="scanline")
+        order = -np.polyfit(np.log(data.resolution), np.log(errors), 1)[0]
+        panel.set_title(f"{shape}, centers: order {order:.1f}")
         panel.grid(visible=True, alpha=0.3)
     for panel in panels[data.sizes["shape"] :]:
         panel.set_axis_off()

@@ -24,14 +24,20 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_count, as_number, as_positive
-from voxgran._base.config import parameter, to_mapping
+from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import lattice_rotations, product, quaternions_of, random_rotations
 from voxgran._base.seeds import philox_key, stream
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.bits import UNPACKED, Bank, Canvas, Field, make_bank
-from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels
+from voxgran.packing.lattice import (
+    ContainerLattice,
+    axis_of,
+    container_lattice,
+    free_voxels,
+    packing_on_lattice,
+)
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -172,27 +178,15 @@ def finish(problem: Problem, state: State) -> Packing:
     setting = _setting(problem, state)
     placed = np.flatnonzero(state.arrays["member"] >= 0)
     lattice = setting.lattice
-    position = lattice.corner + state.arrays["site"][placed] * lattice.voxel_size
-    if problem.dimension == 2:
-        position[:, 2] = 0.0
     turns = quaternions_of(setting.rotations[state.arrays["turn"][placed]].astype(np.float64))
-    orientation = product(turns, setting.base[state.arrays["member"][placed]])
-    shape_id = problem.shape_id[placed]
-    own = np.array([shape.diameter for shape in problem.original])
-    resolved = {
-        **to_mapping(problem.parameters),
-        "voxel_size": lattice.voxel_size * problem.unit_length,
-        "gravity": problem.parameters.gravity or _default_gravity(problem),
-    }
-    return Packing.of(
-        problem.original,
-        problem.container.scaled(problem.unit_length),
-        position=position * problem.unit_length,
-        scale=problem.diameter[placed] * problem.unit_length / own[shape_id],
-        shape_id=shape_id,
-        orientation=orientation,
-        provenance={"parameters": resolved},
-        stop_reason=state.stop_reason or "interrupted",
+    return packing_on_lattice(
+        problem,
+        lattice,
+        placed,
+        site=state.arrays["site"][placed],
+        orientation=product(turns, setting.base[state.arrays["member"][placed]]),
+        provenance={"parameters": {"gravity": problem.parameters.gravity or _default_gravity(problem)}},
+        stop_reason=state.stop_reason,
     )
 
 
