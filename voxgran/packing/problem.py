@@ -121,7 +121,7 @@ class Problem:
             self.counters["voxelized_shapes"] += 1
             return occupy(shape, grid, scale=diameter, rotation=orientation, cover=cover)
 
-        return self._keep(key, make)
+        return self.keep(key, make)
 
     def points(self, shape: int, spacing: float) -> SurfacePoints:
         """Return control points on a shape of unit diameter, every surface point within spacing / 2 of one.
@@ -138,9 +138,9 @@ class Problem:
             self.counters["sampled_shapes"] += 1
             return sample_surface(self.shapes[shape], spacing=spacing, seed=self.seed)
 
-        return self._keep(("points", shape, spacing), make)
+        return self.keep(("points", shape, spacing), make)
 
-    def _keep(self, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
+    def keep(self, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
         """Return what is kept under a key, made if needed; the oldest leave when the limit is passed."""
         if key in self._kept:
             self._kept.move_to_end(key)

@@ -68,14 +68,15 @@ def test_orientations_are_those_of_the_turned_shape():
         box = mask[tuple(slice(a, a + n) for a, n in zip(low, size, strict=True))]
         # rotated exactly or voxelized anew: round-off may move a center on the surface
         assert np.count_nonzero(box ^ oriented.masks[k]) <= 0.02 * box.sum()
-        assert body.volume == pytest.approx(box.sum() * setting.lattice.voxel_size**3, rel=0.05)
+        assert body.volume == pytest.approx(box.sum() * setting.lattice.voxel_size**3, rel=0.1)
         assert np.allclose(np.linalg.det(rotation_matrices(oriented.orientation[k : k + 1])), 1)
 
 
 def test_saturation_is_proven():
     """An independent probe: no place is left in any orientation."""
+    brick = vg.make_shape("box", lengths=(1, 1, 2))
     with pytest.warns(PackingWarning):
-        packing = vg.pack(vg.make_shape("box", lengths=(1, 1, 2)), vg.Box((6, 6, 6)), method="digital_rsa", voxel_size=0.25, count=60)  # fmt: skip
+        packing = vg.pack(brick, vg.Box((6, 6, 6)), method="digital_rsa", voxel_size=0.25, count=80, cover="center")
     assert packing.stop_reason == "saturated"
     assert packing.provenance["candidates_left"] == 0
     assert vg.verify(packing).ok
