@@ -21,6 +21,7 @@ from voxgran._base.kernels import kernel
 
 Words: TypeAlias = NDArray[np.uint64]
 Triple: TypeAlias = tuple[int, int, int]
+Four: TypeAlias = tuple[int, int, int, int]
 
 
 #: voxels of the canvas that are unpacked at a time
@@ -278,6 +279,67 @@ def is_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Tr
             if found != np.uint64(0):
                 return True
     return False
+
+
+@kernel
+def sum_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> Four:
+    """Return number and summed places of the voxels that a move would newly cover and that are taken.
+
+    Places are counted from the lowest voxel of the grain.
+    """
+    wide, deep, tall = size
+    x, y, z = corner
+    dx, dy, dz = step
+    count = (tall + 63) // 64
+    many, sum_x, sum_y, sum_z = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
+    for i in range(wide):
+        for j in range(deep):
+            for k in range(tall):
+                if not _has_voxel(bits, at, count, deep, i, j, k):
+                    continue
+                u, v, w = i + dx, j + dy, k + dz
+                if 0 <= u < wide and 0 <= v < deep and 0 <= w < tall and _has_voxel(bits, at, count, deep, u, v, w):
+                    continue
+                cell = (x + i) * field.stride_x + ((z + k) >> 6) * field.stride_w + y + j
+                if (field.words[cell] >> np.uint64((z + k) & 63)) & np.uint64(1):
+                    many, sum_x, sum_y, sum_z = many + 1, sum_x + i, sum_y + j, sum_z + k
+    return int(many), int(sum_x), int(sum_y), int(sum_z)
+
+
+@kernel
+def _has_voxel(bits, at, count, deep, i, j, k):  # type: ignore[no-untyped-def]
+    """Tell whether a grain has a voxel at a place in its box."""
+    word = bits[at + ((i + 1) * count + (k >> 6)) * (deep + 2) + j + 1]
+    return (word >> np.uint64(k & 63)) & np.uint64(1) != np.uint64(0)
+
+
+@kernel
+def count_layer(field: Field, axis: int, level: int) -> int:
+    """Count the taken voxels of a layer of the container across an axis."""
+    taken = 0
+    for i in range(field.shape[0]):
+        for j in range(field.shape[1]):
+            if (axis == 0 and i != level) or (axis == 1 and j != level):
+                continue
+            first = (i + field.margin[0]) * field.stride_x + j + field.margin[1]
+            for k in range(level if axis == 2 else 0, level + 1 if axis == 2 else field.shape[2]):
+                z = k + field.margin[2]
+                taken += (field.words[first + (z >> 6) * field.stride_w] >> np.uint64(z & 63)) & np.uint64(1) != 0
+    return taken
+
+
+@kernel
+def close_layer(field: Field, axis: int, level: int) -> None:
+    """Take all voxels of a layer of the container across an axis, and of its periodic images."""
+    low, high = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    for k in range(3):
+        around = field.margin[k] if field.periodic[k] else 0
+        low[k], high[k] = field.margin[k] - around, field.margin[k] + field.shape[k] + around
+    low[axis], high[axis] = level + field.margin[axis], level + field.margin[axis] + 1
+    for i in range(low[0], high[0]):
+        for j in range(low[1], high[1]):
+            for k in range(low[2], high[2]):
+                field.words[i * field.stride_x + (k >> 6) * field.stride_w + j] |= np.uint64(1) << np.uint64(k & 63)
 
 
 @kernel

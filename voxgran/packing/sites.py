@@ -8,7 +8,7 @@ from voxgran._base.arrays import Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.seeds import shuffled
 from voxgran.packing.bits import Field, Triple, Words
-from voxgran.packing.walk import is_blocked_anywhere, stamp_images, wrapped
+from voxgran.packing.images import is_blocked_anywhere, stamp_images, wrapped
 
 
 class Parts(NamedTuple):

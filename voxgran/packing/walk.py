@@ -10,7 +10,16 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.seeds import below, philox_block, unit_float
-from voxgran.packing.bits import Field, Triple, Words, is_blocked, is_move_blocked, stamp, turned_box, write_turned
+from voxgran.packing.bits import Field, Words, sum_blocked, turned_box, write_turned
+from voxgran.packing.images import (
+    copies,
+    image_of,
+    is_blocked_anywhere,
+    is_step_blocked,
+    lowest_corner,
+    stamp_images,
+    wrapped,
+)
 
 
 class Members(NamedTuple):
@@ -40,8 +49,9 @@ class Grains(NamedTuple):
 class Rules(NamedTuple):
     """Directions sorted downward, level, upward; where these classes begin; the shares and the schedule.
 
-    shares: downward, upward at the start, turns, feeding.  schedule: attempt at which feeding ended (-1: not yet),
-    attempts of all cycles, number of cycles, refusals in a row after which the container is full.
+    shares: downward, upward at the start, turns, feeding, guided, what a cycle keeps of the upward share of the one
+    before (below 0: it dies away evenly).  schedule: attempt at which feeding ended (-1: not yet), attempts of all
+    cycles, number of cycles, refusals in a row after which the container is full.
     """
 
     directions: Integers
@@ -52,6 +62,25 @@ class Rules(NamedTuple):
     schedule: Integers
 
 
+class Turn(NamedTuple):
+    """Whose turn it is, and what is kept for it.
+
+    order: grains along a curve through space, empty where any grain may come.  hint: of each grain the normal of the
+    contact that refused its last move, empty where moves are not guided.  calm: attempts of each grain since it came
+    lower than ever before, empty where no grain sleeps.  depth: how low that was.  slept: attempt at which it fell
+    asleep, -1 awake.  stirred: last attempt at which something sank in a cell.  cells: cells along each axis, and the
+    edge of one in voxels.
+    """
+
+    order: Integers
+    hint: Integers
+    calm: Integers
+    depth: Integers
+    slept: Integers
+    stirred: Integers
+    cells: Integers
+
+
 @kernel
 def put(field: Field, members: Members, grains: Grains, g: int) -> None:
     """Write the bits of a grain that has entered, and stamp it."""
@@ -60,7 +89,7 @@ def put(field: Field, members: Members, grains: Grains, g: int) -> None:
         members.words, members.start[m], members.size[m], members.turns[grains.turn[g]], grains.bits, grains.at[g]
     )
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
-    stamp_images(field, grains.bits, grains.at[g], size, _corner(field, grains.site[g], low))
+    stamp_images(field, grains.bits, grains.at[g], size, lowest_corner(field, grains.site[g], low))
 
 
 @kernel
@@ -102,6 +131,7 @@ def make_attempts(
     members: Members,
     grains: Grains,
     rules: Rules,
+    turn: Turn,
     queue: Integers,
     tally: Integers,
     key: Words,
@@ -111,25 +141,168 @@ def make_attempts(
     """Make attempts `first` ... `last` - 1; return the number of the next one.
 
     It ends early when the queue is empty or the container is full. The first entries of the queue wait, the others
-    have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in a row.
+    have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in a row, slept
+    through.
     """
     feeding = rules.schedule[0] < 0
     for attempt in range(first, last):
         r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
-        if feeding and (rules.anywhere or tally[0] == 0 or unit_float(r1) < rules.shares[3]):
+        # bits that the choice of a direction does not use
+        enters = np.float64(r2 & np.uint64(0xFFFFFFFF)) < rules.shares[3] * 4294967296.0
+        if feeding and (rules.anywhere or tally[0] == 0 or enters):
             if _feed(field, members, grains, rules, queue, tally, key, attempt, r0):
                 return attempt + 1
             continue
-        g = queue[len(queue) - 1 - below(r0, tally[0])]
+        g = _pick(queue, tally[0], turn.order, attempt, r0)
+        if len(turn.slept) and _sleeps(field, members, grains, turn, g, _cycle_start(rules, attempt)):
+            tally[7] += 1
+            continue
         if unit_float(r3) < rules.shares[2]:
             tally[4] += 1
-            tally[3] += _turn(field, members, grains, g, below(r1, members.bases), below(r2, len(members.turns)))
+            moved = _turn(field, members, grains, g, below(r1, members.bases), below(r2, len(members.turns)))
+            tally[3] += moved
         else:
-            d = _direction(unit_float(r1), r2, rules.classes, rules.shares[0], _upward_share(rules, attempt))
+            up = _upward_share(rules, attempt)
+            d = _direction(unit_float(r1), r2, rules.classes, rules.shares[0], up)
+            if len(turn.hint):
+                d = _guided(turn.hint[g], rules, d, r0, r3)
             step = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2])
             tally[2] += 1
-            tally[1] += _move(field, members, grains, g, step)
+            moved = _move(field, members, grains, g, step)
+            tally[1] += moved
+            if len(turn.hint):
+                _note_contact(field, members, grains, g, step, moved, turn.hint[g])
+        if len(turn.slept):
+            _note_rest(field, members, grains, rules, turn, g, attempt)
     return last
+
+
+@kernel
+def _pick(queue, placed, order, attempt, word):  # type: ignore[no-untyped-def]
+    """Pick a grain: any that has entered, or one of 64 that lie near each other, 256 attempts for each window."""
+    if len(order) == 0:
+        return queue[len(queue) - 1 - below(word, placed)]
+    first = (attempt // 256) % ((len(order) + 63) // 64) * 64
+    return order[first + below(word, min(64, len(order) - first))]
+
+
+@kernel
+def _cycle_start(rules, attempt):  # type: ignore[no-untyped-def]
+    """Return the attempt at which the present cycle of vibration began."""
+    begin, attempts, cycles = rules.schedule[0], rules.schedule[1], rules.schedule[2]
+    if begin < 0 or attempt - begin >= attempts:
+        return begin + attempts if begin >= 0 else np.int64(0)
+    return begin + (attempt - begin) * cycles // attempts * attempts // cycles
+
+
+@kernel
+def _guided(hint, rules, d, pick, share):  # type: ignore[no-untyped-def]
+    """Return a direction away from the contact that refused the last move, for the share that is guided."""
+    if hint[0] == 0 and hint[1] == 0 and hint[2] == 0:
+        return d
+    # bits that the pick and the choice of a turn do not use
+    if np.float64(share & np.uint64(0x7FF)) / 2048.0 >= rules.shares[4]:
+        return d
+    many = 0
+    for k in range(len(rules.directions)):
+        step = rules.directions[k]
+        many += step[0] * hint[0] + step[1] * hint[1] + step[2] * hint[2] > 0
+    rank = below(pick << np.uint64(32), many)
+    for k in range(len(rules.directions)):
+        step = rules.directions[k]
+        if step[0] * hint[0] + step[1] * hint[1] + step[2] * hint[2] > 0:
+            if rank == 0:
+                return k
+            rank -= 1
+    return d
+
+
+@kernel
+def _note_contact(field, members, grains, g, step, moved, hint):  # type: ignore[no-untyped-def]
+    """Note the normal of the contact that refused a move: from the middle of the blocked voxels to the centroid."""
+    hint[0], hint[1], hint[2] = 0, 0, 0
+    if moved:
+        return
+    m, t = grains.member[g], grains.turn[g]
+    low, size = turned_box(members.low[m], members.size[m], members.turns[t])
+    old = lowest_corner(field, grains.site[g], low)
+    new = (
+        wrapped(old[0] + step[0], field.shape[0], field.periodic[0]),
+        wrapped(old[1] + step[1], field.shape[1], field.periodic[1]),
+        wrapped(old[2] + step[2], field.shape[2], field.periodic[2]),
+    )
+    many, x, y, z = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
+    for ix in range(copies(field, 0, new[0], size[0])):
+        for iy in range(copies(field, 1, new[1], size[1])):
+            for iz in range(copies(field, 2, new[2], size[2])):
+                found = sum_blocked(field, grains.bits, grains.at[g], size, image_of(field, new, ix, iy, iz), step)
+                many, x, y, z = many + found[0], x + found[1], y + found[2], z + found[3]
+    if many:
+        # twice the centroid less twice the mean of the centers, times their number
+        hint[0] = -2 * low[0] * many - 2 * x - many
+        hint[1] = -2 * low[1] * many - 2 * y - many
+        hint[2] = -2 * low[2] * many - 2 * z - many if field.shape[2] > 1 else 0
+
+
+@kernel
+def _cell_range(field, members, grains, turn, g, axis):  # type: ignore[no-untyped-def]
+    """Return first cell and number of cells along an axis that a grain, one voxel wider on each side, lies in."""
+    m, t = grains.member[g], grains.turn[g]
+    low, size = turned_box(members.low[m], members.size[m], members.turns[t])
+    edge = turn.cells[3]
+    begin = lowest_corner(field, grains.site[g], low)[axis] - 1
+    first = begin // edge
+    return first, (begin + size[axis] + 1) // edge - first + 1
+
+
+@kernel
+def _sleeps(field, members, grains, turn, g, cycle):  # type: ignore[no-untyped-def]
+    """Tell whether a grain sleeps on; it wakes with a new cycle, and when something near it has sunk since."""
+    since = turn.slept[g]
+    if since < 0:
+        return False
+    quiet = since >= cycle
+    if quiet:
+        x, many_x = _cell_range(field, members, grains, turn, g, 0)
+        y, many_y = _cell_range(field, members, grains, turn, g, 1)
+        z, many_z = _cell_range(field, members, grains, turn, g, 2)
+        for i in range(x, x + many_x):
+            for j in range(y, y + many_y):
+                for k in range(z, z + many_z):
+                    quiet = quiet and turn.stirred[_cell(turn, i, j, k)] <= since
+    if not quiet:
+        turn.slept[g], turn.calm[g], turn.depth[g] = -1, 0, -(2**40)
+    return quiet
+
+
+@kernel
+def _cell(turn, i, j, k):  # type: ignore[no-untyped-def]
+    """Return the number of a cell, wrapped."""
+    nx, ny, nz = turn.cells[0], turn.cells[1], turn.cells[2]
+    return ((i - i // nx * nx) * ny + (j - j // ny * ny)) * nz + k - k // nz * nz
+
+
+@kernel
+def _note_rest(field, members, grains, rules, turn, g, attempt):  # type: ignore[no-untyped-def]
+    """Stir the cells of a grain that came lower; put one to sleep that did not in 128 attempts."""
+    site = grains.site[g]
+    depth = site[0] * rules.gravity[0] + site[1] * rules.gravity[1] + site[2] * rules.gravity[2]
+    if depth <= turn.depth[g]:
+        turn.calm[g] += 1
+        if turn.calm[g] >= 128:
+            turn.slept[g] = attempt
+        return
+    first = turn.depth[g] == -(2**40)
+    turn.depth[g], turn.calm[g] = depth, 0
+    if first:
+        return
+    x, many_x = _cell_range(field, members, grains, turn, g, 0)
+    y, many_y = _cell_range(field, members, grains, turn, g, 1)
+    z, many_z = _cell_range(field, members, grains, turn, g, 2)
+    for i in range(x, x + many_x):
+        for j in range(y, y + many_y):
+            for k in range(z, z + many_z):
+                turn.stirred[_cell(turn, i, j, k)] = attempt
 
 
 @kernel
@@ -140,7 +313,8 @@ def _upward_share(rules, attempt):  # type: ignore[no-untyped-def]
         return 0.0
     along = (attempt - begin) / attempts * cycles
     cycle = np.floor(along)
-    return rules.shares[1] * (1.0 - cycle / cycles) * (1.0 - (along - cycle))
+    kept = 1.0 - cycle / cycles if rules.shares[5] < 0.0 else rules.shares[5] ** cycle
+    return rules.shares[1] * kept * (1.0 - (along - cycle))
 
 
 @kernel
@@ -153,83 +327,6 @@ def _direction(share, word, classes, down, up):  # type: ignore[no-untyped-def]
     if share < down + up:
         return classes[2] + below(word, classes[3] - classes[2])
     return classes[1] + below(word, classes[2] - classes[1])
-
-
-@kernel
-def wrapped(x: int, n: int, periodic: int) -> int:
-    """Return a voxel index wrapped into [0, n) where the axis is periodic."""
-    return x - (x // n) * n if periodic else x
-
-
-@kernel
-def _corner(field, site, low):  # type: ignore[no-untyped-def]
-    """Return the lowest voxel of a grain, wrapped into the container."""
-    return (
-        wrapped(site[0] + low[0], field.shape[0], field.periodic[0]),
-        wrapped(site[1] + low[1], field.shape[1], field.periodic[1]),
-        wrapped(site[2] + low[2], field.shape[2], field.periodic[2]),
-    )
-
-
-@kernel
-def _copies(field, axis, x, extent):  # type: ignore[no-untyped-def]
-    """Return 2 where a grain reaches over the end of a periodic axis, else 1."""
-    return 2 if field.periodic[axis] and x + extent > field.shape[axis] else 1
-
-
-@kernel
-def _image(field, corner, ix, iy, iz):  # type: ignore[no-untyped-def]
-    """Return the canvas voxel of an image of a corner."""
-    return (
-        corner[0] + field.margin[0] - ix * field.shape[0],
-        corner[1] + field.margin[1] - iy * field.shape[1],
-        corner[2] + field.margin[2] - iz * field.shape[2],
-    )
-
-
-@kernel
-def stamp_images(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> None:
-    """Flip a grain at its place and at its periodic images."""
-    for ix in range(_copies(field, 0, corner[0], size[0])):
-        for iy in range(_copies(field, 1, corner[1], size[1])):
-            for iz in range(_copies(field, 2, corner[2], size[2])):
-                stamp(field, bits, at, size, _image(field, corner, ix, iy, iz))
-
-
-@kernel
-def _is_outside(field, size, corner):  # type: ignore[no-untyped-def]
-    """Tell whether a grain reaches through a wall, or on a periodic axis meets its own image."""
-    for axis in range(3):
-        if field.periodic[axis]:
-            if size[axis] >= field.shape[axis]:
-                return True
-        elif corner[axis] < 0 or corner[axis] + size[axis] > field.shape[axis]:
-            return True
-    return False
-
-
-@kernel
-def is_blocked_anywhere(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> bool:
-    """Tell whether a grain that is not on the canvas would meet anything at a place or its images."""
-    if _is_outside(field, size, corner):
-        return True
-    for ix in range(_copies(field, 0, corner[0], size[0])):
-        for iy in range(_copies(field, 1, corner[1], size[1])):
-            for iz in range(_copies(field, 2, corner[2], size[2])):
-                if is_blocked(field, bits, at, size, _image(field, corner, ix, iy, iz)):
-                    return True
-    return False
-
-
-@kernel
-def _is_step_blocked(field, bits, at, size, corner, step):  # type: ignore[no-untyped-def]
-    """Tell whether a grain on the canvas that steps to a corner would newly cover a taken voxel."""
-    for ix in range(_copies(field, 0, corner[0], size[0])):
-        for iy in range(_copies(field, 1, corner[1], size[1])):
-            for iz in range(_copies(field, 2, corner[2], size[2])):
-                if is_move_blocked(field, bits, at, size, _image(field, corner, ix, iy, iz), step):
-                    return True
-    return False
 
 
 @kernel
@@ -246,14 +343,14 @@ def _move(field, members, grains, g, step):  # type: ignore[no-untyped-def]
     """Move a grain by one voxel where nothing is in the way; tell whether it moved."""
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
-    old = _corner(field, grains.site[g], low)
+    old = lowest_corner(field, grains.site[g], low)
     new = (
         wrapped(old[0] + step[0], field.shape[0], field.periodic[0]),
         wrapped(old[1] + step[1], field.shape[1], field.periodic[1]),
         wrapped(old[2] + step[2], field.shape[2], field.periodic[2]),
     )
     at = grains.at[g]
-    if _is_step_blocked(field, grains.bits, at, size, new, step):
+    if is_step_blocked(field, grains.bits, at, size, new, step):
         return 0
     stamp_images(field, grains.bits, at, size, old)
     stamp_images(field, grains.bits, at, size, new)
@@ -267,9 +364,9 @@ def _turn(field, members, grains, g, base, turn):  # type: ignore[no-untyped-def
     m, at, zeros = grains.member[g], grains.at[g], grains.at[0]
     new_m = g * members.bases + base
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
-    old = _corner(field, grains.site[g], low)
+    old = lowest_corner(field, grains.site[g], low)
     new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
-    new = _corner(field, grains.site[g], new_low)
+    new = lowest_corner(field, grains.site[g], new_low)
     write_turned(members.words, members.start[new_m], members.size[new_m], members.turns[turn], grains.scratch, zeros)
     stamp_images(field, grains.bits, at, size, old)
     if is_blocked_anywhere(field, grains.scratch, zeros, new_size, new):
@@ -317,6 +414,7 @@ def _entry(field, rules, axis, extent, word):  # type: ignore[no-untyped-def]
     room = n if field.periodic[axis] else n - extent + 1
     if room <= 0:
         return -1
+    # along the axis where gravity is strongest, at the far side
     if rules.gravity[axis] != 0 and not rules.anywhere:
         return n - extent if rules.gravity[axis] < 0 else 0
     return np.int64(below(word, room))

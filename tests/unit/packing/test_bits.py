@@ -8,11 +8,14 @@ from voxgran._base.seeds import stream
 from voxgran.packing.bits import (
     Canvas,
     Field,
+    close_layer,
+    count_layer,
     is_blocked,
     is_move_blocked,
     make_bank,
     pack_columns,
     stamp,
+    sum_blocked,
     turned_box,
     unpack_columns,
     write_turned,
@@ -117,8 +120,31 @@ def test_moves_are_those_of_plain_arrays(half):
         target = tuple(c + d for c, d in zip(corner, step, strict=True))
         meets = (plain(1, target) & (plain(0, resting) | walls)).any()
         assert is_move_blocked(field, words, starts[1], sizes[1], target, step) == meets
+        newly = np.argwhere(plain(1, target) & ~plain(1, corner) & (plain(0, resting) | walls))
+        places = newly - np.array(target)
+        expected = (len(newly), *(int(v) for v in places.sum(axis=0)))
+        assert sum_blocked(field, words, starts[1], sizes[1], target, step) == expected
         blocked, free = blocked + bool(meets), free + (not meets)
         stamp(field, words, starts[1], sizes[1], corner)
     assert free > 0
     stamp(field, words, starts[0], sizes[0], resting)
     assert canvas.occupied(field.words).sum() == 0
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_layers_are_counted_and_closed(axis):
+    shape, periodic = np.array([5, 6, 70]), np.array([1, 0, 0])
+    canvas = Canvas(shape, np.array([3, 1, 1]), periodic)
+    _, nw, ny = canvas.word_shape
+    taken = stream(6, "taken").random(tuple(shape)) < 0.3
+    field = Field(canvas.words(~taken), nw * ny, ny, canvas.shape, canvas.margin, canvas.periodic)
+    for level in (0, int(shape[axis]) - 1):
+        layer = tuple(level if k == axis else slice(None) for k in range(3))
+        assert count_layer(field, axis, level) == taken[layer].sum()
+        close_layer(field, axis, level)
+        taken[layer] = True
+        assert np.array_equal(canvas.occupied(field.words), taken)
+    # the images beyond a periodic axis are closed too
+    if axis == 2:
+        full = unpack_columns(field.words.reshape(canvas.word_shape).transpose(0, 2, 1), nw * 64)
+        assert full[:, 1:-1, 1].all()

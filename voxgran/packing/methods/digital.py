@@ -8,49 +8,61 @@ how complicated the shape is. With ``cover="touch"`` each grain is voxelized so 
 grains that share no voxel then do not overlap, and the packing is free of overlaps between the true solids.
 
 Orientations: each grain has its own random base orientations, and of each the 24 rotations that map the lattice onto
-itself, which cost no voxelization.
+itself, which cost no voxelization. All turn about the centroid, which lies at a corner of the lattice and stays there.
+
+Schedules: ``random`` picks any grain. ``sorted`` picks 256 times among 64 grains that lie near each other along a
+curve through space (Morton 1966), then among the next 64, so that their voxels stay in the cache of the processor.
+``sleeping`` passes over a grain that has not come lower in 128 attempts, until something near it has or a new cycle of
+vibration begins. Each is a Markov chain of its own.
 
 References
 ----------
+Caulkin, Jia, Fairweather & Williams 2008, Lattice approaches to packed column simulations, Particuology 6(6), 404-411,
+doi:10.1016/j.partic.2008.07.007 (moves guided by contacts).
 Jia & Williams 2001, A packing algorithm for particles of arbitrary shapes, Powder Technology 120(3), 175-186,
 doi:10.1016/S0032-5910(01)00268-6
 """
 
 import itertools
-import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_count, as_number, as_positive
+from voxgran._base.arrays import Integers, as_count, as_number, as_positive
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import lattice_rotations, product, quaternions_of, random_rotations
-from voxgran._base.seeds import philox_key, stream
+from voxgran._base.rotation import product, quaternions_of
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
-from voxgran.packing.bits import UNPACKED, Bank, Canvas, Field, make_bank
-from voxgran.packing.lattice import (
-    ContainerLattice,
-    axis_of,
-    container_lattice,
-    free_voxels,
-    packing_on_lattice,
+from voxgran.lattice.morton import morton_order
+from voxgran.packing.bits import UNPACKED, close_layer, count_layer
+from voxgran.packing.digital_setting import (
+    Setting,
+    bases_of,
+    gravity_vector,
+    layer_of_lid,
+    records,
+    setting_of,
+    voxel_size_of,
+    walls_of_layers,
 )
+from voxgran.packing.lattice import container_lattice, free_voxels, packing_on_lattice
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start, refuse_start, upward
-from voxgran.packing.walk import Grains, Members, Rules, enter_raised, make_attempts, put
+from voxgran.packing.walk import Rules, Turn, enter_raised, make_attempts
 from voxgran.shapes.model import Shape
 
 #: sweeps between two looks at whether the bed still sinks
 SETTLE_SWEEPS = 200
 #: mean sinking in voxels per grain over such a look, below which the bed is settled
 SETTLE_VOXELS = 0.02
-#: share of attempts that let a grain enter while some wait
-FEED_SHARE = 0.05
+#: refusals in a row after which a layer is full
+LAYER_REFUSALS = 300
+#: sweeps after which grains are put in the order of space anew
+SORT_SWEEPS = 16
 #: what the kernel counts, in its order
 TALLY = (
     "placed",
@@ -60,6 +72,7 @@ TALLY = (
     "turns_tried",
     "feeds_tried",
     "feeds_refused_in_a_row",
+    "slept_through",
 )
 
 
@@ -79,20 +92,31 @@ class Digital:
     cover: Literal["touch", "center"] = parameter(
         "touch", doc="voxels that a grain takes: all that it touches, or those whose center it holds"
     )
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | None = parameter(
-        None, doc="where down is; left out: -z, in two dimensions -y"
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | tuple[float, float, float] | None = parameter(
+        None, doc="where down is, an axis or any vector; left out: -z, in two dimensions -y"
     )
-    feed: Literal["rain", "at_once"] = parameter(
-        "rain", doc="how grains enter: at the top while there is room, or anywhere at once"
+    feed: Literal["rain", "layers", "at_once"] = parameter(
+        "rain", doc="how grains enter: at the top while others walk, layer by layer, or anywhere at once"
     )
+    rate: float = parameter(0.05, doc="share of attempts that let a grain enter, of rain")
+    layer_sweeps: int = parameter(40, doc="sweeps in which a layer sinks before the next enters")
     sweeps: int = parameter(12000, doc="attempts per grain after all have entered", unit="attempts per grain")
     cycles: int = parameter(24, doc="cycles of vibration within the sweeps")
+    period: int | None = parameter(None, doc="sweeps of a cycle, in place of their number", unit="attempts per grain")
+    decay: float | None = parameter(
+        None, doc="what a cycle keeps of the upward share of the one before; left out: it dies away evenly"
+    )
     down: float = parameter(0.42, doc="share of moves that go downward where there is gravity")
     up: float = parameter(0.42, doc="share of moves that go upward at the start of the first cycle")
     turns: float = parameter(0.15, doc="share of attempts that turn a grain")
     orientations: int = parameter(
         96, doc="orientations in the bank of a grain, rounded up to whole sets of lattice rotations; 1: never turned"
     )
+    guided: float = parameter(
+        0.0, doc="share of moves after a refused one that go away from the contact that refused it"
+    )
+    schedule: Literal["random", "sorted", "sleeping"] = parameter("random", doc="whose turn it is")
+    lid: bool = parameter(False, doc="whether a lid comes down on the bed, a voxel at a time where it finds room")
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -104,6 +128,16 @@ class Digital:
         as_number(self.turns, "turns", at_least=0.0, at_most=1.0)
         as_number(self.down, "down", at_least=0.0, at_most=1.0)
         as_number(self.up, "up", at_least=0.0, at_most=1.0)
+        as_number(self.rate, "rate", above=0.0, at_most=1.0)
+        as_count(self.layer_sweeps, "layer_sweeps", at_least=1)
+        as_number(self.guided, "guided", at_least=0.0, at_most=1.0)
+        if self.period is not None:
+            as_count(self.period, "period", at_least=1)
+        if self.decay is not None:
+            as_number(self.decay, "decay", at_least=0.0, at_most=1.0)
+        for asked, name in ((self.lid, "lid is true"), (self.schedule == "sleeping", "schedule is 'sleeping'")):
+            if asked and self.gravity == "none":
+                raise InputError(f"{name} and gravity 'none': it needs to know where down is; choose a direction")
         if self.down + self.up > 1.0:
             raise InputError(f"down + up is {self.down + self.up:g}: shares must not exceed 1; lower one of them")
 
@@ -118,16 +152,17 @@ def prepare(problem: Problem) -> State:
         no place.
     """
     settings: Digital = problem.parameters
-    _gravity(problem)
+    gravity_vector(problem)
     n = problem.count
     arrays = {
         "site": np.zeros((n, 3), dtype=np.int64),
         "member": np.full(n, -1, dtype=np.int64),
         "turn": np.zeros(n, dtype=np.int64),
         "queue": np.arange(n, dtype=np.int64),
-        "height": np.full(1, np.iinfo(np.int64).max),
+        "height": np.full(1, np.inf),
+        **_turn_arrays(problem),
     }
-    counters = {**dict.fromkeys(TALLY, 0), "fed_at": -1}
+    counters = {**dict.fromkeys(TALLY, 0), "fed_at": -1, "layer_ends": -1, "layer_placed": 0, "lid_lowered": 0}
     total = n * (settings.sweeps + 40 * SETTLE_SWEEPS)
     state = State(arrays, counters, 0, total)
     if n == 0:
@@ -139,53 +174,56 @@ def prepare(problem: Problem) -> State:
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
     """Put the grains of the start on the lattice, each as little above its place as it needs to be."""
-    setting, gravity = _setting(problem, state), _gravity(problem)
+    setting = setting_of(problem, state)
+    gravity = setting.down
     lattice, up = setting.lattice, upward(gravity, problem.dimension)
     upright = int(np.flatnonzero((setting.rotations == np.eye(3, dtype=np.int64)).all(axis=(1, 2)))[0])
     sites = np.rint((start.position - lattice.corner) / lattice.voxel_size).astype(np.int64)
-    records = _records(state, setting)
+    known = records(state, setting)
     for grain in start.rising(gravity).tolist():
-        if enter_raised(*records, grain, grain * setting.bases, upright, sites[grain], up) < 0:
+        if enter_raised(*known, grain, grain * setting.bases, upright, sites[grain], up) < 0:
             refuse_start(grain)
     state.arrays["queue"] = start.queue(problem.count)
     state.counters["placed"] = start.count
     if start.count == problem.count:
-        _look_at_queue(problem, state)
+        _look_at_queue(problem, state, -1)
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:
     """Make up to `attempts` attempts, first feeding, then shaking and settling."""
     if state.stop_reason:
         return state
-    setting = _setting(problem, state)
+    setting = setting_of(problem, state)
+    if state.counters["lid_lowered"] and "lid" not in state.derived:
+        _lower_lid_again(problem, state, setting)
     last = state.done + attempts
     while state.done < last and not state.stop_reason:
+        due = _next_event(problem, state)
+        _walk(problem, state, setting, min(last, due))
         if state.counters["fed_at"] < 0:
-            _walk(problem, state, setting, last)
-            _look_at_queue(problem, state)
-        else:
-            into = state.done - state.counters["fed_at"]
-            period = SETTLE_SWEEPS * max(state.counters["placed"], 1)
-            look = state.counters["fed_at"] + (into // period + 1) * period
-            _walk(problem, state, setting, min(last, look))
-            if state.done == look:
-                _look_at_bed(problem, state)
+            _look_at_queue(problem, state, due)
+        elif state.done == due:
+            _look_at_turns(problem, state, setting)
+            if (state.done - state.counters["fed_at"]) % _look_every(state) == 0:
+                _look_at_bed(problem, state, setting)
     return state
 
 
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that entered."""
-    setting = _setting(problem, state)
+    setting = setting_of(problem, state)
     placed = np.flatnonzero(state.arrays["member"] >= 0)
-    lattice = setting.lattice
     turns = quaternions_of(setting.rotations[state.arrays["turn"][placed]].astype(np.float64))
     return packing_on_lattice(
         problem,
-        lattice,
+        setting.lattice,
         placed,
         site=state.arrays["site"][placed],
         orientation=product(turns, setting.base[state.arrays["member"][placed]]),
-        provenance={"parameters": {"gravity": problem.parameters.gravity or _default_gravity(problem)}},
+        provenance={
+            "parameters": {"gravity": _gravity_text(problem)},
+            "lid_lowered": state.counters["lid_lowered"] * setting.lattice.voxel_size * problem.unit_length,
+        },
         stop_reason=state.stop_reason,
     )
 
@@ -193,12 +231,12 @@ def finish(problem: Problem, state: State) -> Packing:
 def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
     settings: Digital = problem.parameters
-    lattice = container_lattice(problem, _voxel_size(problem))
+    lattice = container_lattice(problem, voxel_size_of(problem))
     width = np.array([_mean_width(shape) for shape in problem.shapes])[problem.shape_id] * problem.diameter
     radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
     wide, half = width / lattice.voxel_size + 2, np.ceil(radius / lattice.voxel_size) + 1
     tall = wide if problem.dimension == 3 else np.ones_like(wide)
-    members = _bases(problem)
+    members = bases_of(problem)
     # each member along each axis, in pieces and then joined; and the bits of each grain where it lies
     bank = (2 * 3 * members + 1) * 8 * float((wide * wide * (tall / 64 + 0.5)).sum())
     masks = float(((2 * half) ** problem.dimension).mean()) if problem.count else 0.0
@@ -225,184 +263,166 @@ def _mean_width(shape: Shape) -> float:
     return float(np.ptp(along, axis=0).mean())
 
 
-@dataclass(frozen=True, slots=True)
-class _Setting:
-    """What follows from the problem: the lattice, the bank, the directions."""
-
-    lattice: ContainerLattice
-    canvas: Canvas
-    bank: Bank
-    base: Floats
-    bases: int
-    rotations: Integers
-    turns: Integers
-    directions: Integers
-    classes: Integers
-    gravity: Integers
-    capacity: Integers
-    key: Any
+def _gravity_text(problem: Problem) -> str | list[float]:
+    """Return where down is, as it is recorded."""
+    asked = problem.parameters.gravity
+    if asked is None:
+        return "-z" if problem.dimension == 3 else "-y"
+    return asked if isinstance(asked, str) else list(asked)
 
 
-def _setting(problem: Problem, state: State) -> _Setting:
-    """Return the setting, made again with canvas and bits where the state was just made or read from a checkpoint."""
-    if "setting" not in state.derived:
-        setting = _make_setting(problem)
-        state.derived["setting"] = setting
-        state.derived["words"] = setting.canvas.words(free_voxels(problem.container, setting.lattice))
-        largest = int(setting.bank.size.max(initial=1)) + 2
-        state.derived["bits"] = np.zeros(max(int(setting.capacity[-1]), largest), dtype=np.uint64)
-        state.derived["scratch"] = np.zeros(largest + _most_words(setting.bank.size), dtype=np.uint64)
-        _stamp_all(state, setting)
-    made: _Setting = state.derived["setting"]
-    return made
-
-
-def _make_setting(problem: Problem) -> _Setting:
-    """Voxelize the grains and lay out the canvas."""
+def _cycles(problem: Problem) -> int:
+    """Return the number of cycles of vibration."""
     settings: Digital = problem.parameters
-    lattice = container_lattice(problem, _voxel_size(problem))
-    rotations = lattice_rotations()
-    if problem.dimension == 2:
-        rotations = rotations[(rotations[:, 2, 2] == 1)]
-    if settings.orientations == 1:
-        rotations = rotations[:1]
-    bases = _bases(problem)
-    base = _base_orientations(problem, bases)
-    if problem.start is not None:
-        # the first member of each grain is the pose that it starts in
-        base[: problem.start.count * bases : bases] = problem.start.orientation
-
-    def mask_of(member: int) -> Booleans:
-        return problem.voxels(member // bases, base[member], lattice.voxel_size, cover=settings.cover)
-
-    bank = make_bank(problem.count * bases, mask_of)
-    turns = np.array([[int(np.flatnonzero(row)[0]) + (3 if row.sum() < 0 else 0) for row in m] for m in rotations])
-    periodic = np.array(problem.container.periodic, dtype=np.int64)
-    margin = np.where(periodic, int(bank.size.max(initial=1)) + 1, 1).astype(np.int64)
-    directions, classes, gravity = _directions(problem)
-    rows = np.array([_most_words(bank.size[g * bases : (g + 1) * bases]) for g in range(problem.count)], dtype=np.int64)
-    first = int(bank.size.max(initial=1)) + 2  # a row of zeros that missing words point to
-    capacity = first + np.concatenate([[0], np.cumsum(rows)])
-    canvas = Canvas(lattice.shape, margin, periodic)
-    key = philox_key(problem.seed, "digital")
-    return _Setting(lattice, canvas, bank, base, bases, rotations, turns, directions, classes, gravity, capacity, key)
+    return settings.cycles if settings.period is None else max(1, round(settings.sweeps / settings.period))
 
 
-def _voxel_size(problem: Problem) -> float:
-    """Return the voxel size that is asked for, in median diameters."""
-    asked = problem.parameters.voxel_size
-    return 1 / 32 if asked is None else problem.length(asked)
+def _turn_arrays(problem: Problem) -> dict[str, Integers]:
+    """Return what the schedule and guided moves keep, empty where they are not asked for."""
+    settings, n, nothing = problem.parameters, problem.count, np.zeros(0, dtype=np.int64)
+    sleeps = settings.schedule == "sleeping"
+    cells = np.ones(4, dtype=np.int64)
+    if sleeps:
+        lattice = container_lattice(problem, voxel_size_of(problem))
+        edge = max(4, int(np.ceil(0.5 / lattice.voxel_size)))
+        cells = np.append(-(-lattice.shape // edge) + 1, edge).astype(np.int64)
+    return {
+        "order": nothing,
+        "hint": np.zeros((n if settings.guided > 0 else 0, 3), dtype=np.int64),
+        "calm": np.zeros(n if sleeps else 0, dtype=np.int64),
+        "depth": np.full(n if sleeps else 0, -(2**40)),
+        "slept": np.full(n if sleeps else 0, -1, dtype=np.int64),
+        "stirred": np.full(int(np.prod(cells[:3])) if sleeps else 0, -1, dtype=np.int64),
+        "cells": cells,
+    }
 
 
-def _bases(problem: Problem) -> int:
-    """Return how many base orientations each grain has."""
-    whole = 24 if problem.dimension == 3 else 4
-    return max(1, math.ceil(problem.parameters.orientations / whole))
-
-
-def _base_orientations(problem: Problem, bases: int) -> Floats:
-    """Return the random base orientations of all members, (n * bases, 4); in 2D about z."""
-    generator = stream(problem.seed, "orientations")
-    if problem.dimension == 3:
-        return random_rotations(generator, problem.count * bases)
-    half = np.pi * generator.random(problem.count * bases)
-    return np.column_stack([np.cos(half), np.zeros((len(half), 2)), np.sin(half)])
-
-
-def _most_words(size: Integers) -> int:
-    """Return the words that the largest rotation of these members takes, ring included."""
-    most = 0
-    for a, b, c in itertools.permutations(range(3)):
-        need = (size[:, a] + 2) * (size[:, b] + 2) * -(-size[:, c] // 64)
-        most = max(most, int(need.max(initial=0)))
-    return most
-
-
-def _default_gravity(problem: Problem) -> str:
-    """Return where down is when nothing is said."""
-    return "-z" if problem.dimension == 3 else "-y"
-
-
-def _gravity(problem: Problem) -> Integers:
-    """Return the direction of gravity as a lattice vector; zero where there is none."""
-    return axis_of(problem.parameters.gravity or _default_gravity(problem), problem.container)
-
-
-def _directions(problem: Problem) -> tuple[Integers, Integers, Integers]:
-    """Return the directions sorted downward, level, upward; where the classes begin; the gravity vector."""
-    steps = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], dtype=np.int64)
-    if problem.dimension == 2:
-        steps = steps[steps[:, 2] == 0]
-    gravity = _gravity(problem)
-    order = np.argsort(-(steps @ gravity), kind="stable")
-    along = (steps @ gravity)[order]
-    bounds = np.array([0, int((along > 0).sum()), int((along >= 0).sum()), len(steps)], dtype=np.int64)
-    return steps[order], bounds, gravity
-
-
-def _stamp_all(state: State, setting: _Setting) -> None:
-    """Put the grains that have entered onto an empty canvas."""
-    field, members, grains = _records(state, setting)
-    for grain in np.flatnonzero(state.arrays["member"] >= 0):
-        put(field, members, grains, int(grain))
-
-
-def _records(state: State, setting: _Setting) -> tuple[Field, Members, Grains]:
-    """Return canvas, bank and grains as the kernels take them."""
-    _, words, deep = setting.canvas.word_shape
-    canvas, bank, arrays = setting.canvas, setting.bank, state.arrays
-    field = Field(state.derived["words"], words * deep, deep, canvas.shape, canvas.margin, canvas.periodic)
-    members = Members(bank.words, bank.start, bank.low, bank.size, setting.turns, setting.bases)
-    where = (arrays["site"], arrays["member"], arrays["turn"])
-    return field, members, Grains(*where, state.derived["bits"], setting.capacity, state.derived["scratch"])
-
-
-def _walk(problem: Problem, state: State, setting: _Setting, last: int) -> None:
+def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
     """Run the kernel up to attempt `last`, or until the queue is empty or gives up."""
     settings: Digital = problem.parameters
-    counters = state.counters
+    counters, arrays = state.counters, state.arrays
     attempts = max(settings.sweeps, 1) * max(counters["placed"], 1)
     turns = settings.turns if len(setting.turns) * setting.bases > 1 else 0.0
+    decay = -1.0 if settings.decay is None else settings.decay
     rules = Rules(
         setting.directions,
         setting.classes,
-        setting.gravity,
-        settings.feed == "at_once" or not setting.gravity.any(),
-        np.array([settings.down, settings.up, turns, FEED_SHARE]),
-        np.array([counters["fed_at"], attempts, settings.cycles, _patience(problem)], dtype=np.int64),
+        setting.down,
+        settings.feed == "at_once" or not setting.down.any(),
+        np.array([settings.down, settings.up, turns, _feed_share(problem, state), settings.guided, decay]),
+        np.array([counters["fed_at"], attempts, _cycles(problem), _patience(problem)], dtype=np.int64),
     )
+    names = ("order", "hint", "calm", "depth", "slept", "stirred", "cells")
+    turn = Turn(*(arrays[name] for name in names))
     tally = np.array([counters[name] for name in TALLY], dtype=np.int64)
-    records = _records(state, setting)
-    state.done = int(make_attempts(*records, rules, state.arrays["queue"], tally, setting.key, state.done, last))
+    known = records(state, setting)
+    state.done = int(make_attempts(*known, rules, turn, arrays["queue"], tally, setting.key, state.done, last))
     counters.update(zip(TALLY, tally.tolist(), strict=True))
 
 
+def _feed_share(problem: Problem, state: State) -> float:
+    """Return the share of attempts that let a grain enter."""
+    if problem.parameters.feed == "layers":
+        # a layer enters at once, then sinks
+        return 1.0 if state.counters["layer_ends"] < 0 else 0.0
+    return float(problem.parameters.rate)
+
+
 def _patience(problem: Problem) -> int:
-    """Return after how many refusals in a row the container counts as full."""
-    return max(2000, 20 * problem.count)
+    """Return after how many refusals in a row the container, or a layer, counts as full."""
+    if problem.parameters.feed == "layers":
+        return LAYER_REFUSALS
+    # grains that enter often are refused often, while those before them sink
+    return int(max(2000, 20 * problem.count) * max(1.0, problem.parameters.rate / 0.05))
 
 
-def _look_at_queue(problem: Problem, state: State) -> None:
-    """End feeding when all have entered, or when nothing enters any more."""
+def _look_every(state: State) -> int:
+    """Return the attempts between two looks at the bed."""
+    return SETTLE_SWEEPS * max(state.counters["placed"], 1)
+
+
+def _next_event(problem: Problem, state: State) -> int:
+    """Return the attempt at which something other than an attempt is due."""
+    counters = state.counters
+    if counters["fed_at"] < 0:
+        return counters["layer_ends"] if counters["layer_ends"] >= 0 else np.iinfo(np.int64).max
+    every = _look_every(state)
+    if problem.parameters.lid:
+        every = max(counters["placed"], 1)
+    elif problem.parameters.schedule == "sorted":
+        every = SORT_SWEEPS * max(counters["placed"], 1)
+    into = state.done - counters["fed_at"]
+    looks = _look_every(state)
+    return counters["fed_at"] + min((into // every + 1) * every, (into // looks + 1) * looks)
+
+
+def _look_at_queue(problem: Problem, state: State, due: int) -> None:
+    """End feeding when all have entered, or when nothing enters any more; begin and end layers."""
     counters = state.counters
     full = counters["feeds_refused_in_a_row"] >= _patience(problem)
+    if problem.parameters.feed == "layers" and counters["placed"] < problem.count:
+        if counters["layer_ends"] >= 0 and state.done == due:
+            counters.update(layer_ends=-1, layer_placed=counters["placed"], feeds_refused_in_a_row=0)
+            return
+        if full and counters["layer_ends"] < 0 and counters["placed"] > counters["layer_placed"]:
+            counters["layer_ends"] = state.done + problem.parameters.layer_sweeps * counters["placed"]
+            return
+        full = full and counters["layer_ends"] < 0
     if counters["placed"] == problem.count or full:
         counters["fed_at"] = state.done
         state.total = state.done + counters["placed"] * (problem.parameters.sweeps + 40 * SETTLE_SWEEPS)
         if counters["placed"] == 0:
             state.stop_reason = "full"
+        _sort(problem, state)
 
 
-def _look_at_bed(problem: Problem, state: State) -> None:
+def _look_at_turns(problem: Problem, state: State, setting: Setting) -> None:
+    """Lower the lid by a voxel where it finds room, and put the grains in the order of space."""
+    placed = max(state.counters["placed"], 1)
+    if problem.parameters.lid:
+        if "walls" not in state.derived:
+            state.derived["walls"] = _walls(problem, setting)
+        axis, field = int(np.argmax(np.abs(setting.down))), records(state, setting)[0]
+        level = layer_of_lid(setting, state.counters["lid_lowered"])
+        inside = state.counters["lid_lowered"] < int(setting.lattice.shape[axis])
+        if inside and int(count_layer(field, axis, level)) == int(state.derived["walls"][level]):
+            close_layer(field, axis, level)
+            state.counters["lid_lowered"] += 1
+            state.derived["lid"] = True
+    if (state.done - state.counters["fed_at"]) % (SORT_SWEEPS * placed) == 0:
+        _sort(problem, state)
+
+
+def _walls(problem: Problem, setting: Setting) -> Integers:
+    """Return how many voxels of each layer the walls take."""
+    return walls_of_layers(setting, setting.canvas.words(free_voxels(problem.container, setting.lattice)))
+
+
+def _lower_lid_again(problem: Problem, state: State, setting: Setting) -> None:
+    """Close the layers that the lid had taken, after the state was read from a checkpoint."""
+    axis, field = int(np.argmax(np.abs(setting.down))), records(state, setting)[0]
+    for lowered in range(state.counters["lid_lowered"]):
+        close_layer(field, axis, layer_of_lid(setting, lowered))
+    state.derived["lid"] = True
+
+
+def _sort(problem: Problem, state: State) -> None:
+    """Put the grains that have entered in the order of space, where the schedule asks for it."""
+    if problem.parameters.schedule == "sorted":
+        placed = np.flatnonzero(state.arrays["member"] >= 0)
+        state.arrays["order"] = placed[morton_order(state.arrays["site"][placed])]
+
+
+def _look_at_bed(problem: Problem, state: State, setting: Setting) -> None:
     """Stop when the bed no longer sinks after the last cycle, or when the attempts are used up."""
     placed = state.arrays["member"] >= 0
-    height = int(-(state.arrays["site"][placed] @ _gravity(problem)).sum())
-    before = int(state.arrays["height"][0])
+    height = -float((state.arrays["site"][placed] @ setting.gravity).sum())
+    before = float(state.arrays["height"][0])
     state.arrays["height"] = np.array([height])
     shaken = state.done - state.counters["fed_at"] >= problem.parameters.sweeps * state.counters["placed"]
     calm = before - height <= SETTLE_VOXELS * state.counters["placed"] and before >= height
     entered = state.counters["placed"] == problem.count
-    if shaken and (calm or not _gravity(problem).any()):
+    if shaken and (calm or not setting.gravity.any()):
         state.stop_reason = "settled" if entered else "full"
     elif state.done >= state.total:
         state.stop_reason = "steps" if entered else "full"

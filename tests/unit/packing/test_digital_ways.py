@@ -1,0 +1,240 @@
+"""Ways of digital packing beyond the plain walk: gravity, vibration, feeding, guided moves, lid, schedules."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.seeds import philox_key
+from voxgran.packing.digital_setting import setting_of
+from voxgran.packing.methods.digital import registration as digital
+from voxgran.packing.pack import prepare_task
+from voxgran.packing.run import Drive, drive
+
+BOX = vg.Box((4, 4, 6))
+
+
+def task_of(shapes, container=BOX, *, count=30, seed=0, **parameters):
+    return prepare_task(
+        shapes,
+        container,
+        method="digital",
+        count=count,
+        solid_fraction=None,
+        sizes=None,
+        weights=None,
+        weights_by="number",
+        seed=seed,
+        parameters={"voxel_size": 0.125, "sweeps": 400, "cycles": 2, **parameters},
+    )
+
+
+def run(task, chunk=None):
+    state = drive(task.method, task.problem, Drive(chunk=chunk))
+    return state, task.method.finish(task.problem, state)
+
+
+def occupied_again(problem, state):
+    """Return the occupancy made from the poses alone, and that which the walk kept."""
+    setting = setting_of(problem, state)
+    total = np.zeros(setting.lattice.shape, dtype=int)
+    for grain in np.flatnonzero(state.arrays["member"] >= 0):
+        member, turn = int(state.arrays["member"][grain]), int(state.arrays["turn"][grain])
+        mask = problem.voxels(grain, setting.base[member], setting.lattice.voxel_size, cover=problem.parameters.cover)
+        half = np.array(mask.shape) / 2
+        if mask.shape[2] == 1:
+            half[2] = 0.5
+        centers = np.argwhere(mask) + 0.5 - half
+        voxels = np.floor(centers @ setting.rotations[turn].T).astype(int) + state.arrays["site"][grain]
+        voxels = np.where(setting.canvas.periodic, voxels % setting.lattice.shape, voxels)
+        np.add.at(total, tuple(voxels.T), 1)
+    return total, setting.canvas.occupied(state.derived["words"])
+
+
+WAYS = [
+    {"gravity": (0.3, 0.2, -1.0)},
+    {"gravity": "-x"},
+    {"period": 50, "decay": 0.7},
+    {"feed": "layers"},
+    {"feed": "at_once"},
+    {"rate": 0.5},
+    {"guided": 0.5},
+    {"schedule": "sorted"},
+    {"schedule": "sleeping"},
+    {"lid": True},
+    {"schedule": "sleeping", "guided": 0.3, "feed": "layers", "lid": True, "decay": 0.5},
+]
+
+
+@pytest.mark.parametrize("way", WAYS, ids=str)
+def test_every_way_keeps_its_promises(way):
+    shapes = [vg.make_shape("solid_union", seed=2), vg.make_shape("box", lengths=(1.1, 0.8, 0.6))]
+    count = 15 if way.get("feed") == "at_once" else 30
+    task = task_of(shapes, count=count, **way)
+    state, packing = run(task)
+    assert packing.count == count
+    assert vg.verify(packing).ok
+    total, kept = occupied_again(task.problem, state)
+    assert total.max() == 1
+    if not way.get("lid"):
+        assert np.array_equal(total == 1, kept)
+    # chunks do not matter
+    again = run(task_of(shapes, count=count, **way), chunk=777)[1]
+    assert again.position.tobytes() == packing.position.tobytes()
+    assert again.orientation.tobytes() == packing.orientation.tobytes()
+
+
+def test_gravity_in_any_direction_piles_grains_up_there():
+    packing = run(task_of(vg.make_shape("sphere"), vg.Box((5, 5, 5)), count=20, gravity=(1.0, 0.0, -1.0), up=0.0))[1]
+    along = (packing.position - 2.5) @ np.array([1.0, 0.0, -1.0])
+    assert along.min() > -0.5
+    assert along.mean() > 1.5
+    assert packing.provenance["parameters"]["gravity"] == [1.0, 0.0, -1.0]
+    with pytest.warns(PackingWarning, match="bulk"):
+        assert float(vg.measure(packing)["solid_fraction"]) == pytest.approx(packing.solid_fraction)
+
+
+@pytest.mark.parametrize(
+    ("way", "words"),
+    [
+        ({"gravity": (0.0, 0.0, 0.0)}, "gravity"),
+        ({"gravity": (1.0, 0.0)}, "gravity"),
+        ({"gravity": "none", "lid": True}, "lid"),
+        ({"gravity": "none", "schedule": "sleeping"}, "sleeping"),
+        ({"rate": 0.0}, "rate"),
+        ({"period": 0}, "period"),
+        ({"decay": 1.5}, "decay"),
+        ({"guided": -0.1}, "guided"),
+        ({"schedule": "sort"}, "schedule"),
+        ({"layer_sweeps": 0}, "layer_sweeps"),
+    ],
+)
+def test_bad_ways_are_named(way, words):
+    with pytest.raises(InputError, match=words):
+        run(task_of(vg.make_shape("sphere"), **way))
+
+
+def test_gravity_along_a_periodic_axis_is_refused():
+    with pytest.raises(InputError, match="periodic axis"):
+        run(task_of(vg.make_shape("sphere"), vg.Box((4, 4, 4), "x"), count=2, gravity=(0.1, 0.0, -1.0)))
+
+
+def plain_attempts(problem, state, setting, first, last, *, order=None, patience=None):
+    """Walk on a label grid, one attempt after the other, without turns: the schedules as they are told."""
+    steps = setting.directions
+    classes, settings, n = setting.classes, problem.parameters, problem.count
+    key = philox_key(problem.seed, "digital")
+    whole = [problem.voxels(g, setting.base[g], setting.lattice.voxel_size, cover="touch") for g in range(n)]
+    masks, half = [np.argwhere(mask) for mask in whole], [mask.shape[0] // 2 for mask in whole]
+    sites = state.arrays["site"].copy()
+    grid = np.full(setting.lattice.shape, -1)
+    for g in range(n):
+        grid[tuple((masks[g] - half[g] + sites[g]).T)] = g
+    calm, deepest, slept, sunk_at, skipped = np.zeros(n, int), np.full(n, -(2**40)), np.full(n, -1), {}, 0
+    fed, attempts = state.counters["fed_at"], settings.sweeps * n
+    edge, cells = state.arrays["cells"][3], state.arrays["cells"][:3]
+
+    def boxes(g):
+        low = (masks[g] - half[g]).min(axis=0) + sites[g] - 1
+        size = np.ptp(masks[g], axis=0) + 1
+        begin, end = low // edge, (low + size + 1) // edge + 1
+        spans = (range(a, b) for a, b in zip(begin, end, strict=True))
+        return [tuple(np.array(cell) % cells) for cell in itertools.product(*spans)]
+
+    for attempt in range(first, last):
+        r0, r1, r2, _ = (int(w) for w in np.random.Philox(key=key, counter=[attempt - 1, 0, 0, 0]).random_raw(4))
+        if order is None:
+            g = int(state.arrays["queue"][n - 1 - ((r0 >> 32) * n >> 32)])
+        else:
+            start = attempt // 256 % -(-n // 64) * 64
+            g = int(order[start + ((r0 >> 32) * min(64, n - start) >> 32)])
+        if patience is not None and slept[g] >= 0:
+            if attempt - fed >= attempts:
+                cycle = fed + attempts
+            else:
+                cycle = fed + (attempt - fed) * settings.cycles // attempts * attempts // settings.cycles
+            if slept[g] >= cycle and all(sunk_at.get(c, -1) <= slept[g] for c in boxes(g)):
+                skipped += 1
+                continue
+            slept[g], calm[g], deepest[g] = -1, 0, -(2**40)
+        along = (attempt - fed) / attempts * settings.cycles
+        cycle = np.floor(along)
+        up = settings.up * (1 - cycle / settings.cycles) * (1 - (along - cycle)) if attempt - fed < attempts else 0.0
+        share = (r1 >> 11) / 2.0**53
+        which = 0 if share < settings.down else 2 if share < settings.down + up else 1
+        low, count = int(classes[which]), int(classes[which + 1] - classes[which])
+        step = steps[low + ((r2 >> 32) * count >> 32)]
+        there = masks[g] - half[g] + sites[g] + step
+        inside = (there >= 0).all() and (there < grid.shape).all()
+        if inside and np.isin(grid[tuple(there.T)], (-1, g)).all():
+            grid[grid == g] = -1
+            sites[g] = sites[g] + step
+            grid[tuple(there.T)] = g
+        if patience is None:
+            continue
+        depth = -sites[g][2]
+        if depth <= deepest[g]:
+            calm[g] += 1
+            slept[g] = attempt if calm[g] >= patience else slept[g]
+            continue
+        for cell in boxes(g) if deepest[g] > -(2**40) else ():
+            sunk_at[cell] = attempt
+        deepest[g], calm[g] = depth, 0
+    return sites, skipped
+
+
+@pytest.mark.parametrize("schedule", ["random", "sorted", "sleeping"])
+def test_schedules_are_those_of_a_plain_program(schedule):
+    """Bit for bit the same trajectory over some thousand attempts under gravity."""
+    box, shape = vg.Box((3, 3, 4)), vg.make_shape("ellipsoid")
+    task = task_of(shape, box, count=12, schedule=schedule, turns=0.0, orientations=1, sweeps=300)
+    problem = task.problem
+    state = digital.prepare(problem)
+    while state.counters["fed_at"] < 0:
+        state = digital.advance(problem, state, 1)
+    setting = setting_of(problem, state)
+    begin, many = state.done, 9000 if schedule != "sorted" else 16 * 12 - 1
+    order = state.arrays["order"].copy() if schedule == "sorted" else None
+    for name, value in (("calm", 0), ("depth", -(2**40)), ("slept", -1), ("stirred", -1)):
+        state.arrays[name][...] = value
+    before = state.counters["slept_through"]
+    twin, skipped = plain_attempts(
+        problem, state, setting, begin, begin + many, order=order, patience=128 if schedule == "sleeping" else None
+    )
+    state = digital.advance(problem, state, many)
+    assert np.array_equal(state.arrays["site"], twin)
+    assert state.counters["slept_through"] - before == skipped
+    if schedule == "sleeping":
+        assert skipped > 0
+
+
+def test_sorted_picks_follow_the_curve_anew():
+    task = task_of(vg.make_shape("sphere"), vg.Box((6, 6, 6)), count=80, schedule="sorted", sweeps=40, cycles=1)
+    state, packing = run(task)
+    assert sorted(state.arrays["order"]) == list(range(80))
+    assert vg.verify(packing).ok
+
+
+def test_a_lid_compacts_and_is_recorded():
+    shape = vg.make_shape("sphere")
+    free = run(task_of(shape, vg.Box((4, 4, 8)), count=50, sweeps=600))[1]
+    held = run(task_of(shape, vg.Box((4, 4, 8)), count=50, sweeps=600, lid=True))[1]
+    lowered = held.provenance["lid_lowered"]
+    assert lowered > 1.5
+    # no grain reaches above the lid
+    assert held.position[:, 2].max() + 0.5 <= 8 - lowered + 1e-9
+    assert held.position[:, 2].max() <= free.position[:, 2].max() + 0.5
+    assert free.provenance["lid_lowered"] == 0
+
+
+def test_sleeping_grains_are_passed_over_and_the_bed_is_as_dense():
+    shape = vg.make_shape("sphere")
+    plain = run(task_of(shape, count=40, sweeps=1500, cycles=4, up=0.0))
+    sleeping = run(task_of(shape, count=40, sweeps=1500, cycles=4, up=0.0, schedule="sleeping"))
+    counters = sleeping[0].counters
+    # most attempts are slept through once the bed has settled
+    assert counters["slept_through"] > 0.3 * sleeping[0].done
+    heights = [packing.position[:, 2].mean() for _, packing in (plain, sleeping)]
+    assert heights[1] < heights[0] + 0.25

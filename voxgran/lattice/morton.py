@@ -1,0 +1,36 @@
+"""The order of lattice sites along a curve that keeps neighbours together."""
+
+import numpy as np
+
+from voxgran._base.arrays import Integers
+
+
+def morton_order(sites: Integers) -> Integers:
+    """Return the order of sites along the curve that interleaves the bits of their coordinates.
+
+    Parameters
+    ----------
+    sites : (n, 3) ndarray of int
+        Below 2**21 in extent along each axis.
+
+    References
+    ----------
+    Morton 1966, A computer oriented geodetic data base and a new technique in file sequencing, IBM.
+    """
+    if not len(sites):
+        return np.zeros(0, dtype=np.int64)
+    code = np.zeros(len(sites), dtype=np.uint64)
+    local = (sites - sites.min(axis=0)).astype(np.uint64)
+    for axis in range(3):
+        # two empty bits after each bit
+        spread = local[:, axis] & np.uint64(0x1FFFFF)
+        for shift, mask in (
+            (32, 0x1F00000000FFFF),
+            (16, 0x1F0000FF0000FF),
+            (8, 0x100F00F00F00F00F),
+            (4, 0x10C30C30C30C30C3),
+            (2, 0x1249249249249249),
+        ):
+            spread = (spread | (spread << np.uint64(shift))) & np.uint64(mask)
+        code |= spread << np.uint64(axis)
+    return np.argsort(code, kind="stable")

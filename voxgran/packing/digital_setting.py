@@ -1,0 +1,211 @@
+"""What follows from a problem for digital packing: lattice, canvas, bank of orientations, directions."""
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.errors import InputError
+from voxgran._base.rotation import lattice_rotations, random_rotations
+from voxgran._base.seeds import philox_key, stream
+from voxgran.packing.bits import Bank, Canvas, Field, Words, make_bank
+from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels
+from voxgran.packing.method import State
+from voxgran.packing.problem import Problem
+from voxgran.packing.walk import Grains, Members, put
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What follows from the problem.
+
+    Attributes
+    ----------
+    lattice : ContainerLattice
+        Where voxels lie.
+    canvas : Canvas
+        Where the packed occupancy lies.
+    bank : Bank
+        Voxels of all members: each grain in each of its base orientations.
+    base : (n * bases, 4) ndarray of float
+        Base orientations.
+    bases : int
+        How many each grain has.
+    rotations : (r, 3, 3) ndarray of int
+        Rotations of the lattice.
+    turns : (r, 3) ndarray of int
+        The same as signed permutations of the axes.
+    directions, classes : ndarray of int
+        Steps sorted downward, level, upward, and where these begin.
+    gravity : (3,) ndarray of float
+        Direction, 0 for none.
+    down : (3,) ndarray of int
+        The axis along which it is strongest, as a lattice vector.
+    capacity : (n + 1,) ndarray of int
+        Where the bits of each grain begin.
+    key : ndarray of uint64
+        Key of the random numbers.
+    """
+
+    lattice: ContainerLattice
+    canvas: Canvas
+    bank: Bank
+    base: Floats
+    bases: int
+    rotations: Integers
+    turns: Integers
+    directions: Integers
+    classes: Integers
+    gravity: Floats
+    down: Integers
+    capacity: Integers
+    key: Any
+
+
+def setting_of(problem: Problem, state: State) -> Setting:
+    """Return the setting, made again with canvas and bits where the state was just made or read from a checkpoint."""
+    if "setting" not in state.derived:
+        setting = _make(problem)
+        state.derived["setting"] = setting
+        state.derived["words"] = setting.canvas.words(free_voxels(problem.container, setting.lattice))
+        largest = int(setting.bank.size.max(initial=1)) + 2
+        state.derived["bits"] = np.zeros(max(int(setting.capacity[-1]), largest), dtype=np.uint64)
+        state.derived["scratch"] = np.zeros(largest + _most_words(setting.bank.size), dtype=np.uint64)
+        field, members, grains = records(state, setting)
+        for grain in np.flatnonzero(state.arrays["member"] >= 0):
+            put(field, members, grains, int(grain))
+    made: Setting = state.derived["setting"]
+    return made
+
+
+def records(state: State, setting: Setting) -> tuple[Field, Members, Grains]:
+    """Return canvas, bank and grains as the kernels take them."""
+    _, words, deep = setting.canvas.word_shape
+    canvas, bank, arrays = setting.canvas, setting.bank, state.arrays
+    field = Field(state.derived["words"], words * deep, deep, canvas.shape, canvas.margin, canvas.periodic)
+    members = Members(bank.words, bank.start, bank.low, bank.size, setting.turns, setting.bases)
+    where = (arrays["site"], arrays["member"], arrays["turn"])
+    return field, members, Grains(*where, state.derived["bits"], setting.capacity, state.derived["scratch"])
+
+
+def voxel_size_of(problem: Problem) -> float:
+    """Return the voxel size that is asked for, in median diameters."""
+    asked = problem.parameters.voxel_size
+    return 1 / 32 if asked is None else problem.length(asked)
+
+
+def bases_of(problem: Problem) -> int:
+    """Return how many base orientations each grain has."""
+    whole = 24 if problem.dimension == 3 else 4
+    return max(1, math.ceil(problem.parameters.orientations / whole))
+
+
+def gravity_vector(problem: Problem) -> Floats:
+    """Return the direction of gravity, of length 1; zero where there is none.
+
+    Raises
+    ------
+    InputError
+        If it has a part along a periodic axis or out of the plane, or its length is 0.
+    """
+    asked = problem.parameters.gravity
+    if asked is None:
+        asked = "-z" if problem.dimension == 3 else "-y"
+    if isinstance(asked, str):
+        return axis_of(asked, problem.container).astype(np.float64)
+    vector = np.array(asked, dtype=np.float64)
+    length = float(np.linalg.norm(vector))
+    held = np.array(problem.container.periodic) | (np.arange(3) >= problem.dimension)
+    if not np.isfinite(length) or length == 0.0 or vector[held].any():
+        raise InputError(
+            f"gravity is {vector.tolist()}: it must be finite, not 0, and have no part along a periodic axis or out of "
+            "the plane; turn it, or say 'none'"
+        )
+    return vector / length
+
+
+def main_axis(gravity: Floats) -> Integers:
+    """Return the lattice vector along which gravity is strongest; zero where there is none."""
+    down = np.zeros(3, dtype=np.int64)
+    if gravity.any():
+        axis = int(np.argmax(np.abs(gravity)))
+        down[axis] = 1 if gravity[axis] > 0 else -1
+    return down
+
+
+def _make(problem: Problem) -> Setting:
+    """Voxelize the grains and lay out the canvas."""
+    lattice = container_lattice(problem, voxel_size_of(problem))
+    rotations = lattice_rotations()
+    if problem.dimension == 2:
+        rotations = rotations[(rotations[:, 2, 2] == 1)]
+    if problem.parameters.orientations == 1:
+        rotations = rotations[:1]
+    bases = bases_of(problem)
+    base = _base_orientations(problem, bases)
+    if problem.start is not None:
+        # the first member of each grain is the pose that it starts in
+        base[: problem.start.count * bases : bases] = problem.start.orientation
+
+    def mask_of(member: int) -> Booleans:
+        return problem.voxels(member // bases, base[member], lattice.voxel_size, cover=problem.parameters.cover)
+
+    bank = make_bank(problem.count * bases, mask_of)
+    turns = np.array([[int(np.flatnonzero(row)[0]) + (3 if row.sum() < 0 else 0) for row in m] for m in rotations])
+    periodic = np.array(problem.container.periodic, dtype=np.int64)
+    margin = np.where(periodic, int(bank.size.max(initial=1)) + 1, 1).astype(np.int64)
+    directions, classes, gravity = _directions(problem)
+    rows = np.array([_most_words(bank.size[g * bases : (g + 1) * bases]) for g in range(problem.count)], dtype=np.int64)
+    first = int(bank.size.max(initial=1)) + 2  # a row of zeros that missing words point to
+    capacity = first + np.concatenate([[0], np.cumsum(rows)])
+    canvas, key = Canvas(lattice.shape, margin, periodic), philox_key(problem.seed, "digital")
+    return Setting(
+        lattice, canvas, bank, base, bases, rotations, turns, directions, classes, gravity, main_axis(gravity),
+        capacity, key,
+    )  # fmt: skip
+
+
+def _base_orientations(problem: Problem, bases: int) -> Floats:
+    """Return the random base orientations of all members, (n * bases, 4); in 2D about z."""
+    generator = stream(problem.seed, "orientations")
+    if problem.dimension == 3:
+        return random_rotations(generator, problem.count * bases)
+    half = np.pi * generator.random(problem.count * bases)
+    return np.column_stack([np.cos(half), np.zeros((len(half), 2)), np.sin(half)])
+
+
+def _most_words(size: Integers) -> int:
+    """Return the words that the largest rotation of these members takes, ring included."""
+    most = 0
+    for a, b, c in itertools.permutations(range(3)):
+        need = (size[:, a] + 2) * (size[:, b] + 2) * -(-size[:, c] // 64)
+        most = max(most, int(need.max(initial=0)))
+    return most
+
+
+def _directions(problem: Problem) -> tuple[Integers, Integers, Floats]:
+    """Return the directions sorted downward, level, upward; where the classes begin; the gravity vector."""
+    steps = np.array([d for d in itertools.product((-1, 0, 1), repeat=3) if any(d)], dtype=np.int64)
+    if problem.dimension == 2:
+        steps = steps[steps[:, 2] == 0]
+    gravity = gravity_vector(problem)
+    along = np.round(steps @ gravity, 12)
+    order = np.argsort(-np.sign(along), kind="stable")
+    bounds = np.array([0, int((along > 0).sum()), int((along >= 0).sum()), len(steps)], dtype=np.int64)
+    return steps[order], bounds, gravity
+
+
+def layer_of_lid(setting: Setting, lowered: int) -> int:
+    """Return which layer the lid takes next after it was lowered so often."""
+    axis = int(np.argmax(np.abs(setting.down)))
+    return int(setting.lattice.shape[axis]) - 1 - lowered if setting.down[axis] < 0 else lowered
+
+
+def walls_of_layers(setting: Setting, words: Words) -> Integers:
+    """Return how many voxels of each layer across gravity are taken by the walls alone."""
+    taken = setting.canvas.occupied(words)
+    axis = int(np.argmax(np.abs(setting.down)))
+    return np.asarray(taken.sum(axis=tuple(k for k in range(3) if k != axis)), dtype=np.int64)

@@ -1,0 +1,82 @@
+"""Grains on the canvas with their periodic images: where they are, what they meet, and stamping them."""
+
+from voxgran._base.arrays import Integers
+from voxgran._base.kernels import kernel
+from voxgran.packing.bits import Field, Triple, Words, is_blocked, is_move_blocked, stamp
+
+
+@kernel
+def wrapped(x: int, n: int, periodic: int) -> int:
+    """Return a voxel index wrapped into [0, n) where the axis is periodic."""
+    return x - (x // n) * n if periodic else x
+
+
+@kernel
+def lowest_corner(field: Field, site: Integers, low: Triple) -> Triple:
+    """Return the lowest voxel of a grain, wrapped into the container."""
+    return (
+        wrapped(site[0] + low[0], field.shape[0], field.periodic[0]),
+        wrapped(site[1] + low[1], field.shape[1], field.periodic[1]),
+        wrapped(site[2] + low[2], field.shape[2], field.periodic[2]),
+    )
+
+
+@kernel
+def copies(field: Field, axis: int, x: int, extent: int) -> int:
+    """Return 2 where a grain reaches over the end of a periodic axis, else 1."""
+    return 2 if field.periodic[axis] and x + extent > field.shape[axis] else 1
+
+
+@kernel
+def image_of(field: Field, corner: Triple, ix: int, iy: int, iz: int) -> Triple:
+    """Return the canvas voxel of an image of a corner."""
+    return (
+        corner[0] + field.margin[0] - ix * field.shape[0],
+        corner[1] + field.margin[1] - iy * field.shape[1],
+        corner[2] + field.margin[2] - iz * field.shape[2],
+    )
+
+
+@kernel
+def stamp_images(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> None:
+    """Flip a grain at its place and at its periodic images."""
+    for ix in range(copies(field, 0, corner[0], size[0])):
+        for iy in range(copies(field, 1, corner[1], size[1])):
+            for iz in range(copies(field, 2, corner[2], size[2])):
+                stamp(field, bits, at, size, image_of(field, corner, ix, iy, iz))
+
+
+@kernel
+def _is_outside(field, size, corner):  # type: ignore[no-untyped-def]
+    """Tell whether a grain reaches through a wall, or on a periodic axis meets its own image."""
+    for axis in range(3):
+        if field.periodic[axis]:
+            if size[axis] >= field.shape[axis]:
+                return True
+        elif corner[axis] < 0 or corner[axis] + size[axis] > field.shape[axis]:
+            return True
+    return False
+
+
+@kernel
+def is_blocked_anywhere(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> bool:
+    """Tell whether a grain that is not on the canvas would meet anything at a place or its images."""
+    if _is_outside(field, size, corner):
+        return True
+    for ix in range(copies(field, 0, corner[0], size[0])):
+        for iy in range(copies(field, 1, corner[1], size[1])):
+            for iz in range(copies(field, 2, corner[2], size[2])):
+                if is_blocked(field, bits, at, size, image_of(field, corner, ix, iy, iz)):
+                    return True
+    return False
+
+
+@kernel
+def is_step_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> bool:
+    """Tell whether a grain on the canvas that steps to a corner would newly cover a taken voxel."""
+    for ix in range(copies(field, 0, corner[0], size[0])):
+        for iy in range(copies(field, 1, corner[1], size[1])):
+            for iz in range(copies(field, 2, corner[2], size[2])):
+                if is_move_blocked(field, bits, at, size, image_of(field, corner, ix, iy, iz), step):
+                    return True
+    return False
