@@ -16,6 +16,7 @@ from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.packing.walk import Grains, Members, put
+from voxgran.shapes.model import Shape
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +126,23 @@ def gravity_vector(problem: Problem) -> Floats:
             "the plane; turn it, or say 'none'"
         )
     return vector / length
+
+
+def mean_width(shape: Shape) -> float:
+    """Return the width of a shape, averaged over directions, in its unit of lengths."""
+    ways = np.array([way for way in itertools.product((-1, 0, 1), repeat=3) if way > (0, 0, 0)], dtype=np.float64)
+    if shape.dimension == 2:
+        ways = ways[ways[:, 2] == 0]
+    along = shape.vertices @ (ways / np.linalg.norm(ways, axis=1, keepdims=True)).T
+    return float(np.ptp(along, axis=0).mean())
+
+
+def gravity_text(problem: Problem) -> str | list[float]:
+    """Return where down is, as it is recorded."""
+    asked = problem.parameters.gravity
+    if asked is None:
+        return "-z" if problem.dimension == 3 else "-y"
+    return asked if isinstance(asked, str) else list(asked)
 
 
 def main_axis(gravity: Floats) -> Integers:

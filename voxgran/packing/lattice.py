@@ -152,13 +152,56 @@ def packing_on_lattice(
     stop_reason : str
         Empty while there is more to do.
     """
+    return packing_of_poses(
+        problem,
+        placed,
+        position=positions_on(lattice, site, problem.dimension),
+        orientation=orientation,
+        provenance=provenance,
+        voxel_size=lattice.voxel_size,
+        stop_reason=stop_reason,
+    )
+
+
+def positions_on(lattice: ContainerLattice, site: Integers, dimension: int) -> Floats:
+    """Return the positions of lattice corners, (m, 3), in median diameters; z = 0 in two dimensions."""
     position = lattice.corner + site * lattice.voxel_size
-    if problem.dimension == 2:
+    if dimension == 2:
         position[:, 2] = 0.0
+    return np.asarray(position)
+
+
+def packing_of_poses(
+    problem: Problem,
+    placed: Integers,
+    *,
+    position: Floats,
+    orientation: Floats,
+    provenance: dict[str, Any],
+    voxel_size: float,
+    stop_reason: str,
+) -> Packing:
+    """Return the packing of grains in the user's unit of lengths.
+
+    Parameters
+    ----------
+    problem : Problem
+        In the normalized frame.
+    placed : (m,) ndarray of int
+        Which grains.
+    position, orientation : ndarray of float
+        Their poses, in median diameters.
+    provenance : dict
+        What the method tells beyond its parameters, which are added with the voxel size.
+    voxel_size : float
+        Edge of a voxel, in median diameters.
+    stop_reason : str
+        Empty while there is more to do.
+    """
     shape_id = problem.shape_id[placed]
     own = np.array([shape.diameter for shape in problem.original])
-    resolved = {**to_mapping(problem.parameters), "voxel_size": lattice.voxel_size * problem.unit_length}
-    resolved.update(provenance.pop("parameters", {}))
+    resolved = {**to_mapping(problem.parameters), "voxel_size": voxel_size * problem.unit_length}
+    resolved.update(provenance.get("parameters", {}))
     return Packing.of(
         problem.original,
         problem.container.scaled(problem.unit_length),
@@ -166,7 +209,7 @@ def packing_on_lattice(
         scale=problem.diameter[placed] * problem.unit_length / own[shape_id],
         shape_id=shape_id,
         orientation=orientation,
-        provenance={"parameters": resolved, **provenance},
+        provenance={**provenance, "parameters": resolved},
         stop_reason=stop_reason or "interrupted",
     )
 

@@ -23,37 +23,37 @@ Jia & Williams 2001, A packing algorithm for particles of arbitrary shapes, Powd
 doi:10.1016/S0032-5910(01)00268-6
 """
 
-import itertools
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Integers, as_count, as_number, as_positive
+from voxgran._base.arrays import as_count, as_number, as_positive
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import product, quaternions_of
+from voxgran.contacts.assembly import Assembly
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
-from voxgran.lattice.morton import morton_order
-from voxgran.packing.bits import UNPACKED, close_layer, count_layer
+from voxgran.packing.bits import UNPACKED
 from voxgran.packing.digital_setting import (
     Setting,
     bases_of,
+    gravity_text,
     gravity_vector,
-    layer_of_lid,
+    mean_width,
     records,
     setting_of,
     voxel_size_of,
-    walls_of_layers,
 )
-from voxgran.packing.lattice import container_lattice, free_voxels, packing_on_lattice
+from voxgran.packing.lattice import container_lattice, packing_of_poses, positions_on
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
+from voxgran.packing.settle import begin_settling, settle_sweep, settling_report
 from voxgran.packing.start import Start, refuse_start, upward
+from voxgran.packing.turns import SORT_SWEEPS, look_at_turns, lower_lid_again, sort_grains, turn_arrays
 from voxgran.packing.walk import Rules, Turn, enter_raised, make_attempts
-from voxgran.shapes.model import Shape
 
 #: sweeps between two looks at whether the bed still sinks
 SETTLE_SWEEPS = 200
@@ -61,8 +61,6 @@ SETTLE_SWEEPS = 200
 SETTLE_VOXELS = 0.02
 #: refusals in a row after which a layer is full
 LAYER_REFUSALS = 300
-#: sweeps after which grains are put in the order of space anew
-SORT_SWEEPS = 16
 #: what the kernel counts, in its order
 TALLY = (
     "placed",
@@ -116,6 +114,9 @@ class Digital:
         0.0, doc="share of moves after a refused one that go away from the contact that refused it"
     )
     schedule: Literal["random", "sorted", "sleeping"] = parameter("random", doc="whose turn it is")
+    settling: int = parameter(
+        0, doc="most sweeps in which the true shapes settle after the walk and close the gaps that voxels left"
+    )
     lid: bool = parameter(False, doc="whether a lid comes down on the bed, a voxel at a time where it finds room")
 
     def __post_init__(self) -> None:
@@ -135,7 +136,17 @@ class Digital:
             as_count(self.period, "period", at_least=1)
         if self.decay is not None:
             as_number(self.decay, "decay", at_least=0.0, at_most=1.0)
-        for asked, name in ((self.lid, "lid is true"), (self.schedule == "sleeping", "schedule is 'sleeping'")):
+        as_count(self.settling, "settling")
+        if self.settling and self.cover != "touch":
+            raise InputError(
+                f"settling is {self.settling} and cover {self.cover!r}: it needs grains apart; use 'touch'"
+            )
+        needs = {
+            "lid is true": self.lid,
+            "schedule is 'sleeping'": self.schedule == "sleeping",
+            f"settling is {self.settling}": self.settling > 0,
+        }
+        for name, asked in needs.items():
             if asked and self.gravity == "none":
                 raise InputError(f"{name} and gravity 'none': it needs to know where down is; choose a direction")
         if self.down + self.up > 1.0:
@@ -160,9 +171,10 @@ def prepare(problem: Problem) -> State:
         "turn": np.zeros(n, dtype=np.int64),
         "queue": np.arange(n, dtype=np.int64),
         "height": np.full(1, np.inf),
-        **_turn_arrays(problem),
+        **turn_arrays(problem),
     }
     counters = {**dict.fromkeys(TALLY, 0), "fed_at": -1, "layer_ends": -1, "layer_placed": 0, "lid_lowered": 0}
+    counters |= {"settling_at": -1, "settling_sweeps": 0}
     total = n * (settings.sweeps + 40 * SETTLE_SWEEPS)
     state = State(arrays, counters, 0, total)
     if n == 0:
@@ -195,15 +207,18 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         return state
     setting = setting_of(problem, state)
     if state.counters["lid_lowered"] and "lid" not in state.derived:
-        _lower_lid_again(problem, state, setting)
+        lower_lid_again(problem, state, setting)
     last = state.done + attempts
     while state.done < last and not state.stop_reason:
+        if state.counters["settling_at"] >= 0:
+            _settle(problem, state, setting, last)
+            continue
         due = _next_event(problem, state)
         _walk(problem, state, setting, min(last, due))
         if state.counters["fed_at"] < 0:
             _look_at_queue(problem, state, due)
         elif state.done == due:
-            _look_at_turns(problem, state, setting)
+            look_at_turns(problem, state, setting)
             if (state.done - state.counters["fed_at"]) % _look_every(state) == 0:
                 _look_at_bed(problem, state, setting)
     return state
@@ -212,27 +227,60 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that entered."""
     setting = setting_of(problem, state)
+    assembly = _assembly(problem, state, setting)
+    provenance = {
+        "parameters": {"gravity": gravity_text(problem)},
+        "lid_lowered": state.counters["lid_lowered"] * setting.lattice.voxel_size * problem.unit_length,
+    }
+    if state.counters["settling_at"] >= 0:
+        provenance["settling"] = settling_report(state, assembly, setting.gravity)
     placed = np.flatnonzero(state.arrays["member"] >= 0)
-    turns = quaternions_of(setting.rotations[state.arrays["turn"][placed]].astype(np.float64))
-    return packing_on_lattice(
+    return packing_of_poses(
         problem,
-        setting.lattice,
         placed,
-        site=state.arrays["site"][placed],
-        orientation=product(turns, setting.base[state.arrays["member"][placed]]),
-        provenance={
-            "parameters": {"gravity": _gravity_text(problem)},
-            "lid_lowered": state.counters["lid_lowered"] * setting.lattice.voxel_size * problem.unit_length,
-        },
+        position=assembly.position,
+        orientation=assembly.orientation,
+        provenance=provenance,
+        voxel_size=setting.lattice.voxel_size,
         stop_reason=state.stop_reason,
     )
+
+
+def _assembly(problem: Problem, state: State, setting: Setting) -> Assembly:
+    """Return the grains that have entered, in the normalized frame: where they settled, or on the lattice."""
+    placed = np.flatnonzero(state.arrays["member"] >= 0)
+    if state.counters["settling_at"] >= 0:
+        position, orientation = state.arrays["position"], state.arrays["orientation"]
+    else:
+        turns = quaternions_of(setting.rotations[state.arrays["turn"][placed]].astype(np.float64))
+        orientation = product(turns, setting.base[state.arrays["member"][placed]])
+        position = positions_on(setting.lattice, state.arrays["site"][placed], problem.dimension)
+    return Assembly(
+        problem.shapes,
+        problem.shape_id[placed],
+        problem.diameter[placed],
+        position.copy(),
+        orientation.copy(),
+        problem.container,
+    )
+
+
+def _settle(problem: Problem, state: State, setting: Setting, last: int) -> None:
+    """Let the true shapes settle: a sweep for as many attempts as there are grains."""
+    begin, placed = state.counters["settling_at"], max(state.counters["placed"], 1)
+    due = begin + (state.counters["settling_sweeps"] + 1) * placed
+    state.done = min(last, due)
+    if state.done == due:
+        rests = settle_sweep(state, _assembly(problem, state, setting), setting.gravity)
+        if rests or state.counters["settling_sweeps"] >= problem.parameters.settling:
+            state.stop_reason = "settled" if state.counters["placed"] == problem.count else "full"
 
 
 def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
     settings: Digital = problem.parameters
     lattice = container_lattice(problem, voxel_size_of(problem))
-    width = np.array([_mean_width(shape) for shape in problem.shapes])[problem.shape_id] * problem.diameter
+    width = np.array([mean_width(shape) for shape in problem.shapes])[problem.shape_id] * problem.diameter
     radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
     wide, half = width / lattice.voxel_size + 2, np.ceil(radius / lattice.voxel_size) + 1
     tall = wide if problem.dimension == 3 else np.ones_like(wide)
@@ -254,47 +302,10 @@ def cost(problem: Problem) -> Cost:
     )
 
 
-def _mean_width(shape: Shape) -> float:
-    """Return the width of a shape, averaged over directions, in its unit of lengths."""
-    ways = np.array([way for way in itertools.product((-1, 0, 1), repeat=3) if way > (0, 0, 0)], dtype=np.float64)
-    if shape.dimension == 2:
-        ways = ways[ways[:, 2] == 0]
-    along = shape.vertices @ (ways / np.linalg.norm(ways, axis=1, keepdims=True)).T
-    return float(np.ptp(along, axis=0).mean())
-
-
-def _gravity_text(problem: Problem) -> str | list[float]:
-    """Return where down is, as it is recorded."""
-    asked = problem.parameters.gravity
-    if asked is None:
-        return "-z" if problem.dimension == 3 else "-y"
-    return asked if isinstance(asked, str) else list(asked)
-
-
 def _cycles(problem: Problem) -> int:
     """Return the number of cycles of vibration."""
     settings: Digital = problem.parameters
     return settings.cycles if settings.period is None else max(1, round(settings.sweeps / settings.period))
-
-
-def _turn_arrays(problem: Problem) -> dict[str, Integers]:
-    """Return what the schedule and guided moves keep, empty where they are not asked for."""
-    settings, n, nothing = problem.parameters, problem.count, np.zeros(0, dtype=np.int64)
-    sleeps = settings.schedule == "sleeping"
-    cells = np.ones(4, dtype=np.int64)
-    if sleeps:
-        lattice = container_lattice(problem, voxel_size_of(problem))
-        edge = max(4, int(np.ceil(0.5 / lattice.voxel_size)))
-        cells = np.append(-(-lattice.shape // edge) + 1, edge).astype(np.int64)
-    return {
-        "order": nothing,
-        "hint": np.zeros((n if settings.guided > 0 else 0, 3), dtype=np.int64),
-        "calm": np.zeros(n if sleeps else 0, dtype=np.int64),
-        "depth": np.full(n if sleeps else 0, -(2**40)),
-        "slept": np.full(n if sleeps else 0, -1, dtype=np.int64),
-        "stirred": np.full(int(np.prod(cells[:3])) if sleeps else 0, -1, dtype=np.int64),
-        "cells": cells,
-    }
 
 
 def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
@@ -373,44 +384,7 @@ def _look_at_queue(problem: Problem, state: State, due: int) -> None:
         state.total = state.done + counters["placed"] * (problem.parameters.sweeps + 40 * SETTLE_SWEEPS)
         if counters["placed"] == 0:
             state.stop_reason = "full"
-        _sort(problem, state)
-
-
-def _look_at_turns(problem: Problem, state: State, setting: Setting) -> None:
-    """Lower the lid by a voxel where it finds room, and put the grains in the order of space."""
-    placed = max(state.counters["placed"], 1)
-    if problem.parameters.lid:
-        if "walls" not in state.derived:
-            state.derived["walls"] = _walls(problem, setting)
-        axis, field = int(np.argmax(np.abs(setting.down))), records(state, setting)[0]
-        level = layer_of_lid(setting, state.counters["lid_lowered"])
-        inside = state.counters["lid_lowered"] < int(setting.lattice.shape[axis])
-        if inside and int(count_layer(field, axis, level)) == int(state.derived["walls"][level]):
-            close_layer(field, axis, level)
-            state.counters["lid_lowered"] += 1
-            state.derived["lid"] = True
-    if (state.done - state.counters["fed_at"]) % (SORT_SWEEPS * placed) == 0:
-        _sort(problem, state)
-
-
-def _walls(problem: Problem, setting: Setting) -> Integers:
-    """Return how many voxels of each layer the walls take."""
-    return walls_of_layers(setting, setting.canvas.words(free_voxels(problem.container, setting.lattice)))
-
-
-def _lower_lid_again(problem: Problem, state: State, setting: Setting) -> None:
-    """Close the layers that the lid had taken, after the state was read from a checkpoint."""
-    axis, field = int(np.argmax(np.abs(setting.down))), records(state, setting)[0]
-    for lowered in range(state.counters["lid_lowered"]):
-        close_layer(field, axis, layer_of_lid(setting, lowered))
-    state.derived["lid"] = True
-
-
-def _sort(problem: Problem, state: State) -> None:
-    """Put the grains that have entered in the order of space, where the schedule asks for it."""
-    if problem.parameters.schedule == "sorted":
-        placed = np.flatnonzero(state.arrays["member"] >= 0)
-        state.arrays["order"] = placed[morton_order(state.arrays["site"][placed])]
+        sort_grains(problem, state)
 
 
 def _look_at_bed(problem: Problem, state: State, setting: Setting) -> None:
@@ -426,6 +400,10 @@ def _look_at_bed(problem: Problem, state: State, setting: Setting) -> None:
         state.stop_reason = "settled" if entered else "full"
     elif state.done >= state.total:
         state.stop_reason = "steps" if entered else "full"
+    if state.stop_reason and problem.parameters.settling:
+        state.stop_reason = ""
+        begin_settling(state, _assembly(problem, state, setting), setting.gravity, setting.lattice.voxel_size / 2)
+        state.total = state.done + problem.parameters.settling * max(state.counters["placed"], 1)
 
 
 registration = PackingMethod(

@@ -1,0 +1,148 @@
+"""Settling of true shapes: gaps close, nothing overlaps, hand calculations."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError
+from voxgran._base.rotation import random_rotations, rotation_matrices
+from voxgran._base.seeds import stream
+from voxgran.contacts.assembly import Assembly
+from voxgran.packing.settle import find_touching, settle_once
+
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def settled(assembly, sweeps, step=0.02):
+    """Settle with steps that are halved when little is gained."""
+    for _ in range(sweeps):
+        before = assembly.position[:, 2].mean()
+        assembly = settle_once(assembly, step * DOWN)[0]
+        if before - assembly.position[:, 2].mean() < 0.03 * step:
+            step = max(step / 2, 2e-5)
+    return assembly
+
+
+def packing_of(assembly):
+    return vg.Packing.of(
+        assembly.shapes,
+        assembly.container,
+        position=assembly.position,
+        scale=assembly.scale,
+        shape_id=assembly.shape_id,
+        orientation=assembly.orientation,
+    )
+
+
+def test_a_sphere_falls_to_the_floor():
+    one = Assembly.of([vg.make_shape("sphere")], vg.Box((3, 3, 3)), position=[[1.5, 1.5, 0.7]])
+    found = settled(one, 80)
+    assert found.position[0, 2] == pytest.approx(0.5, abs=1e-4)
+    assert found.position[0, 2] >= 0.5
+    assert found.position[0, :2] == pytest.approx([1.5, 1.5], abs=1e-12)
+
+
+def test_a_sphere_rolls_into_the_pocket_of_two():
+    """Two spheres fill the floor of a trough; a third comes to rest sqrt(3)/2 diameters above them."""
+    trough = vg.Box((1, 2, 3))
+    three = Assembly.of([vg.make_shape("sphere")], trough, position=[[0.5, 0.5, 0.5], [0.5, 1.5, 0.5], [0.5, 0.8, 1.5]])
+    found = settled(three, 300)
+    assert found.position[2] == pytest.approx([0.5, 1.0, 0.5 + np.sqrt(0.75)], abs=2e-3)
+    assert find_touching(found, 2e-3).gap.min() >= 0
+    assert vg.verify(packing_of(found)).ok
+
+
+def test_a_tilted_box_lies_down_flat():
+    shape = vg.make_shape("box", lengths=(1.0, 0.8, 0.5))
+    half = np.deg2rad(20) / 2
+    tilted = Assembly.of(
+        [shape], vg.Box((4, 4, 3)), position=[[2, 2, 0.6]], orientation=[[np.cos(half), np.sin(half), 0, 0]]
+    )
+    found = settled(tilted, 200)
+    matrix = rotation_matrices(found.orientation)[0]
+    assert abs(matrix[2, 2]) == pytest.approx(1.0, abs=5e-3)
+    assert found.position[0, 2] == pytest.approx(0.25, abs=0.02)
+    assert vg.verify(packing_of(found)).ok
+
+
+@pytest.mark.parametrize("name", ["sphere", "box", "mesh", "cylinder"])
+@pytest.mark.parametrize("container", [vg.Box((3.2, 3.2, 5), "x"), vg.Cylinder(1.8, 5)], ids=["box", "cylinder"])
+def test_digital_packings_settle_without_overlap(name, container):
+    made = {
+        "sphere": vg.make_shape("sphere"),
+        "box": vg.make_shape("box", lengths=(1, 0.8, 0.7)),
+        "mesh": vg.make_shape("solid_union", seed=2),
+        "cylinder": vg.make_shape("cylinder"),
+    }
+    shape = made[name].scaled(1 / made[name].diameter)
+    options = {"method": "digital", "count": 18, "voxel_size": 1 / 12, "sweeps": 300, "cycles": 2, "seed": 3}
+    walked = vg.pack(shape, container, **options)
+    found = vg.pack(shape, container, settling=25, **options)
+    assert found.count == walked.count == 18
+    assert vg.verify(found).ok
+    report = found.provenance["settling"]
+    assert 0 < report["sweeps"] <= 25
+    assert report["mean_sinking"] > 0.01
+    assert report["density_gain"] > 0
+    assert found.position[:, 2].mean() < walked.position[:, 2].mean()
+
+
+def test_disks_settle_in_the_plane():
+    options = {"method": "digital", "count": 30, "voxel_size": 1 / 12, "sweeps": 300, "cycles": 2}
+    packing = vg.pack(vg.make_shape("disk"), vg.Rectangle((6, 9), "x"), settling=60, **options)
+    assert np.all(packing.position[:, 2] == 0)
+    assert np.allclose(packing.orientation[:, 1:3], 0)
+    assert vg.verify(packing).ok
+    assert packing.provenance["settling"]["density_gain"] > 0.02
+
+
+def test_nothing_to_gain_stays_where_it_is():
+    # a simple cubic lattice that fills its box
+    ticks = np.arange(3) + 0.5
+    lattice = np.array(np.meshgrid(ticks, ticks, ticks)).reshape(3, -1).T
+    full = Assembly.of([vg.make_shape("sphere")], vg.Box((3, 3, 3)), position=lattice)
+    found = settled(full, 5, step=1e-3)
+    assert vg.verify(packing_of(found)).ok
+    assert np.abs(found.position - lattice).max() < 1e-2
+
+
+def test_random_motion_never_makes_an_overlap():
+    generator = stream(4, "places")
+    shapes = [vg.make_shape("box"), vg.make_shape("cone"), vg.make_shape("sphere")]
+    ticks = np.arange(4) * 1.5 + 1.0
+    lattice = np.array(np.meshgrid(ticks, ticks, ticks[:2])).reshape(3, -1).T
+    turns = random_rotations(stream(5, "turns"), len(lattice))
+    assembly = Assembly.of(
+        shapes, vg.Box((7, 7, 4)), position=lattice, shape_id=generator.integers(0, 3, len(lattice)), orientation=turns
+    )
+    for _ in range(30):
+        fall = generator.normal(size=3)
+        assembly = settle_once(assembly, 0.05 * fall / np.linalg.norm(fall))[0]
+        proof = vg.verify(packing_of(assembly))
+        assert proof.ok
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"settling": 5, "cover": "center"}, "touch"),
+        ({"settling": -1}, "settling"),
+        ({"settling": 5, "gravity": "none"}, "settling is 5"),
+    ],
+)
+def test_bad_settling_is_refused(parameters, words):
+    with pytest.raises(InputError, match=words):
+        vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 3)), method="digital", count=1, **parameters)
+
+
+def test_settling_goes_on_after_a_stop_to_the_same_bits(tmp_path):
+    options = {"method": "digital", "count": 10, "voxel_size": 0.125, "sweeps": 100, "cycles": 1, "settling": 12}
+    shape, box = vg.make_shape("box"), vg.Box((3, 3, 4))
+    whole = vg.pack(shape, box, **options)
+    path = tmp_path / "run.checkpoint"
+    for _ in range(200):
+        packing = vg.pack(shape, box, checkpoint=path, resume=True, time_limit=1e-6, **options)
+        if packing.stop_reason != "interrupted":
+            break
+    assert packing.position.tobytes() == whole.position.tobytes()
+    assert packing.orientation.tobytes() == whole.orientation.tobytes()
