@@ -140,10 +140,24 @@ def settle_once(assembly: Assembly, fall: Floats) -> tuple[Assembly, int]:
         How many grains had to go back to where they were.
     """
     step = float(np.linalg.norm(fall))
+    touching = find_touching(assembly, 4.0 * step)
     # what a turn of the normals and the end of the projection leave out
     slack = 0.05 * step + 2.0 * step * step / float(assembly.diameters.min())
-    touching = find_touching(assembly, 4.0 * step)
-    limits = touching.gap - slack
+    loose, back = _fallen(assembly, touching, fall, step, slack, touching.gap - slack)
+    if not back:
+        return loose, 0
+    # gaps that have to open a little keep the next sweep free; where there is no room for it, none has to
+    tight, held = _fallen(
+        assembly, touching, fall, step, slack, np.maximum(touching.gap - slack, np.minimum(touching.gap, 0.0))
+    )
+    gain = ((tight.position - loose.position) @ fall).mean()
+    return (tight, held) if gain > 0 else (loose, back)
+
+
+def _fallen(
+    assembly: Assembly, touching: Touching, fall: Floats, step: float, slack: float, limits: Floats
+) -> tuple[Assembly, int]:
+    """Return the grains after a fall that closes no gap by more than its limit, and how many had to go back."""
     for _ in range(CUTS):
         slide, spin = _motion(assembly, touching, limits, fall, step)
         there = _shifted(assembly, slide, spin)
