@@ -21,9 +21,10 @@ lint: $(STAMP)   ## style, format and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: $(STAMP)   ## run time against error of voxelization and distances, as figures
+bench: $(STAMP)   ## run time against error of voxelization, distances and digital packing, as figures
 	$(BIN)/voxgran bench voxelize -o docs/figures
 	$(BIN)/voxgran bench distance -o docs/figures
+	$(BIN)/voxgran bench digital -o docs/figures
 
 figures: demo bench   ## the pictures of README and docs
 	cp out/demo/whole.png docs/figures/demo.png

@@ -259,6 +259,8 @@ def is_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Tr
     x, y, z = corner
     dx, dy, dz = step
     count = (tall + 63) // 64
+    if count == 1:
+        return _is_low_move_blocked(field, bits, at, size, corner, step)
     shift, old_shift = np.uint64(z & 63), np.uint64((z - dz) & 63)
     back, old_back = np.uint64(63) - shift, np.uint64(63) - old_shift
     lag = (z >> 6) - ((z - dz) >> 6)
@@ -279,6 +281,73 @@ def is_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Tr
             if found != np.uint64(0):
                 return True
     return False
+
+
+@kernel
+def _is_low_move_blocked(field, bits, at, size, corner, step):  # type: ignore[no-untyped-def]
+    """Tell what :func:`is_move_blocked` tells, of a grain whose columns are one word tall."""
+    wide, deep, tall = size
+    x, y, z = corner
+    dx, dy, dz = step
+    canvas = field.words
+    shift, old_shift = np.uint64(z & 63), np.uint64((z - dz) & 63)
+    back, old_back = np.uint64(63) - shift, np.uint64(63) - old_shift
+    lag, one = (z >> 6) - ((z - dz) >> 6), np.uint64(1)
+    spills = (z & 63) + tall > 64
+    row, long = np.uint64(deep + 2), np.uint64(deep)
+    here, old = np.uint64(at + deep + 3), np.uint64(at + (1 + dx) * (deep + 2) + 1 + dy)
+    cell, next_x = np.uint64(x * field.stride_x + (z >> 6) * field.stride_w + y), np.uint64(field.stride_x)
+    over = np.uint64(field.stride_w)
+    for _ in range(wide):
+        found = np.uint64(0)
+        if lag == 0:
+            for j in range(long):
+                found |= (bits[here + j] << shift) & ~(bits[old + j] << old_shift) & canvas[cell + j]
+        elif lag == 1:
+            for j in range(long):
+                found |= (bits[here + j] << shift) & ~((bits[old + j] >> one) >> old_back) & canvas[cell + j]
+        else:
+            for j in range(long):
+                found |= (bits[here + j] << shift) & canvas[cell + j]
+        if spills:
+            above = cell + over
+            if lag == 0:
+                for j in range(long):
+                    word = (bits[here + j] >> one) >> back
+                    found |= word & ~((bits[old + j] >> one) >> old_back) & canvas[above + j]
+            elif lag == 1:
+                for j in range(long):
+                    found |= ((bits[here + j] >> one) >> back) & canvas[above + j]
+            else:
+                for j in range(long):
+                    word = (bits[here + j] >> one) >> back
+                    found |= word & ~(bits[old + j] << old_shift) & canvas[above + j]
+        if found != np.uint64(0):
+            return True
+        here, old, cell = here + row, old + row, cell + next_x
+    return False
+
+
+@kernel
+def _stamp_low(field, bits, at, size, corner):  # type: ignore[no-untyped-def]
+    """Flip the voxels of a grain whose columns are one word tall."""
+    wide, deep, tall = size
+    x, y, z = corner
+    canvas = field.words
+    shift, one = np.uint64(z & 63), np.uint64(1)
+    back, spills = np.uint64(63) - shift, (z & 63) + tall > 64
+    row, long = np.uint64(deep + 2), np.uint64(deep)
+    here = np.uint64(at + deep + 3)
+    cell, next_x = np.uint64(x * field.stride_x + (z >> 6) * field.stride_w + y), np.uint64(field.stride_x)
+    over = np.uint64(field.stride_w)
+    for _ in range(wide):
+        for j in range(long):
+            canvas[cell + j] ^= bits[here + j] << shift
+        if spills:
+            above = cell + over
+            for j in range(long):
+                canvas[above + j] ^= (bits[here + j] >> one) >> back
+        here, cell = here + row, cell + next_x
 
 
 @kernel
@@ -348,6 +417,9 @@ def stamp(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> N
     wide, deep, tall = size
     x, y, z = corner
     count = (tall + 63) // 64
+    if count == 1:
+        _stamp_low(field, bits, at, size, corner)
+        return
     shift = np.uint64(z & 63)
     back = np.uint64(63) - shift
     canvas = field.words

@@ -1,0 +1,47 @@
+import numpy as np
+
+from voxgran.bench.tradeoffs.digital import measure_beds, measure_moves, walking_task
+from voxgran.bench.walk_peers import front_walk, numpy_walk, occupied, random_sites
+from voxgran.packing.digital_setting import setting_of
+from voxgran.shapes.family import make_shape
+
+
+def test_peers_go_the_same_way():
+    """Both programs, move by move, from the same places with the same picks."""
+    steps = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)], dtype=np.int64) - 1
+    x = np.indices((7, 7, 7)) - 3
+    mask = (x**2).sum(axis=0) <= 10
+    generator = np.random.Generator(np.random.Philox(1))
+    shape = np.array([34, 34, 34])
+    sites = random_sites(shape, np.array([9, 9, 9]), 0.2, generator, int(mask.sum()))
+    picks, ways = generator.integers(0, len(sites), 3000), generator.integers(0, 26, 3000)
+    found = []
+    for walk in (numpy_walk(mask, steps), front_walk(mask, steps)):
+        places, grid = sites.copy(), occupied(shape, mask, sites)
+        accepted = walk(grid, places, picks, ways)
+        assert np.array_equal(grid, occupied(shape, mask, places))
+        found.append((accepted, places.tobytes()))
+    assert found[0] == found[1]
+    assert 0 < found[0][0] < 3000
+
+
+def test_rates_of_a_small_lattice():
+    rows = measure_moves((12,), 64)
+    programs = [row[2] for row in rows]
+    assert programs == ["NumPy", "numba fronts", "voxgran", "voxgran", "voxgran"]
+    accepted = [row[4] for row in rows[:3]]
+    assert np.ptp(accepted) < 0.15
+    assert rows[2][3] > 5 * rows[0][3]
+
+
+def test_grains_stand_apart_and_keep_their_places():
+    problem, state = walking_task(make_shape("sphere"), 12, 64)
+    setting = setting_of(problem, state)
+    assert state.counters["placed"] == problem.count > 20
+    assert setting.canvas.occupied(state.derived["words"]).sum() == problem.count * setting.bank.voxels[0]
+
+
+def test_settling_makes_beds_denser():
+    rows = measure_beds((10,), (100,))
+    assert [row[2] for row in rows] == ["walk", "walk and settling"]
+    assert rows[1][4] > rows[0][4] + 0.05

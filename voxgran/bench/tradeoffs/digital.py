@@ -1,0 +1,235 @@
+"""Digital packing: moves per second against the voxels of a grain beside other programs, and density against seconds.
+
+Moves: equal spheres at a solid fraction of 0.3 on a lattice of 256 voxels along each edge walk in 26 directions, all
+alike, by voxgran, by a plain NumPy program and by a numba program that tests the voxels which each direction newly
+covers; the shares of accepted moves are written beside the rates. A body of many triangles walks as fast as a sphere of
+as many voxels. Density: the bulk solid fraction of a bed of equal spheres, true and without overlap, against voxels per
+diameter and against the seconds that it took, after the walk and after settling.
+"""
+
+import time
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.lazy import load
+from voxgran._base.seeds import stream
+from voxgran.bench.model import TradeOff, calibration
+from voxgran.bench.walk_peers import Walk, front_walk, numpy_walk, occupied, random_sites
+from voxgran.containers.box import Box
+from voxgran.measure.density import bulk_solid_fraction
+from voxgran.packing.digital_setting import setting_of
+from voxgran.packing.method import State, method_registry
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack, prepare_task
+from voxgran.packing.problem import Problem
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.files import load_shape
+from voxgran.shapes.model import Shape
+
+#: shape, voxels of a grain, program, attempts per second, share of accepted moves
+MoveRow: TypeAlias = tuple[str, int, str, float, float]
+#: voxels per diameter, sweeps, stage, seconds, bulk solid fraction
+BedRow: TypeAlias = tuple[int, int, str, float, float]
+#: voxels along an edge of the lattice, and per diameter of the spheres
+EDGE = 256
+DIAMETERS = (12, 20, 40, 57)
+SOLID = 0.3
+#: least seconds that a program is timed
+SECONDS = 0.6
+#: voxels per diameter of the beds, and sweeps of their walks
+BEDS = (12, 20, 32)
+SWEEPS = (250, 1000, 4000)
+
+
+def walking_task(shape: Shape, cells: int, edge: int = EDGE) -> tuple[Problem, State]:
+    """Return grains at random places on a lattice, ready to walk in all directions alike.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of every grain.
+    cells : int
+        Voxels per equivalent diameter.
+    edge : int
+        Voxels along each edge of the lattice.
+    """
+    shape = shape.scaled(1 / shape.diameter)
+    extent = np.ptp(shape.vertices, axis=0)
+    size = np.ceil(extent * cells).astype(np.int64) + 3
+    voxels = int(shape.volume * cells**3 * 1.15)
+    sites = random_sites(np.full(3, edge), size, SOLID, stream(0, "bench walk"), voxels)
+    middle = (shape.vertices.min(axis=0) + shape.vertices.max(axis=0)) / 2
+    box = Box((edge / cells,) * 3)
+    start = Packing.of([shape], box, position=(sites + size / 2) / cells - middle)
+    task = prepare_task(
+        [], box, method="digital", count=None, solid_fraction=None, sizes=None, weights=None, weights_by="number",
+        seed=0, start=start,
+        parameters={"voxel_size": 1 / cells, "gravity": "none", "turns": 0.0, "orientations": 1, "sweeps": 10**9},
+    )  # fmt: skip
+    return task.problem, method_registry().get("digital").prepare(task.problem)
+
+
+def rate_of_walk(problem: Problem, state: State) -> tuple[float, float]:
+    """Return attempts per second and the share of accepted moves of voxgran's walk."""
+    advance = method_registry().get("digital").advance
+    state = advance(problem, state, 2000)
+    before, tried = state.counters["moves_accepted"], state.counters["moves_tried"]
+    attempts, best = 20_000, 0.0
+    began = time.perf_counter()
+    while time.perf_counter() - began < SECONDS:
+        start = time.perf_counter()
+        state = advance(problem, state, attempts)
+        best = max(best, attempts / (time.perf_counter() - start))
+    moves = state.counters["moves_tried"] - tried
+    return best, (state.counters["moves_accepted"] - before) / moves
+
+
+def rate_of_peer(walk: Walk, problem: Problem, state: State, attempts: int) -> tuple[float, float]:
+    """Return attempts per second and the share of accepted moves of another program, from the same places."""
+    setting = setting_of(problem, state)
+    mask = problem.voxels(0, setting.base[0], setting.lattice.voxel_size, cover="touch")
+    half = np.array(mask.shape) // 2
+    filled = [np.flatnonzero(mask.any(axis=tuple(k for k in range(3) if k != axis))) for axis in range(3)]
+    low = np.array([line[0] for line in filled])
+    box = mask[tuple(slice(line[0], line[-1] + 1) for line in filled)]
+    sites = state.arrays["site"] - half + low + 1
+    grid = occupied(setting.lattice.shape + 2, box, sites)
+    generator, best, moved, tried = stream(1, "bench picks"), 0.0, 0, 0
+    began = time.perf_counter()
+    while tried < 2 * attempts or time.perf_counter() - began < SECONDS:
+        picks, ways = generator.integers(0, len(sites), attempts), generator.integers(0, 26, attempts)
+        start = time.perf_counter()
+        accepted = walk(grid, sites, picks, ways)
+        best = max(best, attempts / (time.perf_counter() - start))
+        moved, tried = moved + accepted, tried + attempts
+    return best, moved / tried
+
+
+def measure_moves(diameters: tuple[int, ...] = DIAMETERS, edge: int = EDGE) -> list[MoveRow]:
+    """Time the walks.
+
+    Parameters
+    ----------
+    diameters : tuple of int
+        Voxels per diameter.
+    edge : int
+        Voxels along each edge of the lattice.
+
+    Returns
+    -------
+    list of tuple
+        Shape, voxels of a grain, program, attempts per second, and share of accepted moves.
+    """
+    rows = []
+    steps = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)], dtype=np.int64) - 1
+    for cells in diameters:
+        problem, state = walking_task(make_shape("sphere"), cells, edge)
+        setting = setting_of(problem, state)
+        mask = problem.voxels(0, setting.base[0], setting.lattice.voxel_size, cover="touch")
+        box = mask[np.ix_(*(mask.any(axis=tuple(k for k in range(3) if k != axis)) for axis in range(3)))]
+        voxels = int(box.sum())
+        rows.append(("sphere", voxels, "NumPy", *rate_of_peer(numpy_walk(box, steps), problem, state, 2000)))
+        rows.append(("sphere", voxels, "numba fronts", *rate_of_peer(front_walk(box, steps), problem, state, 100_000)))
+        rows.append(("sphere", voxels, "voxgran", *rate_of_walk(problem, state)))
+    scan = Path(__file__).parents[3] / "data" / "bennu_lp.obj"
+    bodies = {"sphere, as mesh": make_shape("sphere"), "bennu": load_shape(scan) if scan.is_file() else None}
+    for name, body in bodies.items():
+        if body is not None:
+            problem, state = walking_task(body, 20, edge)
+            mask = problem.voxels(0, setting_of(problem, state).base[0], 1 / 20, cover="touch")
+            rows.append(
+                (f"{name}, {len(body.faces)} triangles", int(mask.sum()), "voxgran", *rate_of_walk(problem, state))
+            )
+    return rows
+
+
+def measure_beds(
+    beds: tuple[int, ...] = BEDS, sweeps: tuple[int, ...] = SWEEPS
+) -> list[tuple[int, int, str, float, float]]:
+    """Pack beds of equal spheres.
+
+    Parameters
+    ----------
+    beds : tuple of int
+        Voxels per diameter.
+    sweeps : tuple of int
+        Attempts per grain.
+
+    Returns
+    -------
+    list of tuple
+        Voxels per diameter, sweeps, stage, seconds, and bulk solid fraction of the true spheres.
+    """
+    rows, box, ball = [], Box((7, 7, 17)), make_shape("sphere")
+    for cells in beds:
+        for many in sweeps:
+            for stage, settling in (("walk", 0), ("walk and settling", 200)):
+                began = time.perf_counter()
+                packing = pack(
+                    ball, box, method="digital", count=420, seed=1, voxel_size=1 / cells, sweeps=many, cycles=6,
+                    orientations=1, settling=settling,
+                )  # fmt: skip
+                seconds = time.perf_counter() - began
+                rows.append((cells, many, stage, seconds, float(bulk_solid_fraction(packing))))
+    return rows
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    moves, beds, loop = measure_moves(), measure_beds(), calibration()
+    peers = ("NumPy", "numba fronts")
+    rates = {(shape, voxels, program): rate for shape, voxels, program, rate, _ in moves}
+    rows = [
+        "shape,voxels,program,attempts_per_second,accepted,ratio_to_numpy,ratio_to_numba_fronts,calibration_seconds"
+    ]
+    for shape, voxels, program, rate, accepted in moves:
+        ratios = [
+            f"{rate / rates[shape, voxels, peer]:.1f}" if (shape, voxels, peer) in rates else "" for peer in peers
+        ]
+        rows.append(f'"{shape}",{voxels},{program},{rate:.0f},{accepted:.3f},{",".join(ratios)},{loop:.5f}')
+    table, second, figure = folder / "digital_moves.csv", folder / "digital_beds.csv", folder / "digital.svg"
+    write_text(table, "\n".join(rows) + "\n")
+    lines = [
+        f"{cells},{many},{stage},{seconds:.2f},{bulk:.4f},{loop:.5f}" for cells, many, stage, seconds, bulk in beds
+    ]
+    head = "voxels_per_diameter,sweeps,stage,seconds,bulk_solid_fraction,calibration_seconds"
+    write_text(second, "\n".join([head, *lines]) + "\n")
+    _draw(moves, beds, figure)
+    return table, second, figure
+
+
+registration = TradeOff(
+    name="digital", summary="moves per second, and density against seconds, of digital packing", run=run
+)
+
+
+def _draw(moves: list[MoveRow], beds: list[BedRow], path: Path) -> None:
+    """Draw rates on the left, density against seconds in the middle and against voxels per diameter on the right."""
+    figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
+    for program in ("voxgran", "numba fronts", "NumPy"):
+        rates = [(row[1], row[3]) for row in moves if row[0] == "sphere" and row[2] == program]
+        left.loglog(*zip(*rates, strict=True), marker="o", label=program)
+    left.set_xlabel("voxels of a grain")
+    left.set_ylabel("attempts per second")
+    for k, cells in enumerate(sorted({row[0] for row in beds})):
+        for stage, style in (("walk", ":"), ("walk and settling", "-")):
+            found = [(row[3], row[4]) for row in beds if row[0] == cells and row[2] == stage]
+            label = f"{cells} voxels per diameter, {stage}"
+            middle.semilogx(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=label)
+    middle.set_xlabel("seconds")
+    middle.set_ylabel("bulk solid fraction, true spheres")
+    longest = max(row[1] for row in beds)
+    for stage, style in (("walk", ":"), ("walk and settling", "-")):
+        ends = [(row[0], row[4]) for row in beds if row[1] == longest and row[2] == stage]
+        right.plot(*zip(*ends, strict=True), f"k{style}", marker="o", label=stage)
+    right.set_xlabel("voxels per diameter")
+    right.set_ylabel("bulk solid fraction, true spheres")
+    for panel in (left, middle, right):
+        panel.grid(visible=True, alpha=0.3)
+        panel.legend(frameon=False, fontsize=7)
+    with written_whole(path) as draft:
+        figure.savefig(draft, format="svg")
