@@ -77,14 +77,6 @@ def _front_moves(grid, sites, picks, ways, steps, front, tail, bounds):  # type:
     return accepted
 
 
-def random_sites(shape: Integers, size: Integers, solid: float, seed: np.random.Generator, voxels: int) -> Integers:
-    """Return sites of grains that share no box, at random, until they take a share of the lattice."""
-    count = int(solid * np.prod(shape) / voxels)
-    cells = (shape - 2) // size
-    places = np.stack(np.unravel_index(seed.permutation(int(np.prod(cells)))[:count], cells), axis=1)
-    return np.asarray(1 + places * size, dtype=np.int64)
-
-
 def occupied(shape: Integers, mask: Booleans, sites: Integers) -> NDArray[np.int8]:
     """Return the lattice with walls and grains."""
     grid = np.ones(shape, dtype=np.int8)

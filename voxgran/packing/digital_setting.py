@@ -11,12 +11,16 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import lattice_rotations, random_rotations
 from voxgran._base.seeds import philox_key, stream
-from voxgran.packing.bits import Bank, Canvas, Field, Words, make_bank
+from voxgran.contacts.parts import is_one_ball
+from voxgran.packing.bits import Bank, Canvas, Field, Words, make_bank, write_turned
 from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.packing.walk import Grains, Members, put
 from voxgran.shapes.model import Shape
+
+#: words that the bits of all members in all turns may take together, for all grains to share them
+SHARED = 2**21
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,12 +33,14 @@ class Setting:
         Where voxels lie.
     canvas : Canvas
         Where the packed occupancy lies.
+    kind : (n,) ndarray of int
+        Kind of each grain: grains of one shape and one diameter share their voxels; those of a start have their own.
     bank : Bank
-        Voxels of all members: each grain in each of its base orientations.
-    base : (n * bases, 4) ndarray of float
+        Voxels of all members: each kind in each of its base orientations.
+    base : (kinds * bases, 4) ndarray of float
         Base orientations.
     bases : int
-        How many each grain has.
+        How many each kind has.
     rotations : (r, 3, 3) ndarray of int
         Rotations of the lattice.
     turns : (r, 3) ndarray of int
@@ -45,14 +51,17 @@ class Setting:
         Direction, 0 for none.
     down : (3,) ndarray of int
         The axis along which it is strongest, as a lattice vector.
-    capacity : (n + 1,) ndarray of int
-        Where the bits of each grain begin.
+    own : (n + 1,) ndarray of int
+        Where the bits of each grain begin, where each has its own.
+    shared : tuple of ndarray
+        Bits of all members in all turns and where each begins; empty where they would take too much memory.
     key : ndarray of uint64
         Key of the random numbers.
     """
 
     lattice: ContainerLattice
     canvas: Canvas
+    kind: Integers
     bank: Bank
     base: Floats
     bases: int
@@ -62,7 +71,8 @@ class Setting:
     classes: Integers
     gravity: Floats
     down: Integers
-    capacity: Integers
+    own: Integers
+    shared: tuple[Words, Integers]
     key: Any
 
 
@@ -73,8 +83,10 @@ def setting_of(problem: Problem, state: State) -> Setting:
         state.derived["setting"] = setting
         state.derived["words"] = setting.canvas.words(free_voxels(problem.container, setting.lattice))
         largest = int(setting.bank.size.max(initial=1)) + 2
-        state.derived["bits"] = np.zeros(max(int(setting.capacity[-1]), largest), dtype=np.uint64)
+        bits, alone = setting.shared[0], not len(setting.shared[1])
+        state.derived["bits"] = np.zeros(max(int(setting.own[-1]), largest), dtype=np.uint64) if alone else bits
         state.derived["scratch"] = np.zeros(largest + _most_words(setting.bank.size), dtype=np.uint64)
+        state.derived["at"] = setting.own[:-1].copy()
         field, members, grains = records(state, setting)
         for grain in np.flatnonzero(state.arrays["member"] >= 0):
             put(field, members, grains, int(grain))
@@ -87,9 +99,11 @@ def records(state: State, setting: Setting) -> tuple[Field, Members, Grains]:
     _, words, deep = setting.canvas.word_shape
     canvas, bank, arrays = setting.canvas, setting.bank, state.arrays
     field = Field(state.derived["words"], words * deep, deep, canvas.shape, canvas.margin, canvas.periodic)
-    members = Members(bank.words, bank.start, bank.low, bank.size, setting.turns, setting.bases)
+    own = setting.turns, setting.bases, setting.kind, setting.shared[1]
+    members = Members(bank.words, bank.start, bank.low, bank.size, *own)
     where = (arrays["site"], arrays["member"], arrays["turn"])
-    return field, members, Grains(*where, state.derived["bits"], setting.capacity, state.derived["scratch"])
+    derived = state.derived
+    return field, members, Grains(*where, derived["bits"], derived["at"], setting.own, derived["scratch"])
 
 
 def voxel_size_of(problem: Problem) -> float:
@@ -99,9 +113,31 @@ def voxel_size_of(problem: Problem) -> float:
 
 
 def bases_of(problem: Problem) -> int:
-    """Return how many base orientations each grain has."""
+    """Return how many base orientations each kind has."""
     whole = 24 if problem.dimension == 3 else 4
     return max(1, math.ceil(problem.parameters.orientations / whole))
+
+
+def digital_kinds(problem: Problem) -> tuple[Integers, Integers]:
+    """Return the kind of each grain, and a grain of each kind; grains of a start are kinds of their own.
+
+    So that many grains of one kind do not all lie in few orientations, up to 16 kinds are made of one shape and size.
+    """
+    n = 0 if problem.start is None else problem.start.count
+    rest = np.column_stack([problem.shape_id[n:], problem.diameter[n:]])
+    if not len(rest):
+        return np.arange(n, dtype=np.int64), np.arange(n, dtype=np.int64)
+    ball = np.array([is_one_ball(shape.geometry) for shape in problem.shapes], dtype=np.bool_)
+    _, same = np.unique(rest, axis=0, return_inverse=True)
+    same = same.reshape(-1)
+    order = np.argsort(same, kind="stable")
+    rank = np.empty_like(order)
+    begin = np.searchsorted(same[order], same[order])
+    rank[order] = np.arange(len(order)) - begin
+    several = np.where(ball[problem.shape_id[n:]], 0, rank % 16)
+    pairs = np.column_stack([same, several])
+    _, first, inverse = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+    return np.concatenate([np.arange(n), n + inverse.reshape(-1)]), np.concatenate([np.arange(n), n + first])
 
 
 def gravity_vector(problem: Problem) -> Floats:
@@ -163,35 +199,58 @@ def _make(problem: Problem) -> Setting:
     if problem.parameters.orientations == 1:
         rotations = rotations[:1]
     bases = bases_of(problem)
-    base = _base_orientations(problem, bases)
+    kind, grains = digital_kinds(problem)
+    base = _base_orientations(problem, len(grains) * bases)
     if problem.start is not None:
         # the first member of each grain is the pose that it starts in
         base[: problem.start.count * bases : bases] = problem.start.orientation
 
     def mask_of(member: int) -> Booleans:
-        return problem.voxels(member // bases, base[member], lattice.voxel_size, cover=problem.parameters.cover)
+        grain = int(grains[member // bases])
+        return problem.voxels(grain, base[member], lattice.voxel_size, cover=problem.parameters.cover)
 
-    bank = make_bank(problem.count * bases, mask_of)
+    bank = make_bank(len(grains) * bases, mask_of)
     turns = np.array([[int(np.flatnonzero(row)[0]) + (3 if row.sum() < 0 else 0) for row in m] for m in rotations])
     periodic = np.array(problem.container.periodic, dtype=np.int64)
     margin = np.where(periodic, int(bank.size.max(initial=1)) + 1, 1).astype(np.int64)
     directions, classes, gravity = _directions(problem)
-    rows = np.array([_most_words(bank.size[g * bases : (g + 1) * bases]) for g in range(problem.count)], dtype=np.int64)
+    rows = np.array([_most_words(bank.size[k * bases : (k + 1) * bases]) for k in range(len(grains))], dtype=np.int64)
     first = int(bank.size.max(initial=1)) + 2  # a row of zeros that missing words point to
-    capacity = first + np.concatenate([[0], np.cumsum(rows)])
+    shared = _shared_bits(bank, turns, first)
+    alone = rows[kind] if not len(shared[1]) else np.zeros(problem.count, dtype=np.int64)
+    own = first + np.concatenate([[0], np.cumsum(alone)]).astype(np.int64)
     canvas, key = Canvas(lattice.shape, margin, periodic), philox_key(problem.seed, "digital")
     return Setting(
-        lattice, canvas, bank, base, bases, rotations, turns, directions, classes, gravity, main_axis(gravity),
-        capacity, key,
+        lattice, canvas, kind, bank, base, bases, rotations, turns, directions, classes, gravity, main_axis(gravity),
+        own, shared, key,
     )  # fmt: skip
 
 
-def _base_orientations(problem: Problem, bases: int) -> Floats:
-    """Return the random base orientations of all members, (n * bases, 4); in 2D about z."""
+def _shared_bits(bank: Bank, turns: Integers, first: int) -> tuple[Words, Integers]:
+    """Return the bits of all members in all turns after some zeros, and where they begin; nothing where it is much."""
+    size = bank.size + 2
+    volume = size.prod(axis=1) // 64 + size.max(axis=1, initial=0) ** 2
+    if int(volume.sum()) * len(turns) > SHARED:
+        return np.zeros(0, dtype=np.uint64), np.zeros(0, dtype=np.int64)
+    at, begin = np.zeros(len(bank.size) * len(turns), dtype=np.int64), first
+    for member, extent in enumerate(bank.size):
+        for t, turn in enumerate(turns % 3):
+            wide, deep, tall = extent[turn]
+            at[member * len(turns) + t] = begin
+            begin += int((wide + 2) * (deep + 2) * -(-tall // 64))
+    words = np.zeros(max(begin, first), dtype=np.uint64)
+    for k, place in enumerate(at):
+        member, t = divmod(k, len(turns))
+        write_turned(bank.words, bank.start[member], bank.size[member], turns[t], words, int(place))
+    return words, at
+
+
+def _base_orientations(problem: Problem, many: int) -> Floats:
+    """Return the random base orientations of all members; in 2D about z."""
     generator = stream(problem.seed, "orientations")
     if problem.dimension == 3:
-        return random_rotations(generator, problem.count * bases)
-    half = np.pi * generator.random(problem.count * bases)
+        return random_rotations(generator, many)
+    half = np.pi * generator.random(many)
     return np.column_stack([np.cos(half), np.zeros((len(half), 2)), np.sin(half)])
 
 

@@ -79,12 +79,6 @@ class Problem:
         shapes = np.array([shape.volume for shape in self.shapes])
         return shapes[self.shape_id] * self.diameter**self.dimension
 
-    def different_voxels(self, orientations: int) -> int:
-        """Return how many sets of voxels differ with so many orientations each; a ball looks the same in all."""
-        ball = np.array([is_one_ball(shape.geometry) for shape in self.shapes], dtype=np.bool_)[self.shape_id]
-        balls = np.column_stack([self.shape_id[ball], self.diameter[ball]])
-        return len(np.unique(balls, axis=0)) + orientations * int((~ball).sum())
-
     def length(self, value: float) -> float:
         """Return a length given in the user's unit in median diameters."""
         return value / self.unit_length

@@ -23,7 +23,11 @@ from voxgran.packing.images import (
 
 
 class Members(NamedTuple):
-    """The bank as kernels take it; `turns` are signed permutations of the axes."""
+    """The bank as kernels take it; `turns` are signed permutations of the axes.
+
+    kind: of each grain; its members are `bases` from kind * bases on.  at: where each member in each turn begins in the
+    bits that all grains share; empty where each grain has bits of its own.
+    """
 
     words: Words
     start: Integers
@@ -31,11 +35,14 @@ class Members(NamedTuple):
     size: Integers
     turns: Integers
     bases: int
+    kind: Integers
+    at: Integers
 
 
 class Grains(NamedTuple):
-    """Where the grains are: lattice site of the centroid, member of the bank (-1: waiting), turn; their bits from `at`
-    on.
+    """Where the grains are: lattice site of the centroid, member of the bank (-1: waiting), turn.
+
+    at: where the bits of each begin now.  own: where its own bits begin, where it has some.
     """
 
     site: Integers
@@ -43,6 +50,7 @@ class Grains(NamedTuple):
     turn: Integers
     bits: Words
     at: Integers
+    own: Integers
     scratch: Words
 
 
@@ -85,9 +93,7 @@ class Turn(NamedTuple):
 def put(field: Field, members: Members, grains: Grains, g: int) -> None:
     """Write the bits of a grain that has entered, and stamp it."""
     m = grains.member[g]
-    write_turned(
-        members.words, members.start[m], members.size[m], members.turns[grains.turn[g]], grains.bits, grains.at[g]
-    )
+    grains.at[g] = _load(members, grains, g, m, grains.turn[g])
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
     stamp_images(field, grains.bits, grains.at[g], size, lowest_corner(field, grains.site[g], low))
 
@@ -109,9 +115,7 @@ def enter_raised(
             first[axis] = max(0, min(first[axis], field.shape[axis] - size[axis]))
         if up[axis] != 0:
             most = field.shape[axis]
-    write_turned(
-        members.words, members.start[member], members.size[member], members.turns[turn], grains.bits, grains.at[g]
-    )
+    grains.at[g] = _load(members, grains, g, member, turn)
     for k in range(most + 1):
         corner = (
             wrapped(first[0] + k * up[0], field.shape[0], field.periodic[0]),
@@ -175,6 +179,16 @@ def make_attempts(
         if len(turn.slept):
             _note_rest(field, members, grains, rules, turn, g, attempt)
     return last
+
+
+@kernel
+def _load(members, grains, g, member, turn):  # type: ignore[no-untyped-def]
+    """Return where the bits of a grain as that member in that turn begin, written to its own ones where it has some."""
+    if len(members.at):
+        return members.at[member * len(members.turns) + turn]
+    at = grains.own[g]
+    write_turned(members.words, members.start[member], members.size[member], members.turns[turn], grains.bits, at)
+    return at
 
 
 @kernel
@@ -361,20 +375,29 @@ def _move(field, members, grains, g, step):  # type: ignore[no-untyped-def]
 @kernel
 def _turn(field, members, grains, g, base, turn):  # type: ignore[no-untyped-def]
     """Turn a grain about its centroid to another orientation of its bank where it fits; tell whether it turned."""
-    m, at, zeros = grains.member[g], grains.at[g], grains.at[0]
-    new_m = g * members.bases + base
+    m, at = grains.member[g], grains.at[g]
+    new_m = members.kind[g] * members.bases + base
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
     old = lowest_corner(field, grains.site[g], low)
     new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
     new = lowest_corner(field, grains.site[g], new_low)
-    write_turned(members.words, members.start[new_m], members.size[new_m], members.turns[turn], grains.scratch, zeros)
     stamp_images(field, grains.bits, at, size, old)
-    if is_blocked_anywhere(field, grains.scratch, zeros, new_size, new):
-        stamp_images(field, grains.bits, at, size, old)
-        return 0
-    words = (new_size[0] + 2) * (new_size[1] + 2) * ((new_size[2] + 63) // 64)
-    grains.bits[at : at + words] = grains.scratch[zeros : zeros + words]
-    stamp_images(field, grains.bits, at, new_size, new)
+    if len(members.at):
+        new_at = members.at[new_m * len(members.turns) + turn]
+        if is_blocked_anywhere(field, grains.bits, new_at, new_size, new):
+            stamp_images(field, grains.bits, at, size, old)
+            return 0
+        grains.at[g] = new_at
+    else:
+        zeros = grains.own[0]
+        start, extent = members.start[new_m], members.size[new_m]
+        write_turned(members.words, start, extent, members.turns[turn], grains.scratch, zeros)
+        if is_blocked_anywhere(field, grains.scratch, zeros, new_size, new):
+            stamp_images(field, grains.bits, at, size, old)
+            return 0
+        words = (new_size[0] + 2) * (new_size[1] + 2) * ((new_size[2] + 63) // 64)
+        grains.bits[at : at + words] = grains.scratch[zeros : zeros + words]
+    stamp_images(field, grains.bits, grains.at[g], new_size, new)
     _place(grains, g, new_m, turn, new, new_low)
     return 1
 
@@ -386,7 +409,7 @@ def _feed(field, members, grains, rules, queue, tally, key, attempt, word):  # t
     slot = below(word, waiting)
     g = queue[slot]
     r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
-    m = g * members.bases + below(r0, members.bases)
+    m = members.kind[g] * members.bases + below(r0, members.bases)
     turn = below(r0 << np.uint64(32), len(members.turns))
     low, size = turned_box(members.low[m], members.size[m], members.turns[turn])
     corner = (
@@ -394,7 +417,7 @@ def _feed(field, members, grains, rules, queue, tally, key, attempt, word):  # t
         _entry(field, rules, 1, size[1], r2),
         _entry(field, rules, 2, size[2], r3),
     )
-    write_turned(members.words, members.start[m], members.size[m], members.turns[turn], grains.bits, grains.at[g])
+    grains.at[g] = _load(members, grains, g, m, turn)
     tally[5] += 1
     if is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
         tally[6] += 1

@@ -71,6 +71,10 @@ def test_the_run_loads_and_makes_what_the_plan_says(name, tmp_path):
 LARGE = """
 [[shape]]
 family = "sphere"
+[sizes]
+kind = "lognormal"
+median = 1.0
+sigma = 0.05
 [container]
 kind = "box"
 lengths = [9, 9, 12]

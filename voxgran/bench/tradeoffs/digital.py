@@ -17,12 +17,11 @@ from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration
-from voxgran.bench.walk_peers import Walk, front_walk, numpy_walk, occupied, random_sites
+from voxgran.bench.walk_peers import Walk, front_walk, numpy_walk, occupied
 from voxgran.containers.box import Box
 from voxgran.measure.density import bulk_solid_fraction
 from voxgran.packing.digital_setting import setting_of
 from voxgran.packing.method import State, method_registry
-from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack, prepare_task
 from voxgran.packing.problem import Problem
 from voxgran.shapes.family import make_shape
@@ -56,20 +55,21 @@ def walking_task(shape: Shape, cells: int, edge: int = EDGE) -> tuple[Problem, S
     edge : int
         Voxels along each edge of the lattice.
     """
-    shape = shape.scaled(1 / shape.diameter)
-    extent = np.ptp(shape.vertices, axis=0)
-    size = np.ceil(extent * cells).astype(np.int64) + 3
-    voxels = int(shape.volume * cells**3 * 1.15)
-    sites = random_sites(np.full(3, edge), size, SOLID, stream(0, "bench walk"), voxels)
-    middle = (shape.vertices.min(axis=0) + shape.vertices.max(axis=0)) / 2
     box = Box((edge / cells,) * 3)
-    start = Packing.of([shape], box, position=(sites + size / 2) / cells - middle)
+    count = int(SOLID * edge**3 / cells**3 / (shape.volume / shape.diameter**3) / 1.2)
     task = prepare_task(
-        [], box, method="digital", count=None, solid_fraction=None, sizes=None, weights=None, weights_by="number",
-        seed=0, start=start,
-        parameters={"voxel_size": 1 / cells, "gravity": "none", "turns": 0.0, "orientations": 1, "sweeps": 10**9},
+        shape.scaled(1 / shape.diameter), box, method="digital", count=count, solid_fraction=None, sizes=None,
+        weights=None, weights_by="number", seed=0,
+        parameters={
+            "voxel_size": 1 / cells, "gravity": "none", "turns": 0.0, "orientations": 1, "sweeps": 10**9,
+            "feed": "at_once",
+        },
     )  # fmt: skip
-    return task.problem, method_registry().get("digital").prepare(task.problem)
+    method = method_registry().get("digital")
+    state = method.prepare(task.problem)
+    while state.counters["fed_at"] < 0:
+        state = method.advance(task.problem, state, 10_000)
+    return task.problem, state
 
 
 def rate_of_walk(problem: Problem, state: State) -> tuple[float, float]:
@@ -95,7 +95,7 @@ def rate_of_peer(walk: Walk, problem: Problem, state: State, attempts: int) -> t
     filled = [np.flatnonzero(mask.any(axis=tuple(k for k in range(3) if k != axis))) for axis in range(3)]
     low = np.array([line[0] for line in filled])
     box = mask[tuple(slice(line[0], line[-1] + 1) for line in filled)]
-    sites = state.arrays["site"] - half + low + 1
+    sites = state.arrays["site"][state.arrays["member"] >= 0] - half + low + 1
     grid = occupied(setting.lattice.shape + 2, box, sites)
     generator, best, moved, tried = stream(1, "bench picks"), 0.0, 0, 0
     began = time.perf_counter()

@@ -33,12 +33,15 @@ from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import product, quaternions_of
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.bits import UNPACKED
 from voxgran.packing.digital_setting import (
+    SHARED,
     Setting,
     bases_of,
+    digital_kinds,
     gravity_text,
     gravity_vector,
     mean_width,
@@ -285,10 +288,16 @@ def cost(problem: Problem) -> Cost:
     wide, half = width / lattice.voxel_size + 2, np.ceil(radius / lattice.voxel_size) + 1
     tall = wide if problem.dimension == 3 else np.ones_like(wide)
     members = bases_of(problem)
-    # each member along each axis, in pieces and then joined; and the bits of each grain where it lies
-    bank = (2 * 3 * members + 1) * 8 * float((wide * wide * (tall / 64 + 0.5)).sum())
+    # each member along each axis, in pieces and then joined; and the bits of each grain, or those that all share
+    words = wide * wide * (tall / 64 + 0.5)
+    grains = digital_kinds(problem)[1]
+    turns = 1 if settings.orientations == 1 else 24 if problem.dimension == 3 else 4
+    shared = members * turns * float(words[grains].sum())
+    bits = shared if shared <= SHARED else float(words.sum())
+    bank = 2 * 3 * members * 8 * float(words[grains].sum()) + 8 * bits
     masks = float(((2 * half) ** problem.dimension).mean()) if problem.count else 0.0
-    kept = min(problem.byte_limit, problem.different_voxels(members) * masks)
+    different = _different_masks(problem)
+    kept = min(problem.byte_limit, different * masks)
     largest = 2 * float(radius.max(initial=0.0)) / lattice.voxel_size + 4
     margin = np.where(np.array(problem.container.periodic), largest, 1.0)
     canvas = float(np.prod(lattice.shape + 2 * margin + np.array([0, 0, 64]))) / 8
@@ -298,8 +307,16 @@ def cost(problem: Problem) -> Cost:
     return Cost(
         memory=int(canvas + unpacked + bank + kept),
         attempts=problem.count * (settings.sweeps + 40 * SETTLE_SWEEPS),
-        voxelized_shapes=problem.different_voxels(members),
+        voxelized_shapes=different,
     )
+
+
+def _different_masks(problem: Problem) -> int:
+    """Return how many sets of voxels differ; a ball looks the same in all orientations."""
+    grains = digital_kinds(problem)[1]
+    ball = np.array([is_one_ball(shape.geometry) for shape in problem.shapes], dtype=np.bool_)[problem.shape_id]
+    alike = np.column_stack([problem.shape_id, problem.diameter])[grains[ball[grains]]]
+    return len(np.unique(alike, axis=0)) + bases_of(problem) * int(np.count_nonzero(~ball[grains]))
 
 
 def _cycles(problem: Problem) -> int:
