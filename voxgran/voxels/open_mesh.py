@@ -17,8 +17,10 @@ from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError
 from voxgran._base.lazy import load
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
+from voxgran.shapes.bodies import outward
 from voxgran.shapes.diagnose import merged
 from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.shells import turned_faces
 from voxgran.shapes.winding import winding_numbers
 from voxgran.voxels.model import Voxels
 from voxgran.voxels.scanline import winding_slabs
@@ -89,12 +91,18 @@ def voxelize_mesh(
                 f"voxel_size is {size}: there would be more than {MOST_VOXELS} voxels; make them larger"
             )
         grid = Grid.around(low, high, size)
-    if Mesh(corners.copy(), triangles.copy()).volume < 0:
-        triangles = np.ascontiguousarray(triangles[:, ::-1])
+    triangles, turned = _wound_alike(corners, triangles)
     inner = (corners - np.array(grid.origin)) / grid.voxel_size
     rim = open_edges(triangles)
     bits, columns = _wound(inner, triangles, grid.shape)
     doubtful = 0
+    if turned and not len(rim):
+        warnings.warn(
+            f"the mesh has {turned} faces that were wound against their neighbours: they were turned over; mend it with "
+            "voxgran.repair",
+            DirtyMeshWarning,
+            stacklevel=2,
+        )
     if len(rim):
         bits, doubtful = _voted(inner, triangles, rim, grid.shape)
         warnings.warn(
@@ -108,6 +116,20 @@ def voxelize_mesh(
         bits, np.array(grid.origin), grid.voxel_size, surface=(corners, triangles), open_columns=columns,
         doubtful_voxels=doubtful,
     )  # fmt: skip
+
+
+def _wound_alike(corners: Floats, faces: Integers) -> tuple[Integers, int]:
+    """Return faces that are wound as their neighbours are, outward, and how many were not."""
+    turned = turned_faces(faces, len(corners)) if len(open_edges(faces)) else None
+    many = 0
+    if turned is not None:
+        many = int(np.count_nonzero(turned))
+        faces = np.ascontiguousarray(np.where(turned[:, None], faces[:, ::-1], faces))
+        if many and not len(open_edges(faces)):
+            faces = outward(corners, faces)[0]
+    if Mesh(corners.copy(), faces.copy()).volume < 0:
+        faces = np.ascontiguousarray(faces[:, ::-1])
+    return faces, many
 
 
 def open_edges(faces: Integers) -> Integers:
