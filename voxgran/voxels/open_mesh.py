@@ -98,7 +98,7 @@ def voxelize_mesh(
     doubtful = 0
     if turned and not len(rim):
         warnings.warn(
-            f"the mesh has {turned} faces that were wound against their neighbours: they were turned over; mend it with "
+            f"the mesh had {turned} faces wound against their neighbours, which were turned over: mend it with "
             "voxgran.repair",
             DirtyMeshWarning,
             stacklevel=2,
