@@ -55,3 +55,34 @@ def test_no_more_than_stated(name, inputs):
     # what depends on the surface: pieces of triangles, runs, corners
     beside = 12e6 if name in ("iso_surface", "voxelize(fraction=True)") else 2e6
     assert peak <= stated(name) * N**3 + beside
+
+
+def peak_of(work):
+    """Return the bytes that a call takes at its peak."""
+    work()
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.filterwarnings("ignore:the mesh has")
+def test_what_stands_beside_the_bytes_a_voxel(inputs):
+    """The third column of the page."""
+    shape, mask, _ = inputs
+    ball, voxels = vg.make_shape("ellipsoid"), N**3
+    cut = len(vg.voxelize(ball, grid=GRID, fraction=True).shares.cut)
+    bits = vg.voxelize(ball, grid=GRID).bits
+    holes = shape.faces[1:]
+    limits = [
+        (lambda: vg.voxelize(shape, grid=GRID, cover="touch"), voxels / 4 + 2e6),
+        (lambda: vg.voxelize(ball, grid=GRID, fraction=True), (2 + 1 / 8) * voxels + 200 * cut),
+        (lambda: vg.voxelize_mesh(shape.vertices, shape.faces, grid=GRID), voxels / 8 + 24 * 2**20),
+        (lambda: vg.voxelize_mesh(shape.vertices, holes, grid=GRID), (4 + 1 / 8) * voxels + 24 * 2**20),
+        (lambda: vg.distance_transform(mask, squared=True), 4 * voxels + 2e6),
+        (lambda: (bits.count(), bits.centroid(), bits.bounds(), bits.face_count()), 30 * 2**20),
+    ]
+    for work, limit in limits:
+        assert peak_of(work) <= limit

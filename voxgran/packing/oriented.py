@@ -11,8 +11,11 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.rotation import lattice_rotations, product, quaternions_of, random_rotations
 from voxgran._base.seeds import stream
-from voxgran.packing.bits import Words, pack_columns
+from voxgran.packing.bits import Field, Words, pack_columns
+from voxgran.packing.lattice import ContainerLattice
 from voxgran.packing.problem import Problem
+from voxgran.packing.sites import Parts, find_raised, stamp_grain
+from voxgran.packing.start import Start, refuse_start, upward
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +140,46 @@ def orient(problem: Problem, first: Integers, base: Floats, voxel_size: float, *
         np.array([pose for *_, pose in found]).reshape(-1, 4),
         tuple(box for box, *_ in found),
     )
+
+
+def stand_start(
+    problem: Problem, start: Start, lattice: ContainerLattice, oriented: Oriented, *, field: Field, gravity: Integers
+) -> Integers:
+    """Put the grains of a start on the canvas, each as little above its place as it needs to be.
+
+    Parameters
+    ----------
+    problem : Problem
+        In the normalized frame.
+    start : Start
+        Its poses; its grains are the last of `oriented`.
+    lattice : ContainerLattice
+        Where voxels lie.
+    oriented : Oriented
+        Voxels of all.
+    field : Field
+        The canvas.
+    gravity : (3,) ndarray of int
+        Where down is; zero for none.
+
+    Returns
+    -------
+    (m, 3) ndarray of int
+        Their sites.
+
+    Raises
+    ------
+    InputError
+        If a grain finds no place.
+    """
+    parts = Parts(oriented.words, oriented.at, oriented.low, oriented.size)
+    sites = np.rint((start.position - lattice.corner) / lattice.voxel_size).astype(np.int64)
+    begin = len(oriented.at) - start.count
+    for grain in start.rising(gravity).tolist():
+        if find_raised(field, parts, begin + grain, sites[grain], upward(gravity, problem.dimension)) < 0:
+            refuse_start(grain)
+        stamp_grain(field, parts, begin + grain, sites[grain])
+    return sites
 
 
 def _turned(mask: Booleans, matrix: Integers) -> Booleans:

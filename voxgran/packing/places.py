@@ -52,7 +52,7 @@ class Table:
 
 def runs_of(mask: Booleans) -> Integers:
     """Return the runs of a mask along z: x, y, first z and length, (r, 4)."""
-    edges = np.diff(mask.astype(np.int8), axis=2, prepend=0, append=0)
+    edges = np.diff(mask.astype(np.int8), axis=2, prepend=np.int8(0), append=np.int8(0))
     start, end = np.argwhere(edges == 1), np.argwhere(edges == -1)
     return np.column_stack([start, end[:, 2] - start[:, 2]]).astype(np.int64)
 

@@ -49,7 +49,7 @@ def voxel_shares(geometry: Geometry, grid: Grid, offset: Floats) -> Shares:
     cut = np.argwhere(PackedMask(touched.words & ~_whole(geometry, grid, offset).words, grid.shape).unpacked())
     stretch, curve, ends = body_frame(geometry, *profile(geometry), grid.voxel_size)
     middles = cut + 0.5 - (offset - start) / grid.voxel_size
-    return _joined(inside, cut, round_shares(middles, stretch, curve, ends), grid, ERROR)
+    return Shares.joined(inside, cut, _settled(round_shares(middles, stretch, curve, ends)), ERROR)
 
 
 def _whole(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
@@ -57,17 +57,12 @@ def _whole(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
     half = grid.voxel_size / 2
     x, y, z = (value - half for value in grid.origin)
     nx, ny, nz = grid.shape
-    inside = round_bits(solid, Grid((x, y, z), grid.voxel_size, (nx + 1, ny + 1, nz + 1)), offset).unpacked()
-    for axis in range(3):
-        inside = np.delete(inside, -1, axis) & np.delete(inside, 0, axis)
-    return PackedMask.of(inside)
-
-
-def _joined(inside: PackedMask, cut: Integers, part: Floats, grid: Grid, error: float) -> Shares:
-    """Return shares from the voxels whose center is inside and the parts of those that are cut."""
-    share = inside.unpacked().astype(np.float64)
-    share[tuple(cut.T)] = _settled(part)
-    return Shares.of(share, error)
+    words = round_bits(solid, Grid((x, y, z), grid.voxel_size, (nx + 1, ny + 1, nz + 1)), offset).words
+    both = words[:-1] & words[1:]
+    both = both[:, :-1] & both[:, 1:]
+    above = both >> np.uint64(1)
+    above[:, :, :-1] |= both[:, :, 1:] << np.uint64(63)
+    return PackedMask(np.ascontiguousarray((both & above)[:, :, : -(-nz // 64)]), grid.shape)
 
 
 def _settled(part: Floats) -> Floats:
@@ -114,7 +109,7 @@ def _ball_shares(centers: Floats, radii: Floats, grid: Grid) -> Shares:
         ends = np.concatenate([[0], np.cumsum(counts)])
         share[several] = union_shares(middles[several], ends, inner[members], sizes[members])
     cut = np.column_stack(np.unravel_index(voxels, grid.shape))
-    return _joined(inside, cut, share, grid, UNION_ERROR if len(several) else ERROR)
+    return Shares.joined(inside, cut, _settled(share), UNION_ERROR if len(several) else ERROR)
 
 
 def _cut_by(inner: Floats, sizes: Floats, grid: Grid, whole: PackedMask) -> tuple[Integers, Integers]:

@@ -13,9 +13,12 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
+from voxgran.lattice.packed import PackedMask
 
 #: pieces of triangles that are in memory at a time: bounds the memory beside the result
 PIECES = 2**18
+#: voxels that are unpacked at a time where runs are looked for
+SLAB = 2**20
 #: error of the shares of a mesh, from round-off
 ERROR = 1e-12
 
@@ -63,11 +66,41 @@ class Shares:
     def of(cls, share: Floats, error: float) -> "Shares":
         """Return the sparse form of dense shares."""
         cut = (share > 0) & (share < 1)
-        edges = np.diff((share >= 1).astype(np.int8), axis=2, prepend=0, append=0)
-        start, end = np.argwhere(edges == 1), np.argwhere(edges == -1)
         nx, ny, nz = share.shape
-        runs = np.column_stack([start, end[:, 2]]).astype(np.int32)
-        return cls((nx, ny, nz), np.argwhere(cut).astype(np.int32), share[cut], runs, error)
+        whole = PackedMask.of(share >= 1)
+        return cls((nx, ny, nz), np.argwhere(cut).astype(np.int32), share[cut], runs_of(whole), error)
+
+    @classmethod
+    def joined(cls, inside: PackedMask, cut: Integers, part: Floats, error: float) -> "Shares":
+        """Return the shares of a solid from the voxels whose center it holds and the parts of those that it cuts.
+
+        Parameters
+        ----------
+        inside : PackedMask
+            Voxels whose center is inside.
+        cut : (n, 3) ndarray of int
+            Voxels that the surface may cut, rising in the order of the lattice.
+        part : (n,) ndarray of float
+            Their solid parts, 0 and 1 included.
+        error : float
+            Root mean square error of the parts.
+        """
+        whole = PackedMask(inside.words.copy(), inside.shape)
+        set_bits(whole.words, cut, part >= 1)
+        some = (part > 0) & (part < 1)
+        return cls(inside.shape, cut[some].astype(np.int32), part[some], runs_of(whole), error)
+
+
+def runs_of(bits: PackedMask) -> NDArray[np.int32]:
+    """Return the runs of taken voxels along z: indices x and y, first index z and the one behind the last, (m, 4)."""
+    found, thick = [np.zeros((0, 4), dtype=np.int32)], max(1, SLAB // max(1, bits.shape[1] * bits.shape[2]))
+    for begin in range(0, bits.shape[0], thick):
+        words = np.ascontiguousarray(bits.words[begin : begin + thick])
+        mask = np.unpackbits(words.view(np.uint8), axis=2, count=bits.shape[2], bitorder="little").view(np.int8)
+        edges = np.diff(mask, axis=2, prepend=np.int8(0), append=np.int8(0))
+        start, end = np.argwhere(edges == 1), np.argwhere(edges == -1)
+        found.append(np.column_stack([start[:, 0] + begin, start[:, 1:], end[:, 2]]).astype(np.int32))
+    return np.concatenate(found)
 
 
 def mesh_shares(vertices: Floats, faces: Integers, counts: tuple[int, int, int]) -> Shares:
@@ -113,6 +146,15 @@ def _all_pieces(
         found.append((column[:many].copy(), level[:many].copy(), shadow[:many].copy(), below[:many].copy()))
     columns, levels, shadows, belows = zip(*found, strict=True)
     return np.concatenate(columns), np.concatenate(levels), np.concatenate(shadows), np.concatenate(belows)
+
+
+@kernel
+def set_bits(words: NDArray[np.uint64], voxels: Integers, values: NDArray[np.bool_]) -> None:
+    """Set or clear the bits of some voxels."""
+    for v in range(len(voxels)):
+        i, j, k = voxels[v, 0], voxels[v, 1], voxels[v, 2]
+        bit = np.uint64(1) << np.uint64(k & 63)
+        words[i, j, k >> 6] = words[i, j, k >> 6] | bit if values[v] else words[i, j, k >> 6] & ~bit
 
 
 @kernel

@@ -238,3 +238,21 @@ def test_sleeping_grains_are_passed_over_and_the_bed_is_as_dense():
     assert counters["slept_through"] > 0.3 * sleeping[0].done
     heights = [packing.position[:, 2].mean() for _, packing in (plain, sleeping)]
     assert heights[1] < heights[0] + 0.25
+
+
+@pytest.mark.parametrize(
+    "way", [{"lid": True}, {"schedule": "sleeping", "guided": 0.3}, {"feed": "layers"}, {"schedule": "sorted"}], ids=str
+)
+def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path):
+    options = {"method": "digital", "count": 15, "voxel_size": 0.125, "sweeps": 200, "cycles": 2, "seed": 3, **way}
+    shape, path, stops = vg.make_shape("solid_union", seed=2), tmp_path / "run.checkpoint", 0
+    whole = vg.pack(shape, BOX, **options)
+    for _ in range(500):
+        packing = vg.pack(shape, BOX, checkpoint=path, resume=True, time_limit=1e-6, **options)
+        if packing.stop_reason != "interrupted":
+            break
+        stops += 1
+    assert stops > 3
+    assert packing.stop_reason == whole.stop_reason
+    assert packing.position.tobytes() == whole.position.tobytes()
+    assert packing.provenance["lid_lowered"] == whole.provenance["lid_lowered"]

@@ -109,7 +109,9 @@ def _from_mask(mask: Booleans) -> Floats:
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     transforms, signed = measure_transforms(), measure_signed()
-    rows = ["image,voxels_along_edge,seconds,seconds_two_threads,seconds_scipy,ratio,squares_that_differ,calibration"]
+    rows = [
+        "image,voxels_along_edge,seconds,seconds_two_threads,seconds_scipy,ratio,squares_that_differ,calibration_seconds"
+    ]
     loop = calibration()
     for name, n, one, two, scipy, wrong in transforms:
         rows.append(f"{name},{n},{one:.5f},{two:.5f},{scipy:.5f},{scipy / one:.1f},{wrong},{loop:.5f}")

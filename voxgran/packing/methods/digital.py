@@ -17,8 +17,7 @@ vibration begins. Each is a Markov chain of its own.
 
 References
 ----------
-Caulkin, Jia, Fairweather & Williams 2008, Lattice approaches to packed column simulations, Particuology 6(6), 404-411,
-doi:10.1016/j.partic.2008.07.007 (moves guided by contacts).
+Caulkin et al. 2008 (moves guided by collisions; known by author and year only).
 Jia & Williams 2001, A packing algorithm for particles of arbitrary shapes, Powder Technology 120(3), 175-186,
 doi:10.1016/S0032-5910(01)00268-6
 """
@@ -306,7 +305,7 @@ def cost(problem: Problem) -> Cost:
     unpacked = 4 * UNPACKED + (0.0 if even else 2.5 * float(np.prod(lattice.shape)))
     return Cost(
         memory=int(canvas + unpacked + bank + kept),
-        attempts=problem.count * (settings.sweeps + 40 * SETTLE_SWEEPS),
+        attempts=problem.count * (settings.sweeps + 40 * SETTLE_SWEEPS + settings.settling),
         voxelized_shapes=different,
     )
 

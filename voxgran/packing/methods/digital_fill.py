@@ -25,7 +25,7 @@ from voxgran.packing.bits import Canvas, Field, Words
 from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels, packing_on_lattice
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
-from voxgran.packing.oriented import Oriented, base_orientations, kinds_of, orient
+from voxgran.packing.oriented import Oriented, base_orientations, kinds_of, orient, stand_start
 from voxgran.packing.places import (
     Room,
     Table,
@@ -41,8 +41,7 @@ from voxgran.packing.places import (
     wall_shells,
 )
 from voxgran.packing.problem import Problem
-from voxgran.packing.sites import Parts, find_raised, stamp_grain
-from voxgran.packing.start import Start, refuse_start, upward
+from voxgran.packing.start import Start
 
 #: a score, smaller is better, and how many places have it
 Ranked: TypeAlias = tuple[tuple[int, int], int]
@@ -352,15 +351,9 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
     _, words, deep = canvas.word_shape
     empty = canvas.words(free_voxels(problem.container, lattice))
     field = Field(empty, words * deep, deep, canvas.shape, canvas.margin, canvas.periodic)
-    parts = Parts(oriented.words, oriented.at, oriented.low, oriented.size)
-    gravity = _gravity(problem)
-    sites = np.rint((start.position - lattice.corner) / lattice.voxel_size).astype(np.int64)
-    begin = len(oriented.at) - start.count
-    for grain in start.rising(gravity).tolist():
-        if find_raised(field, parts, begin + grain, sites[grain], upward(gravity, problem.dimension)) < 0:
-            refuse_start(grain)
-        stamp_grain(field, parts, begin + grain, sites[grain])
-        state.arrays["member"][grain], state.arrays["site"][grain] = begin + grain, sites[grain]
+    sites = stand_start(problem, start, lattice, oriented, field=field, gravity=_gravity(problem))
+    state.arrays["site"][: start.count] = sites
+    state.arrays["member"][: start.count] = np.arange(len(oriented.at) - start.count, len(oriented.at))
     state.counters["placed"] = start.count
 
 

@@ -24,10 +24,10 @@ from voxgran.packing.bits import Canvas, Field
 from voxgran.packing.lattice import ContainerLattice, container_lattice, free_voxels, packing_on_lattice
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
-from voxgran.packing.oriented import Oriented, base_orientations, kinds_of, orient
+from voxgran.packing.oriented import Oriented, base_orientations, kinds_of, orient, stand_start
 from voxgran.packing.problem import Problem
-from voxgran.packing.sites import Lists, Parts, add_at_random, find_raised, stamp_grain
-from voxgran.packing.start import Start, refuse_start, upward
+from voxgran.packing.sites import Lists, Parts, add_at_random, stamp_grain
+from voxgran.packing.start import Start
 
 #: most candidates, places times orientations times kinds
 MOST_CANDIDATES = 2**40
@@ -223,19 +223,13 @@ def _parts(setting: _Setting) -> Parts:
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
     """Put the grains of the start on the lattice, each as little above its place as it needs to be."""
     setting = _setting(problem, state)
-    field, parts, lattice = _field(state, setting), _parts(setting), setting.lattice
     gravity = np.zeros(3, dtype=np.int64)
     gravity[problem.dimension - 1] = -1
     gravity *= not problem.container.periodic[problem.dimension - 1]
-    sites = np.rint((start.position - lattice.corner) / lattice.voxel_size).astype(np.int64)
-    begin = len(setting.oriented.at) - start.count
-    for grain in start.rising(gravity).tolist():
-        raised = find_raised(field, parts, begin + grain, sites[grain], upward(gravity, problem.dimension))
-        if raised < 0:
-            refuse_start(grain)
-        state.arrays["member"][grain] = begin + grain
-        state.arrays["site"][grain] = sites[grain]
-        stamp_grain(field, parts, begin + grain, sites[grain])
+    oriented, field = setting.oriented, _field(state, setting)
+    sites = stand_start(problem, start, setting.lattice, oriented, field=field, gravity=gravity)
+    state.arrays["site"][: start.count] = sites
+    state.arrays["member"][: start.count] = np.arange(len(oriented.at) - start.count, len(oriented.at))
     state.counters["placed"] = start.count
 
 
