@@ -25,10 +25,13 @@ class Kernel:
     ----------
     function : callable
         The plain Python function; `plain` keeps it for tests.
+    counted : bool
+        Whether it counts who holds the arrays that it is given.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], counted: bool = True) -> None:
         self.plain = function
+        self._counted = counted
         self._compiled: Callable[..., Any] | None = None
         update_wrapper(self, function)
 
@@ -50,7 +53,8 @@ class Kernel:
             before = numba.config.CACHE_DIR
             numba.config.CACHE_DIR = str(cache_folder())
             try:
-                self._compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(self._linked())
+                options = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": self._counted}
+                self._compiled = numba.njit(**options)(self._linked())
             finally:
                 numba.config.CACHE_DIR = before
         return self._compiled
@@ -69,9 +73,33 @@ class Kernel:
         return linked
 
 
+class Instruction(Kernel):
+    """A function that writes its own machine instructions, for kernels to call: numba's `intrinsic`, made lazily."""
+
+    def compiled(self) -> Callable[..., Any]:
+        """Return numba's intrinsic, made on the first request."""
+        if self._compiled is None:
+            self._compiled = load("numba.extending").intrinsic(self.plain)
+        return self._compiled
+
+
+def instruction(function: Callable[..., Any]) -> Instruction:
+    """Let kernels call a function that takes types and returns a signature and a code generator (decorator)."""
+    return Instruction(function)
+
+
 def kernel(function: Callable[..., Any]) -> Kernel:
     """Compile a function with numba on its first call (decorator)."""
     return Kernel(function)
+
+
+def bare_kernel(function: Callable[..., Any]) -> Kernel:
+    """Compile a function that makes no arrays (decorator).
+
+    It does not count who holds the arrays that it is given. In small kernels that hand many arrays to each other the
+    counting takes several times as long as the work.
+    """
+    return Kernel(function, counted=False)
 
 
 @cache
@@ -84,7 +112,7 @@ def cache_folder() -> Path:
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         source = path.read_bytes()
-        if b"@kernel" in source:
+        if any(mark in source for mark in (b"@kernel", b"@bare_kernel", b"@instruction")):
             digest.update(path.name.encode() + b"\0" + source)
     name = f"kernels-{digest.hexdigest()[:16]}"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")

@@ -12,7 +12,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import lattice_rotations, random_rotations
 from voxgran._base.seeds import philox_key, stream
 from voxgran.contacts.parts import is_one_ball
-from voxgran.packing.bits import Bank, Canvas, Field, Words, make_bank, write_turned
+from voxgran.packing.bits import Bank, Canvas, Field, Words, grain_words, make_bank, row_length, write_turned
 from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
@@ -82,7 +82,7 @@ def setting_of(problem: Problem, state: State) -> Setting:
         setting = _make(problem)
         state.derived["setting"] = setting
         state.derived["words"] = setting.canvas.words(free_voxels(problem.container, setting.lattice))
-        largest = int(setting.bank.size.max(initial=1)) + 2
+        largest = int(row_length.plain(int(setting.bank.size.max(initial=1))))
         bits, alone = setting.shared[0], not len(setting.shared[1])
         state.derived["bits"] = np.zeros(max(int(setting.own[-1]), largest), dtype=np.uint64) if alone else bits
         state.derived["scratch"] = np.zeros(largest + _most_words(setting.bank.size), dtype=np.uint64)
@@ -215,7 +215,7 @@ def _make(problem: Problem) -> Setting:
     margin = np.where(periodic, int(bank.size.max(initial=1)) + 1, 1).astype(np.int64)
     directions, classes, gravity = _directions(problem)
     rows = np.array([_most_words(bank.size[k * bases : (k + 1) * bases]) for k in range(len(grains))], dtype=np.int64)
-    first = int(bank.size.max(initial=1)) + 2  # a row of zeros that missing words point to
+    first = int(row_length.plain(int(bank.size.max(initial=1))))  # a row of zeros that missing words point to
     shared = _shared_bits(bank, turns, first)
     alone = rows[kind] if not len(shared[1]) else np.zeros(problem.count, dtype=np.int64)
     own = first + np.concatenate([[0], np.cumsum(alone)]).astype(np.int64)
@@ -237,7 +237,7 @@ def _shared_bits(bank: Bank, turns: Integers, first: int) -> tuple[Words, Intege
         for t, turn in enumerate(turns % 3):
             wide, deep, tall = extent[turn]
             at[member * len(turns) + t] = begin
-            begin += int((wide + 2) * (deep + 2) * -(-tall // 64))
+            begin += int(grain_words((wide, deep, tall)))
     words = np.zeros(max(begin, first), dtype=np.uint64)
     for k, place in enumerate(at):
         member, t = divmod(k, len(turns))
@@ -258,7 +258,7 @@ def _most_words(size: Integers) -> int:
     """Return the words that the largest rotation of these members takes, ring included."""
     most = 0
     for a, b, c in itertools.permutations(range(3)):
-        need = (size[:, a] + 2) * (size[:, b] + 2) * -(-size[:, c] // 64)
+        need = (size[:, a] + 2) * row_length.plain(size[:, b]) * -(-size[:, c] // 64)
         most = max(most, int(need.max(initial=0)))
     return most
 

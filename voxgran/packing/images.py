@@ -1,17 +1,18 @@
 """Grains on the canvas with their periodic images: where they are, what they meet, and stamping them."""
 
 from voxgran._base.arrays import Integers
-from voxgran._base.kernels import kernel
-from voxgran.packing.bits import Field, Triple, Words, is_blocked, is_move_blocked, stamp
+from voxgran._base.kernels import bare_kernel
+from voxgran.packing.bits import Field, Triple, Words
+from voxgran.packing.stamps import is_blocked, is_move_blocked, stamp, stamp_move
 
 
-@kernel
+@bare_kernel
 def wrapped(x: int, n: int, periodic: int) -> int:
     """Return a voxel index wrapped into [0, n) where the axis is periodic."""
     return x - (x // n) * n if periodic else x
 
 
-@kernel
+@bare_kernel
 def lowest_corner(field: Field, site: Integers, low: Triple) -> Triple:
     """Return the lowest voxel of a grain, wrapped into the container."""
     return (
@@ -21,13 +22,13 @@ def lowest_corner(field: Field, site: Integers, low: Triple) -> Triple:
     )
 
 
-@kernel
+@bare_kernel
 def copies(field: Field, axis: int, x: int, extent: int) -> int:
     """Return 2 where a grain reaches over the end of a periodic axis, else 1."""
     return 2 if field.periodic[axis] and x + extent > field.shape[axis] else 1
 
 
-@kernel
+@bare_kernel
 def image_of(field: Field, corner: Triple, ix: int, iy: int, iz: int) -> Triple:
     """Return the canvas voxel of an image of a corner."""
     return (
@@ -37,7 +38,7 @@ def image_of(field: Field, corner: Triple, ix: int, iy: int, iz: int) -> Triple:
     )
 
 
-@kernel
+@bare_kernel
 def stamp_images(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> None:
     """Flip a grain at its place and at its periodic images."""
     for ix in range(copies(field, 0, corner[0], size[0])):
@@ -46,7 +47,24 @@ def stamp_images(field: Field, bits: Words, at: int, size: Triple, corner: Tripl
                 stamp(field, bits, at, size, image_of(field, corner, ix, iy, iz))
 
 
-@kernel
+@bare_kernel
+def stamp_step(field: Field, bits: Words, at: int, size: Triple, old: Triple, corner: Triple, step: Triple) -> None:
+    """Flip what a grain covers anew and what it leaves by a step from one corner to another, images included."""
+    for axis in range(3):
+        if corner[axis] != old[axis] + step[axis] or copies(field, axis, old[axis], size[axis]) != copies(
+            field, axis, corner[axis], size[axis]
+        ):
+            # it has other images than before
+            stamp_images(field, bits, at, size, old)
+            stamp_images(field, bits, at, size, corner)
+            return
+    for ix in range(copies(field, 0, corner[0], size[0])):
+        for iy in range(copies(field, 1, corner[1], size[1])):
+            for iz in range(copies(field, 2, corner[2], size[2])):
+                stamp_move(field, bits, at, size, image_of(field, corner, ix, iy, iz), step)
+
+
+@bare_kernel
 def _is_outside(field, size, corner):  # type: ignore[no-untyped-def]
     """Tell whether a grain reaches through a wall, or on a periodic axis meets its own image."""
     for axis in range(3):
@@ -58,7 +76,7 @@ def _is_outside(field, size, corner):  # type: ignore[no-untyped-def]
     return False
 
 
-@kernel
+@bare_kernel
 def is_blocked_anywhere(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> bool:
     """Tell whether a grain that is not on the canvas would meet anything at a place or its images."""
     if _is_outside(field, size, corner):
@@ -71,7 +89,7 @@ def is_blocked_anywhere(field: Field, bits: Words, at: int, size: Triple, corner
     return False
 
 
-@kernel
+@bare_kernel
 def is_step_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> bool:
     """Tell whether a grain on the canvas that steps to a corner would newly cover a taken voxel."""
     for ix in range(copies(field, 0, corner[0], size[0])):

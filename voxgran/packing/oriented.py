@@ -11,7 +11,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.rotation import lattice_rotations, product, quaternions_of, random_rotations
 from voxgran._base.seeds import stream
-from voxgran.packing.bits import Field, Words, pack_columns
+from voxgran.packing.bits import Field, Words, pack_columns, row_length
 from voxgran.packing.lattice import ContainerLattice
 from voxgran.packing.problem import Problem
 from voxgran.packing.sites import Parts, find_raised, stamp_grain
@@ -123,10 +123,12 @@ def orient(problem: Problem, first: Integers, base: Floats, voxel_size: float, *
             box, low = _cut(problem.voxels(grain, pose, voxel_size, cover=cover))
             found.append((box, low, len(first) + grain, pose))
     largest = max((max(box.shape) for box, *_ in found), default=0)
-    words, at = [np.zeros(largest + 2, dtype=np.uint64)], []
-    offset = largest + 2
+    offset = row_length.plain(largest)
+    words, at = [np.zeros(offset, dtype=np.uint64)], []
     for box, *_ in found:
-        columns = pack_columns(np.pad(box, ((1, 1), (1, 1), (0, 0)))).transpose(0, 2, 1)
+        row = row_length.plain(box.shape[1])
+        filled = np.pad(box, ((1, 1), (1, row - 1 - box.shape[1]), (0, 0)))
+        columns = pack_columns(filled).transpose(0, 2, 1)
         words.append(columns.reshape(-1))
         at.append(offset)
         offset += columns.size

@@ -4,11 +4,11 @@ import numpy as np
 
 from voxgran._base.arrays import Integers
 from voxgran.lattice.morton import morton_order
-from voxgran.packing.bits import close_layer, count_layer
 from voxgran.packing.digital_setting import Setting, layer_of_lid, records, voxel_size_of, walls_of_layers
 from voxgran.packing.lattice import container_lattice, free_voxels
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
+from voxgran.packing.stamps import close_layer, count_layer
 
 #: sweeps after which grains are put in the order of space anew
 SORT_SWEEPS = 16

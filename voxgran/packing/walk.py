@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
-from voxgran.packing.bits import Field, Words, sum_blocked, turned_box, write_turned
+from voxgran.packing.bits import Field, Words, grain_words, turned_box, write_turned
 from voxgran.packing.images import (
     copies,
     image_of,
@@ -18,8 +18,10 @@ from voxgran.packing.images import (
     is_step_blocked,
     lowest_corner,
     stamp_images,
+    stamp_step,
     wrapped,
 )
+from voxgran.packing.stamps import sum_blocked
 
 
 class Members(NamedTuple):
@@ -89,7 +91,7 @@ class Turn(NamedTuple):
     cells: Integers
 
 
-@kernel
+@bare_kernel
 def put(field: Field, members: Members, grains: Grains, g: int) -> None:
     """Write the bits of a grain that has entered, and stamp it."""
     m = grains.member[g]
@@ -129,7 +131,7 @@ def enter_raised(
     return -1
 
 
-@kernel
+@bare_kernel
 def make_attempts(
     field: Field,
     members: Members,
@@ -181,7 +183,7 @@ def make_attempts(
     return last
 
 
-@kernel
+@bare_kernel
 def _load(members, grains, g, member, turn):  # type: ignore[no-untyped-def]
     """Return where the bits of a grain as that member in that turn begin, written to its own ones where it has some."""
     if len(members.at):
@@ -191,7 +193,7 @@ def _load(members, grains, g, member, turn):  # type: ignore[no-untyped-def]
     return at
 
 
-@kernel
+@bare_kernel
 def _pick(queue, placed, order, attempt, word):  # type: ignore[no-untyped-def]
     """Pick a grain: any that has entered, or one of 64 that lie near each other, 256 attempts for each window."""
     if len(order) == 0:
@@ -200,7 +202,7 @@ def _pick(queue, placed, order, attempt, word):  # type: ignore[no-untyped-def]
     return order[first + below(word, min(64, len(order) - first))]
 
 
-@kernel
+@bare_kernel
 def _cycle_start(rules, attempt):  # type: ignore[no-untyped-def]
     """Return the attempt at which the present cycle of vibration began."""
     begin, attempts, cycles = rules.schedule[0], rules.schedule[1], rules.schedule[2]
@@ -209,7 +211,7 @@ def _cycle_start(rules, attempt):  # type: ignore[no-untyped-def]
     return begin + (attempt - begin) * cycles // attempts * attempts // cycles
 
 
-@kernel
+@bare_kernel
 def _guided(hint, rules, d, pick, share):  # type: ignore[no-untyped-def]
     """Return a direction away from the contact that refused the last move, for the share that is guided."""
     if hint[0] == 0 and hint[1] == 0 and hint[2] == 0:
@@ -231,7 +233,7 @@ def _guided(hint, rules, d, pick, share):  # type: ignore[no-untyped-def]
     return d
 
 
-@kernel
+@bare_kernel
 def _note_contact(field, members, grains, g, step, moved, hint):  # type: ignore[no-untyped-def]
     """Note the normal of the contact that refused a move: from the middle of the blocked voxels to the centroid."""
     hint[0], hint[1], hint[2] = 0, 0, 0
@@ -258,7 +260,7 @@ def _note_contact(field, members, grains, g, step, moved, hint):  # type: ignore
         hint[2] = -2 * low[2] * many - 2 * z - many if field.shape[2] > 1 else 0
 
 
-@kernel
+@bare_kernel
 def _cell_range(field, members, grains, turn, g, axis):  # type: ignore[no-untyped-def]
     """Return first cell and number of cells along an axis that a grain, one voxel wider on each side, lies in."""
     m, t = grains.member[g], grains.turn[g]
@@ -269,7 +271,7 @@ def _cell_range(field, members, grains, turn, g, axis):  # type: ignore[no-untyp
     return first, (begin + size[axis] + 1) // edge - first + 1
 
 
-@kernel
+@bare_kernel
 def _sleeps(field, members, grains, turn, g, cycle):  # type: ignore[no-untyped-def]
     """Tell whether a grain sleeps on; it wakes with a new cycle, and when something near it has sunk since."""
     since = turn.slept[g]
@@ -289,14 +291,14 @@ def _sleeps(field, members, grains, turn, g, cycle):  # type: ignore[no-untyped-
     return quiet
 
 
-@kernel
+@bare_kernel
 def _cell(turn, i, j, k):  # type: ignore[no-untyped-def]
     """Return the number of a cell, wrapped."""
     nx, ny, nz = turn.cells[0], turn.cells[1], turn.cells[2]
     return ((i - i // nx * nx) * ny + (j - j // ny * ny)) * nz + k - k // nz * nz
 
 
-@kernel
+@bare_kernel
 def _note_rest(field, members, grains, rules, turn, g, attempt):  # type: ignore[no-untyped-def]
     """Stir the cells of a grain that came lower; put one to sleep that did not in 128 attempts."""
     site = grains.site[g]
@@ -319,7 +321,7 @@ def _note_rest(field, members, grains, rules, turn, g, attempt):  # type: ignore
                 turn.stirred[_cell(turn, i, j, k)] = attempt
 
 
-@kernel
+@bare_kernel
 def _upward_share(rules, attempt):  # type: ignore[no-untyped-def]
     """Return the share of upward moves: it dies away within each cycle and from cycle to cycle."""
     begin, attempts, cycles = rules.schedule[0], rules.schedule[1], rules.schedule[2]
@@ -331,7 +333,7 @@ def _upward_share(rules, attempt):  # type: ignore[no-untyped-def]
     return rules.shares[1] * kept * (1.0 - (along - cycle))
 
 
-@kernel
+@bare_kernel
 def _direction(share, word, classes, down, up):  # type: ignore[no-untyped-def]
     """Pick a direction: its class by the shares, then one of the class; all alike where there is no gravity."""
     if classes[1] == 0:
@@ -343,7 +345,7 @@ def _direction(share, word, classes, down, up):  # type: ignore[no-untyped-def]
     return classes[1] + below(word, classes[2] - classes[1])
 
 
-@kernel
+@bare_kernel
 def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def]
     """Note where a grain is."""
     grains.member[g] = member
@@ -352,7 +354,7 @@ def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def
         grains.site[g, axis] = corner[axis] - low[axis]
 
 
-@kernel
+@bare_kernel
 def _move(field, members, grains, g, step):  # type: ignore[no-untyped-def]
     """Move a grain by one voxel where nothing is in the way; tell whether it moved."""
     m, t = grains.member[g], grains.turn[g]
@@ -366,13 +368,12 @@ def _move(field, members, grains, g, step):  # type: ignore[no-untyped-def]
     at = grains.at[g]
     if is_step_blocked(field, grains.bits, at, size, new, step):
         return 0
-    stamp_images(field, grains.bits, at, size, old)
-    stamp_images(field, grains.bits, at, size, new)
+    stamp_step(field, grains.bits, at, size, old, new, step)
     _place(grains, g, m, t, new, low)
     return 1
 
 
-@kernel
+@bare_kernel
 def _turn(field, members, grains, g, base, turn):  # type: ignore[no-untyped-def]
     """Turn a grain about its centroid to another orientation of its bank where it fits; tell whether it turned."""
     m, at = grains.member[g], grains.at[g]
@@ -395,14 +396,15 @@ def _turn(field, members, grains, g, base, turn):  # type: ignore[no-untyped-def
         if is_blocked_anywhere(field, grains.scratch, zeros, new_size, new):
             stamp_images(field, grains.bits, at, size, old)
             return 0
-        words = (new_size[0] + 2) * (new_size[1] + 2) * ((new_size[2] + 63) // 64)
-        grains.bits[at : at + words] = grains.scratch[zeros : zeros + words]
+        words = grain_words(new_size)
+        for k in range(words):
+            grains.bits[at + k] = grains.scratch[zeros + k]
     stamp_images(field, grains.bits, grains.at[g], new_size, new)
     _place(grains, g, new_m, turn, new, new_low)
     return 1
 
 
-@kernel
+@bare_kernel
 def _feed(field, members, grains, rules, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
     """Let a waiting grain enter in a random orientation, at the top or anywhere; tell whether feeding has ended."""
     waiting = len(queue) - tally[0]
@@ -430,7 +432,7 @@ def _feed(field, members, grains, rules, queue, tally, key, attempt, word):  # t
     return waiting == 1
 
 
-@kernel
+@bare_kernel
 def _entry(field, rules, axis, extent, word):  # type: ignore[no-untyped-def]
     """Return the lowest voxel of a grain that enters, along one axis; -1 where there is no room."""
     n = field.shape[axis]

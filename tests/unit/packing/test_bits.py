@@ -8,17 +8,22 @@ from voxgran._base.seeds import stream
 from voxgran.packing.bits import (
     Canvas,
     Field,
+    grain_words,
+    make_bank,
+    pack_columns,
+    row_length,
+    turned_box,
+    unpack_columns,
+    write_turned,
+)
+from voxgran.packing.stamps import (
     close_layer,
     count_layer,
     is_blocked,
     is_move_blocked,
-    make_bank,
-    pack_columns,
     stamp,
+    stamp_move,
     sum_blocked,
-    turned_box,
-    unpack_columns,
-    write_turned,
 )
 
 ROW = 400  # zeros at the start of the bits, for words that are not there
@@ -62,12 +67,12 @@ def test_turns_are_exact(half):
         turn = signed(matrix)
         low, size = turned_box(bank.low[0], bank.size[0], turn)
         count = -(-size[2] // 64)
-        bits = np.zeros((size[0] + 2) * count * (size[1] + 2), dtype=np.uint64)
+        bits = np.full(grain_words(size), 7, dtype=np.uint64)
         write_turned(bank.words, bank.start[0], bank.size[0], turn, bits, 0)
-        columns = bits.reshape(size[0] + 2, count, size[1] + 2).transpose(0, 2, 1)
+        columns = bits.reshape(size[0] + 2, count, row_length(size[1])).transpose(0, 2, 1)
         assert not columns[0].any()
-        assert not columns[:, -1].any()
-        found = unpack_columns(columns[1:-1, 1:-1], size[2])
+        assert not columns[:, size[1] + 1 :].any()
+        found = unpack_columns(columns[1:-1, 1 : size[1] + 1], size[2])
         twin = rotated(mask, matrix)
         box = tuple(slice(half + a, half + a + n) for a, n in zip(low, size, strict=True))
         assert np.array_equal(found, twin[box])
@@ -87,7 +92,7 @@ def test_moves_are_those_of_plain_arrays(half):
     sizes, starts, bits = [], [], [np.zeros(ROW, dtype=np.uint64)]
     for member in range(2):
         _, size = turned_box(bank.low[member], bank.size[member], turn)
-        block = np.zeros((size[0] + 2) * -(-size[2] // 64) * (size[1] + 2), dtype=np.uint64)
+        block = np.zeros(grain_words(size), dtype=np.uint64)
         write_turned(bank.words, bank.start[member], bank.size[member], turn, block, 0)
         starts.append(sum(len(part) for part in bits))
         bits.append(block)
@@ -125,6 +130,11 @@ def test_moves_are_those_of_plain_arrays(half):
         expected = (len(newly), *(int(v) for v in places.sum(axis=0)))
         assert sum_blocked(field, words, starts[1], sizes[1], target, step) == expected
         blocked, free = blocked + bool(meets), free + (not meets)
+        if not meets:
+            stamp_move(field, words, starts[1], sizes[1], target, step)
+            expected = plain(1, target) | plain(0, resting)
+            assert np.array_equal(canvas.occupied(field.words), expected[1:-1, 1:-1, 1:-1])
+            corner = target
         stamp(field, words, starts[1], sizes[1], corner)
     assert free > 0
     stamp(field, words, starts[0], sizes[0], resting)
@@ -146,5 +156,5 @@ def test_layers_are_counted_and_closed(axis):
         assert np.array_equal(canvas.occupied(field.words), taken)
     # the images beyond a periodic axis are closed too
     if axis == 2:
-        full = unpack_columns(field.words.reshape(canvas.word_shape).transpose(0, 2, 1), nw * 64)
+        full = unpack_columns(field.words[:-8].reshape(canvas.word_shape).transpose(0, 2, 1), nw * 64)
         assert full[:, 1:-1, 1].all()
