@@ -4,6 +4,7 @@ numba's compiler does not turn loops over short rows into vector instructions; t
 processor has narrower vectors the compiler splits them.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 from voxgran._base.kernels import instruction
@@ -15,33 +16,85 @@ LANES = 8
 
 @instruction
 def meets_lanes(_, bits, here, under, old, old_under, canvas, cell, shift, old_shift):  # type: ignore[no-untyped-def]
-    """Return which of eight columns meet taken voxels of the canvas with bits that they did not have before."""
-    types, ir = load("numba").types, load("llvmlite.ir")
+    """Return which of eight columns meet taken voxels of the canvas with bits that they did not have before.
+
+    A column is a word shifted up, with what comes from the word under it.
+    """
     takes = (bits, here, under, old, old_under, canvas, cell, shift, old_shift)
+    return load("numba").types.uint8(*takes), _meeting(_joined)
 
-    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        new, gone = _columns(context, builder, signature, args)
-        taken = builder.load(_place(context, builder, signature.args[5], args[5], args[6]), align=8)
-        met = builder.and_(builder.and_(new, builder.not_(gone)), taken)
-        nothing = ir.Constant(_vector(), [0] * LANES)
-        return builder.bitcast(builder.icmp_unsigned("!=", met, nothing), ir.IntType(LANES))
 
-    return types.uint8(*takes), generate
+@instruction
+def meets_low_lanes(_, bits, here, part, old, old_part, canvas, cell, shift, old_shift):  # type: ignore[no-untyped-def]
+    """Return what `meets_lanes` returns, of columns one word tall: turned up, and of that the bits of a part."""
+    takes = (bits, here, part, old, old_part, canvas, cell, shift, old_shift)
+    return load("numba").types.uint8(*takes), _meeting(_turned)
 
 
 @instruction
 def flip_lanes(_, bits, here, under, old, old_under, canvas, cell, shift, old_shift):  # type: ignore[no-untyped-def]
     """Flip those bits of eight columns on the canvas that they have now and did not have before, or the reverse."""
-    types = load("numba").types
     takes = (bits, here, under, old, old_under, canvas, cell, shift, old_shift)
+    return load("numba").types.void(*takes), _flipping(_joined)
+
+
+@instruction
+def flip_low_lanes(_, bits, here, part, old, old_part, canvas, cell, shift, old_shift):  # type: ignore[no-untyped-def]
+    """Flip what `flip_lanes` flips, of columns one word tall."""
+    takes = (bits, here, part, old, old_part, canvas, cell, shift, old_shift)
+    return load("numba").types.void(*takes), _flipping(_turned)
+
+
+#: context, builder, type of the bits, the bits, where a row begins, what is under it or which part, and the shift
+Columns = Callable[[Any, Any, Any, Any, Any, Any, Any], Any]
+
+
+def _meeting(columns: Columns) -> Callable[..., Any]:
+    """Return what writes the code of a test."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        new, gone = _columns(context, builder, signature, args)
+        ir = load("llvmlite.ir")
+        new, gone = _both(columns, context, builder, signature, args)
+        taken = builder.load(_place(context, builder, signature.args[5], args[5], args[6]), align=8)
+        met = builder.and_(builder.and_(new, builder.not_(gone)), taken)
+        nothing = ir.Constant(_vector(), [0] * LANES)
+        return builder.bitcast(builder.icmp_unsigned("!=", met, nothing), ir.IntType(LANES))
+
+    return generate
+
+
+def _flipping(columns: Columns) -> Callable[..., Any]:
+    """Return what writes the code of a stamp."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        new, gone = _both(columns, context, builder, signature, args)
         place = _place(context, builder, signature.args[5], args[5], args[6])
         builder.store(builder.xor(builder.load(place, align=8), builder.xor(new, gone)), place, align=8)
         return context.get_dummy_value()
 
-    return types.void(*takes), generate
+    return generate
+
+
+def _both(columns: Columns, context: Any, builder: Any, signature: Any, args: Any) -> tuple[Any, Any]:
+    """Return eight columns now and before."""
+    bits = signature.args[0], args[0]
+    return (
+        columns(context, builder, *bits, args[1], args[2], args[7]),
+        columns(context, builder, *bits, args[3], args[4], args[8]),
+    )
+
+
+def _joined(context: Any, builder: Any, kind: Any, bits: Any, at: Any, under: Any, shift: Any) -> Any:
+    """Return eight words shifted up, with what comes from the words under them."""
+    words = [builder.load(_place(context, builder, kind, bits, place), align=8) for place in (at, under)]
+    return builder.call(_shifted(builder), [*words, _spread(builder, shift)])
+
+
+def _turned(context: Any, builder: Any, kind: Any, bits: Any, at: Any, part: Any, shift: Any) -> Any:
+    """Return eight words turned up, and of that the bits of a part."""
+    words = builder.load(_place(context, builder, kind, bits, at), align=8)
+    turned = builder.call(_shifted(builder), [words, words, _spread(builder, shift)])
+    return builder.and_(turned, _spread(builder, part))
 
 
 def _vector() -> Any:
@@ -50,24 +103,22 @@ def _vector() -> Any:
     return ir.VectorType(ir.IntType(64), LANES)
 
 
+def _shifted(builder: Any) -> Any:
+    """Return the instruction that shifts pairs of words up and keeps the upper ones."""
+    ir, vector = load("llvmlite.ir"), _vector()
+    takes = ir.FunctionType(vector, [vector] * 3)
+    return load("numba.core.cgutils").get_or_insert_function(builder.module, takes, "llvm.fshl.v8i64")
+
+
+def _spread(builder: Any, word: Any) -> Any:
+    """Return a word eight times."""
+    ir, vector = load("llvmlite.ir"), _vector()
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), word, ir.Constant(ir.IntType(32), 0))
+    lanes = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), lanes)
+
+
 def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any:
     """Return where eight words of a flat array begin."""
     data = context.make_array(kind)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), _vector().as_pointer())
-
-
-def _columns(context: Any, builder: Any, signature: Any, args: Any) -> tuple[Any, Any]:
-    """Return eight columns now and before, each shifted up, with what comes from the words below them."""
-    ir, vector = load("llvmlite.ir"), _vector()
-    joined = ir.FunctionType(vector, [vector] * 3)
-    shifted = load("numba.core.cgutils").get_or_insert_function(builder.module, joined, "llvm.fshl.v8i64")
-
-    def rows(above: Any, below: Any, shift: Any) -> Any:
-        words = [
-            builder.load(_place(context, builder, signature.args[0], args[0], at), align=8) for at in (above, below)
-        ]
-        first = builder.insert_element(ir.Constant(vector, ir.Undefined), shift, ir.Constant(ir.IntType(32), 0))
-        lanes = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-        return builder.call(shifted, [*words, builder.shuffle_vector(first, ir.Constant(vector, ir.Undefined), lanes)])
-
-    return rows(args[1], args[2], args[7]), rows(args[3], args[4], args[8])

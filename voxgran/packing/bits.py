@@ -173,10 +173,20 @@ class Canvas:
         return mask[tuple(slice(m, m + n) for m, n in zip(self.margin, self.shape, strict=True))]
 
 
+def aligned_words(count: int) -> Words:
+    """Return zeros that begin where a line of the cache does, so that no eight words of a row lie across two."""
+    words = np.zeros(count + LANES, dtype=np.uint64)
+    begin = -words.ctypes.data % 64 // 8
+    return words[begin : begin + count]
+
+
 @bare_kernel
 def row_length(deep: int) -> int:
-    """Return the words of a row of columns: an empty one, then so many that eight at a time cover one beyond all."""
-    return 1 + 8 * ((deep + 8) // 8)
+    """Return the words of a row of columns: at least an empty one after the last, and a multiple of eight.
+
+    The last of a row is also the empty one before the first of the next.
+    """
+    return 8 * ((deep + 8) // 8)
 
 
 @bare_kernel
@@ -217,7 +227,7 @@ def write_turned(words: Words, start: Integers, size: Integers, turn: Integers, 
         for j in range(deep):
             b = deep - 1 - j if turn[1] > 2 else j
             column = start[p2] + ((a * across + b) if straight else (b * across + a)) * count
-            target = at + (i + 1) * count * row + j + 1
+            target = at + (i + 1) * count * row + j
             for k in range(count):
                 value = words[column + k]
                 if turn[2] > 2:

@@ -12,7 +12,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import lattice_rotations, random_rotations
 from voxgran._base.seeds import philox_key, stream
 from voxgran.contacts.parts import is_one_ball
-from voxgran.packing.bits import Bank, Canvas, Field, Words, grain_words, make_bank, row_length, write_turned
+from voxgran.packing.bits import Bank, Canvas, Field, Words, aligned_words, grain_words, make_bank, row_length, write_turned
 from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
@@ -82,10 +82,10 @@ def setting_of(problem: Problem, state: State) -> Setting:
         setting = _make(problem)
         state.derived["setting"] = setting
         state.derived["words"] = setting.canvas.words(free_voxels(problem.container, setting.lattice))
-        largest = int(row_length.plain(int(setting.bank.size.max(initial=1))))
+        largest = 16 + int(row_length.plain(int(setting.bank.size.max(initial=1))))
         bits, alone = setting.shared[0], not len(setting.shared[1])
-        state.derived["bits"] = np.zeros(max(int(setting.own[-1]), largest), dtype=np.uint64) if alone else bits
-        state.derived["scratch"] = np.zeros(largest + _most_words(setting.bank.size), dtype=np.uint64)
+        state.derived["bits"] = aligned_words(max(int(setting.own[-1]), largest)) if alone else bits
+        state.derived["scratch"] = aligned_words(largest + _most_words(setting.bank.size))
         state.derived["at"] = setting.own[:-1].copy()
         field, members, grains = records(state, setting)
         for grain in np.flatnonzero(state.arrays["member"] >= 0):
@@ -215,7 +215,7 @@ def _make(problem: Problem) -> Setting:
     margin = np.where(periodic, int(bank.size.max(initial=1)) + 1, 1).astype(np.int64)
     directions, classes, gravity = _directions(problem)
     rows = np.array([_most_words(bank.size[k * bases : (k + 1) * bases]) for k in range(len(grains))], dtype=np.int64)
-    first = int(row_length.plain(int(bank.size.max(initial=1))))  # a row of zeros that missing words point to
+    first = 16 + int(row_length.plain(int(bank.size.max(initial=1))))  # zeros that missing words point to
     shared = _shared_bits(bank, turns, first)
     alone = rows[kind] if not len(shared[1]) else np.zeros(problem.count, dtype=np.int64)
     own = first + np.concatenate([[0], np.cumsum(alone)]).astype(np.int64)
@@ -238,7 +238,7 @@ def _shared_bits(bank: Bank, turns: Integers, first: int) -> tuple[Words, Intege
             wide, deep, tall = extent[turn]
             at[member * len(turns) + t] = begin
             begin += int(grain_words((wide, deep, tall)))
-    words = np.zeros(max(begin, first), dtype=np.uint64)
+    words = aligned_words(max(begin, first))
     for k, place in enumerate(at):
         member, t = divmod(k, len(turns))
         write_turned(bank.words, bank.start[member], bank.size[member], turns[t], words, int(place))

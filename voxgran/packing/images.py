@@ -3,7 +3,14 @@
 from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.bits import Field, Triple, Words
-from voxgran.packing.stamps import is_blocked, is_move_blocked, stamp, stamp_move
+from voxgran.packing.stamps import (
+    is_blocked,
+    is_low_move_blocked,
+    is_move_blocked,
+    stamp,
+    stamp_low_move,
+    stamp_move,
+)
 
 
 @bare_kernel
@@ -61,7 +68,11 @@ def stamp_step(field: Field, bits: Words, at: int, size: Triple, old: Triple, co
     for ix in range(copies(field, 0, corner[0], size[0])):
         for iy in range(copies(field, 1, corner[1], size[1])):
             for iz in range(copies(field, 2, corner[2], size[2])):
-                stamp_move(field, bits, at, size, image_of(field, corner, ix, iy, iz), step)
+                image = image_of(field, corner, ix, iy, iz)
+                if size[2] <= 64:
+                    stamp_low_move(field, bits, at, size, image, step)
+                else:
+                    stamp_move(field, bits, at, size, image, step)
 
 
 @bare_kernel
@@ -95,6 +106,10 @@ def is_step_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Tr
     for ix in range(copies(field, 0, corner[0], size[0])):
         for iy in range(copies(field, 1, corner[1], size[1])):
             for iz in range(copies(field, 2, corner[2], size[2])):
-                if is_move_blocked(field, bits, at, size, image_of(field, corner, ix, iy, iz), step):
+                image = image_of(field, corner, ix, iy, iz)
+                if size[2] <= 64:
+                    if is_low_move_blocked(field, bits, at, size, image, step):
+                        return True
+                elif is_move_blocked(field, bits, at, size, image, step):
                     return True
     return False

@@ -123,11 +123,11 @@ def orient(problem: Problem, first: Integers, base: Floats, voxel_size: float, *
             box, low = _cut(problem.voxels(grain, pose, voxel_size, cover=cover))
             found.append((box, low, len(first) + grain, pose))
     largest = max((max(box.shape) for box, *_ in found), default=0)
-    offset = row_length.plain(largest)
+    offset = 16 + row_length.plain(largest)
     words, at = [np.zeros(offset, dtype=np.uint64)], []
     for box, *_ in found:
         row = row_length.plain(box.shape[1])
-        filled = np.pad(box, ((1, 1), (1, row - 1 - box.shape[1]), (0, 0)))
+        filled = np.pad(box, ((1, 1), (0, row - box.shape[1]), (0, 0)))
         columns = pack_columns(filled).transpose(0, 2, 1)
         words.append(columns.reshape(-1))
         at.append(offset)

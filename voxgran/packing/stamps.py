@@ -11,7 +11,7 @@ import numpy as np
 
 from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran._base.lanes import flip_lanes, meets_lanes
+from voxgran._base.lanes import flip_lanes, flip_low_lanes, meets_lanes, meets_low_lanes
 from voxgran.packing.bits import Field, Triple, Words, row_length
 
 Four: TypeAlias = tuple[int, int, int, int]
@@ -26,8 +26,8 @@ def is_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple)
     shift, none, canvas = np.uint64(z & 63), np.uint64(0), field.words
     for k in range(((z & 63) + tall + 63) // 64):
         cell = np.uint64(x * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
-        here, next_here = _rows(at, 1, k, count, row, 1)
-        under, next_under = _rows(at, 1, k - 1, count, row, 1)
+        here, next_here = _rows(at, 1, k, count, row)
+        under, next_under = _rows(at, 1, k - 1, count, row)
         for _ in range(wide):
             for j in range(np.uint64(0), np.uint64(deep), np.uint64(8)):
                 if meets_lanes(bits, here + j, under + j, none, none, canvas, cell + j, shift, none):
@@ -47,17 +47,16 @@ def is_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Tr
     lag = (z >> 6) - ((z - dz) >> 6)
     # from the side to which it moves
     first = wide - 1 if dx > 0 else 0
+    next_cell = np.uint64(-field.stride_x if dx > 0 else field.stride_x)
     for k in range(((z & 63) + tall + 63) // 64):
         cell = np.uint64((x + first) * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
-        here, next_here = _rows(at, first + 1, k, count, row, 1)
-        under, next_under = _rows(at, first + 1, k - 1, count, row, 1)
+        here, next_here = _rows(at, first + 1, k, count, row)
+        under, next_under = _rows(at, first + 1, k - 1, count, row)
         # the column that covered this place before the step, in the word that covers it now
-        old, next_old = _rows(at, first + 1 + dx, k + lag, count, row, 1 + dy)
-        old_under, next_old_under = _rows(at, first + 1 + dx, k + lag - 1, count, row, 1 + dy)
-        next_cell = np.uint64(field.stride_x)
+        old, next_old = _rows(at + dy, first + 1 + dx, k + lag, count, row)
+        old_under, next_old_under = _rows(at + dy, first + 1 + dx, k + lag - 1, count, row)
         if dx > 0:
-            next_here, next_under, next_cell = -next_here, -next_under, -next_cell
-            next_old, next_old_under = -next_old, -next_old_under
+            next_here, next_under, next_old, next_old_under = -next_here, -next_under, -next_old, -next_old_under
         for _ in range(wide):
             for j in range(np.uint64(0), np.uint64(deep), np.uint64(8)):
                 if meets_lanes(bits, here + j, under + j, old + j, old_under + j, canvas, cell + j, shift, old_shift):
@@ -65,6 +64,31 @@ def is_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Tr
             here, under = here + next_here, under + next_under
             old, old_under = old + next_old, old_under + next_old_under
             cell += next_cell
+    return False
+
+
+@bare_kernel
+def is_low_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> bool:
+    """Tell what :func:`is_move_blocked` tells, of a grain whose columns are one word tall."""
+    wide, deep, tall = size
+    x, y, z = corner
+    dx, dy, dz = step
+    row, canvas = row_length(deep), field.words
+    shift, old_shift = np.uint64(z & 63), np.uint64((z - dz) & 63)
+    lag = (z >> 6) - ((z - dz) >> 6)
+    first = wide - 1 if dx > 0 else 0
+    next_row = np.uint64(-row if dx > 0 else row)
+    next_cell = np.uint64(-field.stride_x if dx > 0 else field.stride_x)
+    for k in range(((z & 63) + tall + 63) // 64):
+        cell = np.uint64((x + first) * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
+        here = np.uint64(at + (first + 1) * row)
+        old = np.uint64(at + (first + 1 + dx) * row + dy)
+        part, old_part = _part(shift, k), _part(old_shift, k + lag)
+        for _ in range(wide):
+            for j in range(np.uint64(0), np.uint64(deep), np.uint64(8)):
+                if meets_low_lanes(bits, here + j, part, old + j, old_part, canvas, cell + j, shift, old_shift):
+                    return True
+            here, old, cell = here + next_row, old + next_row, cell + next_cell
     return False
 
 
@@ -77,8 +101,8 @@ def stamp(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> N
     shift, none, canvas = np.uint64(z & 63), np.uint64(0), field.words
     for k in range(((z & 63) + tall + 63) // 64):
         cell = np.uint64(x * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
-        here, next_here = _rows(at, 1, k, count, row, 1)
-        under, next_under = _rows(at, 1, k - 1, count, row, 1)
+        here, next_here = _rows(at, 1, k, count, row)
+        under, next_under = _rows(at, 1, k - 1, count, row)
         for _ in range(wide):
             for j in range(np.uint64(0), np.uint64(deep), np.uint64(8)):
                 flip_lanes(bits, here + j, under + j, none, none, canvas, cell + j, shift, none)
@@ -97,10 +121,10 @@ def stamp_move(field: Field, bits: Words, at: int, size: Triple, corner: Triple,
     first, begin = min(0, -dx), min(0, -dy)
     for w in range(min(bottom, old_bottom), ((max(z, z - dz) + tall - 1) >> 6) + 1):
         cell = np.uint64((x + first) * field.stride_x + w * field.stride_w + y + begin)
-        here, next_here = _rows(at, first + 1, w - bottom, count, row, 1 + begin)
-        under, next_under = _rows(at, first + 1, w - bottom - 1, count, row, 1 + begin)
-        old, next_old = _rows(at, first + 1 + dx, w - old_bottom, count, row, 1 + begin + dy)
-        old_under, next_old_under = _rows(at, first + 1 + dx, w - old_bottom - 1, count, row, 1 + begin + dy)
+        here, next_here = _rows(at + begin, first + 1, w - bottom, count, row)
+        under, next_under = _rows(at + begin, first + 1, w - bottom - 1, count, row)
+        old, next_old = _rows(at + begin + dy, first + 1 + dx, w - old_bottom, count, row)
+        old_under, next_old_under = _rows(at + begin + dy, first + 1 + dx, w - old_bottom - 1, count, row)
         for _ in range(wide + abs(dx)):
             for j in range(np.uint64(0), np.uint64(deep + abs(dy)), np.uint64(8)):
                 flip_lanes(bits, here + j, under + j, old + j, old_under + j, canvas, cell + j, shift, old_shift)
@@ -110,14 +134,44 @@ def stamp_move(field: Field, bits: Words, at: int, size: Triple, corner: Triple,
 
 
 @bare_kernel
-def _rows(at, i, k, count, row, first):  # type: ignore[no-untyped-def]
+def stamp_low_move(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> None:
+    """Flip what :func:`stamp_move` flips, of a grain whose columns are one word tall."""
+    wide, deep, tall = size
+    x, y, z = corner
+    dx, dy, dz = step
+    row, canvas = row_length(deep), field.words
+    shift, old_shift = np.uint64(z & 63), np.uint64((z - dz) & 63)
+    bottom, old_bottom = z >> 6, (z - dz) >> 6
+    first, begin = min(0, -dx), min(0, -dy)
+    for w in range(min(bottom, old_bottom), ((max(z, z - dz) + tall - 1) >> 6) + 1):
+        cell = np.uint64((x + first) * field.stride_x + w * field.stride_w + y + begin)
+        here = np.uint64(at + (first + 1) * row + begin)
+        old = np.uint64(at + (first + 1 + dx) * row + begin + dy)
+        part, old_part = _part(shift, w - bottom), _part(old_shift, w - old_bottom)
+        for _ in range(wide + abs(dx)):
+            for j in range(np.uint64(0), np.uint64(deep + abs(dy)), np.uint64(8)):
+                flip_low_lanes(bits, here + j, part, old + j, old_part, canvas, cell + j, shift, old_shift)
+            here, old, cell = here + np.uint64(row), old + np.uint64(row), cell + np.uint64(field.stride_x)
+
+
+@bare_kernel
+def _rows(at, i, k, count, row):  # type: ignore[no-untyped-def]
     """Return where word k of a row of columns begins, and how far the same of the next row lies.
 
-    A word that is not there is read from the zeros at 0.
+    A word that is not there is read from the zeros with which the bits begin.
     """
     if 0 <= k < count:
-        return np.uint64(at + (i * count + k) * row + first), np.uint64(count * row)
-    return np.uint64(0), np.uint64(0)
+        return np.uint64(at + (i * count + k) * row), np.uint64(count * row)
+    return np.uint64(8), np.uint64(0)
+
+
+@bare_kernel
+def _part(shift, k):  # type: ignore[no-untyped-def]
+    """Return which bits of a word that is turned by a shift belong to word k of a column."""
+    every = np.uint64(0xFFFFFFFFFFFFFFFF)
+    if k == 0:
+        return every << shift
+    return ~(every << shift) if k == 1 else np.uint64(0)
 
 
 @bare_kernel
@@ -148,7 +202,7 @@ def sum_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple
 @bare_kernel
 def _has_voxel(bits, at, count, deep, i, j, k):  # type: ignore[no-untyped-def]
     """Tell whether a grain has a voxel at a place in its box."""
-    word = bits[at + ((i + 1) * count + (k >> 6)) * row_length(deep) + j + 1]
+    word = bits[at + ((i + 1) * count + (k >> 6)) * row_length(deep) + j]
     return (word >> np.uint64(k & 63)) & np.uint64(1) != np.uint64(0)
 
 
