@@ -135,9 +135,9 @@ class Canvas:
 
     @property
     def word_shape(self) -> tuple[int, int, int]:
-        """Shape of the word array: x, words along z, y; one word beyond the last is always there."""
+        """Shape of the word array: x, words along z, y."""
         full = self.shape + 2 * self.margin
-        return int(full[0]), int(-(-full[2] // 64) + 1), int(full[1])
+        return int(full[0]), int(-(-full[2] // 64)), int(full[1])
 
     def words(self, free: Booleans | None) -> Words:
         """Return the canvas of an empty container, flat.
