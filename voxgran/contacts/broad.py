@@ -31,8 +31,8 @@ class Pairs:
         """Number of pairs."""
         return len(self.i)
 
-    def where(self, mask: Booleans) -> "Pairs":
-        """Return some of the pairs."""
+    def where(self, mask: Booleans | Integers) -> "Pairs":
+        """Return some of the pairs, by a mask or by their numbers."""
         return Pairs(self.i[mask], self.j[mask], self.image[mask], self.offset[mask])
 
 

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_number
+from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.convex import part_contacts
@@ -24,8 +25,10 @@ from voxgran.contacts.parts import has_parts, is_disk, is_one_ball, parts_of
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Solid
 from voxgran.contacts.spheres import ball_contacts
+from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.contacts.touch import Touch
 from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Geometry
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 
@@ -128,11 +131,24 @@ def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float) -> tuple[Floats, F
         for k in np.flatnonzero(simple)[deep]:
             _search(assembly, pairs, int(k), distance, normal, point)
     tests = _PairTests(assembly)
-    for k in np.flatnonzero(~simple):
+    closed = np.array([is_closed_surface(geometry) for geometry in geometries], dtype=np.bool_)[assembly.shape_id]
+    rest = ~simple
+    surfaces = np.flatnonzero(rest & closed[pairs.i] & closed[pairs.j])
+    if len(surfaces):
+        *known, proven = surface_gaps(assembly, pairs.where(surfaces), gap, tree_of=tests.tree)
+        proven_pairs = surfaces[proven]
+        distance[proven_pairs], normal[proven_pairs], point[proven_pairs] = (part[proven] for part in known)
+        rest[proven_pairs] = False
+    for k in np.flatnonzero(rest):
         i, j = int(pairs.i[k]), int(pairs.j[k])
         touch = tests.touch(i, j, pairs.offset[k], gap)
         distance[k], normal[k], point[k] = touch.gap, touch.normal, touch.point
     return distance, normal, point
+
+
+def is_closed_surface(geometry: Geometry) -> bool:
+    """Tell whether contacts take a geometry as its triangles: a mesh, or a box."""
+    return isinstance(geometry, Mesh) or (isinstance(geometry, Primitive) and geometry.kind == "box")
 
 
 def relative_pose(assembly: Assembly, i: int, j: int, offset: Floats) -> tuple[Floats, Floats]:
@@ -214,6 +230,10 @@ class _PairTests:
         if isinstance(other, Primitive) and other.kind != "sphere":
             return partial(touch_convex, self._solid(a), other), False
         return partial(touch_balls, self._solid(a), other, parts_of([other])), False
+
+    def tree(self, shape: int) -> TriangleTree:
+        """Return the box tree of a shape that is a mesh or a box."""
+        return self._solid(shape).tree
 
     def _solid(self, shape: int) -> Solid:
         """Return the mesh of a shape that is a mesh or a box."""

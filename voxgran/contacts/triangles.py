@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.tree import TriangleTree, closest_on_triangle
 
@@ -37,7 +37,7 @@ def nearest_points(
         The nearest point of each, in the frame of `one`.
     """
     found = np.zeros(6)
-    square = _find_nearest_pair(
+    square = find_nearest_pair(
         *one.arrays,
         *other.arrays,
         np.ascontiguousarray(matrix),
@@ -64,9 +64,21 @@ def _pair_bound(low, high, a, other_low, other_high, b, matrix, size, offset):  
 
 
 @kernel
-def _find_nearest_pair(  # type: ignore[no-untyped-def]
-    corners, low, high, start, other_corners, other_low, other_high, other_start, matrix, size, offset, reach, found
-):
+def find_nearest_pair(
+    corners: Floats,
+    low: Floats,
+    high: Floats,
+    start: Integers,
+    other_corners: Floats,
+    other_low: Floats,
+    other_high: Floats,
+    other_start: Integers,
+    matrix: Floats,
+    size: Floats,
+    offset: Floats,
+    reach: float,
+    found: Floats,
+) -> float:
     """Walk both trees, the nearer boxes first; write both points and return the squared distance."""
     best, hit = reach * reach, False
     leaves, other_leaves = len(low) // 2, len(other_low) // 2

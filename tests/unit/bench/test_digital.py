@@ -1,6 +1,6 @@
 import numpy as np
 
-from voxgran.bench.tradeoffs.digital import measure_beds, measure_moves, walking_task
+from voxgran.bench.tradeoffs.digital import measure_beds, measure_bodies, measure_spheres, walking_task
 from voxgran.bench.walk_peers import front_walk, numpy_walk, occupied
 from voxgran.packing.digital_setting import setting_of
 from voxgran.shapes.family import make_shape
@@ -26,12 +26,11 @@ def test_peers_go_the_same_way():
 
 
 def test_rates_of_a_small_lattice():
-    rows = measure_moves((12,), 64)
-    programs = [row[2] for row in rows]
-    assert programs == ["NumPy", "numba fronts", "voxgran", "voxgran", "voxgran"]
-    accepted = [row[4] for row in rows[:3]]
-    assert np.ptp(accepted) < 0.15
-    assert rows[2][3] > 5 * rows[0][3]
+    rows = measure_spheres((12,), 64)
+    assert [row[3] for row in rows] == ["NumPy", "numba fronts", "voxgran", "voxgran, sorted"]
+    assert np.ptp([row[5] for row in rows]) < 0.15
+    assert rows[2][4] > 20 * rows[0][4]
+    assert [row[3] for row in measure_bodies(64)] == ["voxgran"] * 3
 
 
 def test_grains_stand_apart_and_keep_their_places():

@@ -1,7 +1,7 @@
 """Digital packing: moves per second against the voxels of a grain beside other programs, and density against seconds.
 
-Moves: equal spheres at a solid fraction of 0.3 on a lattice of 256 voxels along each edge walk in 26 directions, all
-alike, by voxgran, by a plain NumPy program and by a numba program that tests the voxels which each direction newly
+Moves: equal spheres at a solid fraction of 0.3 on lattices of 256 and 512 voxels along each edge walk in 26 directions,
+all alike, by voxgran, by a plain NumPy program and by a numba program that tests the voxels which each direction newly
 covers; the shares of accepted moves are written beside the rates. A body of many triangles walks as fast as a sphere of
 as many voxels. Density: the bulk solid fraction of a bed of equal spheres, true and without overlap, against voxels per
 diameter and against the seconds that it took, after the walk and after settling.
@@ -24,17 +24,20 @@ from voxgran.packing.digital_setting import setting_of
 from voxgran.packing.method import State, method_registry
 from voxgran.packing.pack import pack, prepare_task
 from voxgran.packing.problem import Problem
+from voxgran.packing.turns import SORT_SWEEPS
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape
 
-#: shape, voxels of a grain, program, attempts per second, share of accepted moves
-MoveRow: TypeAlias = tuple[str, int, str, float, float]
+#: edge of the lattice, shape, voxels of a grain, program, attempts per second, share of accepted moves
+MoveRow: TypeAlias = tuple[int, str, int, str, float, float]
 #: voxels per diameter, sweeps, stage, seconds, bulk solid fraction
 BedRow: TypeAlias = tuple[int, int, str, float, float]
 #: voxels along an edge of the lattice, and per diameter of the spheres
 EDGE = 256
 DIAMETERS = (12, 20, 40, 57)
+LARGE = 512
+LARGE_DIAMETERS = (12, 20, 40)
 SOLID = 0.3
 #: least seconds that a program is timed
 SECONDS = 0.6
@@ -43,7 +46,7 @@ BEDS = (12, 20, 32)
 SWEEPS = (250, 1000, 4000)
 
 
-def walking_task(shape: Shape, cells: int, edge: int = EDGE) -> tuple[Problem, State]:
+def walking_task(shape: Shape, cells: int, edge: int = EDGE, *, schedule: str = "random") -> tuple[Problem, State]:
     """Return grains at random places on a lattice, ready to walk in all directions alike.
 
     Parameters
@@ -54,6 +57,8 @@ def walking_task(shape: Shape, cells: int, edge: int = EDGE) -> tuple[Problem, S
         Voxels per equivalent diameter.
     edge : int
         Voxels along each edge of the lattice.
+    schedule : {"random", "sorted"}
+        Whose turn it is.
     """
     box = Box((edge / cells,) * 3)
     count = int(SOLID * edge**3 / cells**3 / (shape.volume / shape.diameter**3) / 1.2)
@@ -62,7 +67,7 @@ def walking_task(shape: Shape, cells: int, edge: int = EDGE) -> tuple[Problem, S
         weights=None, weights_by="number", seed=0,
         parameters={
             "voxel_size": 1 / cells, "gravity": "none", "turns": 0.0, "orientations": 1, "sweeps": 10**9,
-            "feed": "at_once",
+            "feed": "at_once", "schedule": schedule,
         },
     )  # fmt: skip
     method = method_registry().get("digital")
@@ -77,7 +82,9 @@ def rate_of_walk(problem: Problem, state: State) -> tuple[float, float]:
     advance = method_registry().get("digital").advance
     state = advance(problem, state, 2000)
     before, tried = state.counters["moves_accepted"], state.counters["moves_tried"]
-    attempts, best = 20_000, 0.0
+    # in the order of space, all that comes between two sortings
+    attempts = SORT_SWEEPS * state.counters["placed"] if len(state.arrays["order"]) else 20_000
+    best = 0.0
     began = time.perf_counter()
     while time.perf_counter() - began < SECONDS:
         start = time.perf_counter()
@@ -108,8 +115,8 @@ def rate_of_peer(walk: Walk, problem: Problem, state: State, attempts: int) -> t
     return best, moved / tried
 
 
-def measure_moves(diameters: tuple[int, ...] = DIAMETERS, edge: int = EDGE) -> list[MoveRow]:
-    """Time the walks.
+def measure_spheres(diameters: tuple[int, ...] = DIAMETERS, edge: int = EDGE) -> list[MoveRow]:
+    """Time the walks of equal spheres.
 
     Parameters
     ----------
@@ -121,9 +128,9 @@ def measure_moves(diameters: tuple[int, ...] = DIAMETERS, edge: int = EDGE) -> l
     Returns
     -------
     list of tuple
-        Shape, voxels of a grain, program, attempts per second, and share of accepted moves.
+        Edge of the lattice, shape, voxels of a grain, program, attempts per second, and share of accepted moves.
     """
-    rows = []
+    rows: list[MoveRow] = []
     steps = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)], dtype=np.int64) - 1
     for cells in diameters:
         problem, state = walking_task(make_shape("sphere"), cells, edge)
@@ -131,18 +138,38 @@ def measure_moves(diameters: tuple[int, ...] = DIAMETERS, edge: int = EDGE) -> l
         mask = problem.voxels(0, setting.base[0], setting.lattice.voxel_size, cover="touch")
         box = mask[np.ix_(*(mask.any(axis=tuple(k for k in range(3) if k != axis)) for axis in range(3)))]
         voxels = int(box.sum())
-        rows.append(("sphere", voxels, "NumPy", *rate_of_peer(numpy_walk(box, steps), problem, state, 2000)))
-        rows.append(("sphere", voxels, "numba fronts", *rate_of_peer(front_walk(box, steps), problem, state, 100_000)))
-        rows.append(("sphere", voxels, "voxgran", *rate_of_walk(problem, state)))
+        known = edge, "sphere", voxels
+        rows.append((*known, "NumPy", *rate_of_peer(numpy_walk(box, steps), problem, state, 2000)))
+        rows.append((*known, "numba fronts", *rate_of_peer(front_walk(box, steps), problem, state, 100_000)))
+        rows.append((*known, "voxgran", *rate_of_walk(problem, state)))
+        turns = walking_task(make_shape("sphere"), cells, edge, schedule="sorted")
+        rows.append((*known, "voxgran, sorted", *rate_of_walk(*turns)))
+    return rows
+
+
+def measure_bodies(edge: int = EDGE) -> list[MoveRow]:
+    """Time the walks of bodies of few and of many triangles, of 20 voxels per diameter.
+
+    Parameters
+    ----------
+    edge : int
+        Voxels along each edge of the lattice.
+
+    Returns
+    -------
+    list of tuple
+        As of :func:`measure_spheres`.
+    """
+    rows: list[MoveRow] = []
     scan = Path(__file__).parents[3] / "data" / "bennu_lp.obj"
-    bodies = {"sphere, as mesh": make_shape("sphere"), "bennu": load_shape(scan) if scan.is_file() else None}
+    bodies = {name: make_shape(name) for name in ("box", "sphere")}
+    if scan.is_file():
+        bodies["bennu"] = load_shape(scan)
     for name, body in bodies.items():
-        if body is not None:
-            problem, state = walking_task(body, 20, edge)
-            mask = problem.voxels(0, setting_of(problem, state).base[0], 1 / 20, cover="touch")
-            rows.append(
-                (f"{name}, {len(body.faces)} triangles", int(mask.sum()), "voxgran", *rate_of_walk(problem, state))
-            )
+        problem, state = walking_task(body, 20, edge)
+        mask = problem.voxels(0, setting_of(problem, state).base[0], 1 / 20, cover="touch")
+        known = edge, f"{name}, {len(body.faces)} triangles", int(mask.sum())
+        rows.append((*known, "voxgran", *rate_of_walk(problem, state)))
     return rows
 
 
@@ -179,17 +206,18 @@ def measure_beds(
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    moves, beds, loop = measure_moves(), measure_beds(), calibration()
+    moves = [*measure_spheres(), *measure_spheres(LARGE_DIAMETERS, LARGE), *measure_bodies()]
+    beds, loop = measure_beds(), calibration()
     peers = ("NumPy", "numba fronts")
-    rates = {(shape, voxels, program): rate for shape, voxels, program, rate, _ in moves}
+    rates = {row[:4]: row[4] for row in moves}
     rows = [
-        "shape,voxels,program,attempts_per_second,accepted,ratio_to_numpy,ratio_to_numba_fronts,calibration_seconds"
+        "edge,shape,voxels,program,attempts_per_second,accepted,ratio_to_numpy,ratio_to_numba_fronts,calibration_seconds"
     ]
-    for shape, voxels, program, rate, accepted in moves:
-        ratios = [
-            f"{rate / rates[shape, voxels, peer]:.1f}" if (shape, voxels, peer) in rates else "" for peer in peers
-        ]
-        rows.append(f'"{shape}",{voxels},{program},{rate:.0f},{accepted:.3f},{",".join(ratios)},{loop:.5f}')
+    for *known, program, rate, accepted in moves:
+        found = [rates.get((known[0], known[1], known[2], peer)) for peer in peers]
+        ratios = ",".join("" if peer is None else f"{rate / peer:.1f}" for peer in found)
+        edge, shape, voxels = known
+        rows.append(f'{edge},"{shape}",{voxels},"{program}",{rate:.0f},{accepted:.3f},{ratios},{loop:.5f}')
     table, second, figure = folder / "digital_moves.csv", folder / "digital_beds.csv", folder / "digital.svg"
     write_text(table, "\n".join(rows) + "\n")
     lines = [
@@ -210,9 +238,10 @@ def _draw(moves: list[MoveRow], beds: list[BedRow], path: Path) -> None:
     """Draw rates on the left, density against seconds in the middle and against voxels per diameter on the right."""
     figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
-    for program in ("voxgran", "numba fronts", "NumPy"):
-        rates = [(row[1], row[3]) for row in moves if row[0] == "sphere" and row[2] == program]
-        left.loglog(*zip(*rates, strict=True), marker="o", label=program)
+    for k, program in enumerate(("voxgran", "voxgran, sorted", "numba fronts", "NumPy")):
+        for edge, style in ((EDGE, "-"), (LARGE, ":")):
+            rates = [(row[2], row[4]) for row in moves if row[:2] == (edge, "sphere") and row[3] == program]
+            left.loglog(*zip(*rates, strict=True), f"C{k}{style}", marker="o", label=f"{program}, {edge}³")
     left.set_xlabel("voxels of a grain")
     left.set_ylabel("attempts per second")
     for k, cells in enumerate(sorted({row[0] for row in beds})):

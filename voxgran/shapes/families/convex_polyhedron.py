@@ -9,9 +9,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_count, as_positive
 from voxgran._base.config import parameter
-from voxgran._base.lazy import load
 from voxgran.shapes.family import ShapeFamily, sized
-from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.hull import hull_of
 from voxgran.shapes.model import Shape
 
 
@@ -36,7 +35,7 @@ def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
     factors = np.array([as_positive(value, "aspect") for value in parameters.aspect])
-    return sized(_hull(_on_sphere(count, generator) * factors), parameters.diameter, name="convex_polyhedron")
+    return sized(hull_of(_on_sphere(count, generator) * factors), parameters.diameter, name="convex_polyhedron")
 
 
 def _on_sphere(count: int, generator: np.random.Generator) -> Floats:
@@ -45,16 +44,6 @@ def _on_sphere(count: int, generator: np.random.Generator) -> Floats:
     turn = 2.0 * np.pi * generator.random(count)
     flat = np.sqrt(1.0 - z * z)
     return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
-
-
-def _hull(points: Floats) -> Mesh:
-    """Return the convex hull, its triangles counterclockwise seen from outside."""
-    hull = load("scipy.spatial").ConvexHull(points)
-    faces = hull.simplices.astype(np.int64)
-    a, b, c = np.moveaxis(points[faces], 1, 0)
-    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
-    faces[inward] = faces[inward][:, ::-1]
-    return Mesh(points, faces)
 
 
 registration = ShapeFamily(

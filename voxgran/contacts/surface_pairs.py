@@ -1,0 +1,107 @@
+"""Many pairs of closed surfaces at once: how far they are apart, and which of them are proven to be apart.
+
+Pairs of the same two shapes are walked in one kernel. What it cannot prove (surfaces that meet, or a grain that may lie
+inside another) is left to :mod:`voxgran.contacts.meshes`.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.kernels import kernel
+from voxgran._base.tree import TriangleTree
+from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.broad import Pairs
+from voxgran.contacts.meshes import ROUNDING
+from voxgran.contacts.triangles import find_nearest_pair
+
+
+def surface_gaps(
+    assembly: Assembly, pairs: Pairs, gap: float, *, tree_of: Callable[[int], TriangleTree]
+) -> tuple[Floats, Floats, Floats, Booleans]:
+    """Return the gaps of pairs of grains with closed surfaces.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+    pairs : Pairs
+        Which.
+    gap : float
+        How far to look, in the unit of lengths.
+    tree_of : callable
+        Box tree of a shape.
+
+    Returns
+    -------
+    gap : (m,) ndarray of float
+        Distance of the surfaces; infinite beyond the reach.
+    normal : (m, 3) ndarray of float
+        Unit vector from grain i to its partner.
+    point : (m, 3) ndarray of float
+        Middle between the nearest points, from the centroid of grain i.
+    proven : (m,) ndarray of bool
+        Whether the two are apart; where not, the rest means nothing.
+    """
+    m = pairs.count
+    found, near = np.full(m, np.inf), np.zeros((m, 6))
+    proven = np.zeros(m, dtype=np.bool_)
+    one, other = assembly.shape_id[pairs.i], assembly.shape_id[pairs.j]
+    turn, scale = assembly.matrices[pairs.i], assembly.scale[pairs.i]
+    stretch = assembly.scale[pairs.j] / scale
+    matrix = np.einsum("kji,kjl->kil", turn, assembly.matrices[pairs.j]) * stretch[:, None, None]
+    offset = np.einsum("kji,kj->ki", turn, pairs.offset) / scale[:, None]
+    for a, b in np.unique(np.column_stack([one, other]), axis=0):
+        some = np.flatnonzero((one == a) & (other == b))
+        trees = tree_of(int(a)), tree_of(int(b))
+        far = np.linalg.norm(offset[some], axis=1)
+        margin = ROUNDING * (trees[0].size + stretch[some] * trees[1].size + far)
+        reach = np.maximum(max(gap, 0.0) / scale[some], margin)
+        distance, points = np.full(len(some), np.inf), np.zeros((len(some), 6))
+        _nearest_of_pairs(
+            *trees[0].arrays, *trees[1].arrays, np.ascontiguousarray(matrix[some]), offset[some], reach, distance, points
+        )
+        found[some], near[some] = distance, points
+        proven[some] = (distance > margin) & ~_may_nest(trees, matrix[some], offset[some], stretch[some])
+    apart = near[:, 3:] - near[:, :3]
+    length = np.linalg.norm(apart, axis=1)
+    unit = np.divide(apart, length[:, None], out=np.zeros_like(apart), where=length[:, None] > 0)
+    normal = np.einsum("kij,kj->ki", turn, unit)
+    point = np.einsum("kij,kj->ki", turn, near[:, :3] + near[:, 3:]) * scale[:, None] / 2
+    return found * scale, normal, point, proven & ((length > 0) | np.isinf(found))
+
+
+def _may_nest(trees: tuple[TriangleTree, TriangleTree], matrix: Floats, offset: Floats, stretch: Floats) -> Booleans:
+    """Tell where a corner of one surface lies in the box around the other."""
+    one, other = trees
+    theirs = matrix @ other.corners[0, 0] + offset
+    mine = np.einsum("kji,kj->ki", matrix, one.corners[0, 0] - offset) / stretch[:, None] ** 2
+    held = [((p >= tree.low[0]) & (p <= tree.high[0])).all(axis=1) for p, tree in ((theirs, one), (mine, other))]
+    return np.asarray(held[0] | held[1], dtype=np.bool_)
+
+
+@kernel
+def _nearest_of_pairs(
+    corners: Floats,
+    low: Floats,
+    high: Floats,
+    start: Integers,
+    other_corners: Floats,
+    other_low: Floats,
+    other_high: Floats,
+    other_start: Integers,
+    matrix: Floats,
+    offset: Floats,
+    reach: Floats,
+    distance: Floats,
+    points: Floats,
+) -> None:
+    """Write the distance and the nearest points of two surfaces in several poses."""
+    for k in range(len(matrix)):
+        square = find_nearest_pair(
+            corners, low, high, start, other_corners, other_low, other_high, other_start, matrix[k],
+            np.abs(matrix[k]), offset[k], reach[k], points[k],
+        )  # fmt: skip
+        distance[k] = math.sqrt(square)

@@ -1,0 +1,67 @@
+"""Platonic solids: the five regular convex polyhedra, which dice are made of."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_choice, as_positive
+from voxgran._base.config import parameter
+from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.hull import hull_of
+from voxgran.shapes.model import Shape
+
+#: the golden ratio
+GOLDEN = (1.0 + 5.0**0.5) / 2.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Platonic:
+    """Parameters of a Platonic solid."""
+
+    solid: Literal["tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"] = parameter(
+        "icosahedron", doc="which of the five"
+    )
+    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+
+
+def make(parameters: Platonic, generator: np.random.Generator) -> Shape:
+    """Return the solid; nothing is random.
+
+    Raises
+    ------
+    InputError
+        If there is no such solid or the diameter is not above 0.
+    """
+    corners = _corners()
+    solid = as_choice(parameters.solid, "solid", tuple(corners))
+    if parameters.diameter is not None:
+        as_positive(parameters.diameter, "diameter")
+    return sized(hull_of(corners[solid]), parameters.diameter, name=solid)
+
+
+def _corners() -> dict[str, Floats]:
+    """Return the corners of each solid about the origin."""
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
+    short, long = 1.0 / GOLDEN, GOLDEN
+
+    def rectangles(a: float, b: float) -> Floats:
+        """Return the corners (0, +-a, +-b) and their cyclic permutations."""
+        flat = signs[signs[:, 0] > 0] * np.array([0.0, a, b])
+        return np.concatenate([np.roll(flat, k, axis=1) for k in range(3)])
+
+    return {
+        "tetrahedron": signs[signs.prod(axis=1) > 0],
+        "cube": signs,
+        "octahedron": np.concatenate([np.eye(3), -np.eye(3)]),
+        "dodecahedron": np.concatenate([signs, rectangles(short, long)]),
+        "icosahedron": rectangles(1.0, long),
+    }
+
+
+registration = ShapeFamily(
+    name="platonic",
+    summary="tetrahedron, cube, octahedron, dodecahedron or icosahedron",
+    parameters=Platonic,
+    make=make,
+)
