@@ -11,14 +11,14 @@ from functools import partial
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_number
+from voxgran._base.arrays import Booleans, Floats, as_number
 from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.convex import part_contacts
 from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.mesh_parts import touch_balls, touch_convex
-from voxgran.contacts.meshes import touch_meshes
+from voxgran.contacts.meshes import meshes_meet, touch_meshes
 from voxgran.contacts.model import Contacts
 from voxgran.contacts.outlines import touch_disk, touch_polygons
 from voxgran.contacts.parts import has_parts, is_disk, is_one_ball, parts_of
@@ -84,6 +84,30 @@ def overlaps(assembly: Assembly, *, at_least: float = 0.0) -> Contacts:
     return _keep(found, found.gap < -limit)
 
 
+def meeting_pairs(assembly: Assembly, depth: float) -> Pairs:
+    """Return the pairs of grains that overlap deeper than a depth, without finding how deep.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+    depth : float
+        At least 0, in the unit of lengths.
+    """
+    pairs = grain_pairs(assembly, 0.0)
+    closed = np.array([is_closed_surface(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)
+    both = closed[assembly.shape_id[pairs.i]] & closed[assembly.shape_id[pairs.j]]
+    meet = np.zeros(pairs.count, dtype=np.bool_)
+    if not both.all():
+        meet[~both] = gaps_of_pairs(assembly, pairs.where(~both), 0.0)[0] < -depth
+    tests, surfaces = _PairTests(assembly), np.flatnonzero(both)
+    if len(surfaces):
+        proven = surface_gaps(assembly, pairs.where(surfaces), 0.0, tree_of=tests.tree)[3]
+        for k in surfaces[~proven]:
+            meet[k] = tests.meet(int(pairs.i[k]), int(pairs.j[k]), pairs.offset[k], depth)
+    return pairs.where(meet)
+
+
 def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> Contacts:
     """Return the contacts of pairs of the broad phase, tested exactly.
 
@@ -100,14 +124,17 @@ def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> Contacts:
     -------
     Contacts
     """
-    if all(is_one_ball(shape.geometry) for shape in assembly.shapes):
-        radii = assembly.bounding_radii
-        distance, normal, point = ball_contacts(pairs, radii)
-    else:
-        distance, normal, point = _test_mixed(assembly, pairs, gap)
+    distance, normal, point = gaps_of_pairs(assembly, pairs, gap)
     point += assembly.position[pairs.i]
     contacts = Contacts(pairs.i, pairs.j, pairs.image, distance, normal, point)
     return _keep(contacts, distance <= gap)
+
+
+def gaps_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> tuple[Floats, Floats, Floats]:
+    """Return gaps (m,), normals (m, 3) and points (m, 3) from centroid i of all pairs; infinite gaps beyond `gap`."""
+    if all(is_one_ball(shape.geometry) for shape in assembly.shapes):
+        return ball_contacts(pairs, assembly.bounding_radii)
+    return _test_mixed(assembly, pairs, gap)
 
 
 def _keep(contacts: Contacts, mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Contacts:
@@ -212,6 +239,12 @@ class _PairTests:
         base = offset if flip else np.zeros(3)
         touch = touch.moved(matrix=assembly.matrices[one] * scale, offset=base, factor=scale)
         return touch.flipped() if flip else touch
+
+    def meet(self, i: int, j: int, offset: Floats, depth: float) -> bool:
+        """Tell whether two grains with closed surfaces overlap deeper than a depth."""
+        one, other = (self._solid(int(self.assembly.shape_id[grain])) for grain in (i, j))
+        matrix, shift = relative_pose(self.assembly, i, j, offset)
+        return meshes_meet(one, other, matrix=matrix, offset=shift, depth=depth / float(self.assembly.scale[i]))
 
     def _choose(self, a: int, b: int) -> tuple[TouchPair, bool]:
         """Return the test of two shapes, and whether it takes them in the other order."""

@@ -57,6 +57,27 @@ def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, re
     return Touch(distance, outward(one, point, offset), (point + partner) / 2)
 
 
+def meshes_meet(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, depth: float) -> bool:
+    """Tell whether two meshes overlap deeper than a depth.
+
+    Parameters
+    ----------
+    one, other : Solid
+        The meshes, each in its own frame.
+    matrix, offset : (3, 3) and (3,) ndarray of float
+        Lead from the frame of `other` into that of `one`.
+    depth : float
+        In the unit of `one`.
+    """
+    body = combine(one, other, matrix=matrix, offset=offset, operation="common")
+    if not len(body.triangles):
+        return False
+    # what lies no deeper than that is a layer on the surface
+    if body.volume > depth * one.area:
+        return True
+    return body_depth(one, other, body, matrix=matrix, offset=offset)[0] > depth
+
+
 def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: Floats) -> tuple[float, Floats, Floats]:
     """Find the deepest point of the common body of two meshes.
 

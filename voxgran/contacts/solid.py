@@ -34,6 +34,12 @@ class Solid:
         tree = self.mesh.tree
         return replace(tree, normals=-tree.normals) if self.inside_out else tree
 
+    @cached_property
+    def area(self) -> float:
+        """Area of the surface."""
+        a, b, c = np.moveaxis(self.tree.corners, 1, 0)
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+
     def inner_distance(self, points: Floats) -> Floats:
         """Return the distance of (n, 3) points to the surface, positive inside."""
         return -self.tree.signed_distance(points)

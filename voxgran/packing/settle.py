@@ -20,22 +20,31 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.rotation import normalized, product
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.find import find_contacts, overlaps
+from voxgran.contacts.broad import Pairs, grain_pairs
+from voxgran.contacts.find import gaps_of_pairs, is_closed_surface, meeting_pairs
+from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.contacts.walls import escape_depths
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.method import State
+from voxgran.shapes.mesh import Mesh
 
 #: iterations of the projection
 ITERATIONS = 300
 #: overlaps up to here are round-off, in median diameters
 ROUND_OFF = 1e-12
 #: mean sinking, in steps, below which the step is halved; and the smallest step, in median diameters
-CALM, SMALLEST = 0.03, 1e-4
+CALM, SMALLEST = 0.05, 1e-3
 #: times that places of overlap are added before grains are taken back
-CUTS = 6
-#: times that grains which overlap are taken back one by one before all are
-RETREATS = 12
+CUTS = 8
+#: halvings of the way in which the place is found where two grains meet
+BISECTIONS = 5
+#: times that the way of grains which would overlap is halved, and then that they are taken back, before all are
+HALVINGS, RETREATS = 4, 12
+#: corners of a mesh up to which they are looked at; a mesh of more is so round that one place does
+CORNERS = 512
+#: corners of a grain that may touch a flat wall at once
+WALL_CORNERS = 8
 
 
 def begin_settling(state: State, assembly: Assembly, gravity: Floats, step: float) -> None:
@@ -70,11 +79,11 @@ def settle_sweep(state: State, assembly: Assembly, gravity: Floats) -> bool:
         Direction of the fall.
     """
     step = float(state.arrays["settling"][0])
-    after, back = settle_once(assembly, step * gravity)
+    after, _ = settle_once(assembly, step * gravity)
     state.arrays["position"], state.arrays["orientation"] = after.position.copy(), after.orientation.copy()
     state.counters["settling_sweeps"] += 1
     sunk = float(((after.position - assembly.position) @ gravity).mean())
-    if back > 0.2 * assembly.count or sunk < CALM * step:
+    if sunk < CALM * step:
         state.arrays["settling"][0] = step / 2
     return bool(state.arrays["settling"][0] < SMALLEST)
 
@@ -137,43 +146,160 @@ def settle_once(assembly: Assembly, fall: Floats) -> tuple[Assembly, int]:
     Assembly
         Grains that do not overlap.
     int
-        How many grains had to go back to where they were.
+        How many grains went a part of their way only.
     """
     step = float(np.linalg.norm(fall))
     touching = find_touching(assembly, 4.0 * step)
     # what a turn of the normals and the end of the projection leave out
     slack = 0.05 * step + 2.0 * step * step / float(assembly.diameters.min())
-    loose, back = _fallen(assembly, touching, fall, step, slack, touching.gap - slack)
-    if not back:
-        return loose, 0
-    # gaps that have to open a little keep the next sweep free; where there is no room for it, none has to
-    tight, held = _fallen(
-        assembly, touching, fall, step, slack, np.maximum(touching.gap - slack, np.minimum(touching.gap, 0.0))
-    )
-    gain = ((tight.position - loose.position) @ fall).mean()
-    return (tight, held) if gain > 0 else (loose, back)
-
-
-def _fallen(
-    assembly: Assembly, touching: Touching, fall: Floats, step: float, slack: float, limits: Floats
-) -> tuple[Assembly, int]:
-    """Return the grains after a fall that closes no gap by more than its limit, and how many had to go back."""
+    limits = touching.gap - slack
     for _ in range(CUTS):
         slide, spin = _motion(assembly, touching, limits, fall, step)
         there = _shifted(assembly, slide, spin)
-        if not _offenders(there).any():
+        pairs, outside = _wrong(there)
+        if not pairs.count and not outside.any():
             return there, 0
-        # where they would overlap is one more place where they touch: faces and edges need several
-        more = find_touching(there, 0.0)
-        closing = _closing(more, slide, spin)
-        touching = Touching(*(np.concatenate(pair) for pair in zip(_parts(touching), _parts(more), strict=True)))
-        limits = np.concatenate([limits, closing + more.gap - slack])
-    for part in (0.5, 0.25):
-        # what closes too far on the whole way may not on a part of it
-        there = _shifted(assembly, part * slide, part * spin)
-        if not _offenders(there).any():
-            return there, 0
-    return _retreated(assembly, there)
+        # where they meet on the way is one more place where they touch
+        more, part = _meeting_places(assembly, pairs, slide, spin, 4.0 * step)
+        walls = _near_walls(there, 0.0)
+        known = [part * _closing(more, slide, spin) + more.gap, _closing(walls, slide, spin) + walls.gap]
+        limits = np.concatenate([limits, *(gap - slack for gap in known)])
+        touching = _joined([touching, more, walls])
+    return _halved(assembly, slide, spin)
+
+
+def _halved(assembly: Assembly, slide: Floats, spin: Floats) -> tuple[Assembly, int]:
+    """Let grains that would overlap go a part of their way, at last none; return how many that were."""
+    part = np.ones(assembly.count)
+    for halving in range(HALVINGS + RETREATS):
+        there = _shifted(assembly, part[:, None] * slide, part[:, None] * spin)
+        pairs, wrong = _wrong(there)
+        wrong[pairs.i] = wrong[pairs.j] = True
+        wrong &= part > 0
+        if not wrong.any():
+            return there, int((part < 1).sum())
+        part[wrong] = part[wrong] / 2 if halving < HALVINGS else 0.0
+    return assembly, assembly.count
+
+
+def _meeting_places(
+    assembly: Assembly, pairs: Pairs, slide: Floats, spin: Floats, reach: float
+) -> tuple[Touching, Floats]:
+    """Return where pairs of grains that would overlap are nearest just before they meet, and which part of the way."""
+    n, both = pairs.count, np.concatenate([pairs.i, pairs.j])
+    low, high = np.zeros(n), np.ones(n)
+    alone = Pairs(np.arange(n), n + np.arange(n), pairs.image, pairs.offset)
+    apart = slide[pairs.j] - slide[pairs.i]
+
+    def at(part: Floats) -> Touching:
+        """Return where the pairs are nearest after a part of their way."""
+        twice = np.concatenate([part, part])[:, None]
+        moved = Assembly(
+            assembly.shapes, assembly.shape_id[both], assembly.scale[both], assembly.position[both],
+            _turned(assembly.orientation[both], twice * spin[both]), assembly.container,
+        )  # fmt: skip
+        return _apart(moved, replace(alone, offset=pairs.offset - (1.0 - part)[:, None] * apart), reach)
+
+    for _ in range(BISECTIONS):
+        part = (low + high) / 2
+        free = np.zeros(n, dtype=np.bool_)
+        free[at(part).i] = True
+        low, high = np.where(free, part, low), np.where(free, high, part)
+    found = at(low)
+    of = found.i
+    return replace(found, i=pairs.i[of], j=pairs.j[of]), low[of]
+
+
+def _apart(assembly: Assembly, pairs: Pairs, reach: float) -> Touching:
+    """Return where some pairs are nearest, of those that are apart."""
+    closed = np.array([is_closed_surface(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)
+    surfaces = closed[assembly.shape_id[pairs.i]] & closed[assembly.shape_id[pairs.j]]
+    gap, normal, point = np.full(pairs.count, np.inf), np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
+    if surfaces.any():
+        some = pairs.where(surfaces)
+        *known, proven = surface_gaps(
+            assembly, some, reach, tree_of=lambda shape: assembly.shapes[shape].geometry.tree
+        )
+        gap[surfaces], normal[surfaces], point[surfaces] = np.where(proven, known[0], np.inf), *known[1:]
+    if not surfaces.all():
+        gap[~surfaces], normal[~surfaces], point[~surfaces] = gaps_of_pairs(assembly, pairs.where(~surfaces), reach)
+    kept = gap <= reach
+    return Touching(
+        pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept]
+    )
+
+
+def _closing(touching: Touching, slide: Floats, spin: Floats) -> Floats:
+    """Return by how much a motion closes the gaps, along their normals."""
+    here = slide[touching.i] + np.cross(spin[touching.i], touching.arm_i)
+    there = slide[touching.j] + np.cross(spin[touching.j], touching.arm_j)
+    there[touching.j < 0] = 0.0
+    return np.asarray(((here - there) * touching.normal).sum(axis=1))
+
+
+def _joined(parts: list[Touching]) -> Touching:
+    """Return all places of several lists."""
+    names = ("i", "j", "normal", "gap", "arm_i", "arm_j")
+    return Touching(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def find_touching(assembly: Assembly, reach: float) -> Touching:
+    """Return where grains are within a reach of each other or of walls.
+
+    Where surfaces are nearest is one place; faces and edges touch at several, so that corners near the other grain are
+    places too.
+    """
+    pairs = grain_pairs(assembly, reach)
+    gap, normal, point = gaps_of_pairs(assembly, pairs, reach)
+    kept = gap <= reach
+    nearest = Touching(pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept])
+    return _joined([nearest, *near_corners(assembly, pairs, reach), _near_walls(assembly, reach)])
+
+
+def near_corners(assembly: Assembly, pairs: Pairs, reach: float) -> list[Touching]:
+    """Return where corners of meshes are near the surfaces of others.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+    pairs : Pairs
+        Which of them may touch.
+    reach : float
+        How far to look, in the unit of lengths.
+    """
+    meshes = [shape.geometry if isinstance(shape.geometry, Mesh) else None for shape in assembly.shapes]
+    rows = []
+    for there, grain, partner in ((True, pairs.i, pairs.j), (False, pairs.j, pairs.i)):
+        of, to = assembly.shape_id[grain], assembly.shape_id[partner]
+        for a, b in np.unique(np.column_stack([of, to]), axis=0):
+            face, corner = meshes[a], meshes[b]
+            if face is None or corner is None or len(corner.vertices) > CORNERS:
+                continue
+            some = np.flatnonzero((of == a) & (to == b))
+            offset = pairs.offset[some] if there else -pairs.offset[some]
+            rows.append(_corners_near(assembly, face, corner, grain[some], partner[some], offset, reach))
+    return rows
+
+
+def _corners_near(
+    assembly: Assembly, face: Mesh, corner: Mesh, grain: Integers, partner: Integers, offset: Floats, reach: float
+) -> Touching:
+    """Return where corners of one mesh, moved to each partner, are near the surface of another."""
+    turn, scale = assembly.matrices, assembly.scale
+    arm = np.einsum("kij,vj->kvi", turn[partner], corner.vertices) * scale[partner, None, None]
+    place = np.einsum("kji,kvj->kvi", turn[grain], arm + offset[:, None]) / scale[grain, None, None]
+    far = (reach / scale[grain])[:, None, None]
+    low, high = face.tree.low[0], face.tree.high[0]
+    k, v = np.nonzero(((place > low - far) & (place < high + far)).all(axis=2))
+    points = place[k, v]
+    distance, nearest, _ = face.tree.nearest(points, reach=float(far.max()))
+    gap = distance * scale[grain[k]]
+    kept = (gap > 0) & (gap <= reach)
+    k, v, gap = k[kept], v[kept], gap[kept]
+    normal = np.einsum("kij,kj->ki", turn[grain[k]], (points - nearest)[kept]) * (scale[grain[k]] / gap)[:, None]
+    arm_j = arm[k, v]
+    return Touching(grain[k], partner[k], normal, gap, arm_j + offset[k] - gap[:, None] * normal, arm_j)
 
 
 def _motion(assembly: Assembly, touching: Touching, limits: Floats, fall: Floats, step: float) -> tuple[Floats, Floats]:
@@ -191,41 +317,11 @@ def _motion(assembly: Assembly, touching: Touching, limits: Floats, fall: Floats
     return slide, spin
 
 
-def _closing(touching: Touching, slide: Floats, spin: Floats) -> Floats:
-    """Return by how much a motion closes the gaps, along their normals."""
-    here = slide[touching.i] + np.cross(spin[touching.i], touching.arm_i)
-    there = slide[touching.j] + np.cross(spin[touching.j], touching.arm_j)
-    there[touching.j < 0] = 0.0
-    return np.asarray(((here - there) * touching.normal).sum(axis=1))
+def _near_walls(assembly: Assembly, reach: float) -> Touching:
+    """Return where grains are near walls.
 
-
-def _parts(touching: Touching) -> tuple[Integers, Integers, Floats, Floats, Floats, Floats]:
-    """Return the arrays of contacts."""
-    return touching.i, touching.j, touching.normal, touching.gap, touching.arm_i, touching.arm_j
-
-
-def find_touching(assembly: Assembly, reach: float) -> Touching:
-    """Return the contacts of grains, and the walls of grains, that are within a reach."""
-    found = find_contacts(assembly, reach)
-    lower, upper = assembly.container.bounds
-    shift = found.image * (upper - lower)
-    arm_i = found.point - assembly.position[found.i]
-    arm_j = found.point - (assembly.position[found.j] + shift)
-    grain, normal, gap, arm = _near_walls(assembly, reach)
-    return Touching(
-        np.concatenate([found.i, grain]),
-        np.concatenate([found.j, np.full(len(grain), -1)]),
-        np.concatenate([found.normal, normal]),
-        np.concatenate([found.gap, gap]),
-        np.concatenate([arm_i, arm]),
-        np.concatenate([arm_j, np.zeros_like(arm)]),
-    )
-
-
-def _near_walls(assembly: Assembly, reach: float) -> tuple[Integers, Floats, Floats, Floats]:
-    """Return grains near walls, the normals to the walls, the gaps, and the arms of the nearest points.
-
-    Of flat walls each side counts by itself; of other containers the point of the tessellation that is nearest.
+    Of flat walls each side counts by itself, with the corners that are nearest to it; of other containers the point of
+    the tessellation that is nearest.
     """
     container, rows = assembly.container, []
     lower, upper = container.bounds
@@ -244,9 +340,10 @@ def _near_walls(assembly: Assembly, reach: float) -> tuple[Integers, Floats, Flo
                 continue
             corners = assembly.world_vertices(grain)
             for axis, sign in sides:
-                far = corners[np.argmax(sign * corners[:, axis])]
                 wall = upper[axis] if sign > 0 else lower[axis]
-                rows.append((grain, sign * np.eye(3)[axis], sign * (wall - far[axis]), far - position))
+                room = sign * (wall - corners[:, axis])
+                for k in np.argsort(room)[:WALL_CORNERS]:
+                    rows.append((grain, sign * np.eye(3)[axis], room[k], corners[k] - position))
         elif -float(container.signed_distance(position[None])[0]) - radius <= reach:
             corners = assembly.world_vertices(grain)
             distance = container.signed_distance(corners)
@@ -257,53 +354,36 @@ def _near_walls(assembly: Assembly, reach: float) -> tuple[Integers, Floats, Flo
             length = float(np.linalg.norm(slope))
             if length > 0:
                 rows.append((grain, slope / length, -float(distance.max()), far - position))
+    rows = [row for row in rows if row[2] <= reach]
     if not rows:
-        return np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
-    grains, normals, gaps, arms = zip(*rows, strict=True)
-    keep = np.array(gaps) <= reach
-    return np.array(grains)[keep], np.array(normals)[keep], np.array(gaps)[keep], np.array(arms)[keep]
+        nothing, none = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+        return Touching(nothing, nothing, none, np.zeros(0), none, none)
+    grains, normals, gaps, arms = (np.array(column) for column in zip(*rows, strict=True))
+    return Touching(grains, np.full(len(grains), -1), normals, gaps, arms, np.zeros_like(arms))
 
 
 def _shifted(assembly: Assembly, slide: Floats, spin: Floats) -> Assembly:
     """Return the grains moved and turned."""
-    angle = np.linalg.norm(spin, axis=1)
-    axis = spin / np.maximum(angle, 1e-300)[:, None]
-    turn = np.column_stack([np.cos(angle / 2), np.sin(angle / 2)[:, None] * axis])
     position = assembly.position + slide
     lower, upper = assembly.container.bounds
     for k in range(assembly.dimension):
         if assembly.container.periodic[k]:
             position[:, k] = lower[k] + (position[:, k] - lower[k]) % (upper[k] - lower[k])
-    return replace(assembly, position=position, orientation=normalized(product(turn, assembly.orientation)))
+    return replace(assembly, position=position, orientation=_turned(assembly.orientation, spin))
 
 
-def _retreated(assembly: Assembly, there: Assembly) -> tuple[Assembly, int]:
-    """Take back the grains that would overlap, and those that these then meet; return how many that were.
-
-    Where that does not end, all stay where they were.
-    """
-    back = np.zeros(assembly.count, dtype=np.bool_)
-    for _ in range(RETREATS):
-        mixed = replace(
-            assembly,
-            position=np.where(back[:, None], assembly.position, there.position),
-            orientation=np.where(back[:, None], assembly.orientation, there.orientation),
-        )
-        wrong = _offenders(mixed)
-        if not wrong.any():
-            return mixed, int(back.sum())
-        back |= wrong
-    return assembly, assembly.count
+def _turned(orientation: Floats, spin: Floats) -> Floats:
+    """Return orientations turned by rotation vectors."""
+    angle = np.linalg.norm(spin, axis=1)
+    axis = spin / np.maximum(angle, 1e-300)[:, None]
+    turn = np.column_stack([np.cos(angle / 2), np.sin(angle / 2)[:, None] * axis])
+    return normalized(product(turn, orientation))
 
 
-def _offenders(assembly: Assembly) -> Booleans:
-    """Tell which grains overlap others or reach through a wall."""
-    unit = float(np.median(assembly.diameters))
-    found = overlaps(assembly, at_least=ROUND_OFF * unit)
-    wrong = escape_depths(assembly) > ROUND_OFF * unit
-    wrong[found.i] = True
-    wrong[found.j] = True
-    return np.asarray(wrong, dtype=np.bool_)
+def _wrong(assembly: Assembly) -> tuple[Pairs, Booleans]:
+    """Return the pairs of grains that overlap, and which grains reach through a wall."""
+    limit = ROUND_OFF * float(np.median(assembly.diameters))
+    return meeting_pairs(assembly, limit), np.asarray(escape_depths(assembly) > limit, dtype=np.bool_)
 
 
 @kernel
