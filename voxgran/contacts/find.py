@@ -6,7 +6,7 @@ thousandth of a grain's volume it is right to about a thousandth.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 
 import numpy as np
@@ -33,6 +33,8 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 
 TouchPair = Callable[..., Touch]
+#: two grains and the periodic image of the second
+PairKey = tuple[int, int, int, int, int]
 
 
 def find_contacts(assembly: Assembly, gap: float = 0.0) -> Contacts:
@@ -84,15 +86,17 @@ def overlaps(assembly: Assembly, *, at_least: float = 0.0) -> Contacts:
     return _keep(found, found.gap < -limit)
 
 
-def meeting_pairs(assembly: Assembly, depth: float) -> Pairs:
-    """Return the pairs of grains that overlap deeper than a depth, without finding how deep.
+def meeting_pairs(assembly: Assembly, depth: float, looked_at: Collection[PairKey] = ()) -> Pairs:
+    """Return the pairs of grains that are not proven to be apart.
 
     Parameters
     ----------
     assembly : Assembly
         The grains.
     depth : float
-        At least 0, in the unit of lengths.
+        Up to here grains without a closed surface may overlap; at least 0, in the unit of lengths.
+    looked_at : collection of tuple
+        Pairs, with their images, that may touch: they are left out unless they overlap deeper than that.
     """
     pairs = grain_pairs(assembly, 0.0)
     closed = np.array([is_closed_surface(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)
@@ -103,9 +107,17 @@ def meeting_pairs(assembly: Assembly, depth: float) -> Pairs:
     tests, surfaces = _PairTests(assembly), np.flatnonzero(both)
     if len(surfaces):
         proven = surface_gaps(assembly, pairs.where(surfaces), 0.0, tree_of=tests.tree)[3]
-        for k in surfaces[~proven]:
-            meet[k] = tests.meet(int(pairs.i[k]), int(pairs.j[k]), pairs.offset[k], depth)
+        meet[surfaces] = ~proven
+        for k, key in zip(surfaces[~proven], pair_keys(pairs.where(surfaces[~proven])), strict=True):
+            if key in looked_at:
+                meet[k] = tests.meet(key[0], key[1], pairs.offset[k], depth)
     return pairs.where(meet)
+
+
+def pair_keys(pairs: Pairs) -> list[PairKey]:
+    """Return grains and image of each pair as one key."""
+    rows = np.column_stack([pairs.i, pairs.j, pairs.image]).tolist()
+    return [(i, j, x, y, z) for i, j, x, y, z in rows]
 
 
 def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> Contacts:

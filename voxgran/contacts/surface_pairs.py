@@ -64,7 +64,7 @@ def surface_gaps(
             *trees[0].arrays, *trees[1].arrays, np.ascontiguousarray(matrix[some]), offset[some], reach, distance, points
         )
         found[some], near[some] = distance, points
-        proven[some] = (distance > margin) & ~_may_nest(trees, matrix[some], offset[some], stretch[some])
+        proven[some] = (distance > margin) & ~_nested(trees, matrix[some], offset[some], stretch[some])
     apart = near[:, 3:] - near[:, :3]
     length = np.linalg.norm(apart, axis=1)
     unit = np.divide(apart, length[:, None], out=np.zeros_like(apart), where=length[:, None] > 0)
@@ -73,13 +73,16 @@ def surface_gaps(
     return found * scale, normal, point, proven & ((length > 0) | np.isinf(found))
 
 
-def _may_nest(trees: tuple[TriangleTree, TriangleTree], matrix: Floats, offset: Floats, stretch: Floats) -> Booleans:
-    """Tell where a corner of one surface lies in the box around the other."""
+def _nested(trees: tuple[TriangleTree, TriangleTree], matrix: Floats, offset: Floats, stretch: Floats) -> Booleans:
+    """Tell where a corner of one surface lies inside the other."""
     one, other = trees
     theirs = matrix @ other.corners[0, 0] + offset
     mine = np.einsum("kji,kj->ki", matrix, one.corners[0, 0] - offset) / stretch[:, None] ** 2
-    held = [((p >= tree.low[0]) & (p <= tree.high[0])).all(axis=1) for p, tree in ((theirs, one), (mine, other))]
-    return np.asarray(held[0] | held[1], dtype=np.bool_)
+    held = np.zeros(len(matrix), dtype=np.bool_)
+    for points, tree in ((theirs, one), (mine, other)):
+        near = np.flatnonzero(((points >= tree.low[0]) & (points <= tree.high[0])).all(axis=1) & ~held)
+        held[near] = tree.signed_distance(points[near]) < 0
+    return held
 
 
 @kernel

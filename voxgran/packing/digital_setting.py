@@ -12,13 +12,18 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import lattice_rotations, random_rotations
 from voxgran._base.seeds import philox_key, stream
 from voxgran.contacts.parts import is_one_ball
+from voxgran.containers.box import Box
+from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.bits import Bank, Canvas, Field, Words, aligned_words, grain_words, make_bank, row_length, write_turned
 from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels
 from voxgran.packing.method import State
+from voxgran.packing.pair_tables import make_tables, no_tables, table_bytes
 from voxgran.packing.problem import Problem
 from voxgran.packing.walk import Grains, Members, put
 from voxgran.shapes.model import Shape
 
+#: voxels of a grain from which on tables of pairs are faster than columns, and the memory that they may take
+TABLE_VOXELS, TABLE_BYTES = 30_000, 2**26
 #: words that the bits of all members in all turns may take together, for all grains to share them
 SHARED = 2**21
 
@@ -81,7 +86,16 @@ def setting_of(problem: Problem, state: State) -> Setting:
     if "setting" not in state.derived:
         setting = _make(problem)
         state.derived["setting"] = setting
-        state.derived["words"] = setting.canvas.words(free_voxels(problem.container, setting.lattice))
+        tables = _tables_pay(problem, setting)
+        state.derived["pairs"] = (
+            make_tables(setting.bank, setting.rotations, setting.turns, setting.lattice.shape, problem.count)
+            if tables
+            else no_tables()
+        )
+        nothing = np.zeros(0, dtype=np.uint64)
+        state.derived["words"] = (
+            nothing if tables else setting.canvas.words(free_voxels(problem.container, setting.lattice))
+        )
         largest = 16 + int(row_length.plain(int(setting.bank.size.max(initial=1))))
         bits, alone = setting.shared[0], not len(setting.shared[1])
         state.derived["bits"] = aligned_words(max(int(setting.own[-1]), largest)) if alone else bits
@@ -89,9 +103,27 @@ def setting_of(problem: Problem, state: State) -> Setting:
         state.derived["at"] = setting.own[:-1].copy()
         field, members, grains = records(state, setting)
         for grain in np.flatnonzero(state.arrays["member"] >= 0):
-            put(field, members, grains, int(grain))
+            put(field, members, grains, state.derived["pairs"], int(grain))
     made: Setting = state.derived["setting"]
     return made
+
+
+def _tables_pay(problem: Problem, setting: Setting) -> bool:
+    """Tell whether pairs get tables in place of the occupancy.
+
+    They do where grains have as many voxels as a test by columns costs more than some neighbours by bits, the tables
+    take little memory, and nothing is asked for that looks at the occupancy itself: walls that are not flat, a lid,
+    guided moves, or a start. On a periodic axis no two images of a grain may come near the same neighbour.
+    """
+    settings, bank = problem.parameters, setting.bank
+    if settings.lid or settings.guided > 0 or problem.start is not None or not len(bank.size):
+        return False
+    if not isinstance(problem.container, Box | Rectangle) or float(bank.voxels.mean()) < TABLE_VOXELS:
+        return False
+    if table_bytes(bank.size, len(setting.turns)) > TABLE_BYTES:
+        return False
+    around = 2 * (int(bank.size.max()) + int(np.abs(bank.low).max()))
+    return bool((setting.lattice.shape >= around)[np.array(problem.container.periodic)].all())
 
 
 def records(state: State, setting: Setting) -> tuple[Field, Members, Grains]:

@@ -16,7 +16,9 @@ from voxgran.packing.stamps import (
 @bare_kernel
 def wrapped(x: int, n: int, periodic: int) -> int:
     """Return a voxel index wrapped into [0, n) where the axis is periodic."""
-    return x - (x // n) * n if periodic else x
+    if not periodic or 0 <= x < n:
+        return x
+    return x - (x // n) * n
 
 
 @bare_kernel
@@ -76,7 +78,7 @@ def stamp_step(field: Field, bits: Words, at: int, size: Triple, old: Triple, co
 
 
 @bare_kernel
-def _is_outside(field, size, corner):  # type: ignore[no-untyped-def]
+def is_outside(field: Field, size: Triple, corner: Triple) -> bool:
     """Tell whether a grain reaches through a wall, or on a periodic axis meets its own image."""
     for axis in range(3):
         if field.periodic[axis]:
@@ -90,7 +92,7 @@ def _is_outside(field, size, corner):  # type: ignore[no-untyped-def]
 @bare_kernel
 def is_blocked_anywhere(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> bool:
     """Tell whether a grain that is not on the canvas would meet anything at a place or its images."""
-    if _is_outside(field, size, corner):
+    if is_outside(field, size, corner):
         return True
     for ix in range(copies(field, 0, corner[0], size[0])):
         for iy in range(copies(field, 1, corner[1], size[1])):

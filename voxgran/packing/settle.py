@@ -12,6 +12,7 @@ Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi
 Richefeu 2009, Contact dynamics as a nonsmooth discrete element method, doi:10.1016/j.mechmat.2009.01.028.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +22,7 @@ from voxgran._base.kernels import kernel
 from voxgran._base.rotation import normalized, product
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
-from voxgran.contacts.find import gaps_of_pairs, is_closed_surface, meeting_pairs
+from voxgran.contacts.find import PairKey, gaps_of_pairs, is_closed_surface, meeting_pairs, pair_keys
 from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.contacts.walls import escape_depths
 from voxgran.containers.box import Box
@@ -36,7 +37,7 @@ ROUND_OFF = 1e-12
 #: mean sinking, in steps, below which the step is halved; and the smallest step, in median diameters
 CALM, SMALLEST = 0.05, 1e-3
 #: times that places of overlap are added before grains are taken back
-CUTS = 8
+CUTS = 10
 #: halvings of the way in which the place is found where two grains meet
 BISECTIONS = 5
 #: times that the way of grains which would overlap is halved, and then that they are taken back, before all are
@@ -62,7 +63,7 @@ def begin_settling(state: State, assembly: Assembly, gravity: Floats, step: floa
         First step of the fall, in median diameters.
     """
     state.arrays["position"], state.arrays["orientation"] = assembly.position.copy(), assembly.orientation.copy()
-    state.arrays["settling"] = np.array([step, _height(assembly, gravity)])
+    state.arrays["settling"] = np.array([step, _height(assembly, gravity), step])
     state.counters.update(settling_at=state.done, settling_sweeps=0)
 
 
@@ -78,13 +79,15 @@ def settle_sweep(state: State, assembly: Assembly, gravity: Floats) -> bool:
     gravity : (3,) ndarray of float
         Direction of the fall.
     """
-    step = float(state.arrays["settling"][0])
-    after, _ = settle_once(assembly, step * gravity)
+    step, _, first = state.arrays["settling"].tolist()
+    after, back = settle_once(assembly, step * gravity)
     state.arrays["position"], state.arrays["orientation"] = after.position.copy(), after.orientation.copy()
     state.counters["settling_sweeps"] += 1
     sunk = float(((after.position - assembly.position) @ gravity).mean())
     if sunk < CALM * step:
         state.arrays["settling"][0] = step / 2
+    elif not back:
+        state.arrays["settling"][0] = min(first, 1.5 * step)
     return bool(state.arrays["settling"][0] < SMALLEST)
 
 
@@ -153,27 +156,36 @@ def settle_once(assembly: Assembly, fall: Floats) -> tuple[Assembly, int]:
     # what a turn of the normals and the end of the projection leave out
     slack = 0.05 * step + 2.0 * step * step / float(assembly.diameters.min())
     limits = touching.gap - slack
-    for _ in range(CUTS):
-        slide, spin = _motion(assembly, touching, limits, fall, step)
+    flush = frozenset(pair_keys(_wrong(assembly)[0]))
+    held = np.zeros(assembly.count, dtype=np.bool_)
+    for cut in range(CUTS):
+        slide, spin = _motion(assembly, touching, limits, fall, held)
         there = _shifted(assembly, slide, spin)
-        pairs, outside = _wrong(there)
+        pairs, outside = _wrong(there, flush)
         if not pairs.count and not outside.any():
-            return there, 0
+            return there, int(held.sum())
+        if cut >= CUTS // 2:
+            # grains that no place keeps apart stay where they are in this sweep, and the others find their way
+            held[pairs.i] = held[pairs.j] = True
+            held |= outside
         # where they meet on the way is one more place where they touch
         more, part = _meeting_places(assembly, pairs, slide, spin, 4.0 * step)
         walls = _near_walls(there, 0.0)
         known = [part * _closing(more, slide, spin) + more.gap, _closing(walls, slide, spin) + walls.gap]
-        limits = np.concatenate([limits, *(gap - slack for gap in known)])
+        # what does not help is asked for with more room
+        limits = np.concatenate([limits, *(gap - (1 + cut) * slack for gap in known)])
         touching = _joined([touching, more, walls])
-    return _halved(assembly, slide, spin)
+    return _halved(assembly, slide, spin, flush)
 
 
-def _halved(assembly: Assembly, slide: Floats, spin: Floats) -> tuple[Assembly, int]:
+def _halved(
+    assembly: Assembly, slide: Floats, spin: Floats, flush: Collection[PairKey]
+) -> tuple[Assembly, int]:
     """Let grains that would overlap go a part of their way, at last none; return how many that were."""
     part = np.ones(assembly.count)
     for halving in range(HALVINGS + RETREATS):
         there = _shifted(assembly, part[:, None] * slide, part[:, None] * spin)
-        pairs, wrong = _wrong(there)
+        pairs, wrong = _wrong(there, flush)
         wrong[pairs.i] = wrong[pairs.j] = True
         wrong &= part > 0
         if not wrong.any():
@@ -302,13 +314,16 @@ def _corners_near(
     return Touching(grain[k], partner[k], normal, gap, arm_j + offset[k] - gap[:, None] * normal, arm_j)
 
 
-def _motion(assembly: Assembly, touching: Touching, limits: Floats, fall: Floats, step: float) -> tuple[Floats, Floats]:
-    """Return slides and spins near the fall that close no gap by more than its limit."""
-    mass = assembly.volumes
-    inertia = 0.4 * mass * (assembly.diameters / 2) ** 2
-    slide, spin = np.tile(fall, (assembly.count, 1)), np.zeros((assembly.count, 3))
+def _motion(
+    assembly: Assembly, touching: Touching, limits: Floats, fall: Floats, held: Booleans
+) -> tuple[Floats, Floats]:
+    """Return slides and spins near the fall that close no gap by more than its limit, and leave some grains alone."""
+    step = float(np.linalg.norm(fall))
+    light = np.where(held, 0.0, 1.0 / assembly.volumes)
+    easy = light / (0.4 * (assembly.diameters / 2) ** 2)
+    slide, spin = np.where(held[:, None], 0.0, fall), np.zeros((assembly.count, 3))
     _project(
-        touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, 1.0 / mass, 1.0 / inertia,
+        touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light, easy,
         slide, spin, np.zeros(len(touching.i)), ITERATIONS, assembly.dimension == 2,
     )  # fmt: skip
     slide *= np.minimum(1.0, 2.0 * step / np.maximum(np.linalg.norm(slide, axis=1), 1e-300))[:, None]
@@ -380,10 +395,10 @@ def _turned(orientation: Floats, spin: Floats) -> Floats:
     return normalized(product(turn, orientation))
 
 
-def _wrong(assembly: Assembly) -> tuple[Pairs, Booleans]:
-    """Return the pairs of grains that overlap, and which grains reach through a wall."""
+def _wrong(assembly: Assembly, flush: Collection[PairKey] = ()) -> tuple[Pairs, Booleans]:
+    """Return the pairs of grains that are not apart, or overlap though they lay flush, and who is beyond a wall."""
     limit = ROUND_OFF * float(np.median(assembly.diameters))
-    return meeting_pairs(assembly, limit), np.asarray(escape_depths(assembly) > limit, dtype=np.bool_)
+    return meeting_pairs(assembly, limit, flush), np.asarray(escape_depths(assembly) > limit, dtype=np.bool_)
 
 
 @kernel
@@ -417,6 +432,8 @@ def _project(  # type: ignore[no-untyped-def]
                 closing -= nx * slide[j, 0] + ny * slide[j, 1] + nz * slide[j, 2]
                 closing -= bx * spin[j, 0] + by * spin[j, 1] + bz * spin[j, 2]
                 weight += light[j] + easy[j] * (bx * bx + by * by + bz * bz)
+            if weight == 0.0:
+                continue
             before = push[k]
             push[k] = max(before + (closing - gap[k]) / weight, 0.0)
             change = push[k] - before

@@ -7,10 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Field, Words, grain_words, turned_box, write_turned
+from voxgran.packing.choices import (
+    Rules,
+    Turn,
+    cycle_start,
+    guided_direction,
+    pick_direction,
+    pick_grain,
+    upward_share,
+)
 from voxgran.packing.images import (
     copies,
     image_of,
@@ -21,6 +30,7 @@ from voxgran.packing.images import (
     stamp_step,
     wrapped,
 )
+from voxgran.packing.pair_tables import PairTables, enlist, has_room, relist
 from voxgran.packing.stamps import sum_blocked
 
 
@@ -56,45 +66,13 @@ class Grains(NamedTuple):
     scratch: Words
 
 
-class Rules(NamedTuple):
-    """Directions sorted downward, level, upward; where these classes begin; the shares and the schedule.
-
-    shares: downward, upward at the start, turns, feeding, guided, what a cycle keeps of the upward share of the one
-    before (below 0: it dies away evenly).  schedule: attempt at which feeding ended (-1: not yet), attempts of all
-    cycles, number of cycles, refusals in a row after which the container is full.
-    """
-
-    directions: Integers
-    classes: Integers
-    gravity: Integers
-    anywhere: bool
-    shares: Floats
-    schedule: Integers
-
-
-class Turn(NamedTuple):
-    """Whose turn it is, and what is kept for it.
-
-    order: grains along a curve through space, empty where any grain may come.  hint: of each grain the normal of the
-    contact that refused its last move, empty where moves are not guided.  calm: attempts of each grain since it came
-    lower than ever before, empty where no grain sleeps.  depth: how low that was.  slept: attempt at which it fell
-    asleep, -1 awake.  stirred: last attempt at which something sank in a cell.  cells: cells along each axis, and the
-    edge of one in voxels.
-    """
-
-    order: Integers
-    hint: Integers
-    calm: Integers
-    depth: Integers
-    slept: Integers
-    stirred: Integers
-    cells: Integers
-
-
 @bare_kernel
-def put(field: Field, members: Members, grains: Grains, g: int) -> None:
-    """Write the bits of a grain that has entered, and stamp it."""
+def put(field: Field, members: Members, grains: Grains, pairs: PairTables, g: int) -> None:
+    """Write the bits of a grain that has entered, and stamp it; or note its cell where pairs have tables."""
     m = grains.member[g]
+    if len(pairs.at):
+        enlist(field, pairs, g, grains.site[g])
+        return
     grains.at[g] = _load(members, grains, g, m, grains.turn[g])
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
     stamp_images(field, grains.bits, grains.at[g], size, lowest_corner(field, grains.site[g], low))
@@ -136,6 +114,7 @@ def make_attempts(
     field: Field,
     members: Members,
     grains: Grains,
+    pairs: PairTables,
     rules: Rules,
     turn: Turn,
     queue: Integers,
@@ -156,25 +135,25 @@ def make_attempts(
         # bits that the choice of a direction does not use
         enters = np.float64(r2 & np.uint64(0xFFFFFFFF)) < rules.shares[3] * 4294967296.0
         if feeding and (rules.anywhere or tally[0] == 0 or enters):
-            if _feed(field, members, grains, rules, queue, tally, key, attempt, r0):
+            if _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, r0):
                 return attempt + 1
             continue
-        g = _pick(queue, tally[0], turn.order, attempt, r0)
-        if len(turn.slept) and _sleeps(field, members, grains, turn, g, _cycle_start(rules, attempt)):
+        g = pick_grain(queue, tally[0], turn.order, attempt, r0)
+        if len(turn.slept) and _sleeps(field, members, grains, turn, g, cycle_start(rules, attempt)):
             tally[7] += 1
             continue
         if unit_float(r3) < rules.shares[2]:
             tally[4] += 1
-            moved = _turn(field, members, grains, g, below(r1, members.bases), below(r2, len(members.turns)))
+            moved = _turn(field, members, grains, pairs, g, below(r1, members.bases), below(r2, len(members.turns)))
             tally[3] += moved
         else:
-            up = _upward_share(rules, attempt)
-            d = _direction(unit_float(r1), r2, rules.classes, rules.shares[0], up)
+            up = upward_share(rules, attempt)
+            d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares[0], up)
             if len(turn.hint):
-                d = _guided(turn.hint[g], rules, d, r0, r3)
+                d = guided_direction(turn.hint[g], rules, d, r0, r3)
             step = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2])
             tally[2] += 1
-            moved = _move(field, members, grains, g, step)
+            moved = _move(field, members, grains, pairs, g, step)
             tally[1] += moved
             if len(turn.hint):
                 _note_contact(field, members, grains, g, step, moved, turn.hint[g])
@@ -191,46 +170,6 @@ def _load(members, grains, g, member, turn):  # type: ignore[no-untyped-def]
     at = grains.own[g]
     write_turned(members.words, members.start[member], members.size[member], members.turns[turn], grains.bits, at)
     return at
-
-
-@bare_kernel
-def _pick(queue, placed, order, attempt, word):  # type: ignore[no-untyped-def]
-    """Pick a grain: any that has entered, or one of 64 that lie near each other, 256 attempts for each window."""
-    if len(order) == 0:
-        return queue[len(queue) - 1 - below(word, placed)]
-    first = (attempt // 256) % ((len(order) + 63) // 64) * 64
-    return order[first + below(word, min(64, len(order) - first))]
-
-
-@bare_kernel
-def _cycle_start(rules, attempt):  # type: ignore[no-untyped-def]
-    """Return the attempt at which the present cycle of vibration began."""
-    begin, attempts, cycles = rules.schedule[0], rules.schedule[1], rules.schedule[2]
-    if begin < 0 or attempt - begin >= attempts:
-        return begin + attempts if begin >= 0 else np.int64(0)
-    return begin + (attempt - begin) * cycles // attempts * attempts // cycles
-
-
-@bare_kernel
-def _guided(hint, rules, d, pick, share):  # type: ignore[no-untyped-def]
-    """Return a direction away from the contact that refused the last move, for the share that is guided."""
-    if hint[0] == 0 and hint[1] == 0 and hint[2] == 0:
-        return d
-    # bits that the pick and the choice of a turn do not use
-    if np.float64(share & np.uint64(0x7FF)) / 2048.0 >= rules.shares[4]:
-        return d
-    many = 0
-    for k in range(len(rules.directions)):
-        step = rules.directions[k]
-        many += step[0] * hint[0] + step[1] * hint[1] + step[2] * hint[2] > 0
-    rank = below(pick << np.uint64(32), many)
-    for k in range(len(rules.directions)):
-        step = rules.directions[k]
-        if step[0] * hint[0] + step[1] * hint[1] + step[2] * hint[2] > 0:
-            if rank == 0:
-                return k
-            rank -= 1
-    return d
 
 
 @bare_kernel
@@ -322,30 +261,6 @@ def _note_rest(field, members, grains, rules, turn, g, attempt):  # type: ignore
 
 
 @bare_kernel
-def _upward_share(rules, attempt):  # type: ignore[no-untyped-def]
-    """Return the share of upward moves: it dies away within each cycle and from cycle to cycle."""
-    begin, attempts, cycles = rules.schedule[0], rules.schedule[1], rules.schedule[2]
-    if begin < 0 or attempt - begin >= attempts:
-        return 0.0
-    along = (attempt - begin) / attempts * cycles
-    cycle = np.floor(along)
-    kept = 1.0 - cycle / cycles if rules.shares[5] < 0.0 else rules.shares[5] ** cycle
-    return rules.shares[1] * kept * (1.0 - (along - cycle))
-
-
-@bare_kernel
-def _direction(share, word, classes, down, up):  # type: ignore[no-untyped-def]
-    """Pick a direction: its class by the shares, then one of the class; all alike where there is no gravity."""
-    if classes[1] == 0:
-        return below(word, classes[3])
-    if share < down:
-        return below(word, classes[1])
-    if share < down + up:
-        return classes[2] + below(word, classes[3] - classes[2])
-    return classes[1] + below(word, classes[2] - classes[1])
-
-
-@bare_kernel
 def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def]
     """Note where a grain is."""
     grains.member[g] = member
@@ -355,7 +270,7 @@ def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def
 
 
 @bare_kernel
-def _move(field, members, grains, g, step):  # type: ignore[no-untyped-def]
+def _move(field, members, grains, pairs, g, step):  # type: ignore[no-untyped-def]
     """Move a grain by one voxel where nothing is in the way; tell whether it moved."""
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
@@ -366,6 +281,8 @@ def _move(field, members, grains, g, step):  # type: ignore[no-untyped-def]
         wrapped(old[2] + step[2], field.shape[2], field.periodic[2]),
     )
     at = grains.at[g]
+    if len(pairs.at):
+        return _move_in_cells(field, members, grains, pairs, g, (m, t), (low, size, new))
     if is_step_blocked(field, grains.bits, at, size, new, step):
         return 0
     stamp_step(field, grains.bits, at, size, old, new, step)
@@ -374,7 +291,25 @@ def _move(field, members, grains, g, step):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _turn(field, members, grains, g, base, turn):  # type: ignore[no-untyped-def]
+def _move_in_cells(field, members, grains, pairs, g, pose, box):  # type: ignore[no-untyped-def]
+    """Put a grain into a pose and place where the tables of pairs leave room; tell whether they do."""
+    low, size, corner = box
+    site = (corner[0] - low[0], corner[1] - low[1], corner[2] - low[2])
+    where = (grains.site, grains.member, grains.turn)
+    if not has_room(field, pairs, members.turns, where, g, pose, (site, corner, size)):
+        return 0
+    if grains.member[g] < 0:
+        _place(grains, g, pose[0], pose[1], corner, low)
+        enlist(field, pairs, g, grains.site[g])
+        return 1
+    before = (grains.site[g, 0], grains.site[g, 1], grains.site[g, 2])
+    _place(grains, g, pose[0], pose[1], corner, low)
+    relist(field, pairs, g, before, grains.site[g])
+    return 1
+
+
+@bare_kernel
+def _turn(field, members, grains, pairs, g, base, turn):  # type: ignore[no-untyped-def]
     """Turn a grain about its centroid to another orientation of its bank where it fits; tell whether it turned."""
     m, at = grains.member[g], grains.at[g]
     new_m = members.kind[g] * members.bases + base
@@ -382,6 +317,8 @@ def _turn(field, members, grains, g, base, turn):  # type: ignore[no-untyped-def
     old = lowest_corner(field, grains.site[g], low)
     new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
     new = lowest_corner(field, grains.site[g], new_low)
+    if len(pairs.at):
+        return _move_in_cells(field, members, grains, pairs, g, (new_m, turn), (new_low, new_size, new))
     stamp_images(field, grains.bits, at, size, old)
     if len(members.at):
         new_at = members.at[new_m * len(members.turns) + turn]
@@ -405,7 +342,7 @@ def _turn(field, members, grains, g, base, turn):  # type: ignore[no-untyped-def
 
 
 @bare_kernel
-def _feed(field, members, grains, rules, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
+def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
     """Let a waiting grain enter in a random orientation, at the top or anywhere; tell whether feeding has ended."""
     waiting = len(queue) - tally[0]
     slot = below(word, waiting)
@@ -419,17 +356,28 @@ def _feed(field, members, grains, rules, queue, tally, key, attempt, word):  # t
         _entry(field, rules, 1, size[1], r2),
         _entry(field, rules, 2, size[2], r3),
     )
-    grains.at[g] = _load(members, grains, g, m, turn)
     tally[5] += 1
-    if is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
+    if not _enter(field, members, grains, pairs, g, (m, turn), (low, size, corner)):
         tally[6] += 1
         return tally[6] >= rules.schedule[3]
-    stamp_images(field, grains.bits, grains.at[g], size, corner)
-    _place(grains, g, m, turn, corner, low)
     queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
     tally[0] += 1
     tally[6] = 0
     return waiting == 1
+
+
+@bare_kernel
+def _enter(field, members, grains, pairs, g, pose, box):  # type: ignore[no-untyped-def]
+    """Let a grain enter where it finds room; tell whether it does."""
+    low, size, corner = box
+    if len(pairs.at):
+        return _move_in_cells(field, members, grains, pairs, g, pose, box) == 1
+    grains.at[g] = _load(members, grains, g, pose[0], pose[1])
+    if is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
+        return False
+    stamp_images(field, grains.bits, grains.at[g], size, corner)
+    _place(grains, g, pose[0], pose[1], corner, low)
+    return True
 
 
 @bare_kernel

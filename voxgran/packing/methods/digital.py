@@ -36,6 +36,7 @@ from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.bits import UNPACKED
+from voxgran.packing.choices import Rules, Turn
 from voxgran.packing.digital_setting import (
     SHARED,
     Setting,
@@ -55,7 +56,7 @@ from voxgran.packing.problem import Problem
 from voxgran.packing.settle import begin_settling, settle_sweep, settling_report
 from voxgran.packing.start import Start, refuse_start, upward
 from voxgran.packing.turns import SORT_SWEEPS, look_at_turns, lower_lid_again, sort_grains, turn_arrays
-from voxgran.packing.walk import Rules, Turn, enter_raised, make_attempts
+from voxgran.packing.walk import enter_raised, make_attempts
 
 #: sweeps between two looks at whether the bed still sinks
 SETTLE_SWEEPS = 200
@@ -342,7 +343,7 @@ def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
     names = ("order", "hint", "calm", "depth", "slept", "stirred", "cells")
     turn = Turn(*(arrays[name] for name in names))
     tally = np.array([counters[name] for name in TALLY], dtype=np.int64)
-    known = records(state, setting)
+    known = *records(state, setting), state.derived["pairs"]
     state.done = int(make_attempts(*known, rules, turn, arrays["queue"], tally, setting.key, state.done, last))
     counters.update(zip(TALLY, tally.tolist(), strict=True))
 
