@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, as_number
+from voxgran._base.arrays import Floats, as_number
 from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs

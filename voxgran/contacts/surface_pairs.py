@@ -61,7 +61,13 @@ def surface_gaps(
         reach = np.maximum(max(gap, 0.0) / scale[some], margin)
         distance, points = np.full(len(some), np.inf), np.zeros((len(some), 6))
         _nearest_of_pairs(
-            *trees[0].arrays, *trees[1].arrays, np.ascontiguousarray(matrix[some]), offset[some], reach, distance, points
+            *trees[0].arrays,
+            *trees[1].arrays,
+            np.ascontiguousarray(matrix[some]),
+            offset[some],
+            reach,
+            distance,
+            points,
         )
         found[some], near[some] = distance, points
         proven[some] = (distance > margin) & ~_nested(trees, matrix[some], offset[some], stretch[some])

@@ -39,22 +39,24 @@ class Field(NamedTuple):
     periodic: Integers
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Bank:
     """Voxels of members (a member is a grain in one base orientation), packed along each axis.
 
     Attributes
     ----------
     words : (w,) ndarray of uint64
-        All packed columns.
+        Packed columns; there may be room for more.
     start : (m, 3) ndarray of int
-        Where the columns of a member along each axis begin.
+        Where the columns of a member along each axis begin; -1 for members that have not been needed.
     low : (m, 3) ndarray of int
         Lowest voxel of the member along each axis, counted from the corner at its centroid.
     size : (m, 3) ndarray of int
         Extents in voxels.
     voxels : (m,) ndarray of int
         Number of voxels.
+    filled : int
+        Words that are taken.
     """
 
     words: Words
@@ -62,11 +64,39 @@ class Bank:
     low: Integers
     size: Integers
     voxels: Integers
+    filled: int = 0
+
+    def add(self, member: int, mask: Booleans) -> None:
+        """Pack the voxels of a member: a centered mask, whose corner at its middle is the centroid."""
+        filled = [np.flatnonzero(mask.any(axis=tuple(k for k in range(3) if k != axis))) for axis in range(3)]
+        first = np.array([line[0] for line in filled])
+        self.size[member] = np.array([line[-1] for line in filled]) + 1 - first
+        self.low[member] = first - np.array(mask.shape) // 2
+        self.voxels[member] = np.count_nonzero(mask)
+        box = mask[tuple(slice(a, a + n) for a, n in zip(first, self.size[member], strict=True))]
+        for axis in range(3):
+            columns = pack_columns(box.transpose((axis + 1) % 3, (axis + 2) % 3, axis)).reshape(-1)
+            end = self.filled + len(columns)
+            if end > len(self.words):
+                grown = np.zeros(max(end, 2 * len(self.words)), dtype=np.uint64)
+                grown[: self.filled] = self.words[: self.filled]
+                self.words = grown
+            self.words[self.filled : end] = columns
+            self.start[member, axis] = self.filled
+            self.filled = end
 
     @property
     def nbytes(self) -> int:
         """Size in bytes."""
         return self.words.nbytes + self.start.nbytes + self.low.nbytes + self.size.nbytes
+
+
+def empty_bank(count: int) -> Bank:
+    """Return a bank for members that are voxelized when they are needed."""
+    sizes = (np.zeros((count, 3), dtype=np.int64) for _ in range(2))
+    return Bank(
+        np.zeros(0, np.uint64), np.full((count, 3), -1, dtype=np.int64), *sizes, np.zeros(count, dtype=np.int64)
+    )
 
 
 def make_bank(count: int, mask_of: Callable[[int], Booleans]) -> Bank:
@@ -79,25 +109,11 @@ def make_bank(count: int, mask_of: Callable[[int], Booleans]) -> Bank:
     mask_of : callable
         Member index to its mask, centered: the corner at its middle is the centroid.
     """
-    chunks: list[Words] = []
-    start, low, size = (np.zeros((count, 3), dtype=np.int64) for _ in range(3))
-    voxels = np.zeros(count, dtype=np.int64)
-    offset = 0
+    bank = empty_bank(count)
     for member in range(count):
-        mask = mask_of(member)
-        filled = [np.flatnonzero(mask.any(axis=tuple(k for k in range(3) if k != axis))) for axis in range(3)]
-        first = np.array([line[0] for line in filled])
-        size[member] = np.array([line[-1] for line in filled]) + 1 - first
-        middle = np.array(mask.shape) // 2
-        low[member] = first - middle
-        voxels[member] = np.count_nonzero(mask)
-        box = mask[tuple(slice(a, a + n) for a, n in zip(first, size[member], strict=True))]
-        for axis in range(3):
-            words = pack_columns(box.transpose((axis + 1) % 3, (axis + 2) % 3, axis))
-            start[member, axis] = offset
-            chunks.append(words.reshape(-1))
-            offset += words.size
-    return Bank(np.concatenate(chunks) if chunks else np.zeros(0, np.uint64), start, low, size, voxels)
+        bank.add(member, mask_of(member))
+    bank.words = bank.words[: bank.filled].copy()
+    return bank
 
 
 def pack_columns(mask: Booleans) -> Words:

@@ -32,7 +32,7 @@ class Turn(NamedTuple):
     contact that refused its last move, empty where moves are not guided.  calm: attempts of each grain since it came
     lower than ever before, empty where no grain sleeps.  depth: how low that was.  slept: attempt at which it fell
     asleep, -1 awake.  stirred: last attempt at which something sank in a cell.  cells: cells along each axis, and the
-    edge of one in voxels.
+    edge of one in voxels.  wanted: the member of the bank that an attempt needs and that is not there, else -1.
     """
 
     order: Integers
@@ -42,6 +42,7 @@ class Turn(NamedTuple):
     slept: Integers
     stirred: Integers
     cells: Integers
+    wanted: Integers
 
 
 @bare_kernel

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +15,18 @@ from voxgran._base.seeds import philox_key, stream
 from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
-from voxgran.packing.bits import Bank, Canvas, Field, Words, aligned_words, grain_words, make_bank, row_length, write_turned
+from voxgran.packing.bits import (
+    Bank,
+    Canvas,
+    Field,
+    Words,
+    aligned_words,
+    empty_bank,
+    grain_words,
+    make_bank,
+    row_length,
+    write_turned,
+)
 from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels
 from voxgran.packing.method import State
 from voxgran.packing.pair_tables import make_tables, no_tables, table_bytes
@@ -24,6 +36,8 @@ from voxgran.shapes.model import Shape
 
 #: voxels of a grain from which on tables of pairs are faster than columns, and the memory that they may take
 TABLE_VOXELS, TABLE_BYTES = 30_000, 2**26
+#: base orientations of a kind from which on they are voxelized when they are needed
+LAZY = 16
 #: words that the bits of all members in all turns may take together, for all grains to share them
 SHARED = 2**21
 
@@ -42,6 +56,10 @@ class Setting:
         Kind of each grain: grains of one shape and one diameter share their voxels; those of a start have their own.
     bank : Bank
         Voxels of all members: each kind in each of its base orientations.
+    mask_of : callable
+        Voxels of a member.
+    zeros : int
+        Words before the bits of the first grain.
     base : (kinds * bases, 4) ndarray of float
         Base orientations.
     bases : int
@@ -68,6 +86,8 @@ class Setting:
     canvas: Canvas
     kind: Integers
     bank: Bank
+    mask_of: Callable[[int], Booleans]
+    zeros: int
     base: Floats
     bases: int
     rotations: Integers
@@ -96,16 +116,25 @@ def setting_of(problem: Problem, state: State) -> Setting:
         state.derived["words"] = (
             nothing if tables else setting.canvas.words(free_voxels(problem.container, setting.lattice))
         )
-        largest = 16 + int(row_length.plain(int(setting.bank.size.max(initial=1))))
         bits, alone = setting.shared[0], not len(setting.shared[1])
-        state.derived["bits"] = aligned_words(max(int(setting.own[-1]), largest)) if alone else bits
-        state.derived["scratch"] = aligned_words(largest + _most_words(setting.bank.size))
+        longest = int(np.diff(setting.own).max(initial=0)) if alone else _most_words(setting.bank.size)
+        state.derived["bits"] = aligned_words(max(int(setting.own[-1]), setting.zeros)) if alone else bits
+        state.derived["scratch"] = aligned_words(setting.zeros + longest)
         state.derived["at"] = setting.own[:-1].copy()
+        there = np.flatnonzero(state.arrays["member"] >= 0)
+        for member in np.unique(state.arrays["member"][there]).tolist():
+            need_member(setting, member)
         field, members, grains = records(state, setting)
-        for grain in np.flatnonzero(state.arrays["member"] >= 0):
-            put(field, members, grains, state.derived["pairs"], int(grain))
+        for grain in there.tolist():
+            put(field, members, grains, state.derived["pairs"], grain)
     made: Setting = state.derived["setting"]
     return made
+
+
+def need_member(setting: Setting, member: int) -> None:
+    """Voxelize a member of the bank where that was not yet done."""
+    if setting.bank.start[member, 0] < 0:
+        setting.bank.add(member, setting.mask_of(member))
 
 
 def _tables_pay(problem: Problem, setting: Setting) -> bool:
@@ -116,7 +145,7 @@ def _tables_pay(problem: Problem, setting: Setting) -> bool:
     guided moves, or a start. On a periodic axis no two images of a grain may come near the same neighbour.
     """
     settings, bank = problem.parameters, setting.bank
-    if settings.lid or settings.guided > 0 or problem.start is not None or not len(bank.size):
+    if settings.lid or settings.guided > 0 or problem.start is not None or (bank.start < 0).any() or not len(bank.size):
         return False
     if not isinstance(problem.container, Box | Rectangle) or float(bank.voxels.mean()) < TABLE_VOXELS:
         return False
@@ -241,21 +270,33 @@ def _make(problem: Problem) -> Setting:
         grain = int(grains[member // bases])
         return problem.voxels(grain, base[member], lattice.voxel_size, cover=problem.parameters.cover)
 
-    bank = make_bank(len(grains) * bases, mask_of)
+    lazy = bases >= LAZY
+    bank = empty_bank(len(grains) * bases) if lazy else make_bank(len(grains) * bases, mask_of)
+    most = _largest_sizes(problem, grains, lattice.voxel_size) if lazy else bank.size
     turns = np.array([[int(np.flatnonzero(row)[0]) + (3 if row.sum() < 0 else 0) for row in m] for m in rotations])
     periodic = np.array(problem.container.periodic, dtype=np.int64)
-    margin = np.where(periodic, int(bank.size.max(initial=1)) + 1, 1).astype(np.int64)
+    margin = np.where(periodic, int(most.max(initial=1)) + 1, 1).astype(np.int64)
     directions, classes, gravity = _directions(problem)
-    rows = np.array([_most_words(bank.size[k * bases : (k + 1) * bases]) for k in range(len(grains))], dtype=np.int64)
-    first = 16 + int(row_length.plain(int(bank.size.max(initial=1))))  # zeros that missing words point to
-    shared = _shared_bits(bank, turns, first)
+    members = 1 if lazy else bases
+    rows = np.array([_most_words(most[k * members : (k + 1) * members]) for k in range(len(grains))], dtype=np.int64)
+    first = 16 + int(row_length.plain(int(most.max(initial=1))))  # zeros that missing words point to
+    nothing = np.zeros(0, dtype=np.uint64), np.zeros(0, dtype=np.int64)
+    shared = nothing if lazy else _shared_bits(bank, turns, first)
     alone = rows[kind] if not len(shared[1]) else np.zeros(problem.count, dtype=np.int64)
     own = first + np.concatenate([[0], np.cumsum(alone)]).astype(np.int64)
     canvas, key = Canvas(lattice.shape, margin, periodic), philox_key(problem.seed, "digital")
     return Setting(
-        lattice, canvas, kind, bank, base, bases, rotations, turns, directions, classes, gravity, main_axis(gravity),
-        own, shared, key,
+        lattice, canvas, kind, bank, mask_of, first, base, bases, rotations, turns, directions, classes, gravity,
+        main_axis(gravity), own, shared, key,
     )  # fmt: skip
+
+
+def _largest_sizes(problem: Problem, grains: Integers, voxel_size: float) -> Integers:
+    """Return extents (k, 3) that no orientation of a grain goes beyond."""
+    radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+    wide = 2 * np.ceil(radius[grains] / voxel_size).astype(np.int64) + 2
+    tall = wide if problem.dimension == 3 else np.ones_like(wide)
+    return np.column_stack([wide, wide, tall])
 
 
 def _shared_bits(bank: Bank, turns: Integers, first: int) -> tuple[Words, Integers]:

@@ -2,7 +2,7 @@
 
 In each sweep all grains want to fall by a step. Exact contacts say how far two surfaces are apart and along which
 normal; the motions, slides and turns, that come nearest to the fall without closing any gap further than it is are
-found by projection, without friction and without inertia. Then the true shapes are compared: where they would overlap
+found by projection, with Coulomb friction if asked and without inertia. Then the true shapes are compared: where they would overlap
 is one more contact, and what still overlaps goes back to where it was. So the packing is free of overlaps after each
 sweep.
 
@@ -12,13 +12,14 @@ Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi
 Richefeu 2009, Contact dynamics as a nonsmooth discrete element method, doi:10.1016/j.mechmat.2009.01.028.
 """
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.rotation import normalized, product
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
@@ -30,8 +31,8 @@ from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.method import State
 from voxgran.shapes.mesh import Mesh
 
-#: iterations of the projection
-ITERATIONS = 300
+#: most iterations of the projection, and the change, in steps, at which it ends: far below the slack
+ITERATIONS, CLOSE = 300, 1e-3
 #: overlaps up to here are round-off, in median diameters
 ROUND_OFF = 1e-12
 #: mean sinking, in steps, below which the step is halved; and the smallest step, in median diameters
@@ -67,7 +68,7 @@ def begin_settling(state: State, assembly: Assembly, gravity: Floats, step: floa
     state.counters.update(settling_at=state.done, settling_sweeps=0)
 
 
-def settle_sweep(state: State, assembly: Assembly, gravity: Floats) -> bool:
+def settle_sweep(state: State, assembly: Assembly, gravity: Floats, *, friction: float = 0.0) -> bool:
     """Make one sweep; tell whether the grains have come to rest.
 
     Parameters
@@ -78,9 +79,11 @@ def settle_sweep(state: State, assembly: Assembly, gravity: Floats) -> bool:
         The grains where the state has them.
     gravity : (3,) ndarray of float
         Direction of the fall.
+    friction : float
+        Coefficient of friction.
     """
     step, _, first = state.arrays["settling"].tolist()
-    after, back = settle_once(assembly, step * gravity)
+    after, back = settle_once(assembly, step * gravity, friction)
     state.arrays["position"], state.arrays["orientation"] = after.position.copy(), after.orientation.copy()
     state.counters["settling_sweeps"] += 1
     sunk = float(((after.position - assembly.position) @ gravity).mean())
@@ -134,7 +137,7 @@ class Touching:
     arm_j: Floats
 
 
-def settle_once(assembly: Assembly, fall: Floats) -> tuple[Assembly, int]:
+def settle_once(assembly: Assembly, fall: Floats, friction: float = 0.0) -> tuple[Assembly, int]:
     """Let all grains fall by a small step as far as they are free to slide and turn.
 
     Parameters
@@ -143,6 +146,8 @@ def settle_once(assembly: Assembly, fall: Floats) -> tuple[Assembly, int]:
         Grains that do not overlap.
     fall : (3,) ndarray of float
         The step.
+    friction : float
+        Coefficient of friction.
 
     Returns
     -------
@@ -159,7 +164,7 @@ def settle_once(assembly: Assembly, fall: Floats) -> tuple[Assembly, int]:
     flush = frozenset(pair_keys(_wrong(assembly)[0]))
     held = np.zeros(assembly.count, dtype=np.bool_)
     for cut in range(CUTS):
-        slide, spin = _motion(assembly, touching, limits, fall, held)
+        slide, spin = _motion(assembly, touching, limits, fall, held, friction)
         there = _shifted(assembly, slide, spin)
         pairs, outside = _wrong(there, flush)
         if not pairs.count and not outside.any():
@@ -178,9 +183,7 @@ def settle_once(assembly: Assembly, fall: Floats) -> tuple[Assembly, int]:
     return _halved(assembly, slide, spin, flush)
 
 
-def _halved(
-    assembly: Assembly, slide: Floats, spin: Floats, flush: Collection[PairKey]
-) -> tuple[Assembly, int]:
+def _halved(assembly: Assembly, slide: Floats, spin: Floats, flush: Collection[PairKey]) -> tuple[Assembly, int]:
     """Let grains that would overlap go a part of their way, at last none; return how many that were."""
     part = np.ones(assembly.count)
     for halving in range(HALVINGS + RETREATS):
@@ -229,16 +232,12 @@ def _apart(assembly: Assembly, pairs: Pairs, reach: float) -> Touching:
     gap, normal, point = np.full(pairs.count, np.inf), np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
     if surfaces.any():
         some = pairs.where(surfaces)
-        *known, proven = surface_gaps(
-            assembly, some, reach, tree_of=lambda shape: assembly.shapes[shape].geometry.tree
-        )
+        *known, proven = surface_gaps(assembly, some, reach, tree_of=lambda shape: assembly.shapes[shape].geometry.tree)
         gap[surfaces], normal[surfaces], point[surfaces] = np.where(proven, known[0], np.inf), *known[1:]
     if not surfaces.all():
         gap[~surfaces], normal[~surfaces], point[~surfaces] = gaps_of_pairs(assembly, pairs.where(~surfaces), reach)
     kept = gap <= reach
-    return Touching(
-        pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept]
-    )
+    return Touching(pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept])
 
 
 def _closing(touching: Touching, slide: Floats, spin: Floats) -> Floats:
@@ -315,7 +314,7 @@ def _corners_near(
 
 
 def _motion(
-    assembly: Assembly, touching: Touching, limits: Floats, fall: Floats, held: Booleans
+    assembly: Assembly, touching: Touching, limits: Floats, fall: Floats, held: Booleans, friction: float
 ) -> tuple[Floats, Floats]:
     """Return slides and spins near the fall that close no gap by more than its limit, and leave some grains alone."""
     step = float(np.linalg.norm(fall))
@@ -323,8 +322,9 @@ def _motion(
     easy = light / (0.4 * (assembly.diameters / 2) ** 2)
     slide, spin = np.where(held[:, None], 0.0, fall), np.zeros((assembly.count, 3))
     _project(
-        touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light, easy,
-        slide, spin, np.zeros(len(touching.i)), ITERATIONS, assembly.dimension == 2,
+        touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light, easy, friction,
+        slide, spin, np.zeros(len(touching.i)), np.zeros((len(touching.i), 3)), ITERATIONS, CLOSE * step,
+        assembly.dimension == 2,
     )  # fmt: skip
     slide *= np.minimum(1.0, 2.0 * step / np.maximum(np.linalg.norm(slide, axis=1), 1e-300))[:, None]
     turned = np.linalg.norm(spin, axis=1) * assembly.bounding_radii
@@ -403,55 +403,93 @@ def _wrong(assembly: Assembly, flush: Collection[PairKey] = ()) -> tuple[Pairs, 
 
 @kernel
 def _project(  # type: ignore[no-untyped-def]
-    one, other, normal, gap, arm_one, arm_other, light, easy, slide, spin, push, iterations, flat
+    one, other, normal, gap, arm_one, arm_other, light, easy, friction, slide, spin, push, drag, iterations, close, flat
 ):
-    """Change slides and spins until no gap closes further than it is: projected Gauss-Seidel over the contacts.
+    """Change slides and spins until no gap closes further than its limit: projected Gauss-Seidel over the contacts.
 
-    light, easy: reciprocal masses and moments of inertia.  push: accumulated impulses.
+    light, easy: reciprocal masses and moments of inertia.  push: accumulated impulses along the normals.  drag: those of
+    friction across them, no larger than `friction` times the push.
     """
+    rest = np.zeros(3)
     for _ in range(iterations):
         most = 0.0
         for k in range(len(one)):
             i, j = one[k], other[k]
-            nx, ny, nz = normal[k, 0], normal[k, 1], normal[k, 2]
-            ax = arm_one[k, 1] * nz - arm_one[k, 2] * ny
-            ay = arm_one[k, 2] * nx - arm_one[k, 0] * nz
-            az = arm_one[k, 0] * ny - arm_one[k, 1] * nx
-            if flat:
-                ax, ay = 0.0, 0.0
-            closing = nx * slide[i, 0] + ny * slide[i, 1] + nz * slide[i, 2]
-            closing += ax * spin[i, 0] + ay * spin[i, 1] + az * spin[i, 2]
-            weight = light[i] + easy[i] * (ax * ax + ay * ay + az * az)
-            bx, by, bz = 0.0, 0.0, 0.0
+            n = normal[k]
+            weight = light[i] + easy[i] * _square_across(arm_one[k], n, flat)
             if j >= 0:
-                bx = arm_other[k, 1] * nz - arm_other[k, 2] * ny
-                by = arm_other[k, 2] * nx - arm_other[k, 0] * nz
-                bz = arm_other[k, 0] * ny - arm_other[k, 1] * nx
-                if flat:
-                    bx, by = 0.0, 0.0
-                closing -= nx * slide[j, 0] + ny * slide[j, 1] + nz * slide[j, 2]
-                closing -= bx * spin[j, 0] + by * spin[j, 1] + bz * spin[j, 2]
-                weight += light[j] + easy[j] * (bx * bx + by * by + bz * bz)
+                weight += light[j] + easy[j] * _square_across(arm_other[k], n, flat)
             if weight == 0.0:
                 continue
+            _approach(slide, spin, i, j, arm_one[k], arm_other[k], rest)
+            closing = n[0] * rest[0] + n[1] * rest[1] + n[2] * rest[2]
             before = push[k]
             push[k] = max(before + (closing - gap[k]) / weight, 0.0)
             change = push[k] - before
             most = max(most, abs(change) * weight)
-            if change == 0.0:
-                continue
-            slide[i, 0] -= change * light[i] * nx
-            slide[i, 1] -= change * light[i] * ny
-            slide[i, 2] -= change * light[i] * nz
-            spin[i, 0] -= change * easy[i] * ax
-            spin[i, 1] -= change * easy[i] * ay
-            spin[i, 2] -= change * easy[i] * az
-            if j >= 0:
-                slide[j, 0] += change * light[j] * nx
-                slide[j, 1] += change * light[j] * ny
-                slide[j, 2] += change * light[j] * nz
-                spin[j, 0] += change * easy[j] * bx
-                spin[j, 1] += change * easy[j] * by
-                spin[j, 2] += change * easy[j] * bz
-        if most < 1e-12:
+            if change != 0.0:
+                rest[0], rest[1], rest[2] = change * n[0], change * n[1], change * n[2]
+                _press(slide, spin, i, j, arm_one[k], arm_other[k], light, easy, rest, flat)
+            if friction > 0.0 and (push[k] > 0.0 or drag[k, 0] != 0.0 or drag[k, 1] != 0.0 or drag[k, 2] != 0.0):
+                most = max(
+                    most,
+                    _drag(i, j, n, arm_one[k], arm_other[k], light, easy, friction * push[k], slide, spin, drag[k],
+                          rest, flat),
+                )  # fmt: skip
+        if most < close:
             break
+
+
+@bare_kernel
+def _square_across(arm, n, flat):  # type: ignore[no-untyped-def]
+    """Return the square of an arm's moment about a normal."""
+    ax, ay, az = arm[1] * n[2] - arm[2] * n[1], arm[2] * n[0] - arm[0] * n[2], arm[0] * n[1] - arm[1] * n[0]
+    return az * az if flat else ax * ax + ay * ay + az * az
+
+
+@bare_kernel
+def _approach(slide, spin, i, j, arm, partner, rest):  # type: ignore[no-untyped-def]
+    """Write how the place of contact of one grain moves as seen from the other; j below 0 is a wall."""
+    for c in range(3):
+        a, b = (c + 1) % 3, (c + 2) % 3
+        rest[c] = slide[i, c] + spin[i, a] * arm[b] - spin[i, b] * arm[a]
+        if j >= 0:
+            rest[c] -= slide[j, c] + spin[j, a] * partner[b] - spin[j, b] * partner[a]
+
+
+@bare_kernel
+def _press(slide, spin, i, j, arm, partner, light, easy, impulse, flat):  # type: ignore[no-untyped-def]
+    """Let an impulse push two grains apart."""
+    for c in range(3):
+        a, b = (c + 1) % 3, (c + 2) % 3
+        slide[i, c] -= light[i] * impulse[c]
+        if not flat or c == 2:
+            spin[i, c] -= easy[i] * (arm[a] * impulse[b] - arm[b] * impulse[a])
+        if j >= 0:
+            slide[j, c] += light[j] * impulse[c]
+            if not flat or c == 2:
+                spin[j, c] += easy[j] * (partner[a] * impulse[b] - partner[b] * impulse[a])
+
+
+@bare_kernel
+def _drag(i, j, n, arm, partner, light, easy, limit, slide, spin, drag, rest, flat):  # type: ignore[no-untyped-def]
+    """Let friction hold back the sliding at a contact, up to a limit; return how much it changed."""
+    weight = light[i] + easy[i] * (arm[0] ** 2 + arm[1] ** 2 + arm[2] ** 2)
+    if j >= 0:
+        weight += light[j] + easy[j] * (partner[0] ** 2 + partner[1] ** 2 + partner[2] ** 2)
+    _approach(slide, spin, i, j, arm, partner, rest)
+    closing = n[0] * rest[0] + n[1] * rest[1] + n[2] * rest[2]
+    length = 0.0
+    for c in range(3):
+        rest[c] = drag[c] + (rest[c] - closing * n[c]) / weight
+        length += rest[c] * rest[c]
+    length = math.sqrt(length)
+    kept = min(1.0, limit / length) if length > 0.0 else 0.0
+    most = 0.0
+    for c in range(3):
+        wanted = kept * rest[c]
+        rest[c] = wanted - drag[c]
+        drag[c] = wanted
+        most = max(most, abs(rest[c]) * weight)
+    _press(slide, spin, i, j, arm, partner, light, easy, rest, flat)
+    return most

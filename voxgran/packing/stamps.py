@@ -9,7 +9,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.lanes import flip_lanes, flip_low_lanes, meets_lanes, meets_low_lanes
 from voxgran.packing.bits import Field, Triple, Words, row_length

@@ -125,7 +125,8 @@ def make_attempts(
 ) -> int:
     """Make attempts `first` ... `last` - 1; return the number of the next one.
 
-    It ends early when the queue is empty or the container is full. The first entries of the queue wait, the others
+    It ends early when the queue is empty, the container is full, or a member of the bank is needed that has not been
+    voxelized: then `turn.wanted` tells which, and that attempt is to be made again. The first entries of the queue wait, the others
     have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in a row, slept
     through.
     """
@@ -135,6 +136,8 @@ def make_attempts(
         # bits that the choice of a direction does not use
         enters = np.float64(r2 & np.uint64(0xFFFFFFFF)) < rules.shares[3] * 4294967296.0
         if feeding and (rules.anywhere or tally[0] == 0 or enters):
+            if _is_missing(members, turn, _fed_member(members, queue, tally, key, attempt, r0)):
+                return attempt
             if _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, r0):
                 return attempt + 1
             continue
@@ -143,6 +146,8 @@ def make_attempts(
             tally[7] += 1
             continue
         if unit_float(r3) < rules.shares[2]:
+            if _is_missing(members, turn, members.kind[g] * members.bases + below(r1, members.bases)):
+                return attempt
             tally[4] += 1
             moved = _turn(field, members, grains, pairs, g, below(r1, members.bases), below(r2, len(members.turns)))
             tally[3] += moved
@@ -160,6 +165,23 @@ def make_attempts(
         if len(turn.slept):
             _note_rest(field, members, grains, rules, turn, g, attempt)
     return last
+
+
+@bare_kernel
+def _is_missing(members, turn, member):  # type: ignore[no-untyped-def]
+    """Tell whether a member has not been voxelized, and note that it is wanted."""
+    if members.start[member, 0] >= 0:
+        return False
+    turn.wanted[0] = member
+    return True
+
+
+@bare_kernel
+def _fed_member(members, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
+    """Return as which member the next grain enters."""
+    g = queue[below(word, len(queue) - tally[0])]
+    r0, _, _, _ = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
+    return members.kind[g] * members.bases + below(r0, members.bases)
 
 
 @bare_kernel

@@ -45,6 +45,7 @@ from voxgran.packing.digital_setting import (
     gravity_text,
     gravity_vector,
     mean_width,
+    need_member,
     records,
     setting_of,
     voxel_size_of,
@@ -120,6 +121,7 @@ class Digital:
     settling: int = parameter(
         0, doc="most sweeps in which the true shapes settle after the walk and close the gaps that voxels left"
     )
+    friction: float = parameter(0.0, doc="coefficient of friction between grains, and at walls, while they settle")
     lid: bool = parameter(False, doc="whether a lid comes down on the bed, a voxel at a time where it finds room")
 
     def __post_init__(self) -> None:
@@ -140,6 +142,7 @@ class Digital:
         if self.decay is not None:
             as_number(self.decay, "decay", at_least=0.0, at_most=1.0)
         as_count(self.settling, "settling")
+        as_number(self.friction, "friction", at_least=0.0)
         if self.settling and self.cover != "touch":
             raise InputError(
                 f"settling is {self.settling} and cover {self.cover!r}: it needs grains apart; use 'touch'"
@@ -274,7 +277,9 @@ def _settle(problem: Problem, state: State, setting: Setting, last: int) -> None
     due = begin + (state.counters["settling_sweeps"] + 1) * placed
     state.done = min(last, due)
     if state.done == due:
-        rests = settle_sweep(state, _assembly(problem, state, setting), setting.gravity)
+        rests = settle_sweep(
+            state, _assembly(problem, state, setting), setting.gravity, friction=problem.parameters.friction
+        )
         if rests or state.counters["settling_sweeps"] >= problem.parameters.settling:
             state.stop_reason = "settled" if state.counters["placed"] == problem.count else "full"
 
@@ -341,10 +346,16 @@ def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
         np.array([counters["fed_at"], attempts, _cycles(problem), _patience(problem)], dtype=np.int64),
     )
     names = ("order", "hint", "calm", "depth", "slept", "stirred", "cells")
-    turn = Turn(*(arrays[name] for name in names))
+    wanted = np.full(1, -1, dtype=np.int64)
+    turn = Turn(*(arrays[name] for name in names), wanted)
     tally = np.array([counters[name] for name in TALLY], dtype=np.int64)
-    known = *records(state, setting), state.derived["pairs"]
-    state.done = int(make_attempts(*known, rules, turn, arrays["queue"], tally, setting.key, state.done, last))
+    while True:
+        known = *records(state, setting), state.derived["pairs"]
+        state.done = int(make_attempts(*known, rules, turn, arrays["queue"], tally, setting.key, state.done, last))
+        if wanted[0] < 0:
+            break
+        need_member(setting, int(wanted[0]))
+        wanted[0] = -1
     counters.update(zip(TALLY, tally.tolist(), strict=True))
 
 

@@ -1,0 +1,206 @@
+"""Digital packing: which true densities it reaches, against voxels, vibration, shape, walls and dimension.
+
+Beds settle by the walk and then as true shapes; all densities are bulk solid fractions of the true solids, without
+overlap. Spheres stand at 20, 40 and 80 voxels per diameter, and a line through these is followed to voxels of no size.
+Dice stand without vibration and with friction, as poured ones do, and with vibration and without friction. A bed of
+spheres in a cylinder is compared with the law of de Klerk, and disks of two sizes settle in the plane.
+"""
+
+import time
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.lazy import load
+from voxgran._base.seeds import stream
+from voxgran.bench.model import TradeOff, calibration
+from voxgran.containers.box import Box
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
+from voxgran.measure.density import bulk_solid_fraction
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.report.wall_law import wall_law
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.model import Shape
+
+#: what, voxels per diameter (0: followed to voxels of no size), vibrated, seconds, bulk solid fraction, uncertainty
+Row: TypeAlias = tuple[str, int, bool, float, float, float]
+CELLS = (20, 40, 80)
+SEEDS = (1, 2)
+DICE = ("tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron")
+#: friction of dice that are poured
+FRICTION = 0.3
+#: bins of the wall profile, in diameters, and points in each
+BIN, FAR, POINTS = 0.05, 4.0, 20_000
+
+
+def bed(shapes: Shape | list[Shape], container: Container, count: int, **parameters: Any) -> tuple[Packing, float]:
+    """Pack a bed digitally, with settling, and return it and the seconds that it took."""
+    began = time.perf_counter()
+    packing = pack(shapes, container, method="digital", count=count, settling=400, **parameters)
+    return packing, time.perf_counter() - began
+
+
+def extrapolated(sizes: Floats, values: Floats) -> tuple[float, float]:
+    """Return where a straight line through values meets size 0, and its standard error.
+
+    Parameters
+    ----------
+    sizes, values : (n,) ndarray of float
+        Three or more.
+    """
+    design = np.column_stack([np.ones_like(sizes), sizes])
+    fit, *_ = np.linalg.lstsq(design, values, rcond=None)
+    spread = ((values - design @ fit) ** 2).sum() / (len(sizes) - 2)
+    return float(fit[0]), float(np.sqrt(spread * np.linalg.inv(design.T @ design)[0, 0]))
+
+
+def measure_spheres(cells: tuple[int, ...] = CELLS, seeds: tuple[int, ...] = SEEDS, count: int = 350) -> list[Row]:
+    """Pack beds of equal spheres without and with vibration.
+
+    Parameters
+    ----------
+    cells : tuple of int
+        Voxels per diameter.
+    seeds : tuple of int
+        One bed each.
+    count : int
+        Spheres of a bed.
+    """
+    rows: list[Row] = []
+    box = Box((6, 6, 8 + count / 30), periodic=(True, True, False))
+    for vibrated in (False, True):
+        many = []
+        for n in cells:
+            for seed in seeds:
+                packing, seconds = bed(
+                    make_shape("sphere"), box, count, voxel_size=1 / n, seed=seed, orientations=1, sweeps=1500,
+                    up=0.42 if vibrated else 0.0,
+                )  # fmt: skip
+                many.append((1 / n, float(bulk_solid_fraction(packing))))
+                rows.append((f"sphere, seed {seed}", n, vibrated, seconds, many[-1][1], 0.0))
+        sizes, values = np.array(many).T
+        rows.append(("sphere", 0, vibrated, 0.0, *extrapolated(sizes, values)))
+    return rows
+
+
+def measure_dice(dice: tuple[str, ...] = DICE, count: int = 220, cells: int = 20) -> list[Row]:
+    """Pack beds of Platonic dice: poured with friction, and vibrated.
+
+    Parameters
+    ----------
+    dice : tuple of str
+        The solids.
+    count : int
+        Dice of a bed.
+    cells : int
+        Voxels per diameter.
+    """
+    rows: list[Row] = []
+    box = Box((5, 5, 8 + count / 18), periodic=(True, True, False))
+    for name in dice:
+        shape = make_shape("platonic", solid=name)
+        for vibrated in (False, True):
+            packing, seconds = bed(
+                shape, box, count, voxel_size=1 / cells, seed=1, sweeps=6000 if vibrated else 400,
+                up=0.42 if vibrated else 0.0, friction=0.0 if vibrated else FRICTION,
+            )  # fmt: skip
+            rows.append((name, cells, vibrated, seconds, float(bulk_solid_fraction(packing)), 0.0))
+    return rows
+
+
+def measure_disks(count: int = 330) -> list[Row]:
+    """Pack a bed of as many disks of diameter 1 as of 1.4."""
+    disks = [make_shape("disk"), make_shape("disk", diameter=1.4)]
+    floor = Rectangle((20, 10 + count / 14), periodic=(True, False))
+    packing, seconds = bed(disks, floor, count, voxel_size=1 / 20, seed=1, orientations=1, sweeps=3000, weights=[1, 1])
+    return [("disks 1 : 1.4", 20, True, seconds, float(bulk_solid_fraction(packing)), 0.0)]
+
+
+def measure_wall(count: int = 900) -> tuple[Floats, Floats, Floats, float]:
+    """Pack spheres into a cylinder and compare the solid fraction near its wall with the law of de Klerk.
+
+    Parameters
+    ----------
+    count : int
+        Spheres.
+
+    Returns
+    -------
+    distance, solid_fraction, law : (b,) ndarray of float
+        In bins of 1/20 of a diameter, up to 4 diameters from the wall.
+    rms : float
+        Root mean square of the difference.
+    """
+    radius = 4.6
+    packing, _ = bed(
+        make_shape("sphere"), Cylinder(radius, 4 + count / 60), count, voxel_size=1 / 20, seed=1, orientations=1,
+        sweeps=1500,
+    )  # fmt: skip
+    bulk, generator = float(bulk_solid_fraction(packing)), stream(1, "bench wall")
+    tree = load("scipy.spatial").cKDTree(packing.position)
+    top = float(np.quantile(packing.position[:, 2], 0.85))
+    edges = np.arange(0.0, FAR + BIN / 2, BIN)
+    found = []
+    for near, far in zip(edges[:-1], edges[1:], strict=True):
+        reach = np.sqrt(generator.uniform((radius - far) ** 2, (radius - near) ** 2, POINTS))
+        turn, height = generator.uniform(0, 2 * np.pi, POINTS), generator.uniform(2.0, top, POINTS)
+        places = np.column_stack([reach * np.cos(turn), reach * np.sin(turn), height])
+        found.append(float((tree.query(places)[0] < 0.5).mean()))
+    distance = (edges[1:] + edges[:-1]) / 2
+    law = wall_law(distance, bulk=bulk)
+    return distance, np.array(found), law, float(np.sqrt(np.mean((np.array(found) - law) ** 2)))
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    rows = [*measure_spheres(), *measure_dice(), *measure_disks()]
+    wall, loop = measure_wall(), calibration()
+    table, second, figure = folder / "density.csv", folder / "density_wall.csv", folder / "density.svg"
+    lines = [
+        f'"{name}",{cells or ""},{str(vibrated).lower()},{seconds:.1f},{value:.4f},{error:.4f},{loop:.5f}'
+        for name, cells, vibrated, seconds, value, error in rows
+    ]
+    head = "bed,voxels_per_diameter,vibrated,seconds,bulk_solid_fraction,standard_error,calibration_seconds"
+    write_text(table, "\n".join([head, *lines]) + "\n")
+    profile = [f"{x:.3f},{found:.4f},{law:.4f}" for x, found, law in zip(*wall[:3], strict=True)]
+    write_text(second, "\n".join(["distance_in_diameters,solid_fraction,de_klerk", *profile]) + "\n")
+    _draw(rows, wall, figure)
+    return table, second, figure
+
+
+def _draw(rows: list[Row], wall: tuple[Floats, Floats, Floats, float], path: Path) -> None:
+    """Draw spheres against voxel size on the left, dice in the middle, the wall on the right."""
+    figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
+    for vibrated, color in ((False, "C0"), (True, "C1")):
+        label = "with vibration" if vibrated else "without vibration"
+        beds = [row for row in rows if row[0].startswith("sphere,") and row[2] == vibrated]
+        left.plot([1 / row[1] for row in beds], [row[4] for row in beds], f"{color}o", label=label)
+        end = next(row for row in rows if row[0] == "sphere" and row[2] == vibrated)
+        left.errorbar([0.0], [end[4]], yerr=[end[5]], fmt=f"{color}s", capsize=3)
+        dice = [row for row in rows if row[0] in DICE and row[2] == vibrated]
+        middle.plot([row[0] for row in dice], [row[4] for row in dice], f"{color}o", label=label)
+    left.set_xlabel("voxel size in diameters")
+    left.set_ylabel("bulk solid fraction, spheres")
+    middle.set_ylabel("bulk solid fraction, dice")
+    middle.tick_params(axis="x", rotation=20)
+    right.plot(wall[0], wall[1], label="spheres in a cylinder")
+    right.plot(wall[0], wall[2], ":", label=f"de Klerk, rms {wall[3]:.3f}")
+    right.set_xlabel("distance from the wall in diameters")
+    right.set_ylabel("solid fraction")
+    for panel in (left, middle, right):
+        panel.grid(visible=True, alpha=0.3)
+        panel.legend(frameon=False, fontsize=8)
+    with written_whole(path) as draft:
+        figure.savefig(draft, format="svg")
+
+
+registration = TradeOff(
+    name="density", summary="true densities of digital packing: spheres, dice, walls, disks", run=run
+)
