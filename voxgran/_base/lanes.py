@@ -15,7 +15,18 @@ LANES = 8
 
 
 @instruction
-def meets_lanes(_, bits, here, under, old, old_under, canvas, cell, shift, old_shift):  # type: ignore[no-untyped-def]
+def meets_lanes(
+    _: Any,
+    bits: Any,
+    here: Any,
+    under: Any,
+    old: Any,
+    old_under: Any,
+    canvas: Any,
+    cell: Any,
+    shift: Any,
+    old_shift: Any,
+) -> Any:
     """Return which of eight columns meet taken voxels of the canvas with bits that they did not have before.
 
     A column is a word shifted up, with what comes from the word under it.
@@ -25,21 +36,36 @@ def meets_lanes(_, bits, here, under, old, old_under, canvas, cell, shift, old_s
 
 
 @instruction
-def meets_low_lanes(_, bits, here, part, old, old_part, canvas, cell, shift, old_shift):  # type: ignore[no-untyped-def]
+def meets_low_lanes(
+    _: Any, bits: Any, here: Any, part: Any, old: Any, old_part: Any, canvas: Any, cell: Any, shift: Any, old_shift: Any
+) -> Any:
     """Return what `meets_lanes` returns, of columns one word tall: turned up, and of that the bits of a part."""
     takes = (bits, here, part, old, old_part, canvas, cell, shift, old_shift)
     return load("numba").types.uint8(*takes), _meeting(_turned)
 
 
 @instruction
-def flip_lanes(_, bits, here, under, old, old_under, canvas, cell, shift, old_shift):  # type: ignore[no-untyped-def]
+def flip_lanes(
+    _: Any,
+    bits: Any,
+    here: Any,
+    under: Any,
+    old: Any,
+    old_under: Any,
+    canvas: Any,
+    cell: Any,
+    shift: Any,
+    old_shift: Any,
+) -> Any:
     """Flip those bits of eight columns on the canvas that they have now and did not have before, or the reverse."""
     takes = (bits, here, under, old, old_under, canvas, cell, shift, old_shift)
     return load("numba").types.void(*takes), _flipping(_joined)
 
 
 @instruction
-def flip_low_lanes(_, bits, here, part, old, old_part, canvas, cell, shift, old_shift):  # type: ignore[no-untyped-def]
+def flip_low_lanes(
+    _: Any, bits: Any, here: Any, part: Any, old: Any, old_part: Any, canvas: Any, cell: Any, shift: Any, old_shift: Any
+) -> Any:
     """Flip what `flip_lanes` flips, of columns one word tall."""
     takes = (bits, here, part, old, old_part, canvas, cell, shift, old_shift)
     return load("numba").types.void(*takes), _flipping(_turned)

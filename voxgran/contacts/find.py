@@ -114,6 +114,11 @@ def meeting_pairs(assembly: Assembly, depth: float, looked_at: Collection[PairKe
     return pairs.where(meet)
 
 
+def surface_trees(assembly: Assembly) -> Callable[[int], TriangleTree]:
+    """Return what gives the box tree of a shape that is a mesh or a box."""
+    return _PairTests(assembly).tree
+
+
 def pair_keys(pairs: Pairs) -> list[PairKey]:
     """Return grains and image of each pair as one key."""
     rows = np.column_stack([pairs.i, pairs.j, pairs.image]).tolist()

@@ -93,10 +93,8 @@ class Bank:
 
 def empty_bank(count: int) -> Bank:
     """Return a bank for members that are voxelized when they are needed."""
-    sizes = (np.zeros((count, 3), dtype=np.int64) for _ in range(2))
-    return Bank(
-        np.zeros(0, np.uint64), np.full((count, 3), -1, dtype=np.int64), *sizes, np.zeros(count, dtype=np.int64)
-    )
+    start, low, size = (np.full((count, 3), value, dtype=np.int64) for value in (-1, 0, 0))
+    return Bank(np.zeros(0, np.uint64), start, low, size, np.zeros(count, dtype=np.int64))
 
 
 def make_bank(count: int, mask_of: Callable[[int], Booleans]) -> Bank:

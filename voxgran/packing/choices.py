@@ -59,7 +59,7 @@ def cycle_start(rules: Rules, attempt: int) -> int:
     """Return the attempt at which the present cycle of vibration began."""
     begin, attempts, cycles = rules.schedule[0], rules.schedule[1], rules.schedule[2]
     if begin < 0 or attempt - begin >= attempts:
-        return begin + attempts if begin >= 0 else np.int64(0)
+        return begin + attempts if begin >= 0 else 0
     return begin + (attempt - begin) * cycles // attempts * attempts // cycles
 
 

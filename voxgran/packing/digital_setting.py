@@ -37,7 +37,7 @@ from voxgran.shapes.model import Shape
 #: voxels of a grain from which on tables of pairs are faster than columns, and the memory that they may take
 TABLE_VOXELS, TABLE_BYTES = 30_000, 2**26
 #: base orientations of a kind from which on they are voxelized when they are needed
-LAZY = 16
+LAZY = 32
 #: words that the bits of all members in all turns may take together, for all grains to share them
 SHARED = 2**21
 

@@ -126,9 +126,9 @@ def make_attempts(
     """Make attempts `first` ... `last` - 1; return the number of the next one.
 
     It ends early when the queue is empty, the container is full, or a member of the bank is needed that has not been
-    voxelized: then `turn.wanted` tells which, and that attempt is to be made again. The first entries of the queue wait, the others
-    have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in a row, slept
-    through.
+    voxelized: then `turn.wanted` tells which, and that attempt is to be made again. The first entries of the queue
+    wait, the others have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in
+    a row, slept through.
     """
     feeding = rules.schedule[0] < 0
     for attempt in range(first, last):

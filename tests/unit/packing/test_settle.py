@@ -8,7 +8,8 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
-from voxgran.packing.settle import find_touching, settle_once
+from voxgran.packing.settle import settle_once
+from voxgran.packing.touching import find_touching
 
 DOWN = np.array([0.0, 0.0, -1.0])
 

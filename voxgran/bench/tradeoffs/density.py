@@ -7,6 +7,7 @@ spheres in a cylinder is compared with the law of de Klerk, and disks of two siz
 """
 
 import time
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -147,7 +148,7 @@ def measure_wall(count: int = 900) -> tuple[Floats, Floats, Floats, float]:
     top = float(np.quantile(packing.position[:, 2], 0.85))
     edges = np.arange(0.0, FAR + BIN / 2, BIN)
     found = []
-    for near, far in zip(edges[:-1], edges[1:], strict=True):
+    for near, far in pairwise(edges):
         reach = np.sqrt(generator.uniform((radius - far) ** 2, (radius - near) ** 2, POINTS))
         turn, height = generator.uniform(0, 2 * np.pi, POINTS), generator.uniform(2.0, top, POINTS)
         places = np.column_stack([reach * np.cos(turn), reach * np.sin(turn), height])

@@ -213,10 +213,9 @@ def run(folder: Path) -> tuple[Path, ...]:
     rows = [
         "edge,shape,voxels,program,attempts_per_second,accepted,ratio_to_numpy,ratio_to_numba_fronts,calibration_seconds"
     ]
-    for *known, program, rate, accepted in moves:
-        found = [rates.get((known[0], known[1], known[2], peer)) for peer in peers]
+    for edge, shape, voxels, program, rate, accepted in moves:
+        found = [rates.get((edge, shape, voxels, peer)) for peer in peers]
         ratios = ",".join("" if peer is None else f"{rate / peer:.1f}" for peer in found)
-        edge, shape, voxels = known
         rows.append(f'{edge},"{shape}",{voxels},"{program}",{rate:.0f},{accepted:.3f},{ratios},{loop:.5f}')
     table, second, figure = folder / "digital_moves.csv", folder / "digital_beds.csv", folder / "digital.svg"
     write_text(table, "\n".join(rows) + "\n")

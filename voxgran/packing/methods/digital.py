@@ -347,7 +347,7 @@ def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
     )
     names = ("order", "hint", "calm", "depth", "slept", "stirred", "cells")
     wanted = np.full(1, -1, dtype=np.int64)
-    turn = Turn(*(arrays[name] for name in names), wanted)
+    turn = Turn(**{name: arrays[name] for name in names}, wanted=wanted)
     tally = np.array([counters[name] for name in TALLY], dtype=np.int64)
     while True:
         known = *records(state, setting), state.derived["pairs"]

@@ -1,0 +1,54 @@
+"""Banks of many orientations: voxelized when they are needed, and the same walk."""
+
+import numpy as np
+
+import voxgran as vg
+from voxgran.packing import digital_setting
+from voxgran.packing.methods.digital import registration as digital
+from voxgran.packing.pack import prepare_task
+
+
+def walked(orientations, attempts):
+    task = prepare_task(
+        [vg.make_shape("solid_union", seed=1)], vg.Box((5, 5, 6), periodic=(True, False, False)), method="digital",
+        count=20, solid_fraction=None, sizes=None, weights=None, weights_by="number", seed=5,
+        parameters={"voxel_size": 1 / 10, "orientations": orientations},
+    )  # fmt: skip
+    state = digital.prepare(task.problem)
+    for many in attempts:
+        state = digital.advance(task.problem, state, many)
+    return task.problem, state
+
+
+def test_the_walk_is_the_same(monkeypatch):
+    monkeypatch.setattr(digital_setting, "LAZY", 10**9)
+    _, eager = walked(96, (20_000,))
+    monkeypatch.setattr(digital_setting, "LAZY", 1)
+    for attempts in ((20_000,), (3, 9_997, 10_000)):
+        _, lazy = walked(96, attempts)
+        assert lazy.counters == eager.counters
+        for name in ("site", "member", "turn", "queue"):
+            assert np.array_equal(lazy.arrays[name], eager.arrays[name])
+    assert eager.counters["turns_accepted"] > 100
+
+
+def test_only_what_is_needed_is_voxelized():
+    problem, state = walked(24 * 1000, (300,))
+    bank = state.derived["setting"].bank
+    assert len(bank.size) == 16 * 1000
+    made = int((bank.start[:, 0] >= 0).sum())
+    assert made == problem.counters["voxelized_shapes"]
+    # each feed and each turn needs one at most
+    assert 0 < made <= state.counters["feeds_tried"] + state.counters["turns_tried"] + 1
+    occupied = state.derived["setting"].canvas.occupied(state.derived["words"])
+    placed = state.arrays["member"] >= 0
+    assert occupied.sum() == bank.voxels[state.arrays["member"][placed]].sum()
+
+
+def test_packing_with_a_large_bank_is_free_of_overlaps():
+    packing = vg.pack(
+        vg.make_shape("box", lengths=(1, 0.7, 0.5)), vg.Box((4, 4, 5)), method="digital", count=15, voxel_size=0.1,
+        sweeps=300, cycles=2, orientations=24 * 50, seed=2,
+    )  # fmt: skip
+    assert packing.count == 15
+    assert vg.verify(packing).ok
