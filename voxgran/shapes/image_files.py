@@ -40,6 +40,7 @@ def read_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
     ----------
     path : path-like
         ``.npy`` (not read into memory as a whole), ``.npz``, ``.tif``/``.tiff`` (pages are z, rows y, columns x),
+        ``.png`` (one page, as grey values; y upward),
         ``.vti`` or ``.nrrd``, by its suffix.
     key : str, optional
         Which array of an ``.npz`` or ``.vti`` file; left out: the only one.
@@ -100,7 +101,16 @@ def _read_tiff(path: Path, key: str | None) -> Image:
         pages = tifffile.memmap(path, mode="r")
     except ValueError:
         pages = tifffile.imread(path)
-    return Image(np.moveaxis(pages, (0, 1, 2), (2, 1, 0)) if pages.ndim == 3 else pages)
+    # one page is a picture: y points up
+    return Image(np.moveaxis(pages, (0, 1, 2), (2, 1, 0)) if pages.ndim == 3 else pages[::-1].T)
+
+
+def _read_png(path: Path, key: str | None) -> Image:
+    """Read a picture as grey values between 0 and 1; columns are x, and y points up."""
+    del key
+    pixels = np.asarray(load("matplotlib.image").imread(path), dtype=np.float64)
+    grey = pixels[..., :3].mean(axis=2) if pixels.ndim == 3 else pixels
+    return Image(np.ascontiguousarray(grey[::-1].T))
 
 
 def _read_nrrd(path: Path, key: str | None) -> Image:
@@ -192,6 +202,7 @@ def voxel_sizes(value: Any, image: Image) -> tuple[float, float, float]:
 READERS: dict[str, Callable[[Path, str | None], Image]] = {
     ".npy": _read_npy,
     ".npz": _read_npz,
+    ".png": _read_png,
     ".tif": _read_tiff,
     ".tiff": _read_tiff,
     ".vti": _read_vti,
