@@ -31,6 +31,18 @@ def test_pack_rocks(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "packing.vtp").count == 60
 
 
+def test_directions(tmp_path, capsys, monkeypatch):
+    text = printed("directions.py", capsys, monkeypatch, str(tmp_path), "80")
+    one_step = dict(re.findall(r"(2D 8|3D 26|2D any|3D any) direction\S*\s+fourth moment: 1 step ([\d.]+)", text))
+    # 8 steps: 4 of (1, 0) and 4 of (1, 1); 26: 6, 12 and 8 of (1, 0, 0), (1, 1, 0) and (1, 1, 1)
+    assert float(one_step["2D 8"]) == pytest.approx(4 / 3 * (4 * 1 + 4 * 2) / (4 * 1 + 4 * 4), abs=0.01)
+    assert float(one_step["3D 26"]) == pytest.approx(5 / 3 * (6 + 12 * 2 + 8 * 3) / (6 + 12 * 4 + 8 * 9), abs=0.01)
+    assert float(one_step["2D any"]) == pytest.approx(1.0, abs=0.01)
+    assert float(one_step["3D any"]) == pytest.approx(1.0, abs=0.01)
+    assert text.count("verified True") == 4
+    assert (tmp_path / "directions.svg").exists()
+
+
 def test_fit_clump(capsys, monkeypatch):
     text = printed("fit_clump.py", capsys, monkeypatch)
     overlaps = [float(value) for value in re.findall(r"overlap ([\d.]+)", text)]

@@ -126,7 +126,7 @@ def test_every_command_has_help(capsys):
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signals_leave_a_checkpoint_and_the_command_that_resumes(scene, tmp_path, number, status):
-    scene.write_text(scene.read_text().replace("sweeps = 200", "sweeps = 1000000"))
+    scene.write_text(scene.read_text().replace("sweeps = 200", "sweeps = 1000000000"))
     out = tmp_path / "out"
     run = subprocess.Popen(
         [sys.executable, "-m", "voxgran", "run", str(scene), "-o", str(out)], stderr=subprocess.PIPE, text=True

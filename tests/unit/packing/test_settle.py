@@ -147,3 +147,34 @@ def test_settling_goes_on_after_a_stop_to_the_same_bits(tmp_path):
             break
     assert packing.position.tobytes() == whole.position.tobytes()
     assert packing.orientation.tobytes() == whole.orientation.tobytes()
+
+
+def test_friction_holds_a_bed_up():
+    """The more friction, the looser the bed of cubes."""
+    options = {
+        "method": "digital",
+        "count": 40,
+        "voxel_size": 1 / 12,
+        "sweeps": 100,
+        "up": 0.0,
+        "settling": 60,
+        "seed": 2,
+    }
+    cube, box = vg.make_shape("platonic", solid="cube"), vg.Box((3, 3, 9), periodic=(True, True, False))
+    smooth, rough = (vg.pack(cube, box, friction=friction, **options) for friction in (0.0, 0.8))
+    assert vg.verify(smooth).ok
+    assert vg.verify(rough).ok
+    assert rough.provenance["settling"]["density_gain"] < 0.9 * smooth.provenance["settling"]["density_gain"]
+
+
+def test_corners_near_a_face_are_found():
+    """A cube flat above another at a gap: eight corners, four of each, and the gap between the faces."""
+    cube = vg.make_shape("platonic", solid="cube")
+    edge = (np.pi / 6) ** (1 / 3)
+    two = Assembly.of([cube], vg.Box((5, 5, 5)), position=[[2, 2, 2], [2.1, 2.05, 2 + edge + 0.01]])
+    found = find_touching(two, 0.02)
+    assert found.gap == pytest.approx(np.full(len(found.gap), 0.01), abs=1e-9)
+    assert np.abs(found.normal[:, 2]) == pytest.approx(np.ones(len(found.gap)), abs=1e-9)
+    places = np.unique(np.round(two.position[found.i] + found.arm_i, 6)[:, :2], axis=0)
+    # one corner of each cube lies over the face of the other, in the middle of edges none; the nearest places join them
+    assert len(places) >= 2

@@ -37,7 +37,7 @@ def make(parameters: Platonic, generator: np.random.Generator) -> Shape:
     solid = as_choice(parameters.solid, "solid", tuple(corners))
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
-    return sized(hull_of(corners[solid]), parameters.diameter, name=solid)
+    return sized(hull_of(corners[solid]), parameters.diameter, name="platonic")
 
 
 def _corners() -> dict[str, Floats]:

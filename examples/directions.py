@@ -1,0 +1,91 @@
+"""Eight or 26 directions against any direction: the comparison of figure 7 of Sajjadi & Khalili 2015.
+
+A free grain takes steps on a lattice or in any direction; the fourth moments of where it comes tell how far its ways
+depend on the axes (1: not at all). Then the same grains are packed in the same box by digital packing, which walks in
+lattice directions, and by control-point packing, which walks in any: solid fraction, seconds, and how many contact
+normals lie within 15 degrees of a lattice direction, as a ratio to what isotropic normals would have (1: not at all
+more). Written are a table and a figure.
+"""
+
+import itertools
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import voxgran as vg
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/directions")
+count = int(sys.argv[2]) if len(sys.argv) > 2 else 200
+steps, walkers, cone = 64, 40_000, np.deg2rad(15)
+near = 0.15  # gap in diameters up to which two grains are neighbours: more than the two voxels that a lattice leaves
+generator = np.random.Generator(np.random.PCG64(7))
+figure = Figure(figsize=(11, 6), layout="constrained")
+panels = figure.subplots(2, 3)
+
+
+def lattice_directions(dimension):
+    """Return the 8 or 26 steps to the neighbours of a site."""
+    return np.array([d for d in itertools.product((-1, 0, 1), repeat=dimension) if any(d)], dtype=float)
+
+
+def any_directions(dimension, many):
+    """Return random unit vectors."""
+    drawn = generator.normal(size=(many, dimension))
+    return drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
+
+
+def fourth_moment(places):
+    """Return the mean of the sum of x_i^4 over that of r^4, as a ratio to the isotropic 3 / (d + 2)."""
+    dimension = places.shape[1]
+    return float((places**4).sum() / ((places**2).sum(axis=1) ** 2).sum() * (dimension + 2) / 3)
+
+
+def near_axes(normals, dimension):
+    """Return the share of normals near a lattice direction, as a ratio to that of isotropic ones."""
+    ways = lattice_directions(dimension)
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+
+    def share(vectors):
+        return float((np.max(vectors @ ways.T, axis=1) > np.cos(cone)).mean())
+
+    return share(normals[:, :dimension]) / share(any_directions(dimension, 200_000))
+
+
+for row, dimension in enumerate((2, 3)):
+    ways = lattice_directions(dimension)
+    for column, lattice in enumerate((True, False)):
+        first = ways[generator.integers(0, len(ways), walkers)] if lattice else any_directions(dimension, walkers)
+        places = first.copy()
+        for _ in range(steps - 1):
+            drawn = generator.integers(0, len(ways), walkers)
+            places += ways[drawn] if lattice else any_directions(dimension, walkers)
+        title = f"{len(ways)} directions" if lattice else "any direction"
+        panels[row, column].plot(*places[:3000, :2].T, ".", ms=1)
+        panels[row, column].set(title=f"{dimension}D, {title}, {steps} steps", aspect="equal")
+        moments = f"1 step {fourth_moment(first):.3f}, {steps} steps {fourth_moment(places):.3f}"
+        print(f"{dimension}D {title:14s} fourth moment: {moments}")
+    shape = vg.make_shape("disk") if dimension == 2 else vg.make_shape("sphere")
+    box = vg.Rectangle((10, 4 + count / 8), "x") if dimension == 2 else vg.Box((5, 5, 4 + count / 20), "xy")
+    for method, options in (
+        ("digital", {"voxel_size": 1 / 16, "sweeps": 2000}),
+        ("control_point", {"sweeps": 60}),
+    ):
+        began = time.perf_counter()
+        packing = vg.pack(shape, box, method=method, count=count, seed=1, **options)
+        seconds = time.perf_counter() - began
+        normals = packing.contacts(near).normal
+        bulk = float(vg.measure(packing, which=["density"])["/"].bulk_solid_fraction)
+        ratio = near_axes(normals, dimension)
+        print(
+            f"{dimension}D {method:14s} grains {packing.count}  bulk {bulk:.4f}  normals near lattice directions "
+            f"{ratio:.2f} of isotropic  {seconds:.1f} s  verified {vg.verify(packing).ok}"
+        )
+        turn = np.arctan2(normals[:, dimension - 1], normals[:, 0])
+        panels[row, 2].hist(turn % np.pi, bins=18, range=(0, np.pi), density=True, histtype="step", label=method)
+    panels[row, 2].set(title=f"{dimension}D, angle of contact normals", xlabel="radians")
+    panels[row, 2].legend(frameon=False)
+folder.mkdir(parents=True, exist_ok=True)
+figure.savefig(folder / "directions.svg")

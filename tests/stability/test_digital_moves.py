@@ -1,0 +1,62 @@
+"""Digital packing over many moves: the occupancy stays that of the grains, and memory stays small."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran.packing.digital_setting import setting_of
+from voxgran.packing.methods.digital import registration as digital
+from voxgran.packing.pack import prepare_task
+
+LARGE = """
+import resource
+import voxgran as vg
+
+packing = vg.pack(
+    vg.make_shape("solid_union", seed=1).scaled(1.0), vg.Box((20, 20, 50), periodic=(True, True, False)),
+    method="digital", count=10_000, voxel_size=1 / 16, sweeps=200, cycles=2, rate=0.5,
+)
+print(packing.count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+@pytest.mark.parametrize(
+    ("shape", "container", "voxel_size"),
+    [
+        (vg.make_shape("box", lengths=(1.2, 0.9, 0.7)), vg.Box((5, 5, 6), periodic=(True, False, False)), 1 / 12),
+        # taller than 63 voxels
+        (vg.make_shape("cylinder"), vg.Box((4, 4, 6)), 1 / 70),
+    ],
+    ids=["small", "tall"],
+)
+def test_occupancy_after_a_million_moves_is_that_of_the_poses(shape, container, voxel_size):
+    task = prepare_task(
+        [shape], container, method="digital", count=20, solid_fraction=None, sizes=None, weights=None,
+        weights_by="number", seed=1,
+        parameters={
+            "voxel_size": voxel_size, "gravity": "none", "feed": "at_once", "sweeps": 10**9, "orientations": 24,
+        },
+    )  # fmt: skip
+    state = digital.prepare(task.problem)
+    wanted = 1_000_000 if voxel_size > 0.05 else 20_000
+    while state.counters["moves_accepted"] < wanted:
+        state = digital.advance(task.problem, state, 100_000)
+    setting, words = setting_of(task.problem, state), state.derived["words"].copy()
+    assert not len(state.derived["pairs"].at)
+    state.derived.clear()
+    setting_of(task.problem, state)
+    assert np.array_equal(state.derived["words"], words)
+    taken = setting.canvas.occupied(words).sum()
+    assert taken == setting.bank.voxels[state.arrays["member"][state.arrays["member"] >= 0]].sum()
+
+
+@pytest.mark.slow
+def test_ten_thousand_grains_stay_below_four_gigabytes():
+    found = subprocess.run([sys.executable, "-c", LARGE], capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    count, memory = (int(word) for word in found.stdout.split())
+    assert count == 10_000
+    assert memory < 4 * 2**30
