@@ -3,7 +3,8 @@
 Each attempt picks a grain and moves it one voxel in one of 26 directions (8 in two dimensions) or turns it to another
 orientation of its bank; the attempt is refused where a voxel would be occupied twice. Directions are equally likely,
 or biased downward by gravity, with cycles of vibration in which upward moves are allowed and die away. Only voxels
-that a move newly covers are tested, 64 at a time (:mod:`voxgran.packing.bits`). The cost of a move does not depend on
+that a move newly covers are tested, 64 at a time (:mod:`voxgran.packing.stamps`), or pairs by tables where grains are
+large and alike (:mod:`voxgran.packing.pair_tables`). The cost of a move does not depend on
 how complicated the shape is. With ``cover="touch"`` each grain is voxelized so that its voxels hold the whole grain:
 grains that share no voxel then do not overlap, and the packing is free of overlaps between the true solids.
 
