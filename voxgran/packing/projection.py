@@ -7,13 +7,11 @@ Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi
 
 import math
 
-import numpy as np
-
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import bare_kernel, kernel
+from voxgran._base.kernels import bare_kernel
 
 
-@kernel
+@bare_kernel
 def project(
     one: Integers,
     other: Integers,
@@ -28,6 +26,8 @@ def project(
     spin: Floats,
     push: Floats,
     drag: Floats,
+    weight: Floats,
+    rest: Floats,
     iterations: int,
     close: float,
     flat: bool,
@@ -35,25 +35,26 @@ def project(
     """Change slides and spins until no gap closes further than its limit: projected Gauss-Seidel over the contacts.
 
     light, easy: reciprocal masses and moments of inertia.  push: accumulated impulses along the normals.  drag: those
-    of friction across them, no larger than `friction` times the push.
+    of friction across them, no larger than `friction` times the push.  weight, rest: a number for each
+    contact and three more to work with.
     """
-    rest = np.zeros(3)
+    for k in range(len(one)):
+        weight[k] = light[one[k]] + easy[one[k]] * _square_across(arm_one[k], normal[k], flat)
+        if other[k] >= 0:
+            weight[k] += light[other[k]] + easy[other[k]] * _square_across(arm_other[k], normal[k], flat)
     for _ in range(iterations):
         most = 0.0
         for k in range(len(one)):
             i, j = one[k], other[k]
             n = normal[k]
-            weight = light[i] + easy[i] * _square_across(arm_one[k], n, flat)
-            if j >= 0:
-                weight += light[j] + easy[j] * _square_across(arm_other[k], n, flat)
-            if weight == 0.0:
+            if weight[k] == 0.0:
                 continue
             _approach(slide, spin, i, j, arm_one[k], arm_other[k], rest)
             closing = n[0] * rest[0] + n[1] * rest[1] + n[2] * rest[2]
             before = push[k]
-            push[k] = max(before + (closing - gap[k]) / weight, 0.0)
+            push[k] = max(before + (closing - gap[k]) / weight[k], 0.0)
             change = push[k] - before
-            most = max(most, abs(change) * weight)
+            most = max(most, abs(change) * weight[k])
             if change != 0.0:
                 rest[0], rest[1], rest[2] = change * n[0], change * n[1], change * n[2]
                 _press(slide, spin, i, j, arm_one[k], arm_other[k], light, easy, rest, flat)

@@ -28,7 +28,7 @@ from voxgran.packing.projection import project
 from voxgran.packing.touching import Touching, closing_of, find_touching, joined, near_walls, places_of
 
 #: most iterations of the projection, and the change, in steps, at which it ends: far below the slack
-ITERATIONS, CLOSE = 300, 1e-3
+ITERATIONS, CLOSE = 150, 3e-3
 #: overlaps up to here are round-off, in median diameters
 ROUND_OFF = 1e-12
 #: mean sinking, in steps, below which the step is halved; and the smallest step, in median diameters
@@ -216,9 +216,10 @@ def _motion(
     light = np.where(held, 0.0, 1.0 / assembly.volumes)
     easy = light / (0.4 * (assembly.diameters / 2) ** 2)
     slide, spin = np.where(held[:, None], 0.0, fall), np.zeros((assembly.count, 3))
+    many = len(touching.i)
     project(
-        touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light, easy, friction,
-        slide, spin, np.zeros(len(touching.i)), np.zeros((len(touching.i), 3)), ITERATIONS, CLOSE * step,
+        touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light, easy, friction, slide,
+        spin, np.zeros(many), np.zeros((many, 3)), np.zeros(many), np.zeros(3), ITERATIONS, CLOSE * step,
         assembly.dimension == 2,
     )  # fmt: skip
     slide *= np.minimum(1.0, 2.0 * step / np.maximum(np.linalg.norm(slide, axis=1), 1e-300))[:, None]

@@ -4,10 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import gaps_of_pairs, is_closed_surface, surface_trees
+from voxgran.contacts.parts import is_one_ball
 from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
@@ -120,47 +121,70 @@ def places_of(assembly: Assembly, pairs: Pairs, reach: float) -> Touching:
 def near_walls(assembly: Assembly, reach: float) -> Touching:
     """Return where grains are near walls.
 
-    Of flat walls each side counts by itself, with the corners that are nearest to it; of other containers the point of
-    the tessellation that is nearest.
+    Balls touch at one place. Of other grains each side of flat walls counts by itself, with the corners that are
+    nearest to it; at other containers the point of the tessellation that is nearest.
     """
     container = assembly.container
-    rows: list[tuple[int, Floats, float, Floats]] = []
-    lower, upper = container.bounds
-    plane = isinstance(container, Box | Rectangle)
-    for grain in range(assembly.count):
-        position, radius = assembly.position[grain], float(assembly.bounding_radii[grain])
-        if plane:
-            sides = [
-                (axis, sign)
-                for axis in range(assembly.dimension)
-                if not container.periodic[axis]
-                for sign, room in ((-1.0, position[axis] - lower[axis]), (1.0, upper[axis] - position[axis]))
-                if room - radius <= reach
-            ]
-            if not sides:
-                continue
-            corners = assembly.world_vertices(grain)
-            for axis, sign in sides:
-                wall = upper[axis] if sign > 0 else lower[axis]
-                room = sign * (wall - corners[:, axis])
-                some = np.argsort(room)[:WALL_CORNERS]
-                rows.extend((grain, sign * np.eye(3)[axis], room[k], corners[k] - position) for k in some)
-        elif -float(container.signed_distance(position[None])[0]) - radius <= reach:
-            corners = assembly.world_vertices(grain)
-            distance = container.signed_distance(corners)
-            far, delta = corners[int(np.argmax(distance))], 1e-6 * radius
-            slope = container.signed_distance(far + delta * np.eye(3)) - container.signed_distance(
-                far - delta * np.eye(3)
-            )
-            length = float(np.linalg.norm(slope))
-            if length > 0:
-                rows.append((grain, slope / length, -float(distance.max()), far - position))
-    rows = [row for row in rows if row[2] <= reach]
-    if not rows:
-        nothing, none = np.zeros(0, dtype=np.int64), np.zeros((0, 3))
-        return Touching(nothing, nothing, none, np.zeros(0), none, none)
-    grains, normals, gaps, arms = (np.array(column) for column in zip(*rows, strict=True))
-    return Touching(grains, np.full(len(grains), -1), normals, gaps, arms, np.zeros_like(arms))
+    ball = np.array([is_one_ball(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)[assembly.shape_id]
+    if isinstance(container, Box | Rectangle):
+        lower, upper = container.bounds
+        found = []
+        for axis in range(assembly.dimension):
+            if not container.periodic[axis]:
+                rooms = (
+                    (-1.0, assembly.position[:, axis] - lower[axis]),
+                    (1.0, upper[axis] - assembly.position[:, axis]),
+                )
+                found += [_near_side(assembly, ball, sign * np.eye(3)[axis], room, reach) for sign, room in rooms]
+        return joined([_no_places(), *found])
+    room = -container.signed_distance(assembly.position) if assembly.count else np.zeros(0)
+    near = np.flatnonzero(room - assembly.bounding_radii <= reach)
+    return joined([_no_places(), *(_near_round(assembly, int(grain), reach, ball=bool(ball[grain])) for grain in near)])
+
+
+def _near_side(assembly: Assembly, ball: Booleans, normal: Floats, room: Floats, reach: float) -> Touching:
+    """Return where grains are near a flat side, which lies so far from their centroids along a normal."""
+    radius = assembly.bounding_radii
+    near = room - radius <= reach
+    balls = np.flatnonzero(near & ball)
+    parts = [_at_wall(balls, np.tile(normal, (len(balls), 1)), (room - radius)[balls], radius[balls, None] * normal)]
+    for grain in np.flatnonzero(near & ~ball).tolist():
+        arms = assembly.world_vertices(grain) - assembly.position[grain]
+        gaps = room[grain] - arms @ normal
+        if len(gaps) > WALL_CORNERS:
+            some = np.sort(np.argpartition(gaps, WALL_CORNERS)[:WALL_CORNERS])
+            arms, gaps = arms[some], gaps[some]
+        kept = gaps <= reach
+        many = int(kept.sum())
+        parts.append(_at_wall(np.full(many, grain), np.tile(normal, (many, 1)), gaps[kept], arms[kept]))
+    return joined(parts)
+
+
+def _near_round(assembly: Assembly, grain: int, reach: float, *, ball: bool) -> Touching:
+    """Return where a grain is nearest to walls that are not flat."""
+    container, position = assembly.container, assembly.position[grain]
+    radius = float(assembly.bounding_radii[grain])
+    corners = position[None] if ball else assembly.world_vertices(grain)
+    distance = container.signed_distance(corners)
+    far, delta = corners[int(np.argmax(distance))], 1e-6 * radius
+    slope = container.signed_distance(far + delta * np.eye(3)) - container.signed_distance(far - delta * np.eye(3))
+    length = float(np.linalg.norm(slope))
+    gap = -float(distance.max()) - (radius if ball else 0.0)
+    if length == 0.0 or gap > reach:
+        return _no_places()
+    normal = slope / length
+    arm = radius * normal if ball else far - position
+    return _at_wall(np.array([grain]), normal[None], np.array([gap]), arm[None])
+
+
+def _at_wall(grain: Integers, normal: Floats, gap: Floats, arm: Floats) -> Touching:
+    """Return places at walls, which have no partner."""
+    return Touching(grain, np.full(len(grain), -1), normal, gap, arm, np.zeros_like(arm))
+
+
+def _no_places() -> Touching:
+    """Return no places."""
+    return _at_wall(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)))
 
 
 def closing_of(touching: Touching, slide: Floats, spin: Floats) -> Floats:
