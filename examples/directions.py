@@ -63,7 +63,7 @@ for row, dimension in enumerate((2, 3)):
             drawn = generator.integers(0, len(ways), walkers)
             places += ways[drawn] if lattice else any_directions(dimension, walkers)
         title = f"{len(ways)} directions" if lattice else "any direction"
-        panels[row, column].plot(*places[:3000, :2].T, ".", ms=1)
+        panels[row, column].plot(*places[:3000, :2].T, ".", ms=1, rasterized=True)
         panels[row, column].set(title=f"{dimension}D, {title}, {steps} steps", aspect="equal")
         moments = f"1 step {fourth_moment(first):.3f}, {steps} steps {fourth_moment(places):.3f}"
         print(f"{dimension}D {title:14s} fourth moment: {moments}")

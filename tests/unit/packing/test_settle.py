@@ -8,8 +8,9 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.broad import grain_pairs
 from voxgran.packing.settle import settle_once
-from voxgran.packing.touching import find_touching
+from voxgran.packing.touching import find_touching, joined, near_corners
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -128,6 +129,8 @@ def test_random_motion_never_makes_an_overlap():
     [
         ({"settling": 5, "cover": "center"}, "touch"),
         ({"settling": -1}, "settling"),
+        ({"friction": 0.3}, "friction is 0.3 and settling 0"),
+        ({"friction": -0.1, "settling": 5}, "friction"),
         ({"settling": 5, "gravity": "none"}, "settling is 5"),
     ],
 )
@@ -168,13 +171,17 @@ def test_friction_holds_a_bed_up():
 
 
 def test_corners_near_a_face_are_found():
-    """A cube flat above another at a gap: eight corners, four of each, and the gap between the faces."""
+    """A cube above another, shifted along both edges: one corner of each lies over the face of the other."""
     cube = vg.make_shape("platonic", solid="cube")
     edge = (np.pi / 6) ** (1 / 3)
     two = Assembly.of([cube], vg.Box((5, 5, 5)), position=[[2, 2, 2], [2.1, 2.05, 2 + edge + 0.01]])
-    found = find_touching(two, 0.02)
-    assert found.gap == pytest.approx(np.full(len(found.gap), 0.01), abs=1e-9)
-    assert np.abs(found.normal[:, 2]) == pytest.approx(np.ones(len(found.gap)), abs=1e-9)
-    places = np.unique(np.round(two.position[found.i] + found.arm_i, 6)[:, :2], axis=0)
-    # one corner of each cube lies over the face of the other, in the middle of edges none; the nearest places join them
-    assert len(places) >= 2
+    places = joined(near_corners(two, grain_pairs(two, 0.02), 0.02))
+    assert len(places.i) == 2
+    assert places.gap == pytest.approx([0.01, 0.01], abs=1e-12)
+    # from grain i to grain j
+    assert places.normal[:, 2] == pytest.approx(np.where(places.i == 0, 1.0, -1.0), abs=1e-9)
+    corners = two.position[places.j] + places.arm_j
+    expected = {0: [2 + edge / 2, 2 + edge / 2, 2 + edge / 2], 1: [2.1 - edge / 2, 2.05 - edge / 2, 2.01 + edge / 2]}
+    assert corners == pytest.approx(np.array([expected[j] for j in places.j.tolist()]), abs=1e-12)
+    # and the places where the surfaces are nearest
+    assert len(find_touching(two, 0.02).i) == 3

@@ -86,7 +86,7 @@ class Digital:
     Raises
     ------
     InputError
-        If a number is out of its range, or `down` and `up` exceed 1 together.
+        If a number is out of its range, `down` and `up` exceed 1 together, or an option needs another that is not set.
     """
 
     voxel_size: float | None = parameter(
@@ -147,6 +147,10 @@ class Digital:
         if self.settling and self.cover != "touch":
             raise InputError(
                 f"settling is {self.settling} and cover {self.cover!r}: it needs grains apart; use 'touch'"
+            )
+        if self.friction and not self.settling:
+            raise InputError(
+                f"friction is {self.friction:g} and settling 0: it acts while grains settle; set settling, such as 200"
             )
         needs = {
             "lid is true": self.lid,
