@@ -39,7 +39,7 @@ def digital_cost(problem: Problem, settle_sweeps: int) -> Cost:
     unpacked = 4 * UNPACKED + (0.0 if even else 2.5 * float(np.prod(lattice.shape)))
     return Cost(
         memory=int(canvas + unpacked + bank + kept),
-        attempts=problem.count * (settings.sweeps + 40 * settle_sweeps + settings.settling),
+        attempts=problem.count * (settings.sweeps + 40 * settle_sweeps + settings.shaking + settings.settling),
         voxelized_shapes=different,
     )
 

@@ -26,6 +26,7 @@ def project(
     spin: Floats,
     push: Floats,
     drag: Floats,
+    order: Integers,
     weight: Floats,
     rest: Floats,
     iterations: int,
@@ -35,16 +36,22 @@ def project(
     """Change slides and spins until no gap closes further than its limit: projected Gauss-Seidel over the contacts.
 
     light, easy: reciprocal masses and moments of inertia.  push: accumulated impulses along the normals.  drag: those
-    of friction across them, no larger than `friction` times the push.  weight, rest: a number for each
-    contact and three more to work with.
+    of friction across them, no larger than `friction` times the push; both may be those of an earlier projection.
+    order: whose turn it is, to and fro; along the fall, a push runs through the bed at once.  weight, rest: a number
+    for each contact and three more to work with.
     """
     for k in range(len(one)):
         weight[k] = light[one[k]] + easy[one[k]] * _square_across(arm_one[k], normal[k], flat)
         if other[k] >= 0:
             weight[k] += light[other[k]] + easy[other[k]] * _square_across(arm_other[k], normal[k], flat)
-    for _ in range(iterations):
+        for c in range(3):
+            rest[c] = push[k] * normal[k, c] + drag[k, c]
+        _press(slide, spin, one[k], other[k], arm_one[k], arm_other[k], light, easy, rest, flat)
+    many = len(one)
+    for turn in range(iterations):
         most = 0.0
-        for k in range(len(one)):
+        for place in range(many):
+            k = order[place if turn % 2 == 0 else many - 1 - place]
             i, j = one[k], other[k]
             n = normal[k]
             if weight[k] == 0.0:

@@ -4,7 +4,8 @@ In each sweep all grains want to fall by a step. Exact contacts say how far two 
 normal; the motions, slides and turns, that come nearest to the fall without closing any gap further than it is are
 found by projection, with Coulomb friction if asked and without inertia. Then the true shapes are compared: where two
 would meet on their way is one more contact, and grains that no contact keeps apart stay where they are. So the packing
-is free of overlaps after each sweep.
+is free of overlaps after each sweep. Shaking, which dies away, lets each grain want to go and turn its own way as well:
+beds get denser by it, and grains with faces lie down on each other.
 
 References
 ----------
@@ -19,6 +20,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.rotation import normalized, product
+from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs
 from voxgran.contacts.find import PairKey, meeting_pairs, pair_keys
@@ -26,9 +28,10 @@ from voxgran.contacts.walls import escape_depths
 from voxgran.packing.method import State
 from voxgran.packing.projection import project
 from voxgran.packing.touching import Touching, closing_of, find_touching, joined, near_walls, places_of
+from voxgran.packing.wishes import Wish, falling, shaken
 
 #: most iterations of the projection, and the change, in steps, at which it ends: far below the slack
-ITERATIONS, CLOSE = 150, 3e-3
+ITERATIONS, CLOSE = 400, 3e-3
 #: overlaps up to here are round-off, in median diameters
 ROUND_OFF = 1e-12
 #: mean sinking, in steps, below which the step is halved; and the smallest step, in median diameters
@@ -36,9 +39,13 @@ CALM, SMALLEST = 0.05, 1e-3
 #: times that places of overlap are added before grains are taken back
 CUTS = 10
 #: halvings of the way in which the place is found where two grains meet
-BISECTIONS = 5
+BISECTIONS = 10
+#: largest way and turn of a sweep, in steps: what is cut off here breaks what the projection kept
+FARTHEST = 8.0
+#: step of shaking, in median diameters, and sweeps for which a grain is pulled in one direction
+SHAKE_STEP, SHAKE_SWEEPS = 0.05, 3
 #: times that the way of grains which would overlap is halved, and then that they are taken back, before all are
-HALVINGS, RETREATS = 4, 12
+HALVINGS, RETREATS = 4, 60
 
 
 def begin_settling(state: State, assembly: Assembly, gravity: Floats, step: float) -> None:
@@ -86,6 +93,32 @@ def settle_sweep(state: State, assembly: Assembly, gravity: Floats, *, friction:
     return bool(state.arrays["settling"][0] < SMALLEST)
 
 
+def shake_sweep(
+    state: State, assembly: Assembly, gravity: Floats, *, strength: float, friction: float, seed: int
+) -> None:
+    """Make one sweep in which the grains are shaken.
+
+    Parameters
+    ----------
+    state : State
+        Of the method.
+    assembly : Assembly
+        The grains where the state has them.
+    gravity : (3,) ndarray of float
+        Direction of the fall.
+    strength : float
+        Of the shaking, in gravities.
+    friction : float
+        Coefficient of friction.
+    seed : int
+        Seed of the run.
+    """
+    draws = stream(seed, "shaking", state.counters["settling_sweeps"] // SHAKE_SWEEPS)
+    after, _ = _follow(assembly, shaken(assembly, SHAKE_STEP * gravity, strength, draws), friction)
+    state.arrays["position"], state.arrays["orientation"] = after.position.copy(), after.orientation.copy()
+    state.counters["settling_sweeps"] += 1
+
+
 def settling_report(state: State, assembly: Assembly, gravity: Floats) -> dict[str, float]:
     """Return what settling gained: sweeps, mean sinking in median diameters, and how much denser the bed is."""
     before, after = float(state.arrays["settling"][1]), _height(assembly, gravity)
@@ -124,60 +157,79 @@ def settle_once(assembly: Assembly, fall: Floats, friction: float = 0.0) -> tupl
     int
         How many grains went a part of their way only.
     """
-    step = float(np.linalg.norm(fall))
+    return _follow(assembly, falling(assembly, fall), friction)
+
+
+def _follow(assembly: Assembly, wish: Wish, friction: float) -> tuple[Assembly, int]:
+    """Return the grains after a sweep, as near to their wish as they are free to go, and how many were held back."""
+    step = wish.step
     touching = find_touching(assembly, 4.0 * step)
     # what a turn of the normals and the end of the projection leave out
     slack = 0.05 * step + 2.0 * step * step / float(assembly.diameters.min())
     open_limits = touching.gap - slack
-    loose, back = _fallen(assembly, touching, open_limits, fall, slack=slack, friction=friction)
-    if ((loose.position - assembly.position) @ fall).mean() > CALM * step * step:
+    loose, back, gain = _moved(assembly, touching, open_limits, wish, slack=slack, friction=friction)
+    if gain > CALM * step * step:
         return loose, back
     # gaps that have to open a little keep the next sweep free; where there is no room for it, none has to
     shut_limits = np.maximum(open_limits, np.minimum(touching.gap, 0.0))
-    tight, held = _fallen(assembly, touching, shut_limits, fall, slack=slack, friction=friction)
-    gain = ((tight.position - loose.position) @ fall).mean()
-    return (tight, held) if gain > 0 else (loose, back)
+    tight, held, more = _moved(assembly, touching, shut_limits, wish, slack=slack, friction=friction)
+    return (tight, held) if more > gain else (loose, back)
 
 
-def _fallen(
-    assembly: Assembly, touching: Touching, limits: Floats, fall: Floats, *, slack: float, friction: float
-) -> tuple[Assembly, int]:
-    """Return the grains after a fall that closes no gap by more than its limit, and how many were held back."""
-    step = float(np.linalg.norm(fall))
+def _moved(
+    assembly: Assembly, touching: Touching, limits: Floats, wish: Wish, *, slack: float, friction: float
+) -> tuple[Assembly, int, float]:
+    """Return the grains after a motion that closes no gap by more than its limit.
+
+    Also how many were held back, and the mean product of motion and fall.
+    """
     flush = frozenset(pair_keys(_wrong(assembly)[0]))
     held = np.zeros(assembly.count, dtype=np.bool_)
+    impulses = np.zeros((len(touching.i), 4))
     for cut in range(CUTS):
-        slide, spin = _motion(assembly, touching, limits, fall, held, friction)
+        slide, spin = _motion(assembly, touching, limits, wish, held, friction, impulses)
         there = _shifted(assembly, slide, spin)
         pairs, outside = _wrong(there, flush)
         if not pairs.count and not outside.any():
-            return there, int(held.sum())
+            return there, int(held.sum()), float((slide @ wish.fall).mean())
         if cut >= CUTS // 2:
             # grains that no place keeps apart stay where they are in this sweep, and the others find their way
-            held[pairs.i] = held[pairs.j] = True
-            held |= outside
+            held |= _to_stop(assembly, pairs, wish.fall, held) | outside
         # where they meet on the way is one more place where they touch
-        more, part = _meeting_places(assembly, pairs, slide, spin, 4.0 * step)
+        more, part = _meeting_places(assembly, pairs, slide, spin, 4.0 * wish.step)
         walls = near_walls(there, 0.0)
         known = [part * closing_of(more, slide, spin) + more.gap, closing_of(walls, slide, spin) + walls.gap]
         # what does not help is asked for with more room
-        limits = np.concatenate([limits, *(gap - (1 + cut) * slack for gap in known)])
+        limits = np.concatenate([limits, *(np.maximum(gap - (1 + cut) * slack, -slack) for gap in known)])
         touching = joined([touching, more, walls])
-    return _halved(assembly, slide, spin, flush)
+        impulses = np.concatenate([impulses, np.zeros((len(more.i) + len(walls.i), 4))])
+    part = _parts(assembly, slide, spin, wish.fall, flush)
+    gain = float(part @ (slide @ wish.fall)) / max(assembly.count, 1)
+    return _shifted(assembly, part[:, None] * slide, part[:, None] * spin), int((part < 1).sum()), gain
 
 
-def _halved(assembly: Assembly, slide: Floats, spin: Floats, flush: Collection[PairKey]) -> tuple[Assembly, int]:
-    """Let grains that would overlap go a part of their way, at last none; return how many that were."""
+def _to_stop(assembly: Assembly, pairs: Pairs, fall: Floats, stopped: Booleans) -> Booleans:
+    """Return who has to stop so that pairs stay apart: of two that move the upper one, else the one that moves."""
+    height = -(assembly.position @ fall)
+    upper = np.where(height[pairs.i] >= height[pairs.j], pairs.i, pairs.j)
+    other = pairs.i + pairs.j - upper
+    wrong = np.zeros(assembly.count, dtype=np.bool_)
+    wrong[np.where(stopped[upper], other, upper)] = True
+    return wrong
+
+
+def _parts(assembly: Assembly, slide: Floats, spin: Floats, fall: Floats, flush: Collection[PairKey]) -> Floats:
+    """Return which part of its way each grain can go: grains that would overlap go less of it, at last nothing."""
     part = np.ones(assembly.count)
     for halving in range(HALVINGS + RETREATS):
         there = _shifted(assembly, part[:, None] * slide, part[:, None] * spin)
         pairs, wrong = _wrong(there, flush)
-        wrong[pairs.i] = wrong[pairs.j] = True
+        wrong |= _to_stop(assembly, pairs, fall, part == 0)
         wrong &= part > 0
         if not wrong.any():
-            return there, int((part < 1).sum())
+            return part
         part[wrong] = part[wrong] / 2 if halving < HALVINGS else 0.0
-    return assembly, assembly.count
+    return np.zeros(assembly.count)
 
 
 def _meeting_places(
@@ -209,22 +261,32 @@ def _meeting_places(
 
 
 def _motion(
-    assembly: Assembly, touching: Touching, limits: Floats, fall: Floats, held: Booleans, friction: float
+    assembly: Assembly,
+    touching: Touching,
+    limits: Floats,
+    wish: Wish,
+    held: Booleans,
+    friction: float,
+    impulses: Floats,
 ) -> tuple[Floats, Floats]:
-    """Return slides and spins near the fall that close no gap by more than its limit, and leave some grains alone."""
-    step = float(np.linalg.norm(fall))
+    """Return slides and spins near the wish that close no gap by more than its limit, and leave some grains alone.
+
+    impulses: along the normals and across them, changed in place.
+    """
+    step = wish.step
     light = np.where(held, 0.0, 1.0 / assembly.volumes)
     easy = light / (0.4 * (assembly.diameters / 2) ** 2)
-    slide, spin = np.where(held[:, None], 0.0, fall), np.zeros((assembly.count, 3))
-    many = len(touching.i)
+    slide, spin = (np.where(held[:, None], 0.0, motion) for motion in (wish.slide, wish.spin))
+    push, drag = np.ascontiguousarray(impulses[:, 0]), np.ascontiguousarray(impulses[:, 1:])
+    order = np.argsort(-(assembly.position[touching.i] @ wish.fall), kind="stable")
     project(
         touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light, easy, friction, slide,
-        spin, np.zeros(many), np.zeros((many, 3)), np.zeros(many), np.zeros(3), ITERATIONS, CLOSE * step,
-        assembly.dimension == 2,
+        spin, push, drag, order, np.zeros(len(push)), np.zeros(3), ITERATIONS, CLOSE * step, assembly.dimension == 2,
     )  # fmt: skip
-    slide *= np.minimum(1.0, 2.0 * step / np.maximum(np.linalg.norm(slide, axis=1), 1e-300))[:, None]
+    impulses[:, 0], impulses[:, 1:] = push, drag
+    slide *= np.minimum(1.0, FARTHEST * step / np.maximum(np.linalg.norm(slide, axis=1), 1e-300))[:, None]
     turned = np.linalg.norm(spin, axis=1) * assembly.bounding_radii
-    spin *= np.minimum(1.0, 2.0 * step / np.maximum(turned, 1e-300))[:, None]
+    spin *= np.minimum(1.0, FARTHEST * step / np.maximum(turned, 1e-300))[:, None]
     return slide, spin
 
 

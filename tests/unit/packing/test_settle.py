@@ -11,6 +11,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import grain_pairs
 from voxgran.packing.settle import settle_once
 from voxgran.packing.touching import find_touching, joined, near_corners
+from voxgran.packing.wishes import shaken
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -132,6 +133,9 @@ def test_random_motion_never_makes_an_overlap():
         ({"friction": 0.3}, "friction is 0.3 and settling 0"),
         ({"friction": -0.1, "settling": 5}, "friction"),
         ({"settling": 5, "gravity": "none"}, "settling is 5"),
+        ({"shaking": 5}, "shaking is 5 and settling 0"),
+        ({"shaking": -1, "settling": 5}, "shaking"),
+        ({"shaking": 5, "settling": 5, "acceleration": 0.0}, "acceleration"),
     ],
 )
 def test_bad_settling_is_refused(parameters, words):
@@ -139,8 +143,10 @@ def test_bad_settling_is_refused(parameters, words):
         vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 3)), method="digital", count=1, **parameters)
 
 
-def test_settling_goes_on_after_a_stop_to_the_same_bits(tmp_path):
+@pytest.mark.parametrize("shaking", [0, 6])
+def test_settling_goes_on_after_a_stop_to_the_same_bits(tmp_path, shaking):
     options = {"method": "digital", "count": 10, "voxel_size": 0.125, "sweeps": 100, "cycles": 1, "settling": 12}
+    options["shaking"] = shaking
     shape, box = vg.make_shape("box"), vg.Box((3, 3, 4))
     whole = vg.pack(shape, box, **options)
     path = tmp_path / "run.checkpoint"
@@ -168,6 +174,43 @@ def test_friction_holds_a_bed_up():
     assert vg.verify(smooth).ok
     assert vg.verify(rough).ok
     assert rough.provenance["settling"]["density_gain"] < 0.9 * smooth.provenance["settling"]["density_gain"]
+
+
+BED = {"method": "digital", "voxel_size": 1 / 12, "sweeps": 100, "up": 0.0, "settling": 150, "seed": 2}
+
+
+@pytest.mark.parametrize(("solid", "count"), [("cube", 24), ("tetrahedron", 20), ("sphere", 50)])
+def test_shaking_makes_a_bed_denser(solid, count):
+    """Denser than what friction holds up, and without overlap."""
+    shape = vg.make_shape("sphere") if solid == "sphere" else vg.make_shape("platonic", solid=solid)
+    box = vg.Box((2.6, 2.6, 4 + count / 4), periodic=(True, True, False))
+    poured = vg.pack(shape, box, count=count, friction=0.5, **BED)
+    denser = vg.pack(shape, box, count=count, shaking=60, **BED)
+    assert vg.verify(poured).ok
+    assert vg.verify(denser).ok
+    heights = [float(packing.position[:, 2].mean()) for packing in (poured, denser)]
+    assert heights[1] < 0.95 * heights[0]
+
+
+def test_shaken_disks_stay_in_the_plane():
+    disks = [vg.make_shape("disk"), vg.make_shape("polygon", corners=4)]
+    floor = vg.Rectangle((5, 14), periodic=(True, False))
+    packing = vg.pack(disks, floor, count=24, shaking=20, weights=[1, 1], **BED)
+    assert vg.verify(packing).ok
+    assert (packing.position[:, 2] == 0).all()
+    assert (packing.orientation[:, 1:3] == 0).all()
+
+
+def test_shaking_pulls_nobody_further_than_its_step():
+    """Slides add up to gravity and a pull of at most the strength, all within the step."""
+    many = Assembly.of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), position=np.full((4000, 3), 4.0))
+    for strength in (0.25, 1.0, 4.0):
+        wish = shaken(many, 0.05 * DOWN, strength, stream(1, "test"))
+        part = 0.05 / max(1.0, strength)
+        pull = np.linalg.norm(wish.slide - part * DOWN, axis=1)
+        assert pull.max() == pytest.approx(part * strength, rel=1e-9)
+        assert np.abs(wish.slide.mean(axis=0) - part * DOWN).max() < 0.05 * part * strength
+        assert np.linalg.norm(wish.spin, axis=1).max() == pytest.approx(part * strength / 0.5, rel=1e-9)
 
 
 def test_corners_near_a_face_are_found():

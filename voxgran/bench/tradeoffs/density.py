@@ -1,9 +1,9 @@
 """Digital packing: which true densities it reaches, against voxels, vibration, shape, walls and dimension.
 
 Beds settle by the walk and then as true shapes; all densities are bulk solid fractions of the true solids, without
-overlap. Spheres stand at 20, 40 and 80 voxels per diameter, and a line through these is followed to voxels of no size.
-Dice stand without vibration and with friction, as poured ones do, and with vibration and without friction. A bed of
-spheres in a cylinder is compared with the law of de Klerk, and disks of two sizes settle in the plane.
+overlap. Spheres stand at 20, 40 and 80 voxels per diameter, and a line through these is followed to voxels of no size,
+without vibration and shaken. Dice are poured with friction, or shaken with little of it. A bed of spheres in a
+cylinder is compared with the law of de Klerk, and disks of two sizes settle in the plane, shaken.
 """
 
 import time
@@ -34,8 +34,11 @@ Row: TypeAlias = tuple[str, int, bool, float, float, float]
 CELLS = (20, 40, 80)
 SEEDS = (1, 2)
 DICE = ("tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron")
-#: friction of dice that are poured
-FRICTION = 0.3
+#: of dice: friction of poured and of shaken ones, and how they are poured
+POURED, SHAKEN = 0.5, 0.0
+POUR = {"sweeps": 60, "up": 0.0, "down": 0.7}
+#: sweeps of shaking
+SHAKING = 200
 #: bins of the wall profile, in diameters, and points in each
 BIN, FAR, POINTS = 0.05, 4.0, 20_000
 
@@ -62,7 +65,7 @@ def extrapolated(sizes: Floats, values: Floats) -> tuple[float, float]:
 
 
 def measure_spheres(cells: tuple[int, ...] = CELLS, seeds: tuple[int, ...] = SEEDS, count: int = 350) -> list[Row]:
-    """Pack beds of equal spheres without and with vibration.
+    """Pack beds of equal spheres, not shaken and shaken.
 
     Parameters
     ----------
@@ -80,8 +83,8 @@ def measure_spheres(cells: tuple[int, ...] = CELLS, seeds: tuple[int, ...] = SEE
         for n in cells:
             for seed in seeds:
                 packing, seconds = bed(
-                    make_shape("sphere"), box, count, voxel_size=1 / n, seed=seed, orientations=1, sweeps=1500,
-                    up=0.42 if vibrated else 0.0,
+                    make_shape("sphere"), box, count, voxel_size=1 / n, seed=seed, orientations=1, sweeps=1500, up=0.0,
+                    shaking=SHAKING if vibrated else 0,
                 )  # fmt: skip
                 many.append((1 / n, float(bulk_solid_fraction(packing))))
                 rows.append((f"sphere, seed {seed}", n, vibrated, seconds, many[-1][1], 0.0))
@@ -91,7 +94,7 @@ def measure_spheres(cells: tuple[int, ...] = CELLS, seeds: tuple[int, ...] = SEE
 
 
 def measure_dice(dice: tuple[str, ...] = DICE, count: int = 220, cells: int = 20) -> list[Row]:
-    """Pack beds of Platonic dice: poured with friction, and vibrated.
+    """Pack beds of Platonic dice: poured with friction, and shaken.
 
     Parameters
     ----------
@@ -108,8 +111,8 @@ def measure_dice(dice: tuple[str, ...] = DICE, count: int = 220, cells: int = 20
         shape = make_shape("platonic", solid=name)
         for vibrated in (False, True):
             packing, seconds = bed(
-                shape, box, count, voxel_size=1 / cells, seed=1, sweeps=6000 if vibrated else 400,
-                up=0.42 if vibrated else 0.0, friction=0.0 if vibrated else FRICTION,
+                shape, box, count, voxel_size=1 / cells, seed=1, friction=SHAKEN if vibrated else POURED,
+                shaking=SHAKING if vibrated else 0, **POUR,
             )  # fmt: skip
             rows.append((name, cells, vibrated, seconds, float(bulk_solid_fraction(packing)), 0.0))
     return rows
@@ -119,7 +122,9 @@ def measure_disks(count: int = 330) -> list[Row]:
     """Pack a bed of as many disks of diameter 1 as of 1.4."""
     disks = [make_shape("disk"), make_shape("disk", diameter=1.4)]
     floor = Rectangle((20, 10 + count / 14), periodic=(True, False))
-    packing, seconds = bed(disks, floor, count, voxel_size=1 / 20, seed=1, orientations=1, sweeps=3000, weights=[1, 1])
+    packing, seconds = bed(
+        disks, floor, count, voxel_size=1 / 20, seed=1, orientations=1, sweeps=3000, shaking=SHAKING, weights=[1, 1]
+    )
     return [("disks 1 : 1.4", 20, True, seconds, float(bulk_solid_fraction(packing)), 0.0)]
 
 
@@ -180,7 +185,7 @@ def _draw(rows: list[Row], wall: tuple[Floats, Floats, Floats, float], path: Pat
     figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
     for vibrated, color in ((False, "C0"), (True, "C1")):
-        label = "with vibration" if vibrated else "without vibration"
+        label = "shaken" if vibrated else "not shaken"
         beds = [row for row in rows if row[0].startswith("sphere,") and row[2] == vibrated]
         left.plot([1 / row[1] for row in beds], [row[4] for row in beds], f"{color}o", label=label)
         end = next(row for row in rows if row[0] == "sphere" and row[2] == vibrated)

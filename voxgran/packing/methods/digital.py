@@ -47,7 +47,7 @@ from voxgran.packing.lattice import packing_of_poses, positions_on
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settle import begin_settling, settle_sweep, settling_report
+from voxgran.packing.settle import begin_settling, settle_sweep, settling_report, shake_sweep
 from voxgran.packing.start import Start, refuse_start, upward
 from voxgran.packing.turns import SORT_SWEEPS, look_at_turns, lower_lid_again, sort_grains, turn_arrays
 from voxgran.packing.walk import enter_raised, make_attempts
@@ -68,6 +68,8 @@ TALLY = (
     "feeds_tried",
     "feeds_refused_in_a_row",
     "slept_through",
+    "words_tested",
+    "pairs_tested",
 )
 
 
@@ -115,6 +117,10 @@ class Digital:
         0, doc="most sweeps in which the true shapes settle after the walk and close the gaps that voxels left"
     )
     friction: float = parameter(0.0, doc="coefficient of friction between grains, and at walls, while they settle")
+    shaking: int = parameter(
+        0, doc="sweeps in which each true shape is pulled and turned its own way before all settle; they come on top"
+    )
+    acceleration: float = parameter(0.8, doc="strength of the shaking at its start, in gravities; it dies away evenly")
     lid: bool = parameter(False, doc="whether a lid comes down on the bed, a voxel at a time where it finds room")
 
     def __post_init__(self) -> None:
@@ -136,6 +142,8 @@ class Digital:
             as_number(self.decay, "decay", at_least=0.0, at_most=1.0)
         as_count(self.settling, "settling")
         as_number(self.friction, "friction", at_least=0.0)
+        as_count(self.shaking, "shaking")
+        as_number(self.acceleration, "acceleration", above=0.0)
         if self.settling and self.cover != "touch":
             raise InputError(
                 f"settling is {self.settling} and cover {self.cover!r}: it needs grains apart; use 'touch'"
@@ -143,6 +151,10 @@ class Digital:
         if self.friction and not self.settling:
             raise InputError(
                 f"friction is {self.friction:g} and settling 0: it acts while grains settle; set settling, such as 200"
+            )
+        if self.shaking and not self.settling:
+            raise InputError(
+                f"shaking is {self.shaking} and settling 0: shaken grains have to settle; set settling, such as 200"
             )
         needs = {
             "lid is true": self.lid,
@@ -273,11 +285,16 @@ def _settle(problem: Problem, state: State, setting: Setting, last: int) -> None
     begin, placed = state.counters["settling_at"], max(state.counters["placed"], 1)
     due = begin + (state.counters["settling_sweeps"] + 1) * placed
     state.done = min(last, due)
-    if state.done == due:
-        rests = settle_sweep(
-            state, _assembly(problem, state, setting), setting.gravity, friction=problem.parameters.friction
-        )
-        if rests or state.counters["settling_sweeps"] >= problem.parameters.settling:
+    if state.done != due:
+        return
+    settings: Digital = problem.parameters
+    assembly, gravity, sweep = _assembly(problem, state, setting), setting.gravity, state.counters["settling_sweeps"]
+    if sweep < settings.shaking:
+        strength = settings.acceleration * (1.0 - sweep / settings.shaking)
+        shake_sweep(state, assembly, gravity, strength=strength, friction=settings.friction, seed=problem.seed)
+    else:
+        rests = settle_sweep(state, assembly, gravity, friction=settings.friction)
+        if rests or sweep + 1 >= settings.shaking + settings.settling:
             state.stop_reason = "settled" if state.counters["placed"] == problem.count else "full"
 
 
@@ -388,7 +405,8 @@ def _look_at_bed(problem: Problem, state: State, setting: Setting) -> None:
     if state.stop_reason and problem.parameters.settling:
         state.stop_reason = ""
         begin_settling(state, _assembly(problem, state, setting), setting.gravity, setting.lattice.voxel_size / 2)
-        state.total = state.done + problem.parameters.settling * max(state.counters["placed"], 1)
+        sweeps = problem.parameters.shaking + problem.parameters.settling
+        state.total = state.done + sweeps * max(state.counters["placed"], 1)
 
 
 def cost(problem: Problem) -> Cost:
