@@ -103,7 +103,7 @@ def meeting_pairs(assembly: Assembly, depth: float, looked_at: Collection[PairKe
     both = closed[assembly.shape_id[pairs.i]] & closed[assembly.shape_id[pairs.j]]
     meet = np.zeros(pairs.count, dtype=np.bool_)
     if not both.all():
-        meet[~both] = gaps_of_pairs(assembly, pairs.where(~both), 0.0)[0] < -depth
+        meet[~both] = gaps_of_pairs(assembly, pairs.where(~both), 0.0, deepest=False)[0] < -depth
     tests, surfaces = _PairTests(assembly), np.flatnonzero(both)
     if len(surfaces):
         proven = surface_gaps(assembly, pairs.where(surfaces), 0.0, tree_of=tests.tree)[3]
@@ -147,11 +147,16 @@ def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> Contacts:
     return _keep(contacts, distance <= gap)
 
 
-def gaps_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> tuple[Floats, Floats, Floats]:
-    """Return gaps (m,), normals (m, 3) and points (m, 3) from centroid i of all pairs; infinite gaps beyond `gap`."""
+def gaps_of_pairs(
+    assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool = True
+) -> tuple[Floats, Floats, Floats]:
+    """Return gaps (m,), normals (m, 3) and points (m, 3) from centroid i of all pairs; infinite gaps beyond `gap`.
+
+    deepest: whether the deepest point of an overlap is searched; without, depths are lower bounds above 0, and faster.
+    """
     if all(is_one_ball(shape.geometry) for shape in assembly.shapes):
         return ball_contacts(pairs, assembly.bounding_radii)
-    return _test_mixed(assembly, pairs, gap)
+    return _test_mixed(assembly, pairs, gap, deepest=deepest)
 
 
 def _keep(contacts: Contacts, mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Contacts:
@@ -161,7 +166,7 @@ def _keep(contacts: Contacts, mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) 
     return Contacts(*(getattr(contacts, name)[mask] for name in ("i", "j", "image", "gap", "normal", "point")))
 
 
-def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float) -> tuple[Floats, Floats, Floats]:
+def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool) -> tuple[Floats, Floats, Floats]:
     """Return gap, normal and point (from centroid i) of pairs of any geometries."""
     distance = np.full(pairs.count, np.inf)
     normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
@@ -172,9 +177,9 @@ def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float) -> tuple[Floats, F
         parts = parts_of(geometries).placed(assembly.shape_id, assembly.scale, assembly.matrices)
         some = pairs.where(simple)
         distance[simple], normal[simple], point[simple], deep = part_contacts(some, parts, gap)
-        for k in np.flatnonzero(simple)[deep]:
+        for k in np.flatnonzero(simple)[deep] if deepest else ():
             _search(assembly, pairs, int(k), distance, normal, point)
-    tests = _PairTests(assembly)
+    tests = _PairTests(assembly, deepest=deepest)
     closed = np.array([is_closed_surface(geometry) for geometry in geometries], dtype=np.bool_)[assembly.shape_id]
     rest = ~simple
     surfaces = np.flatnonzero(rest & closed[pairs.i] & closed[pairs.j])
@@ -234,8 +239,8 @@ def _search(assembly: Assembly, pairs: Pairs, k: int, distance: Floats, normal: 
 class _PairTests:
     """Exact tests of pairs that need a mesh or a polygon, with what they need of each shape kept."""
 
-    def __init__(self, assembly: Assembly) -> None:
-        self.assembly = assembly
+    def __init__(self, assembly: Assembly, *, deepest: bool = True) -> None:
+        self.assembly, self.deepest = assembly, deepest
         self.geometries = [shape.geometry for shape in assembly.shapes]
         self.solids: dict[int, Solid] = {}
         self.kept: dict[tuple[int, int], tuple[TouchPair, bool]] = {}
@@ -268,10 +273,10 @@ class _PairTests:
         one, other = self.geometries[a], self.geometries[b]
         if isinstance(one, Outline) and isinstance(other, Outline):
             if is_disk(one):
-                return partial(touch_disk, other, one), True
+                return partial(touch_disk, other, one, deepest=self.deepest), True
             if is_disk(other):
-                return partial(touch_disk, one, other), False
-            return partial(touch_polygons, one, other), False
+                return partial(touch_disk, one, other, deepest=self.deepest), False
+            return partial(touch_polygons, one, other, deepest=self.deepest), False
         if not isinstance(one, Mesh) and isinstance(other, Mesh):
             test, _ = self._choose(b, a)
             return test, True

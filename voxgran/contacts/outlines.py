@@ -22,7 +22,9 @@ from voxgran.shapes.outline import Outline
 ROUNDING = 1e-13
 
 
-def touch_polygons(one: Outline, other: Outline, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
+def touch_polygons(
+    one: Outline, other: Outline, *, matrix: Floats, offset: Floats, reach: float, deepest: bool = True
+) -> Touch:
     """Find how two polygons touch.
 
     Parameters
@@ -33,6 +35,8 @@ def touch_polygons(one: Outline, other: Outline, *, matrix: Floats, offset: Floa
         Lead from the frame of `other` into that of `one`.
     reach : float
         How far to look, in the unit of `one`.
+    deepest : bool
+        Whether the deepest point of an overlap is searched; without, the depth is that of the deepest edge point.
 
     Returns
     -------
@@ -55,11 +59,15 @@ def touch_polygons(one: Outline, other: Outline, *, matrix: Floats, offset: Floa
     touch = _deepest_edge(mine, theirs, 1e-15 * size, offset)
     back = _deepest_edge(theirs, mine, 1e-15 * size, -offset).flipped()
     touch = touch if touch.gap <= back.gap else back
+    if not deepest:
+        return touch
     inner = placed(inner_distance(other), matrix=matrix, offset=offset)
     return _deeper(touch, one, inner, mine, theirs, offset)
 
 
-def touch_disk(polygon: Outline, disk: Outline, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
+def touch_disk(
+    polygon: Outline, disk: Outline, *, matrix: Floats, offset: Floats, reach: float, deepest: bool = True
+) -> Touch:
     """Find how a polygon touches a disk.
 
     Parameters
@@ -70,6 +78,8 @@ def touch_disk(polygon: Outline, disk: Outline, *, matrix: Floats, offset: Float
         Lead from the frame of the disk into that of the polygon.
     reach : float
         How far to look, in the unit of the polygon.
+    deepest : bool
+        Whether the deepest point of an overlap is searched; without, the depth is that towards the nearest edge.
 
     Returns
     -------
@@ -86,7 +96,7 @@ def touch_disk(polygon: Outline, disk: Outline, *, matrix: Floats, offset: Float
         return Touch.apart()
     normal = direction((center - surface) * (1.0 if distance > 0 else -1.0), offset)
     touch = Touch(gap, normal, surface + 0.5 * gap * normal)
-    if distance > 0:
+    if distance > 0 or not deepest:
         return touch
     inner = placed(inner_distance(disk), matrix=matrix, offset=offset)
     corners = center[:2] + radius * np.array([[-1.0, -1.0], [1.0, 1.0]])

@@ -113,7 +113,9 @@ def places_of(assembly: Assembly, pairs: Pairs, reach: float) -> Touching:
         *known, proven = surface_gaps(assembly, some, reach, tree_of=surface_trees(assembly))
         gap[surfaces], normal[surfaces], point[surfaces] = np.where(proven, known[0], np.inf), *known[1:]
     if not surfaces.all():
-        gap[~surfaces], normal[~surfaces], point[~surfaces] = gaps_of_pairs(assembly, pairs.where(~surfaces), reach)
+        gap[~surfaces], normal[~surfaces], point[~surfaces] = gaps_of_pairs(
+            assembly, pairs.where(~surfaces), reach, deepest=False
+        )
     kept = gap <= reach
     return Touching(pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept])
 
