@@ -31,6 +31,13 @@ def test_pack_rocks(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "packing.vtp").count == 60
 
 
+def test_scan_to_shape(tmp_path, capsys, monkeypatch):
+    text = printed("scan_to_shape.py", capsys, monkeypatch, str(tmp_path))
+    assert float(re.search(r"volume off by ([\d.]+) %", text).group(1)) < 1.0
+    assert float(re.search(r"mean residual ([\d.]+) noises", text).group(1)) < 2.0
+    assert len(vg.load_cloud(tmp_path / "scan.ply")) > 20_000
+
+
 def test_directions(tmp_path, capsys, monkeypatch):
     text = printed("directions.py", capsys, monkeypatch, str(tmp_path), "80")
     one_step = dict(re.findall(r"(2D 8|3D 26|2D any|3D any) direction\S*\s+fourth moment: 1 step ([\d.]+)", text))

@@ -155,6 +155,22 @@ def repair(options: argparse.Namespace) -> None:
     show(numbers, options)
 
 
+def cloud(options: argparse.Namespace) -> None:
+    """Make a shape of a scanned point cloud and tell how far the two are apart."""
+    scan = voxgran.load_cloud(options.file)
+    given = len(scan)
+    if options.outliers is not None:
+        scan = scan.without_outliers(options.outliers)
+    if options.spacing is not None:
+        scan = scan.thinned(options.spacing)
+    made = voxgran.shape_of_cloud(scan, method=options.method, largest_hole=options.largest_hole)
+    if options.output:
+        voxgran.save_shape(made.shape, options.output, overwrite=options.overwrite)
+    numbers = {name: getattr(made, name) for name in ("spacing", "mean_residual", "rms_residual", "largest_residual")}
+    numbers |= {"largest_hole": made.largest_hole, "volume": made.shape.volume, "faces": len(made.shape.faces)}
+    show({"points": given, "points_used": len(scan), **numbers, "mended": list(made.sentences)}, options)
+
+
 def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[str]:
     """Write each solid to the output, several with a number each."""
     target = Path(options.output)
@@ -238,6 +254,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "labels": ("make a packing of a label image", labels),
     "shape": ("make a shape of a family", shape),
     "repair": ("mend a mesh file and say what was done", repair),
+    "cloud": ("make a closed surface of a scanned point cloud", cloud),
     "clump": ("fit a clump of spheres to a mesh file", clump),
     "methods": ("list methods, families and measures with their parameters", methods),
     "bench": ("measure run time against error", bench),

@@ -87,6 +87,20 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
             {"choices": ("refuse", "largest", "all"), "default": "refuse", "help": "what becomes of several solids"},
         ),
     ),
+    "cloud": (
+        (("file",), {"help": "point cloud: .ply, .pcd, .xyz, .csv or .las"}),
+        (
+            ("--method",),
+            {"choices": ("poisson", "alpha"), "default": "poisson", "help": "smooth, or through the points"},
+        ),
+        (("--outliers",), {"type": float, "help": "drop points this many standard deviations from their neighbours"}),
+        (("--spacing",), {"type": float, "help": "thin the cloud to one point for each cube of this edge"}),
+        (
+            ("--largest-hole",),
+            {"type": float, "default": 5.0, "help": "how far the surface may be from the nearest point, in spacings"},
+        ),
+        (("-o", "--output"), {"help": "mesh file for the result: STL, OBJ, PLY, OFF or VTP"}),
+    ),
     "clump": (
         (("file",), {"help": "mesh file"}),
         (("--spheres",), {"type": int, "default": 50, "help": "most spheres"}),
@@ -109,6 +123,7 @@ EXAMPLES: dict[str, str] = {
     "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --largest-hole 0.1",
+    "cloud": "voxgran cloud scan.ply --outliers 2 -o rock.stl",
     "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv",
     "methods": "voxgran methods",
     "bench": "voxgran bench voxelize -o figures",

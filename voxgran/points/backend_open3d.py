@@ -1,9 +1,21 @@
-"""Open3D's samplers of a triangle mesh: uniform and Poisson-disk."""
+"""Open3D's samplers of a triangle mesh, uniform and Poisson-disk, and its one generator of random numbers."""
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
+
+
+def seed_open3d(seed: int) -> None:
+    """Seed Open3D's generator, which is one for the whole process.
+
+    Parameters
+    ----------
+    seed : int
+        Not negative.
+    """
+    open3d = load("open3d")
+    open3d.utility.random.seed(seed % 2**31)
 
 
 def sample_triangles(vertices: Floats, faces: Integers, count: int, *, seed: int, poisson: bool) -> Floats:
@@ -30,6 +42,6 @@ def sample_triangles(vertices: Floats, faces: Integers, count: int, *, seed: int
     mesh = open3d.geometry.TriangleMesh(
         open3d.utility.Vector3dVector(np.array(vertices)), open3d.utility.Vector3iVector(faces.astype(np.int32))
     )
-    open3d.utility.random.seed(seed % 2**31)
+    seed_open3d(seed)
     sampler = mesh.sample_points_poisson_disk if poisson else mesh.sample_points_uniformly
     return np.asarray(sampler(count).points, dtype=np.float64)

@@ -1,0 +1,304 @@
+"""Point clouds: scanned surfaces as points, before they become shapes, and packings as points that know their grain.
+
+Open3D thins a cloud, finds normals, stray points and clusters; it does so in a frame that is centred and of unit size.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import (
+    Floats,
+    Integers,
+    as_count,
+    as_floats,
+    as_number,
+    as_points,
+    as_positive,
+    as_vector,
+    read_only,
+)
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+from voxgran.points.normals import turned_alike
+
+#: fewest points of a cloud with which anything can be done
+FEWEST = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points, frozen, with what is known of each.
+
+    Attributes
+    ----------
+    points : (n, 3) ndarray of float
+        In the unit of lengths.
+    normals : (n, 3) ndarray of float or None
+        Unit vectors; outward where they came from a closed cloud.
+    grain : (n,) ndarray of int or None
+        Which grain each point belongs to.
+    name : str
+        What reports call it.
+    unit : str or None
+        Unit of its lengths where it is known.
+    """
+
+    points: Floats
+    normals: Floats | None = None
+    grain: Integers | None = None
+    name: str = "cloud"
+    unit: str | None = None
+
+    @classmethod
+    def of(
+        cls,
+        points: ArrayLike,
+        normals: ArrayLike | None = None,
+        grain: ArrayLike | None = None,
+        *,
+        name: str = "cloud",
+        unit: str | None = None,
+    ) -> "Cloud":
+        """Make a cloud from array-likes.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like of float
+            In the unit of lengths.
+        normals : (n, 3) array_like of float, optional
+            Directions; they are brought to length 1.
+        grain : (n,) array_like of int, optional
+            Which grain each point belongs to.
+        name : str
+            What reports call it.
+        unit : str, optional
+            Unit of its lengths.
+
+        Raises
+        ------
+        InputError
+            If an array has the wrong shape, a value is not finite, or a normal has no length.
+        """
+        found = as_points(points)
+        directions = None
+        if normals is not None:
+            directions = as_floats(normals, "normals", shape=(len(found), 3))
+            lengths = np.linalg.norm(directions, axis=1)
+            if (lengths == 0).any():
+                raise InputError(
+                    f"normal {int(lengths.argmin())} has length 0: a normal is a direction; leave normals out instead"
+                )
+            directions = read_only(directions / lengths[:, None])
+        labels = None
+        if grain is not None:
+            labels = read_only(as_floats(grain, "grain", shape=(len(found),)).astype(np.int64))
+        return cls(read_only(found), directions, labels, name, unit)
+
+    def __len__(self) -> int:
+        """Count the points."""
+        return len(self.points)
+
+    def __repr__(self) -> str:
+        """Name and number of points."""
+        return f"Cloud({self.name!r}, {len(self)} points)"
+
+    @cached_property
+    def spacing(self) -> float:
+        """Side of the square that falls to each point of a surface, in the unit of lengths.
+
+        From the median distance to the 12th neighbour: so far around a point lie twelve others.
+        """
+        if len(self) < FEWEST:
+            return 0.0
+        neighbours = min(12, len(self) - 1)
+        distance = load("scipy.spatial").cKDTree(self.points).query(self.points, k=[neighbours + 1])[0]
+        return float(np.median(distance) * np.sqrt(np.pi / neighbours))
+
+    def chosen(self, mask: ArrayLike) -> "Cloud":
+        """Return some of the points.
+
+        Parameters
+        ----------
+        mask : (n,) array_like of bool, or of int
+            Which.
+        """
+        kept = np.asarray(mask)
+        parts = (self.normals, self.grain)
+        normals, grain = (None if part is None else read_only(part[kept]) for part in parts)
+        return replace(self, points=read_only(self.points[kept]), normals=normals, grain=grain)
+
+    def cropped(self, lower: ArrayLike, upper: ArrayLike) -> "Cloud":
+        """Return the points within a box.
+
+        Parameters
+        ----------
+        lower, upper : (3,) array_like of float
+            Its corners, which belong to it.
+
+        Raises
+        ------
+        InputError
+            If `lower` is above `upper`.
+        """
+        low, high = as_vector(lower, "lower"), as_vector(upper, "upper")
+        if (low > high).any():
+            raise InputError(f"lower is {low.tolist()} and upper {high.tolist()}: no part may be above; exchange them")
+        return self.chosen(((self.points >= low) & (self.points <= high)).all(axis=1))
+
+    def thinned(self, spacing: float) -> "Cloud":
+        """Return one point for each cube of a grid: the mean of the points in it.
+
+        Parameters
+        ----------
+        spacing : float
+            Edge of the cubes, in the unit of lengths. Points of several grains are not mixed.
+
+        Raises
+        ------
+        InputError
+            If it is not above 0.
+        """
+        edge = as_positive(spacing, "spacing")
+        if self.grain is not None:
+            parts = [self.chosen(self.grain == label) for label in np.unique(self.grain).tolist()]
+            thin = [replace(part, grain=None).thinned(edge) for part in parts]
+            many = np.repeat([int(part.grain[0]) for part in parts if part.grain is not None], [len(p) for p in thin])
+            normals = None if self.normals is None else np.concatenate([np.asarray(part.normals) for part in thin])
+            points = np.concatenate([part.points for part in thin]) if thin else self.points
+            return Cloud.of(points, normals, many, name=self.name, unit=self.unit)
+        frame = Frame.around(self.points)
+        made = frame.to_open3d(self).voxel_down_sample(edge / frame.size)
+        normals = np.asarray(made.normals) if self.normals is not None else None
+        return Cloud.of(frame.back(np.asarray(made.points)), normals, name=self.name, unit=self.unit)
+
+    def without_outliers(self, deviations: float = 2.0, *, neighbours: int = 20) -> "Cloud":
+        """Return the points that are not much further from their neighbours than most.
+
+        Parameters
+        ----------
+        deviations : float
+            A point goes whose mean distance to its neighbours is this many standard deviations above the mean.
+        neighbours : int
+            How many are looked at.
+
+        Raises
+        ------
+        InputError
+            If `deviations` is not above 0 or `neighbours` below 1.
+        """
+        many, ratio = as_count(neighbours, "neighbours", at_least=1), as_number(deviations, "deviations", above=0.0)
+        if len(self) < FEWEST:
+            return self
+        _, kept = Frame.around(self.points).to_open3d(self).remove_statistical_outlier(many, ratio)
+        return self.chosen(np.asarray(kept, dtype=np.int64))
+
+    def with_normals(self, neighbours: int = 30) -> "Cloud":
+        """Return the cloud with normals of planes through neighbours, turned alike and outward.
+
+        Parameters
+        ----------
+        neighbours : int
+            How many lie in a plane, at least 3.
+
+        Raises
+        ------
+        InputError
+            If there are fewer points than neighbours, or fewer than 4.
+        """
+        many = as_count(neighbours, "neighbours", at_least=3)
+        if len(self) <= many:
+            raise InputError(
+                f"the cloud has {len(self)} points and neighbours is {many}: it needs more points than that; lower it"
+            )
+        open3d, frame = load("open3d"), Frame.around(self.points)
+        made = frame.to_open3d(replace(self, normals=None))
+        made.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(many))
+        normals = turned_alike(self.points, np.array(made.normals), min(many, 15))
+        return replace(self, normals=read_only(normals))
+
+    def clusters(self, distance: float | None = None, *, fewest: int = 10) -> list["Cloud"]:
+        """Return the bodies of a cloud: points that neighbours join, the largest first; stray points are left out.
+
+        Parameters
+        ----------
+        distance : float, optional
+            How far apart neighbours may be, in the unit of lengths; left out: three spacings.
+        fewest : int
+            Points that must lie within that distance for a point to join others.
+
+        Returns
+        -------
+        list of Cloud
+            With `grain` 0, 1, ...
+
+        Raises
+        ------
+        InputError
+            If `distance` is not above 0 or `fewest` below 1.
+
+        References
+        ----------
+        Ester, Kriegel, Sander & Xu 1996, A density-based algorithm for discovering clusters in large spatial databases
+        with noise, Proc. 2nd Int. Conf. Knowledge Discovery and Data Mining (KDD-96), 226.
+        """
+        least = as_count(fewest, "fewest", at_least=1)
+        reach = 3.0 * self.spacing if distance is None else as_positive(distance, "distance")
+        if len(self) < FEWEST or reach == 0.0:
+            return []
+        frame = Frame.around(self.points)
+        labels = np.asarray(frame.to_open3d(self).cluster_dbscan(reach / frame.size, least))
+        order = np.argsort(-np.bincount(labels[labels >= 0]), kind="stable").tolist()
+        return [
+            replace(self.chosen(labels == label), grain=read_only(np.full(int((labels == label).sum()), k)))
+            for k, label in enumerate(order)
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A frame in which points are centred and of unit size.
+
+    Attributes
+    ----------
+    center : (3,) ndarray of float
+        Its origin.
+    size : float
+        Its unit.
+    """
+
+    center: Floats
+    size: float
+
+    @classmethod
+    def around(cls, points: Floats) -> "Frame":
+        """Return the frame of some points.
+
+        Parameters
+        ----------
+        points : (n, 3) ndarray of float
+            The points.
+        """
+        if not len(points):
+            return cls(np.zeros(3), 1.0)
+        low, high = points.min(axis=0), points.max(axis=0)
+        return cls((low + high) / 2, float((high - low).max()) or 1.0)
+
+    def into(self, points: Floats) -> Floats:
+        """Return points in this frame."""
+        return np.asarray((points - self.center) / self.size)
+
+    def back(self, points: Floats) -> Floats:
+        """Return points of this frame where they came from."""
+        return np.asarray(points * self.size + self.center)
+
+    def to_open3d(self, cloud: Cloud) -> Any:
+        """Return a cloud as Open3D has it, in this frame."""
+        open3d = load("open3d")
+        made = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(self.into(cloud.points)))
+        if cloud.normals is not None:
+            made.normals = open3d.utility.Vector3dVector(np.array(cloud.normals))
+        return made

@@ -1,0 +1,270 @@
+"""From a point cloud to a shape: a closed surface through the points, checked against them."""
+
+import logging
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_count, as_number, as_positive
+from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran._base.lazy import load
+from voxgran.points.cloud import Cloud, Frame
+from voxgran.shapes.diagnose import diagnose
+from voxgran.shapes.model import Shape
+from voxgran.shapes.repair import repair
+
+log = logging.getLogger(__name__)
+
+#: fewest points that make a body
+FEWEST = 50
+#: largest depth of the octree, which then has 2^10 cells an edge
+DEEPEST = 10
+#: corners of the edges and of the facets of a tetrahedron
+EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
+SIDES = ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2))
+#: most rounds in which edges where the surface meets itself are mended
+ROUNDS = 60
+#: radius of the balls that an alpha shape is carved with, in spacings
+ALPHA = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reconstruction:
+    """A shape made of a cloud, and how far the two are apart.
+
+    Attributes
+    ----------
+    shape : Shape
+        Closed; its `offset` tells where its centroid lies in the frame of the cloud.
+    mean_residual, rms_residual, largest_residual : float
+        Distances of the points of the cloud from the surface, in the unit of lengths.
+    largest_hole : float
+        Largest distance of a place of the surface from the nearest point, in the unit of lengths.
+    spacing : float
+        Of the cloud, in the unit of lengths.
+    sentences : tuple of str
+        What had to be mended.
+    """
+
+    shape: Shape
+    mean_residual: float
+    rms_residual: float
+    largest_residual: float
+    largest_hole: float
+    spacing: float
+    sentences: tuple[str, ...]
+
+
+def shape_of_cloud(
+    cloud: Cloud,
+    *,
+    method: str = "poisson",
+    depth: int | None = None,
+    alpha: float | None = None,
+    largest_hole: float = 5.0,
+    name: str | None = None,
+) -> Reconstruction:
+    """Make a shape of a point cloud.
+
+    Parameters
+    ----------
+    cloud : Cloud
+        Points all around one body; without normals these are found first.
+    method : {"poisson", "alpha"}
+        A smooth surface that evens out noise (Kazhdan & Hoppe 2013), or one through the outer points, which keeps edges
+        and lies about the noise too far out (Edelsbrunner & Mucke 1994; its cavities are filled).
+    depth : int, optional
+        Depth of the octree of "poisson", 2 to 10; left out: the logarithm of the number of points to base 4.
+    alpha : float, optional
+        Radius of the balls that carve the surface of "alpha", in the unit of lengths; left out: three spacings.
+    largest_hole : float
+        How far a place of the surface may be from the nearest point, in spacings.
+    name : str, optional
+        What reports call the shape; left out: as the cloud.
+
+    Returns
+    -------
+    Reconstruction
+        The shape, and the residual between both.
+
+    Raises
+    ------
+    InputError
+        If the cloud has fewer than 50 points, lies in a plane, or is too sparse to close (the message says where and
+        how sparse), or a parameter is out of range.
+    DirtyMeshError
+        If no closed surface comes of it.
+
+    References
+    ----------
+    Kazhdan & Hoppe 2013, Screened Poisson surface reconstruction, doi:10.1145/2487228.2487237. Edelsbrunner & Mucke
+    1994, Three-dimensional alpha shapes, doi:10.1145/174462.156635.
+    """
+    as_choice(method, "method", ("poisson", "alpha"))
+    holes = as_number(largest_hole, "largest_hole", above=0.0)
+    levels = None if depth is None else as_count(depth, "depth", at_least=2)
+    if levels is not None and levels > DEEPEST:
+        raise InputError(f"depth is {levels}: more than {DEEPEST} makes more cells than memory holds; lower it")
+    if alpha is not None:
+        as_positive(alpha, "alpha")
+    _refuse_thin(cloud)
+    frame = Frame.around(cloud.points)
+    if method == "poisson":
+        corners, faces = _poisson(cloud, frame, levels)
+    else:
+        corners, faces = _alpha(cloud, frame, (alpha or ALPHA * cloud.spacing) / frame.size)
+    if not len(faces):
+        raise DirtyMeshError(f"{cloud.name} has {len(cloud)} points and no surface comes of them: raise alpha or depth")
+    hole = _refuse_sparse(cloud, frame, corners, faces, holes)
+    shape, sentences = _closed(frame.back(corners), faces, name or cloud.name, cloud.unit)
+    apart = _distances(shape, cloud.points)
+    found = Reconstruction(
+        shape=shape,
+        mean_residual=float(apart.mean()),
+        rms_residual=float(np.sqrt((apart**2).mean())),
+        largest_residual=float(apart.max()),
+        largest_hole=hole,
+        spacing=cloud.spacing,
+        sentences=sentences,
+    )
+    log.info("%s: %d points, mean residual %.3g, largest hole %.3g", name or cloud.name, len(cloud), apart.mean(), hole)
+    return found
+
+
+def _refuse_thin(cloud: Cloud) -> None:
+    """Refuse clouds of too few points, or without volume."""
+    if len(cloud) < FEWEST:
+        raise InputError(f"{cloud.name} has {len(cloud)} points: a body needs {FEWEST} or more; scan it more finely")
+    spread = np.linalg.svd(cloud.points - cloud.points.mean(axis=0), compute_uv=False)
+    if spread[2] <= 1e-9 * spread[0]:
+        raise InputError(f"{cloud.name} lies in a plane: it bounds no volume; scan the other sides too")
+
+
+def _poisson(cloud: Cloud, frame: Frame, depth: int | None) -> tuple[Floats, Integers]:
+    """Return a Poisson surface, in the frame; on one thread, since several do not give the same bits twice."""
+    open3d = load("open3d")
+    oriented = cloud if cloud.normals is not None else cloud.with_normals(min(30, len(cloud) - 1))
+    levels = depth or max(4, min(DEEPEST, round(math.log(len(cloud), 4))))
+    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+        made, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
+            frame.to_open3d(oriented), depth=levels, n_threads=1
+        )
+    return np.asarray(made.vertices, dtype=np.float64), np.asarray(made.triangles, dtype=np.int64)
+
+
+def _alpha(cloud: Cloud, frame: Frame, radius: float) -> tuple[Floats, Integers]:
+    """Return what balls carve out of the Delaunay tetrahedra when they come from outside, in the frame."""
+    corners = frame.into(np.unique(cloud.points, axis=0))
+    # joggled: points on one sphere, as of a ball, have no Delaunay tetrahedra of their own
+    tetras = load("scipy.spatial").Delaunay(corners, qhull_options="QJ Pp").simplices.astype(np.int64)
+    facets = _facets(tetras)
+    # tetrahedra of which all facets are small
+    size = np.maximum.reduce([_circumradii(corners[tetras[:, list(side)]]) for side in SIDES])
+    outside = _reached(facets, len(tetras), _circumradii(corners[facets.corners]) > radius)
+    edges = _numbered(tetras[:, EDGES], len(corners))
+    for _ in range(ROUNDS):
+        edge = outside[facets.one] != outside[facets.other]
+        surface = facets.corners[edge]
+        sides, many = np.unique(_numbered(surface[:, [[0, 1], [0, 2], [1, 2]]], len(corners)), return_counts=True)
+        pinched = np.isin(edges, sides[many > 2]).any(axis=1)
+        if not pinched.any():
+            break
+        # where the surface meets itself along an edge, small tetrahedra around it join the solid, else it loses some
+        joined = pinched & outside[:-1] & (size <= 2 * radius)
+        outside[:-1] = outside[:-1] & ~joined if joined.any() else outside[:-1] | (pinched & (size <= radius))
+    inner = np.where(outside[facets.one], facets.other, facets.one)[edge]
+    return _outward(corners, surface, corners[tetras[inner]].mean(axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class _Facets:
+    """Triangles between tetrahedra: their corners, and the two that share each; past the last is the outside."""
+
+    corners: Integers
+    one: Integers
+    other: Integers
+
+
+def _facets(tetras: Integers) -> _Facets:
+    """Return the triangles between tetrahedra."""
+    sides = np.sort(tetras[:, SIDES], axis=2).reshape(-1, 3)
+    _, which = np.unique(sides, axis=0, return_inverse=True)
+    order = np.argsort(which.ravel(), kind="stable")
+    new = np.r_[True, np.diff(which.ravel()[order]) != 0]
+    first, last = order[new], order[np.r_[new[1:], True]]
+    return _Facets(sides[first], first // 4, np.where(first == last, len(tetras), last // 4))
+
+
+def _reached(facets: _Facets, many: int, through: Booleans) -> Booleans:
+    """Return which of so many tetrahedra, and at last the outside itself, are reached through passable facets."""
+    graph = load("scipy.sparse").coo_array(
+        (np.ones(int(through.sum())), (facets.one[through], facets.other[through])), shape=(many + 1, many + 1)
+    )
+    body = load("scipy.sparse.csgraph").connected_components(graph, directed=False)[1]
+    return np.asarray(body == body[-1])
+
+
+def _numbered(edges: Integers, many: int) -> Integers:
+    """Return one number for each edge between two of so many corners."""
+    return np.asarray(edges.min(axis=-1) * many + edges.max(axis=-1))
+
+
+def _circumradii(corners: Floats) -> Floats:
+    """Return the radii of the circles through the corners of triangles; infinite for flat ones."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    sides = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1) * np.linalg.norm(a - b, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.nan_to_num(sides / (2 * np.linalg.norm(np.cross(a, b), axis=1)), nan=np.inf))
+
+
+def _outward(corners: Floats, faces: Integers, inner: Floats) -> tuple[Floats, Integers]:
+    """Return the corners in use and the faces, wound so that inner points lie behind them."""
+    a, b, c = (corners[faces[:, k]] for k in range(3))
+    behind = (np.cross(b - a, c - a) * (inner - a)).sum(axis=1) < 0
+    wound = np.where(behind[:, None], faces, faces[:, [0, 2, 1]])
+    used, again = np.unique(wound, return_inverse=True)
+    return corners[used], again.reshape(wound.shape).astype(np.int64)
+
+
+def _refuse_sparse(cloud: Cloud, frame: Frame, corners: Floats, faces: Integers, largest: float) -> float:
+    """Return the largest distance of the surface from the points; refuse it where it is too large."""
+    sides, many = np.unique(
+        np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2), axis=0, return_counts=True
+    )
+    border = np.unique(sides[many == 1])
+    # an open surface misses most in the middle of its border
+    middle = corners[border].mean(axis=0, keepdims=True) if len(border) else np.zeros((0, 3))
+    places = frame.back(np.concatenate([corners, corners[faces].mean(axis=1), middle]))
+    distance = load("scipy.spatial").cKDTree(cloud.points).query(places)[0]
+    worst = int(distance.argmax())
+    hole, spacing = float(distance[worst]), cloud.spacing
+    if hole > largest * spacing:
+        where = ", ".join(f"{value:.4g}" for value in places[worst])
+        raise InputError(
+            f"{cloud.name} is too sparse to close: around ({where}) no point lies within {hole:.4g}, which is "
+            f"{hole / spacing:.1f} of its spacings of {spacing:.4g}, and largest_hole is {largest:g}; scan that side, "
+            "take stray points away with without_outliers, or raise largest_hole"
+        )
+    return hole
+
+
+def _closed(corners: Floats, faces: Integers, name: str, unit: str | None) -> tuple[Shape, tuple[str, ...]]:
+    """Return the shape of a surface, mended where it is not closed, and what was mended."""
+    if diagnose(corners, faces).ok:
+        return Shape.from_mesh(corners, faces, name=name, unit=unit), ()
+    mended = repair(corners, faces, bodies="largest", name=name, unit=unit)
+    return mended.shape, mended.sentences
+
+
+def _distances(shape: Shape, points: Floats) -> Floats:
+    """Return the distances of points, in the frame of the cloud, from the surface of a shape."""
+    corners, faces, _ = shape.geometry.tessellation()
+    frame = Frame.around(corners)
+    open3d = load("open3d")
+    scene = open3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        open3d.core.Tensor(frame.into(corners).astype(np.float32)), open3d.core.Tensor(faces.astype(np.uint32))
+    )
+    inside = frame.into(points - np.array(shape.offset)).astype(np.float32)
+    return np.asarray(scene.compute_distance(open3d.core.Tensor(inside)).numpy() * frame.size, dtype=np.float64)

@@ -1,0 +1,52 @@
+"""Turn the normals of points alike: outward where the points surround a body.
+
+Open3D turns them along a Delaunay triangulation, which Qhull does not survive where points lie on one sphere.
+"""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.lazy import load
+
+#: weight of an edge between like normals, which a sparse matrix must not take for no edge
+LIGHTEST = 1e-9
+
+
+def turned_alike(points: Floats, normals: Floats, neighbours: int) -> Floats:
+    """Return normals turned so that neighbours agree, and those of the outermost points look outward.
+
+    Parameters
+    ----------
+    points : (n, 3) ndarray of float
+        The points.
+    normals : (n, 3) ndarray of float
+        Unit vectors, of any sign.
+    neighbours : int
+        With how many each point is joined.
+
+    Returns
+    -------
+    (n, 3) ndarray of float
+
+    References
+    ----------
+    Hoppe, DeRose, Duchamp, McDonald & Stuetzle 1992, Surface reconstruction from unorganized points,
+    doi:10.1145/133994.134011.
+    """
+    graphs, sparse, many = load("scipy.sparse.csgraph"), load("scipy.sparse"), len(points)
+    partner = load("scipy.spatial").cKDTree(points).query(points, k=min(neighbours + 1, many))[1][:, 1:]
+    one, other = np.repeat(np.arange(many), partner.shape[1]), partner.ravel()
+    weight = LIGHTEST + np.maximum(0.0, 1.0 - np.abs((normals[one] * normals[other]).sum(axis=1)))
+    tree = graphs.minimum_spanning_tree(sparse.csr_array((weight, (one, other)), shape=(many, many)))
+    count, part = graphs.connected_components(tree, directed=False)
+    sign = np.ones(many)
+    for k in range(count):
+        mine = np.flatnonzero(part == k)
+        # the normal of the outermost point looks outward
+        first = int(mine[points[mine, 0].argmax()])
+        sign[first] = -1.0 if normals[first, 0] < 0 else 1.0
+        order, before = graphs.breadth_first_order(tree, first, directed=False)
+        for node in order[1:].tolist():
+            agree = float(normals[node] @ normals[before[node]]) >= 0
+            sign[node] = sign[before[node]] if agree else -sign[before[node]]
+    return np.asarray(normals * sign[:, None])

@@ -1,0 +1,141 @@
+"""Register two scans: the motion that brings one cloud onto the other."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_count, as_positive
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+from voxgran.points.backend_open3d import seed_open3d
+from voxgran.points.cloud import Cloud, Frame
+from voxgran.points.normals import turned_alike
+
+#: cubes of the thinned clouds, in extents of the target
+COARSE = 0.04
+#: share of the points that has to find a partner
+LEAST_OVERLAP = 0.3
+#: draws of three pairs, and the confidence at which they end
+DRAWS, CONFIDENCE = 400_000, 0.999
+#: changes at which the refinement ends, and its most steps
+CHANGE, STEPS = 1e-10, 200
+#: fewest points of a cloud
+FEWEST = 50
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Registration:
+    """How one cloud comes onto another.
+
+    Attributes
+    ----------
+    rotation : (3, 3) ndarray of float
+        Turns points of the first cloud.
+    translation : (3,) ndarray of float
+        Moves them then, in the unit of lengths.
+    overlap : float
+        Share of its points that find a partner.
+    residual : float
+        Root mean square distance of these partners, in the unit of lengths.
+    """
+
+    rotation: Floats
+    translation: Floats
+    overlap: float
+    residual: float
+
+    def moved(self, cloud: Cloud) -> Cloud:
+        """Return a cloud brought over by this motion.
+
+        Parameters
+        ----------
+        cloud : Cloud
+            In the frame of the first one.
+        """
+        normals = None if cloud.normals is None else cloud.normals @ self.rotation.T
+        points = cloud.points @ self.rotation.T + self.translation
+        return Cloud.of(points, normals, cloud.grain, name=cloud.name, unit=cloud.unit)
+
+
+def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = None, seed: int = 0) -> Registration:
+    """Find the motion that brings one scan onto another of the same body, from any first pose.
+
+    Points with like surroundings (fast point feature histograms) are paired at random until a motion fits many of
+    them; that motion is refined until points lie on the tangent planes of their partners.
+
+    Parameters
+    ----------
+    cloud : Cloud
+        The scan that is moved.
+    target : Cloud
+        The scan onto which it is moved. Both may show parts only, if these overlap by a third or more.
+    distance : float, optional
+        How far apart partners may be after the first fit, in the unit of lengths; left out: 4 % of the extent of the
+        target.
+    seed : int
+        Of the random pairs.
+
+    Returns
+    -------
+    Registration
+        The motion and how well it fits.
+
+    Raises
+    ------
+    InputError
+        If a cloud has fewer than 50 points, `distance` is not above 0, the seed is not a whole number of at least 0, or
+        less than 30 % of the points find a partner.
+
+    References
+    ----------
+    Rusu, Blodow & Beetz 2009, Fast point feature histograms (FPFH) for 3D registration,
+    doi:10.1109/ROBOT.2009.5152473. Chen & Medioni 1992, Object modelling by registration of multiple range images,
+    doi:10.1016/0262-8856(92)90066-C.
+    """
+    for one in (cloud, target):
+        if len(one) < FEWEST:
+            raise InputError(f"{one.name} has {len(one)} points: registration needs {FEWEST} or more; scan more finely")
+    frame = Frame.around(target.points)
+    reach = COARSE if distance is None else as_positive(distance, "distance") / frame.size
+    open3d = load("open3d")
+    tools = open3d.pipelines.registration
+    seed_open3d(as_count(seed, "seed"))
+    # each in a frame of its own, of the same unit
+    own = Frame(Frame.around(cloud.points).center, frame.size)
+    source, features = _features(cloud, own, reach)
+    base, base_features = _features(target, frame, reach)
+    rough = tools.registration_ransac_based_on_feature_matching(
+        source, base, features, base_features, True, 1.5 * reach, tools.TransformationEstimationPointToPoint(False), 3,
+        [tools.CorrespondenceCheckerBasedOnEdgeLength(0.9), tools.CorrespondenceCheckerBasedOnDistance(1.5 * reach)],
+        tools.RANSACConvergenceCriteria(DRAWS, CONFIDENCE),
+    )  # fmt: skip
+    fine = frame.to_open3d(target if target.normals is not None else target.with_normals(min(30, len(target) - 1)))
+    found = tools.registration_icp(
+        own.to_open3d(replace(cloud, normals=None)), fine, reach, rough.transformation,
+        tools.TransformationEstimationPointToPlane(), tools.ICPConvergenceCriteria(CHANGE, CHANGE, STEPS),
+    )  # fmt: skip
+    if found.fitness < LEAST_OVERLAP:
+        raise InputError(
+            f"{cloud.name} finds partners in {target.name} for {100 * found.fitness:.0f} % of its points: "
+            f"{100 * LEAST_OVERLAP:.0f} % are needed; give scans that overlap more, or raise distance"
+        )
+    motion = np.asarray(found.transformation)
+    rotation = np.array(motion[:3, :3])
+    translation = frame.back(motion[:3, 3]) - rotation @ own.center
+    return Registration(
+        rotation=rotation,
+        translation=np.asarray(translation),
+        overlap=float(found.fitness),
+        residual=float(found.inlier_rmse) * frame.size,
+    )
+
+
+def _features(cloud: Cloud, frame: Frame, reach: float) -> tuple[object, object]:
+    """Return a thinned cloud and what the surroundings of its points look like."""
+    open3d = load("open3d")
+    thin = frame.to_open3d(replace(cloud, normals=None)).voxel_down_sample(reach)
+    thin.estimate_normals(open3d.geometry.KDTreeSearchParamHybrid(2 * reach, 30))
+    normals = turned_alike(np.asarray(thin.points), np.array(thin.normals), 15)
+    thin.normals = open3d.utility.Vector3dVector(normals)
+    around = open3d.geometry.KDTreeSearchParamHybrid(5 * reach, 100)
+    return thin, open3d.pipelines.registration.compute_fpfh_feature(thin, around)
