@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel
 from voxgran.packing.trees import Trees, list_near, point_distance
 
 #: kinds of walls
@@ -94,7 +94,7 @@ class Scratch(NamedTuple):
     pending: Integers
 
 
-@kernel
+@bare_kernel
 def write_matrix(q: Floats, matrix: Floats) -> None:
     """Write the rotation matrix of a unit quaternion."""
     w, x, y, z = q[0], q[1], q[2], q[3]
@@ -103,7 +103,7 @@ def write_matrix(q: Floats, matrix: Floats) -> None:
     matrix[2, 0], matrix[2, 1], matrix[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-@kernel
+@bare_kernel
 def is_outside(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, g: int, moved: float) -> bool:
     """Tell whether a grain in the pose that is tried reaches beyond a wall; `moved` bounds how far its points came."""
     if walls.kind == MESH:
@@ -119,7 +119,7 @@ def is_outside(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, g: int,
     return _is_beyond_round(place, turn, hull, begin, end, size, walls.offset, walls.radius - margin, radius)
 
 
-@kernel
+@bare_kernel
 def recall(
     orientation: Floats,
     diameter: Floats,
@@ -169,7 +169,7 @@ def recall(
     return 0 if way + ROUNDING < poses[entry, 12] else 2
 
 
-@kernel
+@bare_kernel
 def meets(
     bed: Bed,
     bodies: Bodies,
@@ -213,7 +213,7 @@ def meets(
     return _holds(bodies, shape_b, shape_a, relative, shift)
 
 
-@kernel
+@bare_kernel
 def _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, radius, margin):  # type: ignore[no-untyped-def]
     """Tell whether a point of the convex hull lies beyond a flat wall."""
     for axis in range(3):
@@ -228,7 +228,7 @@ def _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, r
     return False
 
 
-@kernel
+@bare_kernel
 def _is_beyond_round(place, turn, hull, begin, end, size, offset, room, radius):  # type: ignore[no-untyped-def]
     """Tell whether a point of the convex hull lies outside of a cylinder along z."""
     x, y = place[0] - offset[0], place[1] - offset[1]
@@ -242,7 +242,7 @@ def _is_beyond_round(place, turn, hull, begin, end, size, offset, room, radius):
     return False
 
 
-@kernel
+@bare_kernel
 def _is_outside_mesh(bed, bodies, walls, scratch, g, moved):  # type: ignore[no-untyped-def]
     """Tell whether a grain meets the mesh of the container, or lies outside of it."""
     s, size, last = bed.shape[g], bed.diameter[g], len(bodies.spacing) - 1
@@ -256,7 +256,7 @@ def _is_outside_mesh(bed, bodies, walls, scratch, g, moved):  # type: ignore[no-
     return moved > bed.extent[g, 2] and not _holds(bodies, s, last, scratch.relative, scratch.shift)
 
 
-@kernel
+@bare_kernel
 def _list(bodies, scratch, a, b, scale, low, high):  # type: ignore[no-untyped-def]
     """List the near control points of two shapes in the relative pose at hand."""
     trees = bodies.trees
@@ -266,7 +266,7 @@ def _list(bodies, scratch, a, b, scale, low, high):  # type: ignore[no-untyped-d
     )
 
 
-@kernel
+@bare_kernel
 def _relate(orientation, diameter, turn, relative, shift, g, j, dx, dy, dz):  # type: ignore[no-untyped-def]
     """Write the pose of the grain of lower number in the frame of the other, whose diameter is the unit."""
     w, x, y, z = orientation[j, 0], orientation[j, 1], orientation[j, 2], orientation[j, 3]
@@ -298,7 +298,7 @@ def _relate(orientation, diameter, turn, relative, shift, g, j, dx, dy, dz):  # 
         shift[2] = (r2 * dx + r5 * dy + r8 * dz) / unit
 
 
-@kernel
+@bare_kernel
 def _invert(relative, shift, scale):  # type: ignore[no-untyped-def]
     """Turn the relative pose around: the pose of the second grain in the frame of the first."""
     x, y, z = shift[0], shift[1], shift[2]
@@ -310,13 +310,13 @@ def _invert(relative, shift, scale):  # type: ignore[no-untyped-def]
             relative[k, m], relative[m, k] = relative[m, k] / (scale * scale), relative[k, m] / (scale * scale)
 
 
-@kernel
+@bare_kernel
 def _entry(room, pair):  # type: ignore[no-untyped-def]
     """Return the entry of a pair in a table whose length is a power of two."""
     return (pair * 2654435761 >> 7) & (room - 1)
 
 
-@kernel
+@bare_kernel
 def _remember(pairs, poses, lists, pair, relative, shift, slack, found, count):  # type: ignore[no-untyped-def]
     """Note what a comparison found; one that refused (count -1) adds its two points to what was known before."""
     entry = _entry(len(pairs), pair)
@@ -334,7 +334,7 @@ def _remember(pairs, poses, lists, pair, relative, shift, slack, found, count): 
         lists[entry, k, 0], lists[entry, k, 1] = found[k, 0], found[k, 1]
 
 
-@kernel
+@bare_kernel
 def _holds(bodies, a, b, turn, shift):  # type: ignore[no-untyped-def]
     """Tell whether the solid b holds the first control point of a; surfaces do not cross when this is asked, so one
     tells for all.
@@ -348,7 +348,7 @@ def _holds(bodies, a, b, turn, shift):  # type: ignore[no-untyped-def]
     return is_within(bodies.triangles, bodies.triangle_start[b], bodies.triangle_start[b + 1], x, y, z)
 
 
-@kernel
+@bare_kernel
 def is_within(triangles: Floats, begin: int, end: int, x: float, y: float, z: float) -> bool:
     """Tell whether a point lies in the solid that triangles `begin` ... `end` - 1 bound: by the crossings of a ray
     along z.
@@ -371,7 +371,7 @@ def is_within(triangles: Floats, begin: int, end: int, x: float, y: float, z: fl
     return inside
 
 
-@kernel
+@bare_kernel
 def _is_left_of(ax, ay, bx, by, x, y):  # type: ignore[no-untyped-def]
     """Tell whether a ray from (x, y) along +x crosses an edge; the same for both directions of the edge."""
     if (ay > y) == (by > y):

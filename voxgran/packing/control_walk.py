@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Words
 from voxgran.packing.control_points import Bed, Bodies, Memory, Scratch, Walls, is_outside, meets, recall, write_matrix
@@ -57,7 +57,7 @@ class Rules(NamedTuple):
 World: TypeAlias = tuple[Bodies, Cells, Walls, Rules, Memory, Scratch]
 
 
-@kernel
+@bare_kernel
 def link_all(bed: Bed, cells: Cells) -> None:
     """Put the grains that have entered into empty cells."""
     for g in range(len(bed.placed)):
@@ -65,7 +65,7 @@ def link_all(bed: Bed, cells: Cells) -> None:
             _link(cells, g, _cell(cells, bed.position[g]))
 
 
-@kernel
+@bare_kernel
 def make_attempts(
     bed: Bed,
     bodies: Bodies,
@@ -102,7 +102,8 @@ def make_attempts(
             _propose_turn(bed, rules, scratch, g, turns)
             tally[4] += 1
         else:
-            scratch.quaternion[:] = bed.orientation[g]
+            for k in range(4):
+                scratch.quaternion[k] = bed.orientation[g, k]
         tally[2] += 1
         if _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, 2.0 * bed.step[g]):
             bed.step[g] = max(bed.step[g] * DECAY, rules.shortest * bed.diameter[g])
@@ -114,7 +115,7 @@ def make_attempts(
     return last
 
 
-@kernel
+@bare_kernel
 def longest_step(bed: Bed, rules: Rules, g: int) -> float:
     """Return the longest step of a grain: no point of it then moves farther than its volume over its surface.
 
@@ -124,7 +125,7 @@ def longest_step(bed: Bed, rules: Rules, g: int) -> float:
     return min(rules.longest * bed.diameter[g], 0.5 * bed.extent[g, 2])
 
 
-@kernel
+@bare_kernel
 def _upward_share(rules, attempt):  # type: ignore[no-untyped-def]
     """Return the share of upward moves that are kept: it dies away within each cycle and from cycle to cycle."""
     begin, attempts, cycles = rules.schedule[0], rules.schedule[1], rules.schedule[2]
@@ -135,7 +136,7 @@ def _upward_share(rules, attempt):  # type: ignore[no-untyped-def]
     return rules.shares[0] * (1.0 - cycle / cycles) * (1.0 - (along - cycle))
 
 
-@kernel
+@bare_kernel
 def _propose_place(bed, rules, scratch, g, words, upward):  # type: ignore[no-untyped-def]
     """Move a center by a random unit vector, tilted downward unless it may go up, times a random part of the step."""
     c = 2.0 * unit_float(words[1]) - 1.0 if rules.dimension == 3 else 0.0
@@ -153,7 +154,7 @@ def _propose_place(bed, rules, scratch, g, words, upward):  # type: ignore[no-un
     scratch.place[2] = bed.position[g, 2] + length * z
 
 
-@kernel
+@bare_kernel
 def _propose_turn(bed, rules, scratch, g, words):  # type: ignore[no-untyped-def]
     """Turn a grain about a random axis, in 2D about z, by an angle that moves no point of it farther than the step."""
     reach = bed.step[g] / bed.extent[g, 0]
@@ -169,10 +170,12 @@ def _propose_turn(bed, rules, scratch, g, words):  # type: ignore[no-untyped-def
     q[1] = w * b + x * a + y * e - z * d
     q[2] = w * d - x * e + y * a + z * b
     q[3] = w * e + x * d - y * b + z * a
-    q /= np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    length = np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    for k in range(4):
+        q[k] /= length
 
 
-@kernel
+@bare_kernel
 def _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
     """Tell whether a grain, in the pose that is tried, meets a wall or a grain; `moved` bounds how far its points
     came.
@@ -185,7 +188,7 @@ def _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  #
     return _meets_any(bed, bodies, cells, walls, rules, memory, scratch, g, moved)
 
 
-@kernel
+@bare_kernel
 def _meets_own_image(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
     """Tell whether a grain meets one of its periodic images; there is none to look at in a wide container."""
     reach = bed.extent[g, 0] + cells.reach
@@ -202,7 +205,7 @@ def _meets_own_image(bed, bodies, cells, walls, rules, memory, scratch, g, moved
     return False
 
 
-@kernel
+@bare_kernel
 def _images(walls, axis, reach):  # type: ignore[no-untyped-def]
     """Return how many images along an axis, to each side, are within reach."""
     if walls.periodic[axis] == 0:
@@ -210,7 +213,7 @@ def _images(walls, axis, reach):  # type: ignore[no-untyped-def]
     return np.int64(np.floor(reach / (walls.upper[axis] - walls.lower[axis])))
 
 
-@kernel
+@bare_kernel
 def _meets_any(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
     """Tell whether a grain meets another: first from memory, then by comparing those of whom it does not tell."""
     pending, position = scratch.pending, bed.position
@@ -238,7 +241,7 @@ def _meets_any(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # 
     return count < 0
 
 
-@kernel
+@bare_kernel
 def _look_around(  # type: ignore[no-untyped-def]
     position,
     orientation,
@@ -301,7 +304,7 @@ def _look_around(  # type: ignore[no-untyped-def]
     return found
 
 
-@kernel
+@bare_kernel
 def _cell_range(origin, width, cells, periodic, x, reach):  # type: ignore[no-untyped-def]
     """Return the first and last cell that a reach touches along an axis; beyond the ends only where it is periodic."""
     first = np.int64(np.floor((x - reach - origin) / width))
@@ -311,7 +314,7 @@ def _cell_range(origin, width, cells, periodic, x, reach):  # type: ignore[no-un
     return first, last
 
 
-@kernel
+@bare_kernel
 def _cell(cells, place):  # type: ignore[no-untyped-def]
     """Return the cell of a center."""
     index = np.int64(0)
@@ -321,14 +324,14 @@ def _cell(cells, place):  # type: ignore[no-untyped-def]
     return index
 
 
-@kernel
+@bare_kernel
 def _link(cells, g, cell):  # type: ignore[no-untyped-def]
     """Put a grain at the head of a cell."""
     cells.after[g] = cells.head[cell]
     cells.head[cell] = g
 
 
-@kernel
+@bare_kernel
 def _unlink(cells, g, cell):  # type: ignore[no-untyped-def]
     """Take a grain out of its cell."""
     if cells.head[cell] == g:
@@ -340,7 +343,7 @@ def _unlink(cells, g, cell):  # type: ignore[no-untyped-def]
     cells.after[j] = cells.after[g]
 
 
-@kernel
+@bare_kernel
 def _place(bed, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
     """Take over the pose that was tried, wrapped into the container."""
     place = scratch.place
@@ -357,11 +360,13 @@ def _place(bed, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
     else:
         _link(cells, g, new)
     bed.placed[g] = 1
-    bed.position[g] = place
-    bed.orientation[g] = scratch.quaternion
+    for k in range(3):
+        bed.position[g, k] = place[k]
+    for k in range(4):
+        bed.orientation[g, k] = scratch.quaternion[k]
 
 
-@kernel
+@bare_kernel
 def _feed(bed, bodies, cells, walls, rules, memory, scratch, queue, tally, words, turns):  # type: ignore[no-untyped-def]
     """Let a waiting grain enter in a random orientation, at the top or anywhere; tell whether feeding has ended."""
     waiting = len(queue) - tally[0]
@@ -384,7 +389,7 @@ def _feed(bed, bodies, cells, walls, rules, memory, scratch, queue, tally, words
     return waiting == 1
 
 
-@kernel
+@bare_kernel
 def _random_turn(rules, q, words):  # type: ignore[no-untyped-def]
     """Write a uniform random rotation (Shoemake), in 2D about z."""
     u = unit_float(words[0])
@@ -418,7 +423,7 @@ def enter_raised(bed: Bed, world: World, g: int, position: Floats, up: Floats, f
     return False
 
 
-@kernel
+@bare_kernel
 def _enter_axis(bed, bodies, walls, rules, memory, scratch, g, axis, share):  # type: ignore[no-untyped-def]
     """Write where a grain enters along one axis; tell whether there is room."""
     low, high = _room(bed, bodies, walls, scratch, g, axis)
@@ -429,7 +434,7 @@ def _enter_axis(bed, bodies, walls, rules, memory, scratch, g, axis, share):  # 
     return low <= high
 
 
-@kernel
+@bare_kernel
 def _room(bed, bodies, walls, scratch, g, axis):  # type: ignore[no-untyped-def]
     """Return the least and the largest coordinate of a grain, in the turn that is tried, between two walls."""
     s, size = bed.shape[g], bed.diameter[g]

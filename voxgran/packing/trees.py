@@ -20,7 +20,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel
 
 #: points at most in a leaf
 LEAF = 8
@@ -107,7 +107,7 @@ def _build(points: Floats, depth: int, balls: Floats) -> None:
                 points[begin:end] = part[order]
 
 
-@kernel
+@bare_kernel
 def list_near(
     points: Floats,
     start: Integers,
@@ -166,7 +166,7 @@ def list_near(
     return count, high
 
 
-@kernel
+@bare_kernel
 def point_distance(points: Floats, i: int, j: int, turn: Floats, shift: Floats) -> float:
     """Return the distance of point i, turned and shifted, and point j."""
     x, y, z = _placed(points, i, turn, shift)
@@ -174,7 +174,7 @@ def point_distance(points: Floats, i: int, j: int, turn: Floats, shift: Floats) 
     return float(np.sqrt(dx * dx + dy * dy + dz * dz))
 
 
-@kernel
+@bare_kernel
 def _placed(points, i, turn, shift):  # type: ignore[no-untyped-def]
     """Return a point turned and shifted."""
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -185,7 +185,7 @@ def _placed(points, i, turn, shift):  # type: ignore[no-untyped-def]
     )
 
 
-@kernel
+@bare_kernel
 def _list_leaves(points, start, depth, a, b, ka, kb, turn, shift, low, high, found, count):  # type: ignore[no-untyped-def]
     """Add the near pairs of two leaves; return the count, -1 where a pair is too near, and the distance that is
     complete.
@@ -211,7 +211,7 @@ def _list_leaves(points, start, depth, a, b, ka, kb, turn, shift, low, high, fou
     return count, high
 
 
-@kernel
+@bare_kernel
 def _keep_near(points, turn, shift, high, found):  # type: ignore[no-untyped-def]
     """Drop the rows of full `found` that are not nearer than `high`; return how many are left."""
     count = 0
