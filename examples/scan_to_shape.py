@@ -35,7 +35,7 @@ second = vg.Cloud.of(second @ turn.T + 3 * size, name="second scan")
 
 first = first.without_outliers(3.0)
 motion = vg.register_clouds(second, first)
-joined = vg.Cloud.of(np.concatenate([first.points, motion.moved(second).points]), name="eros")
+joined = vg.Cloud.of(np.concatenate([first.points, motion.moved(second).points]), name="eros").clusters()[0]
 made = vg.shape_of_cloud(joined)
 vg.save_cloud(joined, folder / "scan.ply")
 vg.save_shape(made.shape, folder / "eros.stl")

@@ -1,8 +1,12 @@
-"""Files of point clouds: PLY and PCD by Open3D, tables of text by NumPy, LAS by laspy where it is there."""
+"""Files of point clouds.
+
+PLY and PCD are read here and written by Open3D: its reader returns memory as it lies of a file that is cut, and dies of
+some that mix types. LAS is read by laspy where it is there.
+"""
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -10,10 +14,17 @@ from voxgran._base.errors import FileFormatError, InputError, MissingLibraryErro
 from voxgran._base.files import existing_file, written_whole
 from voxgran._base.lazy import load
 from voxgran.io.cloud_of_packing import cloud_of_packing
+from voxgran.io.pcd_format import pcd_columns
+from voxgran.io.point_tables import read_point_table
 from voxgran.packing.model import Packing
 from voxgran.points.cloud import Cloud
+from voxgran.shapes.mesh_formats import ply_columns, ply_elements
+
+Columns: TypeAlias = tuple[Any, Any, Any]
 
 BINARY, TEXT, LASER = (".ply", ".pcd"), (".xyz", ".xyzn", ".txt", ".csv"), (".las", ".laz")
+#: largest number of a grain in files
+LARGEST = 2**31 - 1
 
 
 def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Cloud:
@@ -22,7 +33,9 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
     Parameters
     ----------
     path : path-like
-        File in PLY, PCD, XYZ (rows of x y z, or of x y z and a normal; spaces or commas), or LAS format, by its suffix.
+        File in PLY, PCD (not compressed) or LAS format, or a table of text: rows of x y z, with spaces, commas or
+        semicolons between; more columns are taken by their names in a first row (nx, ny, nz, grain), without names only
+        a normal of length 1 and a whole number of the grain.
     unit : str, optional
         Unit of its lengths; it is recorded and nothing is converted.
 
@@ -42,10 +55,13 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
     """
     found = existing_file(path)
     suffix = found.suffix.lower()
-    if suffix in BINARY:
-        columns = _read_open3d(found)
+    columns: Columns
+    if suffix == ".ply":
+        columns = _read_ply(found)
+    elif suffix == ".pcd":
+        columns = _read_pcd(found)
     elif suffix in TEXT:
-        columns = _read_text(found)
+        columns = read_point_table(found)
     elif suffix in LASER:
         columns = _read_laser(found)
     else:
@@ -78,7 +94,8 @@ def save_cloud(
     Raises
     ------
     InputError
-        If the suffix is not known, a spacing is given for a cloud, or is not above 0.
+        If the suffix is not known, there are no points, a grain has a number beyond 2^31 - 1, a spacing is given for a
+        cloud, or is not above 0.
     OutputExistsError
         If the file is there and `overwrite` is false.
     OutputError
@@ -94,6 +111,10 @@ def save_cloud(
         raise InputError(f"spacing is {spacing:g} and a cloud is given: it is for packings; thin the cloud instead")
     else:
         made = cloud
+    if not len(made):
+        raise InputError(f"{made.name} has no points: there is nothing to write to {target}; check what was cut away")
+    if made.grain is not None and np.abs(made.grain).max() > LARGEST:
+        raise InputError(f"grain is {int(np.abs(made.grain).max())}: files hold numbers up to {LARGEST}; number anew")
     with written_whole(target, overwrite=overwrite) as draft:
         if suffix == ".xyz":
             _write_text(made, draft)
@@ -101,20 +122,23 @@ def save_cloud(
             _write_open3d(made, draft)
 
 
-def _read_open3d(path: Path) -> tuple[Any, Any, Any]:
-    """Return points, normals and grains of a file, which keep all digits that it has."""
-    open3d = load("open3d")
-    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
-        try:
-            found = open3d.t.io.read_point_cloud(str(path))
-        except RuntimeError as error:
-            raise FileFormatError(f"{path} cannot be read as points ({_line(error)}): write it again") from error
-    names = set(found.point)
-    if "positions" not in names:
-        return np.zeros((0, 3)), None, None
-    normals = found.point["normals"].numpy() if "normals" in names else None
-    grain = found.point["grain"].numpy().ravel() if "grain" in names else None
-    return found.point["positions"].numpy().astype(np.float64), normals, grain
+def _read_ply(path: Path) -> Columns:
+    """Return the vertices of a PLY file."""
+    found = ply_elements(path.read_bytes(), str(path))
+    has = found.get("vertex", {})
+    normals = ply_columns(found, ("nx", "ny", "nz"), str(path)) if "nx" in has else None
+    grain = ply_columns(found, ("grain",), str(path)).ravel() if "grain" in has else None
+    return ply_columns(found, "xyz", str(path)), normals, grain
+
+
+def _read_pcd(path: Path) -> Columns:
+    """Return the points of a PCD file."""
+    columns = pcd_columns(path.read_bytes(), str(path))
+    points = np.column_stack([columns[axis] for axis in "xyz"])
+    normals = None
+    if "normal_x" in columns:
+        normals = np.column_stack([columns[f"normal_{axis}"] for axis in "xyz"])
+    return points, normals, columns.get("grain")
 
 
 def _write_text(cloud: Cloud, path: Path) -> None:
@@ -140,36 +164,7 @@ def _write_open3d(cloud: Cloud, path: Path) -> None:
         raise OSError(f"Open3D did not write {len(cloud)} points")
 
 
-def _read_text(path: Path) -> tuple[Any, Any, Any]:
-    """Return points, and normals where rows have six numbers or more; a last single column numbers the grains."""
-    try:
-        text = path.read_text(encoding="utf-8").replace(",", " ")
-        rows = [
-            line.split() for line in text.splitlines() if line.strip() and not line.lstrip().startswith(("#", "//"))
-        ]
-        if rows and not _is_number(rows[0][0]):
-            rows = rows[1:]
-        table = np.array(rows, dtype=np.float64)
-    except (UnicodeDecodeError, ValueError) as error:
-        raise FileFormatError(f"{path} is no table of numbers ({_line(error)}): each row is x y z") from error
-    if not len(rows):
-        return np.zeros((0, 3)), None, None
-    width = table.shape[1]
-    if width not in (3, 4, 6, 7):
-        raise FileFormatError(f"{path} has {width} columns: rows are x y z, a normal and a grain; cut the others off")
-    return table[:, :3], table[:, 3:6] if width >= 6 else None, table[:, -1] if width in (4, 7) else None
-
-
-def _is_number(text: str) -> bool:
-    """Tell whether a text is a number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _read_laser(path: Path) -> tuple[Any, Any, Any]:
+def _read_laser(path: Path) -> Columns:
     """Return the points of a LAS file."""
     try:
         reader = load("laspy")

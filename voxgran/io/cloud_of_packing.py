@@ -28,7 +28,7 @@ def cloud_of_packing(packing: Packing, spacing: float | None = None) -> Cloud:
     Raises
     ------
     InputError
-        If `spacing` is not above 0 or not below the diameter of a grain.
+        If `spacing` is not above 0.
     """
     sizes = np.array([packing.shapes[k].diameter for k in packing.shape_id.tolist()]) * packing.scale
     wanted = 0.1 * float(np.median(sizes)) if spacing is None and len(sizes) else spacing

@@ -27,6 +27,8 @@ from voxgran.points.normals import turned_alike
 
 #: fewest points of a cloud with which anything can be done
 FEWEST = 4
+#: smallest cubes of a thinned cloud, in its extents
+FINEST = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +83,13 @@ class Cloud:
         Raises
         ------
         InputError
-            If an array has the wrong shape, a value is not finite, or a normal has no length.
+            If an array has the wrong shape, a value is not finite, a normal has no length, or a grain no whole number.
         """
-        found = as_points(points)
+        # copies: what is frozen must not be the array of the caller
+        found = np.array(as_points(points))
         directions = None
         if normals is not None:
-            directions = as_floats(normals, "normals", shape=(len(found), 3))
+            directions = np.array(as_floats(normals, "normals", shape=(len(found), 3)))
             lengths = np.linalg.norm(directions, axis=1)
             if (lengths == 0).any():
                 raise InputError(
@@ -95,7 +98,11 @@ class Cloud:
             directions = read_only(directions / lengths[:, None])
         labels = None
         if grain is not None:
-            labels = read_only(as_floats(grain, "grain", shape=(len(found),)).astype(np.int64))
+            numbers = as_floats(grain, "grain", shape=(len(found),))
+            if (numbers != np.rint(numbers)).any():
+                odd = float(numbers[numbers != np.rint(numbers)][0])
+                raise InputError(f"grain is {odd:g}: numbers of grains are whole; round them")
+            labels = read_only(numbers.astype(np.int64))
         return cls(read_only(found), directions, labels, name, unit)
 
     def __len__(self) -> int:
@@ -112,10 +119,11 @@ class Cloud:
 
         From the median distance to the 12th neighbour: so far around a point lie twelve others.
         """
-        if len(self) < FEWEST:
+        different = np.unique(self.points, axis=0)
+        if len(different) < FEWEST:
             return 0.0
-        neighbours = min(12, len(self) - 1)
-        distance = load("scipy.spatial").cKDTree(self.points).query(self.points, k=[neighbours + 1])[0]
+        neighbours = min(12, len(different) - 1)
+        distance = load("scipy.spatial").cKDTree(different).query(different, k=[neighbours + 1])[0]
         return float(np.median(distance) * np.sqrt(np.pi / neighbours))
 
     def chosen(self, mask: ArrayLike) -> "Cloud":
@@ -160,9 +168,11 @@ class Cloud:
         Raises
         ------
         InputError
-            If it is not above 0.
+            If it is not above 0, or far below the extent of the cloud.
         """
         edge = as_positive(spacing, "spacing")
+        if edge < FINEST * Frame.around(self.points).size:
+            raise InputError(f"spacing is {edge:g}: it is below {FINEST:g} of the cloud's extent; raise it")
         if self.grain is not None:
             parts = [self.chosen(self.grain == label) for label in np.unique(self.grain).tolist()]
             thin = [replace(part, grain=None).thinned(edge) for part in parts]
@@ -172,8 +182,13 @@ class Cloud:
             return Cloud.of(points, normals, many, name=self.name, unit=self.unit)
         frame = Frame.around(self.points)
         made = frame.to_open3d(self).voxel_down_sample(edge / frame.size)
-        normals = np.asarray(made.normals) if self.normals is not None else None
-        return Cloud.of(frame.back(np.asarray(made.points)), normals, name=self.name, unit=self.unit)
+        points, normals = frame.back(np.asarray(made.points)), None
+        if self.normals is not None:
+            normals = np.array(made.normals)
+            # normals of both sides of a plate may cancel out; then that of the nearest point holds
+            none = np.linalg.norm(normals, axis=1) < 0.1
+            normals[none] = self.normals[load("scipy.spatial").cKDTree(self.points).query(points[none])[1]]
+        return Cloud.of(points, normals, name=self.name, unit=self.unit)
 
     def without_outliers(self, deviations: float = 2.0, *, neighbours: int = 20) -> "Cloud":
         """Return the points that are not much further from their neighbours than most.

@@ -79,7 +79,7 @@ def shape_of_cloud(
     alpha : float, optional
         Radius of the balls that carve the surface of "alpha", in the unit of lengths; left out: three spacings.
     largest_hole : float
-        How far a place of the surface may be from the nearest point, in spacings.
+        How far a place of the surface may be from the nearest point, and a point from the surface, in spacings.
     name : str, optional
         What reports call the shape; left out: as the cloud.
 
@@ -91,8 +91,8 @@ def shape_of_cloud(
     Raises
     ------
     InputError
-        If the cloud has fewer than 50 points, lies in a plane, or is too sparse to close (the message says where and
-        how sparse), or a parameter is out of range.
+        If the cloud has fewer than 50 points that differ, lies in a plane, is too sparse to close (the message says
+        where and how sparse), holds other bodies or stray points, or a parameter is out of range.
     DirtyMeshError
         If no closed surface comes of it.
 
@@ -119,6 +119,7 @@ def shape_of_cloud(
     hole = _refuse_sparse(cloud, frame, corners, faces, holes)
     shape, sentences = _closed(frame.back(corners), faces, name or cloud.name, cloud.unit)
     apart = _distances(shape, cloud.points)
+    _refuse_far(cloud, apart, holes)
     found = Reconstruction(
         shape=shape,
         mean_residual=float(apart.mean()),
@@ -134,8 +135,9 @@ def shape_of_cloud(
 
 def _refuse_thin(cloud: Cloud) -> None:
     """Refuse clouds of too few points, or without volume."""
-    if len(cloud) < FEWEST:
-        raise InputError(f"{cloud.name} has {len(cloud)} points: a body needs {FEWEST} or more; scan it more finely")
+    different = len(np.unique(cloud.points, axis=0))
+    if different < FEWEST:
+        raise InputError(f"{cloud.name} has {different} points that differ: a body needs {FEWEST}; scan it more finely")
     spread = np.linalg.svd(cloud.points - cloud.points.mean(axis=0), compute_uv=False)
     if spread[2] <= 1e-9 * spread[0]:
         raise InputError(f"{cloud.name} lies in a plane: it bounds no volume; scan the other sides too")
@@ -161,14 +163,18 @@ def _alpha(cloud: Cloud, frame: Frame, radius: float) -> tuple[Floats, Integers]
     facets = _facets(tetras)
     # tetrahedra of which all facets are small
     size = np.maximum.reduce([_circumradii(corners[tetras[:, list(side)]]) for side in SIDES])
-    outside = _reached(facets, len(tetras), _circumradii(corners[facets.corners]) > radius)
+    wide = _circumradii(corners[facets.corners])
+    outside = _reached(facets, len(tetras), wide > radius)
+    _refuse_wafer(
+        cloud, frame, corners, tetras[~outside[:-1]], _widest(corners, facets, np.where(wide > radius, wide, 0.0))
+    )
     edges = _numbered(tetras[:, EDGES], len(corners))
-    for _ in range(ROUNDS):
+    for turn in range(ROUNDS + 1):
         edge = outside[facets.one] != outside[facets.other]
         surface = facets.corners[edge]
         sides, many = np.unique(_numbered(surface[:, [[0, 1], [0, 2], [1, 2]]], len(corners)), return_counts=True)
         pinched = np.isin(edges, sides[many > 2]).any(axis=1)
-        if not pinched.any():
+        if turn == ROUNDS or not pinched.any():
             break
         # where the surface meets itself along an edge, small tetrahedra around it join the solid, else it loses some
         joined = pinched & outside[:-1] & (size <= 2 * radius)
@@ -184,6 +190,26 @@ class _Facets:
     corners: Integers
     one: Integers
     other: Integers
+
+
+def _widest(corners: Floats, facets: _Facets, wide: Floats) -> tuple[Floats, float]:
+    """Return middle and width of the widest of some facets."""
+    worst = int(wide.argmax())
+    return corners[facets.corners[worst]].mean(axis=0), float(wide[worst])
+
+
+def _refuse_wafer(cloud: Cloud, frame: Frame, corners: Floats, solid: Integers, hole: tuple[Floats, float]) -> None:
+    """Refuse what balls that got inside left: a skin thinner than two spacings; the hole is where they came in."""
+    edges = corners[solid[:, 1:]] - corners[solid[:, :1]]
+    volume = float(np.abs(np.linalg.det(edges)).sum()) / 6
+    area = len(np.unique(cloud.points, axis=0)) * (cloud.spacing / frame.size) ** 2
+    if volume < area * cloud.spacing / frame.size:
+        where = ", ".join(f"{value:.4g}" for value in frame.back(hole[0]))
+        raise InputError(
+            f"{cloud.name} is too sparse to close: the balls get inside, the widest way is around ({where}) with a "
+            f"radius of {hole[1] * frame.size:.4g}, and its spacing is {cloud.spacing:.4g}; scan that side, or raise "
+            "alpha"
+        )
 
 
 def _facets(tetras: Integers) -> _Facets:
@@ -249,11 +275,28 @@ def _refuse_sparse(cloud: Cloud, frame: Frame, corners: Floats, faces: Integers,
     return hole
 
 
+def _refuse_far(cloud: Cloud, apart: Floats, largest: float) -> None:
+    """Refuse a surface that leaves points out."""
+    worst, limit = int(apart.argmax()), largest * cloud.spacing
+    if apart[worst] > limit:
+        where = ", ".join(f"{value:.4g}" for value in cloud.points[worst])
+        raise InputError(
+            f"{cloud.name} has {int((apart > limit).sum())} of {len(apart)} points further than {limit:.4g} from the "
+            f"surface, the farthest {apart[worst]:.4g} at ({where}), and largest_hole is {largest:g} spacings; take "
+            "bodies apart with clusters, or stray points away with without_outliers"
+        )
+
+
 def _closed(corners: Floats, faces: Integers, name: str, unit: str | None) -> tuple[Shape, tuple[str, ...]]:
     """Return the shape of a surface, mended where it is not closed, and what was mended."""
     if diagnose(corners, faces).ok:
         return Shape.from_mesh(corners, faces, name=name, unit=unit), ()
-    mended = repair(corners, faces, bodies="largest", name=name, unit=unit)
+    try:
+        mended = repair(corners, faces, bodies="largest", largest_hole=1.0, name=name, unit=unit)
+    except DirtyMeshError as error:
+        raise DirtyMeshError(
+            f"no surface comes of the cloud, scan more finely or try the other method: {error}"
+        ) from None
     return mended.shape, mended.sentences
 
 

@@ -33,6 +33,8 @@ def turned_alike(points: Floats, normals: Floats, neighbours: int) -> Floats:
     Hoppe, DeRose, Duchamp, McDonald & Stuetzle 1992, Surface reconstruction from unorganized points,
     doi:10.1145/133994.134011.
     """
+    if len(points) < 2:
+        return normals
     graphs, sparse, many = load("scipy.sparse.csgraph"), load("scipy.sparse"), len(points)
     partner = load("scipy.spatial").cKDTree(points).query(points, k=min(neighbours + 1, many))[1][:, 1:]
     one, other = np.repeat(np.arange(many), partner.shape[1]), partner.ravel()

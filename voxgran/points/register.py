@@ -1,6 +1,7 @@
 """Register two scans: the motion that brings one cloud onto the other."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -83,8 +84,8 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
     Raises
     ------
     InputError
-        If a cloud has fewer than 50 points, `distance` is not above 0, the seed is not a whole number of at least 0, or
-        less than 30 % of the points find a partner.
+        If a cloud has fewer than 50 points, or keeps fewer in cubes as wide as `distance`, `distance` is not above 0,
+        the seed is not a whole number of at least 0, or less than 30 % of the points find a partner.
 
     References
     ----------
@@ -104,16 +105,14 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
     own = Frame(Frame.around(cloud.points).center, frame.size)
     source, features = _features(cloud, own, reach)
     base, base_features = _features(target, frame, reach)
-    rough = tools.registration_ransac_based_on_feature_matching(
-        source, base, features, base_features, True, 1.5 * reach, tools.TransformationEstimationPointToPoint(False), 3,
-        [tools.CorrespondenceCheckerBasedOnEdgeLength(0.9), tools.CorrespondenceCheckerBasedOnDistance(1.5 * reach)],
-        tools.RANSACConvergenceCriteria(DRAWS, CONFIDENCE),
-    )  # fmt: skip
-    fine = frame.to_open3d(target if target.normals is not None else target.with_normals(min(30, len(target) - 1)))
-    found = tools.registration_icp(
-        own.to_open3d(replace(cloud, normals=None)), fine, reach, rough.transformation,
-        tools.TransformationEstimationPointToPlane(), tools.ICPConvergenceCriteria(CHANGE, CHANGE, STEPS),
-    )  # fmt: skip
+    for one, thin in ((cloud, source), (target, base)):
+        if len(thin.points) < FEWEST:
+            raise InputError(
+                f"{one.name} has {len(thin.points)} points left in cubes of {reach * frame.size:.4g}: {FEWEST} or more "
+                "are needed; bring both scans to one unit, or lower distance"
+            )
+    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+        found = _fitted(tools, (own, cloud, source, features), (frame, target, base, base_features), reach)
     if found.fitness < LEAST_OVERLAP:
         raise InputError(
             f"{cloud.name} finds partners in {target.name} for {100 * found.fitness:.0f} % of its points: "
@@ -130,7 +129,23 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
     )
 
 
-def _features(cloud: Cloud, frame: Frame, reach: float) -> tuple[object, object]:
+def _fitted(tools: Any, moved: tuple[Any, ...], fixed: tuple[Any, ...], reach: float) -> Any:
+    """Return a motion that pairs of features propose, refined; each side is frame, cloud, thinned cloud, features."""
+    own, cloud, source, features = moved
+    frame, target, base, base_features = fixed
+    rough = tools.registration_ransac_based_on_feature_matching(
+        source, base, features, base_features, True, 1.5 * reach, tools.TransformationEstimationPointToPoint(False), 3,
+        [tools.CorrespondenceCheckerBasedOnEdgeLength(0.9), tools.CorrespondenceCheckerBasedOnDistance(1.5 * reach)],
+        tools.RANSACConvergenceCriteria(DRAWS, CONFIDENCE),
+    )  # fmt: skip
+    fine = frame.to_open3d(target if target.normals is not None else target.with_normals(min(30, len(target) - 1)))
+    return tools.registration_icp(
+        own.to_open3d(replace(cloud, normals=None)), fine, reach, rough.transformation,
+        tools.TransformationEstimationPointToPlane(), tools.ICPConvergenceCriteria(CHANGE, CHANGE, STEPS),
+    )  # fmt: skip
+
+
+def _features(cloud: Cloud, frame: Frame, reach: float) -> tuple[Any, Any]:
     """Return a thinned cloud and what the surroundings of its points look like."""
     open3d = load("open3d")
     thin = frame.to_open3d(replace(cloud, normals=None)).voxel_down_sample(reach)

@@ -5,7 +5,7 @@ polygons or other properties, or return what they could of a cut file in silence
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -159,16 +159,40 @@ def read_ply(raw: bytes, name: str) -> Polygons:
     FileFormatError
         If it is cut or no PLY file.
     """
+    found = ply_elements(raw, name)
+    face = found.get("face", {})
+    lists = [face[key] for key in ("vertex_indices", "vertex_index") if key in face]
+    return ply_columns(found, "xyz", name), lists[0] if lists else []
+
+
+def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, list[Any]]]:
+    """Return the columns of each element of a PLY file, text or binary.
+
+    Raises
+    ------
+    FileFormatError
+        If it is cut or no PLY file.
+    """
     try:
         order, elements, body = _ply_header(raw)
         walk = _ply_binary(body, elements, order) if order else _ply_text(body, elements)
-        found = {element.name: columns for element, columns in zip(elements, walk, strict=True)}
-        vertex, face = found["vertex"], found.get("face", {})
-        points = np.column_stack([np.asarray(vertex[axis], dtype=np.float64) for axis in "xyz"])
-        lists = [face[key] for key in ("vertex_indices", "vertex_index") if key in face]
+        return {element.name: columns for element, columns in zip(elements, walk, strict=True)}
     except (ValueError, KeyError, IndexError, TypeError) as error:
         raise FileFormatError(f"{name} cannot be read as PLY ({error}): it is cut or damaged; write it again") from None
-    return points, lists[0] if lists else []
+
+
+def ply_columns(found: dict[str, dict[str, list[Any]]], keys: Sequence[str], name: str) -> Floats:
+    """Return some properties of the vertices of a PLY file as columns.
+
+    Raises
+    ------
+    FileFormatError
+        If there are no vertices, or they do not have them.
+    """
+    try:
+        return np.column_stack([np.asarray(found["vertex"][key], dtype=np.float64) for key in keys])
+    except (ValueError, KeyError, TypeError) as error:
+        raise FileFormatError(f"{name} cannot be read as PLY ({error}): it is cut or damaged; write it again") from None
 
 
 def _ply_header(raw: bytes) -> tuple[str, list[_Element], bytes]:

@@ -10,6 +10,14 @@ from voxgran._base.seeds import stream
 from voxgran.cli.main import main
 from voxgran.points.cloud import Cloud
 
+PLY = (
+    "ply\nformat ascii 1.0\nelement vertex {1}\nproperty {0} x\nproperty double y\nproperty double z\nend_header\n"
+    "1 2 3\n4 5 6\n"
+)
+PCD = (
+    "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {0}\nHEIGHT 1\nPOINTS {0}\nDATA ascii\n"
+    "1 2 3\n4 5 6\n"
+)
 POINTS = stream(1, "points").normal(size=(60, 3)) * 1e3
 
 
@@ -32,8 +40,46 @@ def test_what_is_written_comes_back_to_the_bit(tmp_path, suffix, whole):
 
 def test_tables_with_a_head_and_commas_are_read(tmp_path):
     path = tmp_path / "scan.csv"
-    path.write_text("# of a laser\nx,y,z\n1,2,3\n4, 5, 6\n\n")
+    path.write_text("# of a laser\nX,Y,Z\n1,2,3\n4, 5, 6\n\n")
     assert vg.load_cloud(path).points.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize(
+    ("text", "points", "grain"),
+    [
+        ("\ufeff1,2,3\n4,5,6\n", [[1, 2, 3], [4, 5, 6]], None),
+        ("z;y;x\n3;2;1\n", [[1, 2, 3]], None),
+        ('"id","x","y","z"\n"7","1","2","3"\n', [[1, 2, 3]], None),
+        ("x\ty\tz\tintensity\tlabel\r\n1\t2\t3\t0.5\t8\r\n", [[1, 2, 3]], [8]),
+        ("1 2 3 8\n4 5 6 9\n", [[1, 2, 3], [4, 5, 6]], [8, 9]),
+    ],
+)
+def test_columns_are_those_that_are_named(tmp_path, text, points, grain):
+    path = tmp_path / "scan.csv"
+    path.write_bytes(text.encode())
+    found = vg.load_cloud(path)
+    assert found.points.tolist() == points
+    assert found.normals is None
+    assert (found.grain is None) if grain is None else (found.grain.tolist() == grain)
+
+
+def test_mixed_types_are_read(tmp_path):
+    path = tmp_path / "scan.PLY"
+    path.write_text(PLY.format("float", 2))
+    assert vg.load_cloud(path).points.tolist() == [[1, 2, 3], [4, 5, 6]]
+    path = tmp_path / "scan.pcd"
+    path.write_text(PCD.format(2))
+    assert vg.load_cloud(path).points.tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".pcd"])
+def test_a_cut_file_is_refused(tmp_path, capfd, suffix):
+    path = tmp_path / f"scan{suffix}"
+    vg.save_cloud(Cloud.of(POINTS), path)
+    path.write_bytes(path.read_bytes()[:900])
+    with pytest.raises(FileFormatError, match="cut or damaged"):
+        vg.load_cloud(path)
+    assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.parametrize(
@@ -41,11 +87,23 @@ def test_tables_with_a_head_and_commas_are_read(tmp_path):
     [
         ("a.xyz", "1 2 3\n4 5\n", "no table of numbers"),
         ("a.xyz", "1 2 3\n4 5 x\n", "no table of numbers"),
-        ("a.xyz", "1 2\n3 4\n", "2 columns"),
+        ("a.xyz", "1 2\n3 4\n", "2 columns without names"),
         ("a.xyz", "1 2 nan\n3 4 5\n", "finite"),
         ("a.xyz", "", "holds no points"),
-        ("a.ply", "ply\nformat ascii 1.0\nelement vert", "holds no points|cannot be read"),
-        ("a.pcd", "", "holds no points|cannot be read"),
+        ("a.xyz", "0,5 1,5 2,5\n", "no table of numbers"),
+        ("a.csv", "1,,2,3\n", "no table of numbers"),
+        ("a.csv", "O.5,1,2\n0,1,2\n", "no table of numbers: row 1"),
+        ("a.xyz", "0 0 1 0.53\n0 1 0 0.2\n", "4 columns without names"),
+        ("a.xyz", "0 0 1 255 0 0\n0 1 0 0 255 0\n", "6 columns without names"),
+        ("a.csv", "id,x,y\n1,2,3\n", "no table of numbers: row 1"),
+        ("a.ply", "ply\nformat ascii 1.0\nelement vert", "cannot be read as PLY"),
+        ("a.ply", "ply\nformat ascii 1.0\nelement face 0\nend_header\n", "cannot be read as PLY"),
+        ("a.ply", PLY.format("float", 4), "cannot be read as PLY"),
+        ("a.ply", PLY.format("float", 400_000_000), "cannot be read as PLY"),
+        ("a.pcd", "", "cannot be read as PCD"),
+        ("a.pcd", PCD.format(3), r"holds 2 of 3 points"),
+        ("a.pcd", PCD.format(2).replace("ascii", "binary_compressed"), "compressed; write it as binary"),
+        ("a.pcd", PCD.format(2).replace("x y z", "u v w"), "x, y and z are needed"),
         ("a.stl", "solid", "ends in '.stl'"),
     ],
 )
@@ -79,6 +137,10 @@ def test_a_file_that_was_there_stays(tmp_path):
         vg.save_cloud(Cloud.of(POINTS), tmp_path / "scan.vtp")
     with pytest.raises(InputError, match="for packings"):
         vg.save_cloud(Cloud.of(POINTS), path, spacing=1.0)
+    with pytest.raises(InputError, match="has no points"):
+        vg.save_cloud(Cloud.of(np.zeros((0, 3))), path)
+    with pytest.raises(InputError, match="grain is 1099511627776"):
+        vg.save_cloud(Cloud.of(POINTS, grain=np.full(60, 2**40)), path)
     assert path.read_text() == "mine"
 
 

@@ -176,7 +176,71 @@ def test_two_scans_are_registered(eros):
 
 def test_scans_of_nothing_alike_are_refused():
     line = np.linspace(0, 1, 400)[:, None] * [1.0, 0, 0]
-    with pytest.raises(InputError, match="finds partners"):
+    with pytest.raises(InputError, match=r"finds partners|points left in cubes"):
         vg.register_clouds(Cloud.of(50.0 * sphere_points(400)), Cloud.of(line + 1e-3 * sphere_points(400)))
     with pytest.raises(InputError, match="has 3 points"):
         vg.register_clouds(Cloud.of(np.eye(3)), Cloud.of(line))
+
+
+@pytest.mark.parametrize("height", [0.0, 0.7])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_balls_that_get_inside_are_refused_with_the_place(seed, height):
+    points = sphere_points(4000, seed)
+    with pytest.raises(InputError, match=r"too sparse to close: .*around \(.*, .*, (0\.\d+|-?\d\S*)\)"):
+        vg.shape_of_cloud(Cloud.of(points[points[:, 2] < height]), method="alpha")
+
+
+def test_a_thin_plate_is_a_body():
+    plate = vg.make_shape("box", lengths=(2.0, 2.0, 0.2))
+    for method in ("alpha", "poisson"):
+        made = vg.shape_of_cloud(Cloud.of(scan_of(plate, 8000, 0.0)), method=method)
+        assert made.shape.volume == pytest.approx(0.8, rel=0.05)
+
+
+@pytest.mark.parametrize("method", ["poisson", "alpha"])
+def test_two_bodies_and_stray_points_are_refused(method):
+    two = np.concatenate([sphere_points(3000), sphere_points(2000, 2) + np.array([3.0, 0, 0])])
+    with pytest.raises(InputError, match=r"take bodies apart with clusters|without_outliers"):
+        vg.shape_of_cloud(Cloud.of(two), method=method)
+    stray = np.concatenate([sphere_points(4000), [[20.0, 0, 0]]])
+    with pytest.raises(InputError, match=r"without_outliers"):
+        vg.shape_of_cloud(Cloud.of(stray), method=method)
+    body = Cloud.of(two).clusters()[1]
+    assert vg.shape_of_cloud(body, method=method).shape.volume == pytest.approx(4 / 3 * np.pi, rel=0.02)
+
+
+@pytest.mark.parametrize("method", ["poisson", "alpha"])
+def test_points_that_stand_twice_do_not_matter(method):
+    points = sphere_points(1500)
+    once, often = (vg.shape_of_cloud(Cloud.of(np.repeat(points, k, axis=0)), method=method) for k in (1, 5))
+    assert often.spacing == once.spacing
+    assert often.shape.volume == pytest.approx(once.shape.volume, rel=0.01)
+    with pytest.raises(InputError, match="has 1 points that differ"):
+        vg.shape_of_cloud(Cloud.of(np.ones((200, 3))))
+
+
+def test_arrays_of_the_caller_stay_his():
+    points = sphere_points(100)
+    cloud = Cloud.of(points[:50], points[:50])
+    points[0] = 99.0
+    assert np.abs(cloud.points).max() <= 1.0
+    assert np.abs(cloud.normals).max() <= 1.0
+    with pytest.raises(InputError, match=r"grain is 0\.5"):
+        Cloud.of(points, grain=np.full(100, 0.5))
+
+
+def test_thinning_survives_opposite_normals_and_refuses_dust():
+    plate = Cloud.of([[0, 0, 0], [0, 0, 0.01]], [[0, 0, -1], [0, 0, 1]])
+    assert np.linalg.norm(plate.thinned(1.0).normals, axis=1) == pytest.approx([1.0])
+    with pytest.raises(InputError, match="spacing is 1e-12"):
+        Cloud.of(sphere_points(50)).thinned(1e-12)
+
+
+def test_scans_in_other_units_are_refused(capfd):
+    cloud = Cloud.of(sphere_points(2000))
+    for other in (Cloud.of(1000.0 * sphere_points(2000)), Cloud.of(np.ones((100, 3)))):
+        with pytest.raises(InputError, match="bring both scans to one unit"):
+            vg.register_clouds(cloud, other)
+    with pytest.raises(InputError, match="lower distance"):
+        vg.register_clouds(cloud, cloud, distance=1e9)
+    assert capfd.readouterr().out == ""

@@ -1,0 +1,76 @@
+"""PCD files, the point clouds of PCL: header and points, text or binary."""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import FileFormatError
+
+#: kinds of numbers, by their letter in the file
+KINDS = {"F": "f", "I": "i", "U": "u"}
+
+
+def pcd_columns(raw: bytes, name: str) -> dict[str, Floats]:
+    """Return the fields of one number each, as columns.
+
+    Parameters
+    ----------
+    raw : bytes
+        The file.
+    name : str
+        What messages call it.
+
+    Raises
+    ------
+    FileFormatError
+        If it is cut, compressed, or no PCD file.
+    """
+    try:
+        head, body = _header(raw)
+        fields, counts = head["FIELDS"], [int(count) for count in head.get("COUNT", ["1"] * len(head["FIELDS"]))]
+        kinds = [KINDS[kind] + size for kind, size in zip(head["TYPE"], head["SIZE"], strict=True)]
+        row = np.dtype([(key, "<" + kind, (count,)) for key, kind, count in zip(fields, kinds, counts, strict=True)])
+        many = int(head["POINTS"][0])
+        records = _text(body, row, many) if head["DATA"][0] == "ascii" else _binary(body, row, many)
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        raise FileFormatError(f"{name} cannot be read as PCD ({error}): it is cut or damaged; write it again") from None
+    columns = {key: np.asarray(records[key][:, 0], dtype=np.float64) for key, count in zip(fields, counts, strict=True)
+               if count == 1}  # fmt: skip
+    if not {"x", "y", "z"} <= columns.keys():
+        raise FileFormatError(f"{name} has the fields {', '.join(fields)}: x, y and z are needed; write it again")
+    return columns
+
+
+def _header(raw: bytes) -> tuple[dict[str, list[str]], bytes]:
+    """Return the words of each line of the header, and what follows it."""
+    head: dict[str, list[str]] = {}
+    while "DATA" not in head:
+        line, mark, raw = raw.partition(b"\n")
+        if not mark:
+            raise ValueError("its header is not whole")
+        words = line.decode("ascii", errors="replace").split()
+        if words == ["DATA", "binary_compressed"]:
+            raise ValueError("it is compressed; write it as binary")
+        if words and not words[0].startswith("#"):
+            head[words[0]] = words[1:]
+    return head, raw
+
+
+def _text(body: bytes, row: np.dtype[np.void], many: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    """Return the records of a text body."""
+    lines = [line.split() for line in body.decode("ascii", errors="replace").splitlines() if line.strip()]
+    if len(lines) < many:
+        raise ValueError(f"it holds {len(lines)} of {many} points")
+    table = np.array(lines[:many], dtype=np.float64).reshape(many, -1)
+    records, place = np.zeros(many, dtype=row), 0
+    for key in row.names or ():
+        width = records[key].shape[1]
+        records[key] = table[:, place : place + width]
+        place += width
+    return records
+
+
+def _binary(body: bytes, row: np.dtype[np.void], many: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    """Return the records of a binary body."""
+    if len(body) < many * row.itemsize:
+        raise ValueError(f"it holds {len(body) // max(row.itemsize, 1)} of {many} points")
+    return np.frombuffer(body, dtype=row, count=many)

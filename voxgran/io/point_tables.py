@@ -1,0 +1,84 @@
+"""Tables of text that hold points: columns by their names, or by what can only be meant."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import FileFormatError
+
+#: how far from 1 the length of a normal may be that no name tells
+UNIT = 1e-3
+#: names of the columns
+PLACE, NORMAL, GRAIN = ("x", "y", "z"), ("nx", "ny", "nz"), ("grain", "label")
+
+
+def read_point_table(path: Path) -> tuple[Any, Any, Any]:
+    """Return points, and normals and grains where there are any.
+
+    Parameters
+    ----------
+    path : Path
+        Rows of numbers, with spaces, commas or semicolons between; names of the columns in a first row if it has one.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no such table, or says too little about its columns.
+    """
+    try:
+        lines = [line.strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path} is no table of numbers ({error}): each row is x y z") from error
+    rows = [_cells(line) for line in lines if line and not line.startswith(("#", "//"))]
+    if not rows:
+        return np.zeros((0, 3)), None, None
+    names = [cell.lower() for cell in rows[0]]
+    if set(PLACE) <= set(names):
+        return _by_name(_numbers(rows[1:], len(names), path), names)
+    return _by_place(_numbers(rows, len(names), path), path)
+
+
+def _cells(line: str) -> list[str]:
+    """Cut a line at what stands between its cells."""
+    mark = next((mark for mark in (";", ",", "\t") if mark in line), None)
+    return [cell.strip().strip("\"'") for cell in line.split(mark)]
+
+
+def _numbers(rows: list[list[str]], width: int, path: Path) -> Floats:
+    """Return rows as numbers."""
+    table = np.zeros((len(rows), width))
+    for k, row in enumerate(rows):
+        try:
+            table[k] = [float(cell) for cell in row]
+        except ValueError:
+            raise FileFormatError(
+                f"{path} is no table of numbers: row {k + 1} is {' | '.join(row)!r}, and {width} numbers are needed; "
+                "mend it, or name the columns x, y, z in the first row"
+            ) from None
+    return table
+
+
+def _by_name(table: Floats, names: list[str]) -> tuple[Any, Any, Any]:
+    """Return the columns that have names."""
+    points = table[:, [names.index(name) for name in PLACE]]
+    normals = table[:, [names.index(name) for name in NORMAL]] if set(NORMAL) <= set(names) else None
+    label = next((name for name in GRAIN if name in names), None)
+    return points, normals, None if label is None else table[:, names.index(label)]
+
+
+def _by_place(table: Floats, path: Path) -> tuple[Any, Any, Any]:
+    """Return the columns of a table without names, where their numbers leave no doubt."""
+    width = table.shape[1]
+    normals = table[:, 3:6] if width in (6, 7) else None
+    grain = table[:, -1] if width in (4, 7) else None
+    doubt = width not in (3, 4, 6, 7)
+    doubt |= normals is not None and bool((np.abs(np.linalg.norm(normals, axis=1) - 1.0) > UNIT).any())
+    doubt |= grain is not None and bool((grain != np.rint(grain)).any())
+    if doubt:
+        raise FileFormatError(
+            f"{path} has {width} columns without names: after x y z only a normal of length 1 and the whole number of "
+            "a grain are known; name the columns in a first row, such as x,y,z,intensity"
+        )
+    return table[:, :3], normals, grain
