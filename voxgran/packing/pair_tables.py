@@ -129,11 +129,11 @@ def _turned(mask: Booleans, low: Integers, size: Integers, turn: Integers) -> tu
 @bare_kernel
 def meets_others(
     field: Field, pairs: PairTables, turns: Integers, where: tuple[Integers, Integers, Integers], grain: int,
-    pose: tuple[int, int], site: tuple[int, int, int], tally: Integers,
+    pose: tuple[int, int], site: tuple[int, int, int],
 ) -> bool:  # fmt: skip
     """Tell whether a grain as a member in a turn at a site would share a voxel with another.
 
-    where: sites, members and turns of all grains.  tally: entry 9 counts the pairs.
+    where: sites, members and turns of all grains.
     """
     sites, member, turn = where
     cells = pairs.cells
@@ -148,7 +148,6 @@ def meets_others(
             for k in range(_first(field, cells, 2, z), last_z + 1):
                 other = pairs.head[line + wrapped(k, cells[2], True)]
                 while other >= 0:
-                    tally[9] += 1
                     dx = _nearest(field, 0, sites[other, 0] - site[0])
                     dy = _nearest(field, 1, sites[other, 1] - site[1])
                     dz = _nearest(field, 2, sites[other, 2] - site[2])
@@ -254,10 +253,9 @@ def _number(field, cells, x, y, z):  # type: ignore[no-untyped-def]
 def has_room(
     field: Field, pairs: PairTables, turns: Integers, where: tuple[Integers, Integers, Integers], grain: int,
     pose: tuple[int, int], box: tuple[tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]],
-    tally: Integers,
 ) -> bool:  # fmt: skip
     """Tell whether a grain as a member in a turn finds room; box: its site, its lowest voxel and its extents."""
     site, corner, size = box
     if is_outside(field, size, corner):
         return False
-    return not meets_others(field, pairs, turns, where, grain, pose, site, tally)
+    return not meets_others(field, pairs, turns, where, grain, pose, site)

@@ -92,12 +92,6 @@ def is_low_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner
 
 
 @bare_kernel
-def words_of_test(size: Triple) -> int:
-    """Return how many words of columns a test of a grain looks at, at most: those of its box, rows of eight."""
-    return int(size[0] * ((size[1] + 7) // 8 * 8) * ((size[2] + 126) // 64))
-
-
-@bare_kernel
 def stamp(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> None:
     """Flip the voxels of a grain: put it where it is not, take it away where it is."""
     wide, deep, tall = size

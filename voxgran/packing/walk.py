@@ -31,7 +31,7 @@ from voxgran.packing.images import (
     wrapped,
 )
 from voxgran.packing.pair_tables import PairTables, enlist, has_room, relist
-from voxgran.packing.stamps import sum_blocked, words_of_test
+from voxgran.packing.stamps import sum_blocked
 
 
 class Members(NamedTuple):
@@ -128,7 +128,7 @@ def make_attempts(
     It ends early when the queue is empty, the container is full, or a member of the bank is needed that has not been
     voxelized: then `turn.wanted` tells which, and that attempt is to be made again. The first entries of the queue
     wait, the others have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in
-    a row, slept through, words and pairs tested.
+    a row, slept through.
     """
     feeding = rules.schedule[0] < 0
     for attempt in range(first, last):
@@ -149,8 +149,7 @@ def make_attempts(
             if _is_missing(members, turn, members.kind[g] * members.bases + below(r1, members.bases)):
                 return attempt
             tally[4] += 1
-            base, way = below(r1, members.bases), below(r2, len(members.turns))
-            moved = _turn(field, members, grains, pairs, g, base, way, tally)
+            moved = _turn(field, members, grains, pairs, g, below(r1, members.bases), below(r2, len(members.turns)))
             tally[3] += moved
         else:
             up = upward_share(rules, attempt)
@@ -159,7 +158,7 @@ def make_attempts(
                 d = guided_direction(turn.hint[g], rules, d, r0, r3)
             step = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2])
             tally[2] += 1
-            moved = _move(field, members, grains, pairs, g, step, tally)
+            moved = _move(field, members, grains, pairs, g, step)
             tally[1] += moved
             if len(turn.hint):
                 _note_contact(field, members, grains, g, step, moved, turn.hint[g])
@@ -293,7 +292,7 @@ def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def
 
 
 @bare_kernel
-def _move(field, members, grains, pairs, g, step, tally):  # type: ignore[no-untyped-def]
+def _move(field, members, grains, pairs, g, step):  # type: ignore[no-untyped-def]
     """Move a grain by one voxel where nothing is in the way; tell whether it moved."""
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
@@ -305,8 +304,7 @@ def _move(field, members, grains, pairs, g, step, tally):  # type: ignore[no-unt
     )
     at = grains.at[g]
     if len(pairs.at):
-        return _move_in_cells(field, members, grains, pairs, g, (m, t), (low, size, new), tally)
-    tally[8] += words_of_test(size)
+        return _move_in_cells(field, members, grains, pairs, g, (m, t), (low, size, new))
     if is_step_blocked(field, grains.bits, at, size, new, step):
         return 0
     stamp_step(field, grains.bits, at, size, old, new, step)
@@ -315,12 +313,12 @@ def _move(field, members, grains, pairs, g, step, tally):  # type: ignore[no-unt
 
 
 @bare_kernel
-def _move_in_cells(field, members, grains, pairs, g, pose, box, tally):  # type: ignore[no-untyped-def]
+def _move_in_cells(field, members, grains, pairs, g, pose, box):  # type: ignore[no-untyped-def]
     """Put a grain into a pose and place where the tables of pairs leave room; tell whether they do."""
     low, size, corner = box
     site = (corner[0] - low[0], corner[1] - low[1], corner[2] - low[2])
     where = (grains.site, grains.member, grains.turn)
-    if not has_room(field, pairs, members.turns, where, g, pose, (site, corner, size), tally):
+    if not has_room(field, pairs, members.turns, where, g, pose, (site, corner, size)):
         return 0
     if grains.member[g] < 0:
         _place(grains, g, pose[0], pose[1], corner, low)
@@ -333,7 +331,7 @@ def _move_in_cells(field, members, grains, pairs, g, pose, box, tally):  # type:
 
 
 @bare_kernel
-def _turn(field, members, grains, pairs, g, base, turn, tally):  # type: ignore[no-untyped-def]
+def _turn(field, members, grains, pairs, g, base, turn):  # type: ignore[no-untyped-def]
     """Turn a grain about its centroid to another orientation of its bank where it fits; tell whether it turned."""
     m, at = grains.member[g], grains.at[g]
     new_m = members.kind[g] * members.bases + base
@@ -342,11 +340,10 @@ def _turn(field, members, grains, pairs, g, base, turn, tally):  # type: ignore[
     new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
     new = lowest_corner(field, grains.site[g], new_low)
     if len(pairs.at):
-        return _move_in_cells(field, members, grains, pairs, g, (new_m, turn), (new_low, new_size, new), tally)
+        return _move_in_cells(field, members, grains, pairs, g, (new_m, turn), (new_low, new_size, new))
     stamp_images(field, grains.bits, at, size, old)
     if len(members.at):
         new_at = members.at[new_m * len(members.turns) + turn]
-        tally[8] += words_of_test(new_size)
         if is_blocked_anywhere(field, grains.bits, new_at, new_size, new):
             stamp_images(field, grains.bits, at, size, old)
             return 0
@@ -355,7 +352,6 @@ def _turn(field, members, grains, pairs, g, base, turn, tally):  # type: ignore[
         zeros = grains.own[0]
         start, extent = members.start[new_m], members.size[new_m]
         write_turned(members.words, start, extent, members.turns[turn], grains.scratch, zeros)
-        tally[8] += words_of_test(new_size)
         if is_blocked_anywhere(field, grains.scratch, zeros, new_size, new):
             stamp_images(field, grains.bits, at, size, old)
             return 0
@@ -383,7 +379,7 @@ def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word
         _entry(field, rules, 2, size[2], r3),
     )
     tally[5] += 1
-    if not _enter(field, members, grains, pairs, g, (m, turn), (low, size, corner), tally):
+    if not _enter(field, members, grains, pairs, g, (m, turn), (low, size, corner)):
         tally[6] += 1
         return tally[6] >= rules.schedule[3]
     queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
@@ -393,13 +389,12 @@ def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word
 
 
 @bare_kernel
-def _enter(field, members, grains, pairs, g, pose, box, tally):  # type: ignore[no-untyped-def]
+def _enter(field, members, grains, pairs, g, pose, box):  # type: ignore[no-untyped-def]
     """Let a grain enter where it finds room; tell whether it does."""
     low, size, corner = box
     if len(pairs.at):
-        return _move_in_cells(field, members, grains, pairs, g, pose, box, tally) == 1
+        return _move_in_cells(field, members, grains, pairs, g, pose, box) == 1
     grains.at[g] = _load(members, grains, g, pose[0], pose[1])
-    tally[8] += words_of_test(size)
     if is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
         return False
     stamp_images(field, grains.bits, grains.at[g], size, corner)

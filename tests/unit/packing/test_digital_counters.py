@@ -3,7 +3,6 @@
 import pytest
 
 import voxgran as vg
-from voxgran.packing import digital_setting
 from voxgran.packing.methods.digital import registration as digital
 from voxgran.packing.pack import prepare_task
 
@@ -25,12 +24,6 @@ def attempts(counters):
     return counters["moves_tried"] + counters["turns_tried"] + counters["feeds_tried"]
 
 
-@pytest.fixture
-def tables(monkeypatch):
-    monkeypatch.setattr(digital_setting, "TABLE_VOXELS", 0)
-    monkeypatch.setattr(digital_setting, "TABLE_BYTES", 2**31)
-
-
 def test_words_do_not_grow_with_the_number_of_grains():
     few, many = counted(3, 16), counted(9, 16)
     assert many["words_tested"] / attempts(many) == pytest.approx(few["words_tested"] / attempts(few), rel=1e-12)
@@ -44,13 +37,6 @@ def test_inner_voxels_cost_nothing_of_their_own():
     assert words[1] < 16 * words[0]
     voxels = vg.voxelize(vg.make_shape("sphere"), voxel_size=1 / 48, cover="touch").mask.sum()
     assert words[1] < voxels / 8
-
-
-def test_far_pairs_are_never_looked_at(tables):
-    few, many = counted(4, 12), counted(12, 12)
-    pairs = [found["pairs_tested"] / attempts(found) for found in (few, many)]
-    assert pairs[1] == pytest.approx(pairs[0], rel=0.25)
-    assert pairs[1] < 2 * 12 * 12 / 6
 
 
 def test_sleeping_grains_look_at_nothing():
