@@ -187,7 +187,7 @@ def prepare(problem: Problem) -> State:
         **turn_arrays(problem),
     }
     counters = {**dict.fromkeys(TALLY, 0), "fed_at": -1, "layer_ends": -1, "layer_placed": 0, "lid_lowered": 0}
-    counters |= {"settling_at": -1, "settling_sweeps": 0, "words_tested": 0}
+    counters |= {"settling_at": -1, "settling_sweeps": 0}
     total = n * (settings.sweeps + 40 * SETTLE_SWEEPS)
     state = State(arrays, counters, 0, total)
     if n == 0:
@@ -329,17 +329,6 @@ def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
         need_member(setting, int(wanted[0]))
         wanted[0] = -1
     counters.update(zip(TALLY, tally.tolist(), strict=True))
-    if not len(state.derived["pairs"].at):
-        looked = sum(counters[name] for name in ("moves_tried", "turns_tried", "feeds_tried"))
-        counters["words_tested"] = looked * _words_of_test(problem, setting)
-
-
-def _words_of_test(problem: Problem, setting: Setting) -> int:
-    """Return how many words of columns a test looks at, at most: those around the largest grain, in rows of eight."""
-    radius = max((shape.bounding_radius for shape in problem.shapes), default=0.0) * problem.diameter.max(initial=0.0)
-    edge = 2 * int(np.ceil(radius / setting.lattice.voxel_size)) + 2
-    tall = edge if problem.dimension == 3 else 1
-    return edge * (8 * ((edge + 7) // 8)) * ((tall + 126) // 64)
 
 
 def _feed_share(problem: Problem, state: State) -> float:
