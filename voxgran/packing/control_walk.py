@@ -5,7 +5,7 @@ attempts do not matter. The centers of the grains lie in linked cells, which fol
 there does not depend on the order in the lists.
 """
 
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -13,45 +13,15 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Words
-from voxgran.packing.control_points import Bed, Bodies, Memory, Scratch, Walls, is_outside, meets, recall, write_matrix
+from voxgran.packing.control_near import meets_any, meets_own_image
+from voxgran.packing.control_records import Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
+from voxgran.packing.control_walls import is_outside
+from voxgran.packing.poses import write_matrix
 
 #: how far from the top wall a grain enters, in median diameters: more than rounding
 CLEAR = 1e-9
 #: factors on the step of a grain after a move and after a refusal: a quarter of the attempts then succeed
 GROWTH, DECAY = 1.1, 0.97
-
-
-class Cells(NamedTuple):
-    """Linked cells of the centers: the first grain of each cell, the next grain after each grain (-1: none).
-
-    `reach` is the largest bounding radius plus the largest distance at which two grains are refused.
-    """
-
-    lower: Floats
-    width: Floats
-    count: Integers  # type: ignore[assignment]
-    head: Integers
-    after: Integers
-    reach: float
-
-
-class Rules(NamedTuple):
-    """How grains move.
-
-    shares: upward moves kept at the start, attempts with a turn, attempts that feed.  schedule: attempt at which
-    feeding ended (-1: not yet), attempts of all cycles, number of cycles, refusals in a row after which the container
-    is full.
-    """
-
-    gravity: Floats
-    tilt: float
-    anywhere: bool
-    shares: Floats
-    schedule: Integers
-    gap: float
-    longest: float
-    shortest: float
-    dimension: int
 
 
 World: TypeAlias = tuple[Bodies, Cells, Walls, Rules, Memory, Scratch]
@@ -183,135 +153,9 @@ def _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  #
     write_matrix(scratch.quaternion, scratch.turn)
     if is_outside(bed, bodies, walls, scratch, g, moved):
         return True
-    if _meets_own_image(bed, bodies, cells, walls, rules, memory, scratch, g, moved):
+    if meets_own_image(bed, bodies, cells, walls, rules, memory, scratch, g, moved):
         return True
-    return _meets_any(bed, bodies, cells, walls, rules, memory, scratch, g, moved)
-
-
-@bare_kernel
-def _meets_own_image(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
-    """Tell whether a grain meets one of its periodic images; there is none to look at in a wide container."""
-    reach = bed.extent[g, 0] + cells.reach
-    nx, ny, nz = _images(walls, 0, reach), _images(walls, 1, reach), _images(walls, 2, reach)
-    for ix in range(-nx, nx + 1):
-        for iy in range(-ny, ny + 1):
-            for iz in range(-nz, nz + 1):
-                if ix != 0 or iy != 0 or iz != 0:
-                    dx = ix * (walls.upper[0] - walls.lower[0])
-                    dy = iy * (walls.upper[1] - walls.lower[1])
-                    dz = iz * (walls.upper[2] - walls.lower[2])
-                    if meets(bed, bodies, memory, scratch, g, g, rules.gap, dx, dy, dz, moved):
-                        return True
-    return False
-
-
-@bare_kernel
-def _images(walls, axis, reach):  # type: ignore[no-untyped-def]
-    """Return how many images along an axis, to each side, are within reach."""
-    if walls.periodic[axis] == 0:
-        return 0
-    return np.int64(np.floor(reach / (walls.upper[axis] - walls.lower[axis])))
-
-
-@bare_kernel
-def _meets_any(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
-    """Tell whether a grain meets another: first from memory, then by comparing those of whom it does not tell."""
-    pending, position = scratch.pending, bed.position
-    count = _look_around(
-        *(position, bed.orientation, bed.diameter, bed.extent, cells.head, cells.after, cells.lower, cells.width),
-        *(
-            cells.count,
-            walls.lower,
-            walls.upper,
-            walls.periodic,
-            memory.pairs,
-            memory.poses,
-            memory.lists,
-            bodies.trees.points,
-        ),
-        *(scratch.place, scratch.turn, scratch.relative, scratch.shift, pending, g, cells.reach, rules.gap, moved),
-    )
-    for k in range(count):
-        j = pending[k, 0]
-        dx = scratch.place[0] - position[j, 0] - pending[k, 1] * (walls.upper[0] - walls.lower[0])
-        dy = scratch.place[1] - position[j, 1] - pending[k, 2] * (walls.upper[1] - walls.lower[1])
-        dz = scratch.place[2] - position[j, 2] - pending[k, 3] * (walls.upper[2] - walls.lower[2])
-        if meets(bed, bodies, memory, scratch, g, j, rules.gap, dx, dy, dz, moved):
-            return True
-    return count < 0
-
-
-@bare_kernel
-def _look_around(  # type: ignore[no-untyped-def]
-    position,
-    orientation,
-    diameter,
-    extent,
-    head,
-    after,
-    origin,
-    width,
-    cells,
-    lower,
-    upper,
-    periodic,
-    pairs,
-    poses,
-    lists,
-    points,
-    place,
-    turn,
-    relative,
-    shift,
-    pending,
-    g,
-    reach,
-    gap,
-    moved,
-):
-    """List the neighbours, periodic images included, that a grain must be compared with; -1 where it surely meets
-    one.
-    """
-    reach += extent[g, 0]
-    found = 0
-    ax, bx = _cell_range(origin[0], width[0], cells[0], periodic[0], place[0], reach)
-    ay, by = _cell_range(origin[1], width[1], cells[1], periodic[1], place[1], reach)
-    az, bz = _cell_range(origin[2], width[2], cells[2], periodic[2], place[2], reach)
-    for cx in range(ax, bx + 1):
-        ix = cx // cells[0]
-        x = place[0] - ix * (upper[0] - lower[0])
-        for cy in range(ay, by + 1):
-            iy = cy // cells[1]
-            y = place[1] - iy * (upper[1] - lower[1])
-            for cz in range(az, bz + 1):
-                iz = 0 if 0 <= cz < cells[2] else cz // cells[2]
-                z = place[2] - iz * (upper[2] - lower[2])
-                j = head[((cx - ix * cells[0]) * cells[1] + cy - iy * cells[1]) * cells[2] + cz - iz * cells[2]]
-                while j >= 0:
-                    dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
-                    near = extent[g, 0] + extent[j, 0] + extent[g, 1] + extent[j, 1] + gap
-                    if j != g and dx * dx + dy * dy + dz * dz <= near * near:
-                        answer = recall(
-                            *(orientation, diameter, extent, pairs, poses, lists, points, turn, relative, shift),
-                            *(g, j, gap, dx, dy, dz, moved),
-                        )
-                        if answer == 1:
-                            return -1
-                        if answer == 2:
-                            pending[found, 0], pending[found, 1], pending[found, 2], pending[found, 3] = j, ix, iy, iz
-                            found += 1
-                    j = after[j]
-    return found
-
-
-@bare_kernel
-def _cell_range(origin, width, cells, periodic, x, reach):  # type: ignore[no-untyped-def]
-    """Return the first and last cell that a reach touches along an axis; beyond the ends only where it is periodic."""
-    first = np.int64(np.floor((x - reach - origin) / width))
-    last = np.int64(np.floor((x + reach - origin) / width))
-    if periodic == 0:
-        return min(max(first, 0), cells - 1), max(min(last, cells - 1), 0)
-    return first, last
+    return meets_any(bed, bodies, cells, walls, rules, memory, scratch, g, moved)
 
 
 @bare_kernel

@@ -16,7 +16,8 @@ from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
 from voxgran.packing.start import Start
-from voxgran.points.sample import SurfacePoints, sample_surface
+from voxgran.points.control import sample_controls
+from voxgran.points.sample import SurfacePoints
 from voxgran.shapes.model import Shape
 from voxgran.voxels.occupy import occupy
 
@@ -130,7 +131,7 @@ class Problem:
 
         def make() -> SurfacePoints:
             self.counters["sampled_shapes"] += 1
-            return sample_surface(self.shapes[shape], spacing=spacing, seed=self.seed)
+            return sample_controls(self.shapes[shape], spacing=spacing, seed=self.seed)
 
         return self.keep(("points", shape, spacing), make)
 

@@ -44,6 +44,9 @@ BISECTIONS = 10
 FARTHEST = 8.0
 #: step of shaking, in median diameters, and sweeps for which a grain is pulled in one direction
 SHAKE_STEP, SHAKE_SWEEPS = 0.05, 3
+#: within which distance contacts are kept open while grains are parted, and by how much they are parted at least, in
+#: median diameters
+PART_REACH, PART_ROOM = 0.02, 1e-5
 #: times that the way of grains which would overlap is halved, and then that they are taken back, before all are
 HALVINGS, RETREATS = 4, 60
 
@@ -65,6 +68,42 @@ def begin_settling(state: State, assembly: Assembly, gravity: Floats, step: floa
     state.arrays["position"], state.arrays["orientation"] = assembly.position.copy(), assembly.orientation.copy()
     state.arrays["settling"] = np.array([step, _height(assembly, gravity), step])
     state.counters.update(settling_at=state.done, settling_sweeps=0)
+
+
+def part_once(assembly: Assembly, gravity: Floats) -> tuple[Assembly, int]:
+    """Push grains that overlap a little apart, in the least motions that do so to first order.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+    gravity : (3,) ndarray of float
+        Direction of the fall, along which contacts are solved.
+
+    Returns
+    -------
+    Assembly
+        The grains pushed apart, or as they were where none overlapped.
+    int
+        How many pairs and grains at walls overlapped before.
+    """
+    pairs, outside = _wrong(assembly)
+    many = pairs.count + int(outside.sum())
+    if not many:
+        return assembly, 0
+    size = float(np.median(assembly.diameters))
+    touching = find_touching(assembly, PART_REACH * size)
+    # at walls stands the tessellation of a grain, which the true surface may pass by its error
+    error = np.array([shape.tessellation_error for shape in assembly.shapes])[assembly.shape_id] * assembly.scale
+    touching.gap[touching.j < 0] -= error[touching.i[touching.j < 0]]
+    none, step = np.zeros((assembly.count, 3)), max(-float(touching.gap.min(initial=0.0)), PART_ROOM * size)
+    # what turns of the grains and the end of the projection leave out
+    room = PART_ROOM * size + 0.05 * step
+    limits = np.where(touching.gap < 0.0, touching.gap - room, np.maximum(touching.gap - room, 0.0))
+    fall = step * gravity if gravity.any() else step * np.eye(3)[assembly.dimension - 1]
+    held, impulses = np.zeros(assembly.count, dtype=np.bool_), np.zeros((len(touching.i), 4))
+    slide, spin = _motion(assembly, touching, limits, Wish(step, fall, none, none), held, 0.0, impulses)
+    return _shifted(assembly, slide, spin), many
 
 
 def settle_sweep(state: State, assembly: Assembly, gravity: Floats, *, friction: float = 0.0) -> bool:

@@ -204,7 +204,7 @@ def _list_leaves(points, start, depth, a, b, ka, kb, turn, shift, low, high, fou
                     return -1, high
                 while count == len(found):
                     high = low + 0.5 * (high - low)
-                    count = _keep_near(points, turn, shift, high, found)
+                    count = keep_near(points, turn, shift, high, found)
                 if square < high * high:
                     found[count, 0], found[count, 1] = i, j
                     count += 1
@@ -212,7 +212,7 @@ def _list_leaves(points, start, depth, a, b, ka, kb, turn, shift, low, high, fou
 
 
 @bare_kernel
-def _keep_near(points, turn, shift, high, found):  # type: ignore[no-untyped-def]
+def keep_near(points: Floats, turn: Floats, shift: Floats, high: float, found: Integers) -> int:
     """Drop the rows of full `found` that are not nearer than `high`; return how many are left."""
     count = 0
     for k in range(len(found)):

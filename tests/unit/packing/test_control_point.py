@@ -5,18 +5,24 @@ import signal
 
 import numpy as np
 import pytest
+from scipy.ndimage import map_coordinates
 from scipy.spatial import ConvexHull, cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError, Interrupted, PackingWarning, UnknownNameError
 from voxgran._base.rotation import product, rotation_matrices
 from voxgran._base.seeds import philox_key
-from voxgran.packing.control_points import Bed, is_within, meets, write_matrix
+from voxgran.packing.control_points import is_within, meets
+from voxgran.packing.control_records import Bed
 from voxgran.packing.control_walk import DECAY, GROWTH
+from voxgran.packing.field_contacts import meets_field
+from voxgran.packing.fields import PLANES
 from voxgran.packing.methods.control_point import SHORTEST_STEP
 from voxgran.packing.methods.control_point import registration as control_point
 from voxgran.packing.pack import prepare_task
+from voxgran.packing.poses import write_matrix
 from voxgran.packing.run import Drive, drive
+from voxgran.shapes.curvature import largest_curvature
 
 
 def task_of(shapes, container, *, count=8, seed=0, sizes=None, **parameters):
@@ -53,6 +59,9 @@ class PlainWalk:
         samples = [problem.points(k, settings.spacing) for k in range(len(shapes))]
         self.points = [np.asarray(points) for points in samples]
         self.half = [s.spacing / 2 + shape.tessellation_error for s, shape in zip(samples, shapes, strict=True)]
+        self.contact, self.fields = settings.contact, state.derived["setting"].bodies.fields
+        self.bend = [0.0 if k is None else k for k in (largest_curvature(shape.geometry) for shape in shapes)]
+        self.thick = [shape.volume / shape.surface_area for shape in shapes]
         self.hulls = [shape.vertices[ConvexHull(shape.vertices).vertices] for shape in shapes]
         self.margins = [shape.tessellation_error for shape in shapes]
         self.radii = [shape.bounding_radius for shape in shapes]
@@ -71,6 +80,13 @@ class PlainWalk:
         corners = self.body(self.hulls, g, place, quaternion)
         if (corners < self.low + margin).any() or (corners > self.high - margin).any():
             return False
+        if self.contact == "sdf":
+            return not any(
+                self.is_near(g, place, quaternion, j, self.position[j], self.orientation[j])
+                or self.is_near(j, self.position[j], self.orientation[j], g, place, quaternion)
+                for j in range(len(self.size))
+                if j != g
+            )
         tree = cKDTree(self.body(self.points, g, place, quaternion))
         for j in range(len(self.size)):
             limit = self.half[self.shape[g]] * self.size[g] + self.half[self.shape[j]] * self.size[j]
@@ -78,6 +94,30 @@ class PlainWalk:
             if j != g and tree.query(other)[0].min() < limit:
                 return False
         return True
+
+    def is_near(self, p, place, quaternion, q, center, turn):
+        """Tell whether a point of grain p is nearer to grain q than the bulge between points."""
+        points = self.body(self.points, p, place, quaternion)
+        inner = (points - center) @ rotation_matrices(turn[None])[0] / self.size[q]
+        s, t = self.shape[p], self.shape[q]
+        cover, bend = self.half[s] * self.size[p], self.bend[s] / self.size[p] + self.bend[t] / self.size[q]
+        error = self.fields.error[s] * self.size[p] + self.fields.error[t] * self.size[q]
+        limit = max(min(cover, 0.5 * cover**2 * bend) + error, cover - self.thick[t] * self.size[q])
+        return bool((self.distances(t, inner) * self.size[q] < limit).any())
+
+    def distances(self, shape, points):
+        """Return signed distances: of the box from its faces, of the ellipsoid between nodes."""
+        head = self.fields.head[shape]
+        if head[0] == PLANES:
+            return (np.abs(points) - self.hulls[shape].max(axis=0)).max(axis=1)
+        count = head[[9, 7, 8]].astype(int)
+        place = (points - head[3:6]) / head[6]
+        clipped = np.clip(place, 0, count - 1)
+        begin = int(self.fields.rows[int(head[1]), 0])
+        values = self.fields.values[begin : begin + count.prod()].reshape(count).astype(np.float64)
+        told = map_coordinates(values, clipped.T, order=1)
+        beyond = np.linalg.norm(place - clipped, axis=1) * head[6]
+        return np.where(beyond > 0, np.hypot(beyond, np.maximum(told, 0)), told)
 
     def attempt(self, number):
         """Make one attempt; tell whether the grain moved."""
@@ -102,7 +142,8 @@ class PlainWalk:
         return True
 
 
-def test_walk_is_that_of_a_plain_program():
+@pytest.mark.parametrize("contact", ["sdf", "points", "kdtree"])
+def test_walk_is_that_of_a_plain_program(contact):
     """The same trajectory: 1500 attempts of 7 grains without gravity, with trees and memory and without."""
     shapes = [vg.make_shape("ellipsoid", aspect=(1.2, 1.0, 0.8)), vg.make_shape("box", lengths=(1.0, 0.8, 0.6))]
     task = task_of(
@@ -114,6 +155,7 @@ def test_walk_is_that_of_a_plain_program():
         feed="at_once",
         spacing=0.3,
         sweeps=10_000,
+        contact=contact,
     )
     state = control_point.prepare(task.problem)
     while state.counters["fed_at"] < 0:
@@ -131,10 +173,12 @@ def test_walk_is_that_of_a_plain_program():
     assert np.allclose(np.linalg.norm(state.arrays["orientation"], axis=1), 1.0, rtol=0, atol=1e-15)
 
 
-def test_what_is_remembered_changes_nothing():
+@pytest.mark.parametrize("contact", ["sdf", "points", "kdtree"])
+def test_what_is_remembered_changes_nothing(contact):
     """A run that forgets all comparisons every 150 attempts, as a resumed one does, gives the same bits."""
     shapes = [vg.make_shape("solid_union", seed=2), vg.make_shape("sphere")]
     box, keywords = vg.Box((3, 3, 5), (True, True, False)), {"count": 14, "spacing": 0.25, "sweeps": 300, "cycles": 2}
+    keywords["contact"] = contact
     kept, forgot = (task_of(shapes, box, **keywords).problem for _ in range(2))
     one, two = control_point.prepare(kept), control_point.prepare(forgot)
     one = control_point.advance(kept, one, 6000)
@@ -229,7 +273,7 @@ def test_small_grains_do_not_enter_large_ones_nor_the_other_way_round(seed):
 
 def test_containment_is_seen_from_both_sides():
     """No control points are near each other where a small ball lies deep in a large one; both orders are refused."""
-    task = task_of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), count=2, spacing=0.2)
+    task = task_of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), count=2, spacing=0.2, contact="kdtree")
     for diameter in ([8.0, 1.0], [1.0, 8.0]):
         problem = dataclasses.replace(task.problem, diameter=np.array(diameter))
         state = control_point.advance(problem, control_point.prepare(problem), 1)
@@ -243,6 +287,41 @@ def test_containment_is_seen_from_both_sides():
             arguments = (bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, *rules)
             assert meets(*arguments, np.inf)
             assert not meets(*arguments, 0.0)
+
+
+@pytest.mark.parametrize("ways", ["both", "one"])
+def test_signed_distances_see_containment_both_ways(ways):
+    task = task_of([vg.make_shape("sphere"), vg.make_shape("cone")], vg.Box((9, 9, 9)), count=2, spacing=0.2, ways=ways)
+    for diameter in ([8.0, 1.0], [1.0, 8.0]):
+        problem = dataclasses.replace(task.problem, diameter=np.array(diameter))
+        state = control_point.advance(problem, control_point.prepare(problem), 1)
+        kept = state.derived["setting"]
+        bed = Bed(
+            *(state.arrays[name] for name in ("position", "orientation", "entered", "step")), *kept_of(problem, kept)
+        )
+        kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
+        write_matrix(kept.scratch.quaternion, kept.scratch.turn)
+        for g in range(2):
+            assert meets_field(bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 0.1, 0.2, 0.3)
+            assert not meets_field(bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 6.0, 2.0, 1.0)
+
+
+def test_points_in_cells_and_in_trees_give_the_same_bits():
+    shapes = [vg.make_shape("solid_union", seed=3), vg.make_shape("cone")]
+    packings = [
+        vg.pack(
+            *(shapes, vg.Box((4, 4, 8), periodic=(True, True, False))),
+            method="control_point",
+            count=25,
+            sizes=vg.sizes.lognormal(1.0, 0.3),
+            spacing=0.25,
+            sweeps=200,
+            contact=contact,
+        )
+        for contact in ("points", "kdtree")
+    ]
+    assert packings[0].position.tobytes() == packings[1].position.tobytes()
+    assert packings[0].orientation.tobytes() == packings[1].orientation.tobytes()
 
 
 def test_a_grain_keeps_clear_of_its_own_images():
@@ -331,6 +410,12 @@ def test_attempts_are_within_the_cost():
         ({"turns": 1.5}, InputError, "turns is 1.5"),
         ({"cycles": 0}, InputError, "cycles is 0"),
         ({"step": 0.0}, InputError, "step is 0"),
+        ({"contact": "sdff"}, InputError, "sdf"),
+        ({"ways": "one", "contact": "kdtree"}, InputError, "ways is 'one'"),
+        ({"overlap": -0.1}, InputError, "overlap is -0.1"),
+        ({"overlap": 0.1, "contact": "points"}, InputError, "overlap is 0.1"),
+        ({"overlap": 0.1, "settling": 10}, InputError, "settling"),
+        ({"friction": 0.5}, InputError, "friction is 0.5"),
     ],
 )
 def test_bad_parameters_are_named(parameters, error, words):

@@ -17,28 +17,26 @@ points, moved at random under gravity and compared by nearest neighbours
 """
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
+from voxgran._base.arrays import Integers, as_count, as_number, as_positive
 from voxgran._base.config import parameter, to_mapping
-from voxgran._base.lazy import load
+from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized
-from voxgran._base.seeds import philox_key
+from voxgran.contacts.assembly import Assembly
 from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.packing.control_points import FLAT, MESH, ROUND, Bed, Bodies, Memory, Scratch, Walls
-from voxgran.packing.control_walk import Cells, Rules, enter_raised, link_all, make_attempts
+from voxgran.packing.control_records import Rules
+from voxgran.packing.control_setting import Setting, bed_of, memory_needed, setting_of
+from voxgran.packing.control_walk import enter_raised, make_attempts
 from voxgran.packing.lattice import axis_of
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
+from voxgran.packing.settle import begin_settling, part_once, settle_sweep, settling_report
 from voxgran.packing.start import Start, refuse_start, upward
-from voxgran.packing.trees import make_trees, stack_room
-from voxgran.points.sample import sample_surface
-from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Shape
+from voxgran.shapes.curvature import largest_curvature
 
 #: sweeps between two looks at whether the bed still sinks
 SETTLE_SWEEPS = 200
@@ -50,8 +48,10 @@ SETTLE_LOOKS = 40
 FEED_SHARE = 0.05
 #: shortest step, in diameters of the grain
 SHORTEST_STEP = 0.002
-#: control points that are listed for a pair of near grains, and pairs for which there are lists
-LISTED, MOST_PAIRS = 64, 2**17
+#: sweeps at the most in which grains that overlap between their points are parted
+PART_SWEEPS = 100
+#: how a walk may end, by number
+ENDS = ("settled", "full", "steps")
 #: what the kernel counts, in its order
 TALLY = (
     "placed",
@@ -66,14 +66,33 @@ TALLY = (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ControlPoint:
-    """Parameters of control-point packing."""
+    """Parameters of control-point packing.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, or parameters do not go together.
+    """
 
     spacing: float = parameter(
         0.12,
         doc="spacing of the control points on a grain; contacts stay open by up to this",
         unit="diameters of the grain",
     )
+    contact: Literal["sdf", "points", "kdtree"] = parameter(
+        "sdf",
+        doc="how grains are compared: control points in the signed distance of the other grain, or points with points, "
+        "found in cells or in trees",
+    )
+    ways: Literal["both", "one"] = parameter(
+        "both", doc="whether the points of both grains are asked for their signed distance, or the finer ones only"
+    )
     distance: float = parameter(0.0, doc="distance that the surfaces of grains keep at least", unit="length")
+    overlap: float = parameter(
+        0.0,
+        doc="depth up to which grains may overlap, a stand-in for grains that give way; with contact sdf",
+        unit="length",
+    )
     gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | None = parameter(
         None, doc="where down is; left out: -z, in two dimensions -y"
     )
@@ -90,9 +109,13 @@ class ControlPoint:
         doc="longest step; never more than half the volume of the grain over its surface",
         unit="diameters of the grain",
     )
+    settling: int = parameter(
+        0, doc="most sweeps in which the true shapes settle after the walk and close what is open"
+    )
+    friction: float = parameter(0.0, doc="coefficient of friction between grains, and at walls, while they settle")
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
+        """Check the ranges, and what does not go together."""
         as_positive(self.spacing, "spacing")
         as_number(self.distance, "distance", at_least=0.0)
         as_count(self.sweeps, "sweeps")
@@ -101,6 +124,22 @@ class ControlPoint:
         as_number(self.up, "up", at_least=0.0, at_most=1.0)
         as_number(self.turns, "turns", at_least=0.0, at_most=1.0)
         as_number(self.step, "step", at_least=SHORTEST_STEP)
+        as_number(self.overlap, "overlap", at_least=0.0)
+        as_count(self.settling, "settling")
+        as_number(self.friction, "friction", at_least=0.0)
+        if self.overlap and (self.contact != "sdf" or self.distance or self.settling):
+            raise InputError(
+                f"overlap is {self.overlap:g} with contact {self.contact!r}, distance {self.distance:g} and settling "
+                f"{self.settling}: grains may overlap with contact 'sdf' only, without distance and settling"
+            )
+        if self.ways == "one" and self.contact != "sdf":
+            raise InputError(
+                f"ways is 'one' with contact {self.contact!r}: points are compared with points; use 'both'"
+            )
+        if self.friction and not self.settling:
+            raise InputError(
+                f"friction is {self.friction:g} and settling 0: it acts while grains settle; set settling, such as 200"
+            )
 
 
 def prepare(problem: Problem) -> State:
@@ -121,7 +160,8 @@ def prepare(problem: Problem) -> State:
         "queue": np.arange(n, dtype=np.int64),
         "height": np.full(1, np.inf),
     }
-    state = State(arrays, {**dict.fromkeys(TALLY, 0), "fed_at": -1}, 0, _most_attempts(problem, n))
+    later = {"fed_at": -1, "ended": -1, "parting_sweeps": 0, "left_overlapping": 0, "settling_at": -1, "walked": 0}
+    state = State(arrays, {**dict.fromkeys(TALLY, 0), **later}, 0, _most_attempts(problem, n))
     if n == 0:
         state.stop_reason = "count"
     if problem.start is not None and problem.start.count:
@@ -131,9 +171,9 @@ def prepare(problem: Problem) -> State:
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
     """Put the grains of the start in the container, each as little above its place as the points need to part."""
-    setting, gravity = _setting(problem, state), _gravity(problem)
+    setting, gravity = setting_of(problem, state), _gravity(problem)
     up = upward(gravity, problem.dimension).astype(np.float64)
-    bed, rules = _bed(problem, state, setting), _rules(problem, state)
+    bed, rules = bed_of(problem, state, setting), _rules(problem, state)
     world = (setting.bodies, setting.cells, setting.walls, rules, setting.memory, setting.scratch)
     for grain in start.rising(gravity).tolist():
         setting.scratch.quaternion[:] = start.orientation[grain]
@@ -150,10 +190,12 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     """Make up to `attempts` attempts, first feeding, then shaking and settling."""
     if state.stop_reason:
         return state
-    setting = _setting(problem, state)
+    setting = setting_of(problem, state)
     last = state.done + attempts
     while state.done < last and not state.stop_reason:
-        if state.counters["fed_at"] < 0:
+        if state.counters["ended"] >= 0:
+            _finish_on_true_shapes(problem, state, last)
+        elif state.counters["fed_at"] < 0:
             _walk(problem, state, setting, last)
             _look_at_queue(problem, state)
         else:
@@ -168,165 +210,41 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that entered."""
-    placed = np.flatnonzero(state.arrays["entered"])
+    placed = _placed(state)
     shape_id = problem.shape_id[placed]
     own = np.array([shape.diameter for shape in problem.original])
-    resolved = {
-        **to_mapping(problem.parameters),
-        "gravity": problem.parameters.gravity or _default_gravity(problem),
+    provenance: dict[str, object] = {
+        "parameters": {
+            **to_mapping(problem.parameters),
+            "gravity": problem.parameters.gravity or _default_gravity(problem),
+        }
     }
+    if state.counters["parting_sweeps"]:
+        kept = ("parting_sweeps", "left_overlapping")
+        provenance["parting"] = {name.partition("_")[2]: state.counters[name] for name in kept}
+    assembly = _assembly(problem, state)
+    if state.counters["settling_at"] >= 0:
+        provenance["settling"] = settling_report(state, assembly, _gravity(problem).astype(np.float64))
     return Packing.of(
         problem.original,
         problem.container.scaled(problem.unit_length),
-        position=state.arrays["position"][placed] * problem.unit_length,
+        position=assembly.position * problem.unit_length,
         scale=problem.diameter[placed] * problem.unit_length / own[shape_id],
         shape_id=shape_id,
-        orientation=normalized(state.arrays["orientation"][placed]),
-        provenance={"parameters": resolved},
+        orientation=normalized(assembly.orientation),
+        provenance=provenance,
         stop_reason=state.stop_reason or "interrupted",
     )
 
 
 def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
-    container = problem.container
-    solids = [*problem.shapes, *([container.shape] if isinstance(container, ClosedMesh) else [])]
-    total = 0.0
-    for solid in solids:
-        power = problem.dimension - 1
-        # points that keep apart and cover at this spacing; 24 bytes each, as much in the tree, and their probes
-        points = 16 + 5 * solid.surface_area / problem.parameters.spacing**power
-        faces = len(solid.geometry.faces) if isinstance(solid.geometry, Mesh) else 5000
-        total += points * (24 * 40 + 48) + faces * (72 + 3 * 24)
+    finishing = (PART_SWEEPS if _needs_parting(problem) else 0) + problem.parameters.settling
     return Cost(
-        memory=int(total) + _memory_room(problem) * (LISTED * 16 + 136),
-        attempts=_most_attempts(problem, problem.count),
+        memory=memory_needed(problem),
+        attempts=_most_attempts(problem, problem.count) + finishing * problem.count,
         sampled_shapes=len(problem.shapes) if problem.count else 0,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Setting:
-    """What follows from the problem."""
-
-    bodies: Bodies
-    extent: Floats
-    walls: Walls
-    cells: Cells
-    memory: Memory
-    scratch: Scratch
-    key: Any
-
-
-def _setting(problem: Problem, state: State) -> _Setting:
-    """Return the setting, made again where the state was just made or read from a checkpoint."""
-    if "setting" not in state.derived:
-        bodies = _bodies(problem)
-        key = philox_key(problem.seed, "control_point")
-        extent = _extent(problem, bodies)
-        cells = _cells(problem, extent)
-        scratch = _scratch(problem, bodies, cells)
-        made = _Setting(bodies, extent, _walls(problem), cells, _memory(problem), scratch, key)
-        link_all(_bed(problem, state, made), made.cells)
-        state.derived["setting"] = made
-    kept: _Setting = state.derived["setting"]
-    return kept
-
-
-def _memory(problem: Problem) -> Memory:
-    """Return an empty memory with room for the neighbours of all grains."""
-    room = _memory_room(problem)
-    lists = np.zeros((room, LISTED, 2), dtype=np.int64)
-    return Memory(np.full((room, 4), -1, dtype=np.int64), np.zeros((room, 13)), lists)
-
-
-def _memory_room(problem: Problem) -> int:
-    """Return for how many pairs there is memory, a power of two."""
-    return min(MOST_PAIRS, 1 << int(np.ceil(np.log2(16 * max(problem.count, 1)))))
-
-
-def _scratch(problem: Problem, bodies: Bodies, cells: Cells) -> Scratch:
-    """Return room for what the kernels try: neighbours are all grains in all images within reach, at the most."""
-    room = stack_room(bodies.trees)
-    lengths = (cells.width * cells.count)[list(problem.container.periodic)]
-    images = int(np.prod(2 * np.ceil(2 * cells.reach / lengths) + 1))
-    return Scratch(
-        *(np.zeros(3), np.zeros(4), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)),
-        *(np.zeros((room, 2), dtype=np.int64), np.zeros((LISTED, 2), dtype=np.int64)),
-        np.zeros((images * problem.count, 4), dtype=np.int64),
-    )
-
-
-def _extent(problem: Problem, bodies: Bodies) -> Floats:
-    """Return bounding radius, half the spacing and volume over surface of each grain, (n, 3)."""
-    inner = [shape.volume / shape.surface_area for shape in problem.shapes]
-    known = len(inner)
-    unit = np.column_stack([bodies.radius[:known], bodies.spacing[:known] / 2, inner])
-    return np.ascontiguousarray(unit[problem.shape_id] * problem.diameter[:, None])
-
-
-def _bodies(problem: Problem) -> Bodies:
-    """Sample the shapes, and the container where it is a mesh, and plant their trees."""
-    settings: ControlPoint = problem.parameters
-    samples = [problem.points(k, settings.spacing) for k in range(len(problem.shapes))]
-    solids = list(problem.shapes)
-    if isinstance(problem.container, ClosedMesh):
-        solids.append(problem.container.shape)
-        samples.append(sample_surface(solids[-1], spacing=settings.spacing, seed=problem.seed))
-    # points of a curved shape lie on its tessellation, and that lies near the true surface
-    spacing = [points.spacing + 2 * solid.tessellation_error for points, solid in zip(samples, solids, strict=True)]
-    hulls = [_hull(shape) for shape in problem.shapes]
-    triangles = [solid.vertices[solid.faces] for solid in solids]
-    return Bodies(
-        make_trees([np.asarray(points) for points in samples]),
-        np.array([solid.bounding_radius for solid in solids]),
-        np.array(spacing),
-        *(np.concatenate(hulls), _starts(hulls)),
-        np.array([shape.tessellation_error for shape in problem.shapes]),
-        *(np.concatenate(triangles), _starts(triangles)),
-    )
-
-
-def _hull(shape: Shape) -> Floats:
-    """Return the corners of the convex hull of the tessellation of a shape, (n, 3)."""
-    corners = shape.vertices[:, : shape.dimension]
-    return np.ascontiguousarray(shape.vertices[load("scipy.spatial").ConvexHull(corners).vertices])
-
-
-def _starts(parts: list[Floats]) -> Integers:
-    """Return where each part begins when all lie one after another, and where the last one ends."""
-    return np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64)
-
-
-def _walls(problem: Problem) -> Walls:
-    """Return the walls of the container."""
-    container = problem.container
-    lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
-    periodic = np.array(container.periodic, dtype=np.int64)
-    walled = np.where(np.arange(3) < problem.dimension, 1 - periodic, 0).astype(np.int64)
-    if isinstance(container, ClosedMesh):
-        return Walls(MESH, lower, upper, walled, periodic, 0.0, np.array(container.shape.offset))
-    if isinstance(container, Cylinder):
-        return Walls(ROUND, lower, upper, walled, periodic, float(container.radius), (lower + upper) / 2)
-    return Walls(FLAT, lower, upper, walled, periodic, 0.0, np.zeros(3))
-
-
-def _cells(problem: Problem, extent: Floats) -> Cells:
-    """Lay out empty cells, most of which hold no more than one grain."""
-    lower, upper = problem.container.bounds
-    span = np.where(np.arange(3) < problem.dimension, upper - lower, 1.0)
-    least = (np.prod(span) / (64 * problem.count)) ** (1 / problem.dimension)
-    count = np.maximum(np.floor(span / max(float(np.median(extent[:, 0])), least)), 1).astype(np.int64)
-    reach = float(extent[:, 0].max() + 2 * extent[:, 1].max()) + problem.length(problem.parameters.distance)
-    head = np.full(int(np.prod(count)), -1, dtype=np.int64)
-    return Cells(lower.copy(), span / count, count, head, np.full(problem.count, -1, dtype=np.int64), reach)
-
-
-def _bed(problem: Problem, state: State, setting: _Setting) -> Bed:
-    """Return the arrays of the state as the kernels take them."""
-    arrays = state.arrays
-    poses = (arrays["position"], arrays["orientation"], arrays["entered"], arrays["step"])
-    return Bed(*poses, problem.shape_id.astype(np.int64), problem.diameter.astype(np.float64), setting.extent)
 
 
 def _rules(problem: Problem, state: State) -> Rules:
@@ -341,7 +259,7 @@ def _rules(problem: Problem, state: State) -> Rules:
         at_once or isinstance(problem.container, ClosedMesh),
         np.array([settings.up, settings.turns, 1.0 if at_once else FEED_SHARE]),
         np.array([counters["fed_at"], length, settings.cycles, _patience(problem)], dtype=np.int64),
-        problem.length(settings.distance),
+        problem.length(settings.distance - settings.overlap),
         float(settings.step),
         SHORTEST_STEP,
         problem.dimension,
@@ -358,11 +276,11 @@ def _gravity(problem: Problem) -> Integers:
     return axis_of(problem.parameters.gravity or _default_gravity(problem), problem.container)
 
 
-def _walk(problem: Problem, state: State, setting: _Setting, last: int) -> None:
+def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
     """Run the kernel up to attempt `last`, or until the queue is empty or gives up."""
     tally = np.array([state.counters[name] for name in TALLY], dtype=np.int64)
     state.done = make_attempts(
-        *(_bed(problem, state, setting), setting.bodies, setting.cells, setting.walls, _rules(problem, state)),
+        *(bed_of(problem, state, setting), setting.bodies, setting.cells, setting.walls, _rules(problem, state)),
         *(setting.memory, setting.scratch),
         *(state.arrays["queue"], tally, setting.key, state.done, last),
     )
@@ -402,9 +320,83 @@ def _look_at_bed(problem: Problem, state: State) -> None:
     shaken = state.done - counters["fed_at"] >= problem.parameters.sweeps * counters["placed"]
     calm = abs(sunk) <= SETTLE_DEPTH * counters["placed"]
     if shaken and (calm or not gravity.any()):
-        state.stop_reason = "settled" if entered else "full"
+        _end_walk(problem, state, "settled" if entered else "full")
     elif state.done >= state.total:
-        state.stop_reason = "steps" if entered else "full"
+        _end_walk(problem, state, "steps" if entered else "full")
+
+
+def _needs_parting(problem: Problem) -> bool:
+    """Tell whether grains may overlap between their control points, which those with sharp edges may."""
+    settings: ControlPoint = problem.parameters
+    smooth = all(largest_curvature(shape.geometry) is not None for shape in problem.shapes)
+    return settings.contact == "sdf" and not settings.overlap and not smooth
+
+
+def _end_walk(problem: Problem, state: State, reason: str) -> None:
+    """End the walk, and go on with the true shapes where that is asked for or needed."""
+    parts = _needs_parting(problem)
+    if not parts and not problem.parameters.settling:
+        state.stop_reason = reason
+        return
+    placed = _placed(state)
+    state.counters["ended"], state.counters["walked"] = ENDS.index(reason), state.done
+    for name in ("position", "orientation"):
+        state.arrays[name] = state.arrays[name][placed].copy()
+    state.arrays["grains"] = placed
+    sweeps = (PART_SWEEPS if parts else 0) + problem.parameters.settling
+    state.total = state.done + sweeps * max(len(placed), 1)
+    if not parts:
+        _end_parting(problem, state)
+
+
+def _end_parting(problem: Problem, state: State) -> None:
+    """Stop, or let the true shapes settle; grains that could not be parted stay as they are."""
+    if problem.parameters.settling and not state.counters["left_overlapping"]:
+        gravity = _gravity(problem).astype(np.float64)
+        begin_settling(state, _assembly(problem, state), gravity, 0.25 * problem.parameters.spacing)
+    else:
+        state.stop_reason = ENDS[state.counters["ended"]]
+
+
+def _finish_on_true_shapes(problem: Problem, state: State, last: int) -> None:
+    """Make a sweep of parting or settling when it is due: one for as many attempts as there are grains."""
+    counters, placed = state.counters, len(state.arrays["grains"])
+    sweeps = counters["settling_sweeps"] if counters["settling_at"] >= 0 else counters["parting_sweeps"]
+    begin = counters["settling_at"] if counters["settling_at"] >= 0 else counters["walked"]
+    due = begin + (sweeps + 1) * max(placed, 1)
+    state.done = min(last, due)
+    if state.done < due:
+        return
+    settings: ControlPoint = problem.parameters
+    gravity, assembly = _gravity(problem).astype(np.float64), _assembly(problem, state)
+    if counters["settling_at"] >= 0:
+        rests = settle_sweep(state, assembly, gravity, friction=settings.friction)
+        if rests or sweeps + 1 >= settings.settling:
+            state.stop_reason = "settled" if placed == problem.count else "full"
+        return
+    after, counters["left_overlapping"] = part_once(assembly, gravity)
+    state.arrays["position"], state.arrays["orientation"] = after.position.copy(), after.orientation.copy()
+    counters["parting_sweeps"] += 1
+    if not counters["left_overlapping"] or counters["parting_sweeps"] == PART_SWEEPS:
+        _end_parting(problem, state)
+
+
+def _placed(state: State) -> Integers:
+    """Return the grains that have entered."""
+    if state.counters["ended"] >= 0:
+        return state.arrays["grains"]
+    return np.flatnonzero(state.arrays["entered"])
+
+
+def _assembly(problem: Problem, state: State) -> Assembly:
+    """Return the grains that have entered, in the normalized frame."""
+    placed = _placed(state)
+    poses = [state.arrays[name] for name in ("position", "orientation")]
+    if state.counters["ended"] < 0:
+        poses = [pose[placed] for pose in poses]
+    return Assembly(
+        *(problem.shapes, problem.shape_id[placed], problem.diameter[placed], poses[0], poses[1], problem.container)
+    )
 
 
 registration = PackingMethod(

@@ -1,0 +1,139 @@
+"""Who is near a grain: neighbours in cells, periodic images included, and the test of contact with each."""
+
+import numpy as np
+
+from voxgran._base.kernels import bare_kernel
+from voxgran.packing.control_points import meets, recall
+from voxgran.packing.control_records import SDF, Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
+from voxgran.packing.field_contacts import meets_field, recall_field
+
+
+@bare_kernel
+def meets_own_image(
+    bed: Bed,
+    bodies: Bodies,
+    cells: Cells,
+    walls: Walls,
+    rules: Rules,
+    memory: Memory,
+    scratch: Scratch,
+    g: int,
+    moved: float,
+) -> bool:
+    """Tell whether a grain meets one of its periodic images; there is none to look at in a wide container."""
+    reach = bed.extent[g, 0] + cells.reach
+    nx, ny, nz = _images(walls, 0, reach), _images(walls, 1, reach), _images(walls, 2, reach)
+    for ix in range(-nx, nx + 1):
+        for iy in range(-ny, ny + 1):
+            for iz in range(-nz, nz + 1):
+                if ix != 0 or iy != 0 or iz != 0:
+                    dx = ix * (walls.upper[0] - walls.lower[0])
+                    dy = iy * (walls.upper[1] - walls.lower[1])
+                    dz = iz * (walls.upper[2] - walls.lower[2])
+                    if _compare(bed, bodies, memory, scratch, g, g, rules.gap, dx, dy, dz, moved):
+                        return True
+    return False
+
+
+@bare_kernel
+def _images(walls, axis, reach):  # type: ignore[no-untyped-def]
+    """Return how many images along an axis, to each side, are within reach."""
+    if walls.periodic[axis] == 0:
+        return 0
+    return np.int64(np.floor(reach / (walls.upper[axis] - walls.lower[axis])))
+
+
+@bare_kernel
+def meets_any(
+    bed: Bed,
+    bodies: Bodies,
+    cells: Cells,
+    walls: Walls,
+    rules: Rules,
+    memory: Memory,
+    scratch: Scratch,
+    g: int,
+    moved: float,
+) -> bool:
+    """Tell whether a grain meets another: first from memory, then by comparing those of whom it does not tell."""
+    pending, position = scratch.pending, bed.position
+    trees, fields = bodies.trees, bodies.fields
+    count = _look_around(
+        *(position, bed.orientation, bed.diameter, bed.extent, bed.shape, cells.head, cells.after, cells.lower),
+        *(cells.width, cells.count, walls.lower, walls.upper, walls.periodic, memory.pairs, memory.poses, memory.lists),
+        *(trees.points, fields.head, fields.rows, fields.values, scratch.place, scratch.turn, scratch.relative),
+        *(scratch.shift, pending, g, cells.reach, rules.gap, moved, bodies.contact),
+    )
+    for k in range(count):
+        j = pending[k, 0]
+        dx = scratch.place[0] - position[j, 0] - pending[k, 1] * (walls.upper[0] - walls.lower[0])
+        dy = scratch.place[1] - position[j, 1] - pending[k, 2] * (walls.upper[1] - walls.lower[1])
+        dz = scratch.place[2] - position[j, 2] - pending[k, 3] * (walls.upper[2] - walls.lower[2])
+        if _compare(bed, bodies, memory, scratch, g, j, rules.gap, dx, dy, dz, moved):
+            return True
+    return count < 0
+
+
+@bare_kernel
+def _compare(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved):  # type: ignore[no-untyped-def]
+    """Tell by the test of contact whether two grains meet."""
+    if bodies.contact == SDF:
+        return meets_field(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz)
+    return meets(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
+
+
+@bare_kernel
+def _look_around(  # type: ignore[no-untyped-def]
+    position, orientation, diameter, extent, shape, head, after, origin, width, cells, lower, upper,
+    periodic, pairs, poses, lists, points, field_head, field_rows, field_values, place, turn, relative,
+    shift, pending, g, reach, gap, moved, contact,
+):  # fmt: skip
+    """List the neighbours, periodic images included, that a grain must be compared with; -1 where it surely meets
+    one.
+    """
+    reach += extent[g, 0]
+    found = 0
+    ax, bx = _cell_range(origin[0], width[0], cells[0], periodic[0], place[0], reach)
+    ay, by = _cell_range(origin[1], width[1], cells[1], periodic[1], place[1], reach)
+    az, bz = _cell_range(origin[2], width[2], cells[2], periodic[2], place[2], reach)
+    for cx in range(ax, bx + 1):
+        ix = cx // cells[0]
+        x = place[0] - ix * (upper[0] - lower[0])
+        for cy in range(ay, by + 1):
+            iy = cy // cells[1]
+            y = place[1] - iy * (upper[1] - lower[1])
+            for cz in range(az, bz + 1):
+                iz = 0 if 0 <= cz < cells[2] else cz // cells[2]
+                z = place[2] - iz * (upper[2] - lower[2])
+                j = head[((cx - ix * cells[0]) * cells[1] + cy - iy * cells[1]) * cells[2] + cz - iz * cells[2]]
+                while j >= 0:
+                    dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+                    near = extent[g, 0] + extent[j, 0] + extent[g, 1] + extent[j, 1] + gap
+                    if j != g and dx * dx + dy * dy + dz * dz <= near * near:
+                        if contact == SDF:
+                            answer = recall_field(
+                                *(orientation, diameter, extent, shape, pairs, poses, points, field_head, field_rows),
+                                *(field_values, turn, relative, shift, g, j, gap, dx, dy, dz),
+                            )
+                        else:
+                            answer = recall(
+                                *(orientation, diameter, extent, pairs, poses, lists, points, turn, relative, shift),
+                                *(g, j, gap, dx, dy, dz, moved),
+                            )
+                        if answer == 1:
+                            return -1
+                        if answer == 2:
+                            pending[found, 0], pending[found, 1], pending[found, 2], pending[found, 3] = j, ix, iy, iz
+                            found += 1
+                    j = after[j]
+    return found
+
+
+@bare_kernel
+def _cell_range(origin, width, cells, periodic, x, reach):  # type: ignore[no-untyped-def]
+    """Return the first and last cell that a reach touches along an axis; beyond the ends only where it is periodic."""
+    first = np.int64(np.floor((x - reach - origin) / width))
+    last = np.int64(np.floor((x + reach - origin) / width))
+    if periodic == 0:
+        return min(max(first, 0), cells - 1), max(min(last, cells - 1), 0)
+    return first, last

@@ -1,0 +1,125 @@
+"""The records that the kernels of control-point packing read: grains, shapes, walls, memory, scratch."""
+
+from typing import NamedTuple
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran.packing.fields import Fields
+from voxgran.packing.point_cells import PointCells
+from voxgran.packing.trees import Trees
+
+#: kinds of walls
+FLAT, ROUND, MESH = 0, 1, 2
+#: tests of contact
+SDF, POINTS, KDTREE = 0, 1, 2
+
+
+class Bodies(NamedTuple):
+    """The shapes at unit diameter; with a mesh container, the last tree and the last triangles are its own.
+
+    `spacing` is twice the covering radius of the control points. The points `hull` with room `margin` around each hold
+    the solid in their convex hull. `contact` is the test of contact, `both` whether signed distances are asked both
+    ways; `cells` are those of the points, for the test that needs them.
+    """
+
+    contact: int
+    both: bool
+    trees: Trees
+    fields: Fields
+    cells: PointCells
+    radius: Floats
+    spacing: Floats
+    hull: Floats
+    hull_start: Integers
+    margin: Floats
+    triangles: Floats
+    triangle_start: Integers
+
+
+class Bed(NamedTuple):
+    """Where the grains are, how long a step each one tries at the most, and its `extent`.
+
+    The extent of a grain is its bounding radius, half the spacing of its points, volume over surface, the largest
+    curvature of its surface (below 0 where that is not smooth) and the error of a smooth surface.
+    """
+
+    position: Floats
+    orientation: Floats
+    placed: Integers
+    step: Floats
+    shape: Integers
+    diameter: Floats
+    extent: Floats
+
+
+class Walls(NamedTuple):
+    """The container: its bounds, which axes have walls and which are periodic, the radius of a round one."""
+
+    kind: int
+    lower: Floats
+    upper: Floats
+    walled: Integers
+    periodic: Integers
+    radius: float
+    offset: Floats
+
+
+class Memory(NamedTuple):
+    """What is known of pairs of grains that were compared: tables in which later pairs push out earlier ones.
+
+    `pairs` has the number of the pair (-1: none), the two control points that refused it last (-1: none), and how many
+    rows of `lists` are filled; `poses` a relative pose (turn row by row, shift) and a slack. In that pose, all control
+    points were farther apart than they must be by the slack, those in `lists` excepted. With signed distances `lists`
+    is empty, and what refused is one control point and whether it belongs to the second grain.
+    """
+
+    pairs: Integers
+    poses: Floats
+    lists: Integers
+
+
+class Scratch(NamedTuple):
+    """Room for the pose that is tried, for a relative pose, for a walk over two trees, and for neighbours to be
+    compared.
+    """
+
+    place: Floats
+    quaternion: Floats
+    turn: Floats
+    relative: Floats
+    shift: Floats
+    stack: Integers
+    found: Integers
+    pending: Integers
+
+
+class Cells(NamedTuple):
+    """Linked cells of the centers: the first grain of each cell, the next grain after each grain (-1: none).
+
+    `reach` is the largest bounding radius plus the largest distance at which two grains are refused.
+    """
+
+    lower: Floats
+    width: Floats
+    count: Integers  # type: ignore[assignment]
+    head: Integers
+    after: Integers
+    reach: float
+
+
+class Rules(NamedTuple):
+    """How grains move.
+
+    shares: upward moves kept at the start, attempts with a turn, attempts that feed.  schedule: attempt at which
+    feeding ended (-1: not yet), attempts of all cycles, number of cycles, refusals in a row after which the container
+    is full.
+    """
+
+    gravity: Floats
+    tilt: float
+    anywhere: bool
+    shares: Floats
+    schedule: Integers
+    gap: float
+    longest: float
+    shortest: float
+    dimension: int

@@ -1,0 +1,219 @@
+"""What follows from a problem for control-point packing: points, trees, fields, walls, cells of grains, memory."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.lazy import load
+from voxgran._base.seeds import philox_key
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.packing.control_records import (
+    FLAT,
+    KDTREE,
+    MESH,
+    POINTS,
+    ROUND,
+    SDF,
+    Bed,
+    Bodies,
+    Cells,
+    Memory,
+    Scratch,
+    Walls,
+)
+from voxgran.packing.control_walk import link_all
+from voxgran.packing.fields import MARGIN, Fields, make_fields
+from voxgran.packing.method import State
+from voxgran.packing.point_cells import make_cells, no_cells
+from voxgran.packing.problem import Problem
+from voxgran.packing.trees import make_trees, stack_room
+from voxgran.points.control import sample_controls
+from voxgran.shapes.curvature import largest_curvature
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+
+if TYPE_CHECKING:
+    from voxgran.packing.methods.control_point import ControlPoint
+
+#: numbers of the tests of contact
+TESTS = {"sdf": SDF, "points": POINTS, "kdtree": KDTREE}
+#: edges of a cell of a lattice of distances in a spacing: its error is then small beside that of the points
+CELLS_IN_SPACING = 3.0
+#: control points that are listed for a pair of near grains, and pairs for which there are lists
+LISTED, MOST_PAIRS = 64, 2**17
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What follows from the problem."""
+
+    bodies: Bodies
+    extent: Floats
+    walls: Walls
+    cells: Cells
+    memory: Memory
+    scratch: Scratch
+    key: Any
+
+
+def setting_of(problem: Problem, state: State) -> Setting:
+    """Return the setting, made again where the state was just made or read from a checkpoint."""
+    if "setting" not in state.derived:
+        bodies = _bodies(problem)
+        key = philox_key(problem.seed, "control_point")
+        extent = _extent(problem, bodies)
+        cells = _cells(problem, extent)
+        scratch = _scratch(problem, bodies, cells)
+        made = Setting(bodies, extent, _walls(problem), cells, _memory(problem), scratch, key)
+        link_all(bed_of(problem, state, made), made.cells)
+        state.derived["setting"] = made
+    kept: Setting = state.derived["setting"]
+    return kept
+
+
+def bed_of(problem: Problem, state: State, setting: Setting) -> Bed:
+    """Return the arrays of the state as the kernels take them."""
+    arrays = state.arrays
+    poses = (arrays["position"], arrays["orientation"], arrays["entered"], arrays["step"])
+    return Bed(*poses, problem.shape_id.astype(np.int64), problem.diameter.astype(np.float64), setting.extent)
+
+
+def memory_needed(problem: Problem) -> int:
+    """Return how many bytes the setting takes at the most, before anything is made."""
+    settings: ControlPoint = problem.parameters
+    container = problem.container
+    solids = [*problem.shapes, *([container.shape] if isinstance(container, ClosedMesh) else [])]
+    total = 0.0
+    for solid in solids:
+        # points that keep apart and cover at this spacing; 24 bytes each, as much in the tree, and their probes
+        points = 16 + 5 * solid.surface_area / settings.spacing ** (problem.dimension - 1)
+        faces = len(solid.geometry.faces) if isinstance(solid.geometry, Mesh) else 5000
+        total += points * (24 * 40 + 48) + faces * (72 + 3 * 24)
+    if settings.contact == "sdf":
+        # 4 bytes a node, and its place and distance while they are made
+        across = 2 * max(shape.bounding_radius for shape in problem.shapes) / (settings.spacing / CELLS_IN_SPACING)
+        total += len(problem.shapes) * 4 * (across + 2 * MARGIN + 2) ** 3 + 60 * (across + 2 * MARGIN + 2) ** 3
+    listed = LISTED if settings.contact != "sdf" else 0
+    return int(total) + _memory_room(problem) * (listed * 16 + 136)
+
+
+def _memory(problem: Problem) -> Memory:
+    """Return an empty memory with room for the neighbours of all grains."""
+    room = _memory_room(problem)
+    listed = LISTED if problem.parameters.contact != "sdf" else 0
+    lists = np.zeros((room if listed else 0, listed, 2), dtype=np.int64)
+    return Memory(np.full((room, 4), -1, dtype=np.int64), np.zeros((room, 13)), lists)
+
+
+def _memory_room(problem: Problem) -> int:
+    """Return for how many pairs there is memory, a power of two."""
+    return min(MOST_PAIRS, 1 << int(np.ceil(np.log2(16 * max(problem.count, 1)))))
+
+
+def _scratch(problem: Problem, bodies: Bodies, cells: Cells) -> Scratch:
+    """Return room for what the kernels try: neighbours are all grains in all images within reach, at the most."""
+    room = stack_room(bodies.trees)
+    lengths = (cells.width * cells.count)[list(problem.container.periodic)]
+    images = int(np.prod(2 * np.ceil(2 * cells.reach / lengths) + 1))
+    return Scratch(
+        *(np.zeros(3), np.zeros(4), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)),
+        *(np.zeros((room, 2), dtype=np.int64), np.zeros((LISTED, 2), dtype=np.int64)),
+        np.zeros((images * problem.count, 4), dtype=np.int64),
+    )
+
+
+def _extent(problem: Problem, bodies: Bodies) -> Floats:
+    """Return radius, half the spacing, volume over surface, curvature and surface error of each grain, (n, 5)."""
+    known = len(problem.shapes)
+    inner = [shape.volume / shape.surface_area for shape in problem.shapes]
+    curvature = [largest_curvature(shape.geometry) for shape in problem.shapes]
+    smooth = np.array([bend is not None for bend in curvature], dtype=np.bool_)
+    error = np.array([_point_error(shape) for shape in problem.shapes])
+    error += bodies.fields.error if len(bodies.fields.error) else 0.0
+    unit = np.column_stack([bodies.radius[:known], bodies.spacing[:known] / 2, inner, np.where(smooth, error, 0.0)])
+    extent = unit[problem.shape_id] * problem.diameter[:, None]
+    bend = np.array([-1.0 if bend is None else bend for bend in curvature])[problem.shape_id] / problem.diameter
+    return np.ascontiguousarray(np.column_stack([extent[:, :3], bend, extent[:, 3]]))
+
+
+def _point_error(shape: Shape) -> float:
+    """Return how far control points may lie from the true surface."""
+    return 0.0 if getattr(shape.geometry, "kind", "") in ("sphere", "ellipsoid", "disk") else shape.tessellation_error
+
+
+def _bodies(problem: Problem) -> Bodies:
+    """Sample the shapes, and the container where it is a mesh, and plant their trees."""
+    settings: ControlPoint = problem.parameters
+    samples = [problem.points(k, settings.spacing) for k in range(len(problem.shapes))]
+    solids = list(problem.shapes)
+    if isinstance(problem.container, ClosedMesh):
+        solids.append(problem.container.shape)
+        samples.append(sample_controls(solids[-1], spacing=settings.spacing, seed=problem.seed))
+    # points of a curved shape lie on its tessellation, and that lies near the true surface
+    spacing = [points.spacing + 2 * solid.tessellation_error for points, solid in zip(samples, solids, strict=True)]
+    hulls = [_hull(shape) for shape in problem.shapes]
+    triangles = [solid.vertices[solid.faces] for solid in solids]
+    trees = make_trees([np.asarray(points) for points in samples])
+    return Bodies(
+        TESTS[settings.contact],
+        settings.ways == "both",
+        trees,
+        _fields(problem, samples),
+        make_cells(trees, np.array(spacing)) if settings.contact == "points" else no_cells(),
+        np.array([solid.bounding_radius for solid in solids]),
+        np.array(spacing),
+        *(np.concatenate(hulls), _starts(hulls)),
+        np.array([shape.tessellation_error for shape in problem.shapes]),
+        *(np.concatenate(triangles), _starts(triangles)),
+    )
+
+
+def _fields(problem: Problem, samples: list[Any]) -> Fields:
+    """Return the fields of the shapes, none where points are compared with points."""
+    settings: ControlPoint = problem.parameters
+    if settings.contact != "sdf":
+        return make_fields([], [], cell=1.0)
+    least = float(problem.diameter.min(initial=np.inf))
+    reach = problem.length(settings.distance) / least if np.isfinite(least) else 0.0
+    points = [np.asarray(sample) for sample in samples]
+    depth = problem.length(settings.overlap) / least if np.isfinite(least) else 0.0
+    cell = settings.spacing / CELLS_IN_SPACING
+    return make_fields(list(problem.shapes), points, cell=cell, reach=reach, depth=depth)
+
+
+def _hull(shape: Shape) -> Floats:
+    """Return the corners of the convex hull of the tessellation of a shape, (n, 3)."""
+    corners = shape.vertices[:, : shape.dimension]
+    return np.ascontiguousarray(shape.vertices[load("scipy.spatial").ConvexHull(corners).vertices])
+
+
+def _starts(parts: list[Floats]) -> Integers:
+    """Return where each part begins when all lie one after another, and where the last one ends."""
+    return np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64)
+
+
+def _walls(problem: Problem) -> Walls:
+    """Return the walls of the container."""
+    container = problem.container
+    lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
+    periodic = np.array(container.periodic, dtype=np.int64)
+    walled = np.where(np.arange(3) < problem.dimension, 1 - periodic, 0).astype(np.int64)
+    if isinstance(container, ClosedMesh):
+        return Walls(MESH, lower, upper, walled, periodic, 0.0, np.array(container.shape.offset))
+    if isinstance(container, Cylinder):
+        return Walls(ROUND, lower, upper, walled, periodic, float(container.radius), (lower + upper) / 2)
+    return Walls(FLAT, lower, upper, walled, periodic, 0.0, np.zeros(3))
+
+
+def _cells(problem: Problem, extent: Floats) -> Cells:
+    """Lay out empty cells, most of which hold no more than one grain."""
+    lower, upper = problem.container.bounds
+    span = np.where(np.arange(3) < problem.dimension, upper - lower, 1.0)
+    least = (np.prod(span) / (64 * problem.count)) ** (1 / problem.dimension)
+    count = np.maximum(np.floor(span / max(float(np.median(extent[:, 0])), least)), 1).astype(np.int64)
+    reach = float(extent[:, 0].max() + 2 * extent[:, 1].max()) + problem.length(problem.parameters.distance)
+    head = np.full(int(np.prod(count)), -1, dtype=np.int64)
+    return Cells(lower.copy(), span / count, count, head, np.full(problem.count, -1, dtype=np.int64), reach)

@@ -1,0 +1,70 @@
+"""Walls of control-point packing: flat and round ones exactly, by the convex hull of a grain; a mesh by its own points.
+
+Flat and round walls are convex; a grain is within them where the corners of its convex hull are. The mesh of a closed
+container is sampled like a grain, and grains keep clear of its points.
+"""
+
+import numpy as np
+
+from voxgran._base.kernels import bare_kernel
+from voxgran.packing.control_points import holds, list_points
+from voxgran.packing.control_records import FLAT, MESH, Bed, Bodies, Scratch, Walls
+
+
+@bare_kernel
+def is_outside(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, g: int, moved: float) -> bool:
+    """Tell whether a grain in the pose that is tried reaches beyond a wall; `moved` bounds how far its points came."""
+    if walls.kind == MESH:
+        return _is_outside_mesh(bed, bodies, walls, scratch, g, moved)
+    s, size = bed.shape[g], bed.diameter[g]
+    margin, begin, end = bodies.margin[s] * size, bodies.hull_start[s], bodies.hull_start[s + 1]
+    walled, lower, upper = walls.walled, walls.lower, walls.upper
+    place, turn, hull, radius = scratch.place, scratch.turn, bodies.hull, bed.extent[g, 0]
+    if _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, radius, margin):
+        return True
+    if walls.kind == FLAT:
+        return False
+    return _is_beyond_round(place, turn, hull, begin, end, size, walls.offset, walls.radius - margin, radius)
+
+
+@bare_kernel
+def _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, radius, margin):  # type: ignore[no-untyped-def]
+    """Tell whether a point of the convex hull lies beyond a flat wall."""
+    for axis in range(3):
+        x, low, high = place[axis], lower[axis] + margin, upper[axis] - margin
+        if walled[axis] == 0 or low + radius < x < high - radius:
+            continue
+        t, u, v = turn[axis, 0], turn[axis, 1], turn[axis, 2]
+        for k in range(begin, end):
+            along = x + size * (t * hull[k, 0] + u * hull[k, 1] + v * hull[k, 2])
+            if along < low or along > high:
+                return True
+    return False
+
+
+@bare_kernel
+def _is_beyond_round(place, turn, hull, begin, end, size, offset, room, radius):  # type: ignore[no-untyped-def]
+    """Tell whether a point of the convex hull lies outside of a cylinder along z."""
+    x, y = place[0] - offset[0], place[1] - offset[1]
+    if np.sqrt(x * x + y * y) + radius < room:
+        return False
+    for k in range(begin, end):
+        px = x + size * (turn[0, 0] * hull[k, 0] + turn[0, 1] * hull[k, 1] + turn[0, 2] * hull[k, 2])
+        py = y + size * (turn[1, 0] * hull[k, 0] + turn[1, 1] * hull[k, 1] + turn[1, 2] * hull[k, 2])
+        if room < 0.0 or px * px + py * py > room * room:
+            return True
+    return False
+
+
+@bare_kernel
+def _is_outside_mesh(bed, bodies, walls, scratch, g, moved):  # type: ignore[no-untyped-def]
+    """Tell whether a grain meets the mesh of the container, or lies outside of it."""
+    s, size, last = bed.shape[g], bed.diameter[g], len(bodies.spacing) - 1
+    distance = bed.extent[g, 1] + 0.5 * bodies.spacing[last]
+    for k in range(3):
+        scratch.shift[k] = scratch.place[k] - walls.offset[k]
+        for m in range(3):
+            scratch.relative[k, m] = size * scratch.turn[k, m]
+    if list_points(bodies, scratch, s, last, size, distance, distance)[0] < 0:
+        return True
+    return moved > bed.extent[g, 2] and not holds(bodies, s, last, scratch.relative, scratch.shift)

@@ -1,0 +1,269 @@
+"""Contact by signed distance: control points of one grain in the field of another, and the other way round.
+
+The points of a grain lie in a tree of balls. Where the field tells that the center of a ball is farther from the other
+grain than the ball reaches, none of its points needs to be looked at; so a comparison looks at the few points that
+are near. A point is refused where it is nearer than a threshold, which for touching grains is 0 but for two things.
+Between points that lie on a smooth surface, the surface bulges towards the other grain; by how much is known from
+the curvatures, so that smooth grains never overlap. And grains thinner than the points are wide apart are kept as
+far away as it takes that they cannot slip between the points.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel
+from voxgran.packing.control_points import HORIZON, ROUNDING
+from voxgran.packing.control_records import Bed, Bodies, Memory, Scratch
+from voxgran.packing.fields import STEEP, field_at
+from voxgran.packing.poses import invert, relate, row_of_pair
+
+#: columns of the extent of a grain
+RADIUS, HALF_SPACING, HALF_THICKNESS, CURVATURE, SURFACE_ERROR = range(5)
+
+
+@bare_kernel
+def threshold(extent: Floats, p: int, q: int, gap: float) -> float:
+    """Return how near the points of grain p may come to grain q.
+
+    extent: rows of bounding radius, covering radius of the points, volume over surface, largest curvature (below 0
+    where the surface is not smooth) and error of the surface, in median diameters.
+    """
+    cover = extent[p, HALF_SPACING]
+    bend = max(extent[p, CURVATURE], 0.0) + max(extent[q, CURVATURE], 0.0)
+    bulge = min(cover, 0.5 * cover * cover * bend) + extent[p, SURFACE_ERROR] + extent[q, SURFACE_ERROR]
+    return gap + max(bulge, cover - extent[q, HALF_THICKNESS])
+
+
+@bare_kernel
+def find_near(
+    points: Floats,
+    start: Integers,
+    balls: Floats,
+    first: Integers,
+    depth: Integers,
+    head: Floats,
+    rows: Floats,
+    values: NDArray[np.float32],
+    a: int,
+    b: int,
+    turn: Floats,
+    shift: Floats,
+    scale: float,
+    low: float,
+    high: float,
+    stack: Integers,
+) -> tuple[int, float]:
+    """Look for a point of tree a that is nearer than `low` to the surface of shape b.
+
+    A point p of a lies at ``turn @ p + shift`` in the frame of b, where `turn` is a rotation matrix times `scale`. The
+    first arguments are the fields of `Trees` and `Fields`.
+
+    Returns
+    -------
+    point : int
+        One that is nearer than `low`, or -1.
+    slack : float
+        By how much all are farther than `low`, `high` - `low` at the most; 0 where one is nearer.
+    """
+    level, begin, origin = depth[a], first[a], start[a]
+    leaves, count = (1 << level) - 1, start[a + 1] - start[a]
+    slack, top = high - low, 1
+    stack[0, 0] = 0
+    while top > 0:
+        top -= 1
+        node = stack[top, 0]
+        if node < leaves:
+            one, other = 2 * node + 1, 2 * node + 2
+            near = _least(balls, head, rows, values, begin + one, b, turn, shift, scale)
+            far = _least(balls, head, rows, values, begin + other, b, turn, shift, scale)
+            if near > far:
+                one, other, near, far = other, one, far, near
+            # the nearer one on top
+            if far < high:
+                stack[top, 0] = other
+                top += 1
+            if near < high:
+                stack[top, 0] = one
+                top += 1
+            continue
+        k = node - leaves
+        for i in range(origin + ((k * count) >> level), origin + (((k + 1) * count) >> level)):
+            told = _told(points, head, rows, values, i, b, turn, shift)
+            if told < low:
+                return i, 0.0
+            slack = min(slack, told - low)
+    return -1, slack / head[b, STEEP]
+
+
+@bare_kernel
+def _least(balls, head, rows, values, at, b, turn, shift, scale):  # type: ignore[no-untyped-def]
+    """Return what a field tells at least of the places in a ball."""
+    return _told(balls, head, rows, values, at, b, turn, shift) - balls[at, 3] * scale * head[b, STEEP]
+
+
+@bare_kernel
+def _told(points, head, rows, values, i, b, turn, shift):  # type: ignore[no-untyped-def]
+    """Return what the field of a shape tells of a point that is turned and shifted."""
+    x, y, z = points[i, 0], points[i, 1], points[i, 2]
+    return field_at(
+        *(head, rows, values, b),
+        turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z + shift[0],
+        turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + shift[1],
+        turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + shift[2],
+    )
+
+
+@bare_kernel
+def _told_back(points, head, rows, values, i, b, turn, shift, scale):  # type: ignore[no-untyped-def]
+    """Return what the field of a shape tells of a point in whose frame the shape is turned and shifted."""
+    x, y, z = points[i, 0] - shift[0], points[i, 1] - shift[1], points[i, 2] - shift[2]
+    part = 1.0 / (scale * scale)
+    return field_at(
+        *(head, rows, values, b),
+        part * (turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z),
+        part * (turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z),
+        part * (turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z),
+    )
+
+
+@bare_kernel
+def recall_field(
+    orientation: Floats,
+    diameter: Floats,
+    extent: Floats,
+    shape: Integers,
+    pairs: Integers,
+    poses: Floats,
+    points: Floats,
+    head: Floats,
+    rows: Floats,
+    values: NDArray[np.float32],
+    turn: Floats,
+    relative: Floats,
+    shift: Floats,
+    g: int,
+    j: int,
+    gap: float,
+    dx: float,
+    dy: float,
+    dz: float,
+) -> int:
+    """Tell from memory whether grain g meets grain j as in `meets_field`: 0 no, 1 yes, 2 unknown.
+
+    The answers are those that comparing the grains again would give.
+    """
+    a, b = min(g, j), max(g, j)
+    pair = a * len(diameter) + b
+    row = row_of_pair(len(pairs), pair)
+    if pairs[row, 0] != pair:
+        return 2
+    relate(orientation, diameter, turn, relative, shift, g, j, dx, dy, dz)
+    point = pairs[row, 1]
+    if point >= 0 and pairs[row, 2] == 0:
+        if (
+            _told(points, head, rows, values, point, shape[b], relative, shift)
+            < threshold(extent, a, b, gap) / diameter[b]
+        ):
+            return 1
+    elif point >= 0:
+        scale = diameter[a] / diameter[b]
+        told = _told_back(points, head, rows, values, point, shape[a], relative, shift, scale)
+        if told < threshold(extent, b, a, gap) / diameter[a]:
+            return 1
+    way, spin = 0.0, 0.0
+    for m in range(3):
+        way += (shift[m] - poses[row, 9 + m]) ** 2
+        for n in range(3):
+            spin += (relative[m, n] - poses[row, 3 * m + n]) ** 2
+    # points of b that are near a lie within its radius, the threshold and the slack, which is small
+    radius = (extent[a, RADIUS] + threshold(extent, b, a, max(gap, 0.0))) / diameter[a] + 2.0 * HORIZON
+    way = np.sqrt(way) + np.sqrt(0.5 * spin) * radius
+    return 0 if way + ROUNDING < poses[row, 12] else 2
+
+
+@bare_kernel
+def meets_field(
+    bed: Bed,
+    bodies: Bodies,
+    memory: Memory,
+    scratch: Scratch,
+    g: int,
+    j: int,
+    gap: float,
+    dx: float,
+    dy: float,
+    dz: float,
+) -> bool:
+    """Tell whether a control point of grain g, in the pose that is tried, comes too near to grain j, or the other way.
+
+    (dx, dy, dz) is the way from the center of j, or of its image, to that of g; j may be g, for an image of its own.
+    Asked one way, it is the grain with the finer points whose points are tested, and one point of the other grain,
+    so that a grain within another is found.
+    """
+    a, b = min(g, j), max(g, j)
+    extent, size_a, size_b = bed.extent, bed.diameter[a], bed.diameter[b]
+    low, back_low = threshold(extent, a, b, gap), threshold(extent, b, a, gap)
+    reach = extent[a, RADIUS] + extent[b, RADIUS] + max(low, back_low)
+    if dx * dx + dy * dy + dz * dz > reach * reach:
+        return False
+    relative, shift, scale = scratch.relative, scratch.shift, size_a / size_b
+    relate(bed.orientation, bed.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
+    finer = extent[a, HALF_SPACING] <= extent[b, HALF_SPACING]
+    room = HORIZON * min(1.0, scale)
+    point, slack, back = np.int64(-1), room, False
+    if bodies.both or finer:
+        point, slack = _find(bodies, scratch, bed.shape[a], bed.shape[b], scale, low / size_b, room)
+    elif _first_is_near(bodies, scratch, bed.shape[a], bed.shape[b], low / size_b):
+        return True
+    if point < 0:
+        invert(relative, shift, scale)
+        if bodies.both or not finer:
+            back = True
+            point, other = _find(
+                bodies, scratch, bed.shape[b], bed.shape[a], 1.0 / scale, back_low / size_a, room / scale
+            )
+            slack = min(slack, scale * other)
+        elif _first_is_near(bodies, scratch, bed.shape[b], bed.shape[a], back_low / size_a):
+            return True
+    if a != b:
+        if point < 0:
+            relate(bed.orientation, bed.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
+        _remember_field(memory, a * len(bed.diameter) + b, relative, shift, point, back, slack)
+    return bool(point >= 0)
+
+
+@bare_kernel
+def _find(bodies, scratch, s, t, scale, low, room):  # type: ignore[no-untyped-def]
+    """Look for a near point of shape s in the field of shape t."""
+    trees, fields = bodies.trees, bodies.fields
+    return find_near(
+        *(trees.points, trees.start, trees.balls, trees.first, trees.depth, fields.head, fields.rows, fields.values),
+        *(s, t, scratch.relative, scratch.shift, scale, low, low + room, scratch.stack),
+    )
+
+
+@bare_kernel
+def _first_is_near(bodies, scratch, s, t, low):  # type: ignore[no-untyped-def]
+    """Tell whether the first point of shape s is near shape t."""
+    trees, fields = bodies.trees, bodies.fields
+    first = trees.start[s]
+    return _told(trees.points, fields.head, fields.rows, fields.values, first, t, scratch.relative, scratch.shift) < low
+
+
+@bare_kernel
+def _remember_field(memory, pair, relative, shift, point, back, slack):  # type: ignore[no-untyped-def]
+    """Note the point that refused a pose beside what was known before, or the slack of a pose that was not refused."""
+    row = row_of_pair(len(memory.pairs), pair)
+    if point >= 0:
+        if memory.pairs[row, 0] != pair:
+            memory.pairs[row, 0], memory.poses[row, 12] = pair, -1.0
+        memory.pairs[row, 1], memory.pairs[row, 2] = point, 1 if back else 0
+        return
+    if memory.pairs[row, 0] != pair:
+        memory.pairs[row, 0], memory.pairs[row, 1] = pair, -1
+    memory.poses[row, 12] = slack
+    for m in range(3):
+        memory.poses[row, 9 + m] = shift[m]
+        for n in range(3):
+            memory.poses[row, 3 * m + n] = relative[m, n]

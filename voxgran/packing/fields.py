@@ -1,0 +1,251 @@
+"""Signed distances of shapes as numbers that kernels read: how far is a place from the surface of a solid?
+
+Unions of balls and convex bodies with flat faces are kept as balls and planes, which tell inside from outside exactly.
+Any other shape is sampled on a lattice of nodes, between which values are interpolated linearly along each axis: the
+error is of second order in the edge of a cell where the surface is smooth. A place beyond the lattice takes the nearest
+place on it and the way there, which is never more than its distance. All is in the frame of a shape of unit diameter.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats
+from voxgran._base.kernels import bare_kernel
+from voxgran._base.lazy import load
+from voxgran.contacts.inside import inner_distance
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+
+#: kinds of fields
+BALLS, PLANES, GRID = 0, 1, 2
+#: column of the head with the steepest change
+STEEP = 10
+#: balls and planes at most; more of them are sampled
+MOST_BALLS, MOST_PLANES = 24, 64
+#: cells along the longest side of a lattice, at most
+MOST_CELLS = 128
+#: cells around a shape
+MARGIN = 2
+
+
+class Fields(NamedTuple):
+    """Signed distances of several shapes, below 0 inside.
+
+    Attributes
+    ----------
+    head : (shapes, 11) ndarray of float
+        Kind (BALLS, PLANES or GRID), where the rows of the shape begin and end; of a lattice its first node, the edge
+        of a cell, and how many nodes there are along y, z and x; last, how fast values change along a way at the most,
+        where they are above the least one that is asked for.
+    rows : (n, 4) ndarray of float
+        Center and radius of each ball; outward normal and offset of each plane; of a lattice one row, with where its
+        values begin.
+    values : (m,) ndarray of float32
+        Distances at the nodes of all lattices, the last axis fastest.
+    error : (shapes,) ndarray of float
+        Largest distance that a field tells of points that lie on the surface; exact fields have 0.
+    """
+
+    head: Floats
+    rows: Floats
+    values: NDArray[np.float32]
+    error: Floats
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that are held."""
+        return sum(int(array.nbytes) for array in self)
+
+
+def make_fields(
+    shapes: list[Shape], points: list[Floats], *, cell: float, reach: float = 0.0, depth: float = 0.0
+) -> Fields:
+    """Return the fields of shapes.
+
+    Parameters
+    ----------
+    shapes : list of Shape
+        At unit diameter.
+    points : list of (n, 3) ndarray of float
+        Points on the surface of each, where the error is measured.
+    cell : float
+        Wanted edge of the cells of a lattice.
+    reach : float
+        Up to which distance from the surface fields have to tell distances; with 0 their sign is enough.
+    depth : float
+        How far below the surface distances are asked for.
+    """
+    heads, rows, values, row, value = [], [], [], 0, 0
+    for shape in shapes:
+        kind, own = _rows_of(shape.geometry, exact=reach > 0.0)
+        first, edge, nodes = _sampled(shape, cell, reach) if kind == GRID else _no_grid()
+        if kind == GRID:
+            own = np.array([[value, 0.0, 0.0, 0.0]])
+        steep = _steepest(nodes, edge, -depth) if kind == GRID else 1.0
+        heads.append([kind, row, row + len(own), *first, edge, *nodes.shape[1:], nodes.shape[0], steep])
+        rows.append(own)
+        values.append(nodes.ravel())
+        row, value = row + len(own), value + nodes.size
+    fields = Fields(
+        np.array(heads, dtype=np.float64).reshape(-1, 11),
+        np.concatenate([np.zeros((0, 4)), *rows]),
+        np.concatenate([np.zeros(0, dtype=np.float32), *values]),
+        np.zeros(len(shapes)),
+    )
+    for k, places in enumerate(points[: len(shapes)]):
+        if fields.head[k, 0] == GRID:
+            fields.error[k] = np.abs(distances(fields, k, places)).max()
+    return fields
+
+
+def distances(fields: Fields, shape: int, points: Floats) -> Floats:
+    """Return what a field tells of (n, 3) points in the frame of its shape, (n,)."""
+    told = np.zeros(len(points))
+    _tell(*fields[:3], shape, np.ascontiguousarray(points, dtype=np.float64), told)
+    return told
+
+
+def _rows_of(geometry: Geometry, *, exact: bool) -> tuple[int, Floats]:
+    """Return balls or planes of a geometry, or that it has to be sampled; planes tell exact distances only inside."""
+    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
+        return BALLS, np.array([[0.0, 0.0, 0.0, geometry.dimensions[0]]])
+    if isinstance(geometry, Spheres) and len(geometry.radii) <= MOST_BALLS:
+        return BALLS, np.column_stack([geometry.centers, geometry.radii])
+    if isinstance(geometry, Outline) and geometry.kind == "disk":
+        return BALLS, np.array([[*geometry.center, 0.0, geometry.radius]])
+    planes = None if exact else _planes_of(geometry)
+    return (GRID, np.zeros((0, 4))) if planes is None else (PLANES, planes)
+
+
+def _planes_of(geometry: Geometry) -> Floats | None:
+    """Return the planes of the faces of a convex body, or None where it is none or has too many."""
+    if isinstance(geometry, Outline):
+        a, b = geometry.vertices, np.roll(geometry.vertices, -1, axis=0)
+        along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
+        normal = np.column_stack([along[:, 1], -along[:, 0]])
+        offset = (normal * a).sum(axis=1)
+        if len(a) > MOST_PLANES or (geometry.vertices @ normal.T > offset + 1e-12).any():
+            return None
+        return np.column_stack([normal, np.zeros(len(a)), offset])
+    if isinstance(geometry, Primitive) and geometry.kind != "box":
+        return None
+    corners = geometry.tessellation()[0]
+    hull = load("scipy.spatial").ConvexHull(corners)
+    if len(hull.vertices) > 2 * MOST_PLANES or not np.isclose(hull.volume, geometry.volume, rtol=1e-9):
+        return None
+    # the planes of triangles in one face agree but for rounding
+    order = np.unique(hull.equations.round(9), axis=0, return_index=True)[1]
+    if len(order) > MOST_PLANES:
+        return None
+    normal = hull.equations[order, :3]
+    return np.column_stack([normal, (corners @ normal.T).max(axis=0)])
+
+
+def _sampled(shape: Shape, cell: float, reach: float) -> tuple[Floats, float, NDArray[np.float32]]:
+    """Return the first node, the edge of a cell and the distances at the nodes of a lattice around a shape."""
+    low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
+    cell = max(cell, float((high - low).max() + 2 * reach) / MOST_CELLS)
+    margin = reach + MARGIN * cell
+    nodes = np.ceil((high - low + 2 * margin) / cell).astype(np.int64) + 1
+    first = (low + high) / 2 - (nodes - 1) / 2 * cell
+    if shape.dimension == 2:
+        # two layers that are the same, with the plane of the shape between them
+        nodes[2], first[2] = 2, -cell / 2
+    axes = [first[k] + cell * np.arange(nodes[k]) for k in range(3)]
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    if shape.dimension == 2:
+        places[:, 2] = 0.0
+    told = _exact_distances(shape.geometry, places, outside=reach > 0.0)
+    return first, cell, told.reshape(nodes).astype(np.float32)
+
+
+def _exact_distances(geometry: Geometry, places: Floats, *, outside: bool) -> Floats:
+    """Return signed distances of (n, 3) places; near edges of regular solids, those outside may be less than true."""
+    if isinstance(geometry, Mesh):
+        return geometry.tree.signed_distance(places)
+    if outside and isinstance(geometry, Primitive) and geometry.kind == "box":
+        vertices, faces, _ = geometry.tessellation()
+        return Mesh(vertices, faces).tree.signed_distance(places)
+    return -inner_distance(geometry)(places)
+
+
+def _steepest(nodes: NDArray[np.float32], edge: float, least: float) -> float:
+    """Return how fast interpolated values change along a way at the most, in cells that reach above a value."""
+    squares = np.zeros(np.array(nodes.shape) - 1)
+    high = np.full(squares.shape, -np.inf)
+    for corner in np.ndindex(2, 2, 2):
+        part = tuple(slice(c, c + n) for c, n in zip(corner, squares.shape, strict=True))
+        high = np.maximum(high, nodes[part])
+    for axis in range(3):
+        slopes = np.abs(np.diff(nodes, axis=axis)) / edge
+        most = np.zeros(squares.shape)
+        for corner in np.ndindex(2, 2):
+            shift = np.insert(corner, axis, 0)
+            part = tuple(slice(c, c + n) for c, n in zip(shift, squares.shape, strict=True))
+            most = np.maximum(most, slopes[part])
+        squares += most**2
+    steepest = float(np.sqrt(squares[high > least].max(initial=1.0)))
+    # single precision; and beyond the lattice values change as fast as distances
+    return max(1.0, steepest) * (1.0 + 1e-5)
+
+
+def _no_grid() -> tuple[Floats, float, NDArray[np.float32]]:
+    """Return a lattice without nodes."""
+    return np.zeros(3), 1.0, np.zeros((0, 0, 0), dtype=np.float32)
+
+
+@bare_kernel
+def _tell(head, rows, values, shape, points, told):  # type: ignore[no-untyped-def]
+    """Fill in what a field tells of points."""
+    for k in range(len(points)):
+        told[k] = field_at(head, rows, values, shape, points[k, 0], points[k, 1], points[k, 2])
+
+
+@bare_kernel
+def field_at(
+    head: Floats, rows: Floats, values: NDArray[np.float32], shape: int, x: float, y: float, z: float
+) -> float:
+    """Return the signed distance of a place from a shape.
+
+    Outside it is that or less, but for the interpolation; the first arguments are the fields of `Fields`.
+    """
+    kind, begin, end = head[shape, 0], np.int64(head[shape, 1]), np.int64(head[shape, 2])
+    if kind == GRID:
+        return _between_nodes(head, values, shape, np.int64(rows[begin, 0]), x, y, z)
+    if kind == PLANES:
+        most = -np.inf
+        for k in range(begin, end):
+            most = max(most, rows[k, 0] * x + rows[k, 1] * y + rows[k, 2] * z - rows[k, 3])
+        return most
+    least = np.inf
+    for k in range(begin, end):
+        dx, dy, dz = x - rows[k, 0], y - rows[k, 1], z - rows[k, 2]
+        least = min(least, np.sqrt(dx * dx + dy * dy + dz * dz) - rows[k, 3])
+    return least
+
+
+@bare_kernel
+def _between_nodes(head, values, s, begin, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the value between eight nodes, and beyond the lattice what a place is from it at least."""
+    cell, ny, nz, nx = head[s, 6], np.int64(head[s, 7]), np.int64(head[s, 8]), np.int64(head[s, 9])
+    u, v, w = (x - head[s, 3]) / cell, (y - head[s, 4]) / cell, (z - head[s, 5]) / cell
+    a, b, c = min(max(u, 0.0), nx - 1.0), min(max(v, 0.0), ny - 1.0), min(max(w, 0.0), nz - 1.0)
+    i, j, k = min(np.int64(a), nx - 2), min(np.int64(b), ny - 2), min(np.int64(c), nz - 2)
+    p, q, r = a - i, b - j, c - k
+    at = begin + (i * ny + j) * nz + k
+    low = (1.0 - r) * values[at] + r * values[at + 1]
+    low += q * ((1.0 - r) * values[at + nz] + r * values[at + nz + 1] - low)
+    at += ny * nz
+    high = (1.0 - r) * values[at] + r * values[at + 1]
+    high += q * ((1.0 - r) * values[at + nz] + r * values[at + nz + 1] - high)
+    told = low + p * (high - low)
+    if a == u and b == v and c == w:
+        return told
+    du, dv, dw = cell * (u - a), cell * (v - b), cell * (w - c)
+    told = max(told, 0.0)
+    return np.sqrt(du * du + dv * dv + dw * dw + told * told)

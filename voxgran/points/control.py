@@ -1,0 +1,115 @@
+"""Control points of a solid: points all over its surface, and along its convex edges and at its corners.
+
+Edges and corners are what touches first, and points of the surface alone would miss them by up to half their spacing.
+"""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran.points.sample import SurfacePoints, sample_surface
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+
+#: angle between the normals of two triangles, in radians, from which on they meet in an edge
+SHARP = np.deg2rad(25.0)
+#: what the angles at a vertex lack of a full turn, in radians, from which on it is a corner
+POINTED = 0.3
+
+
+def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePoints:
+    """Return control points: those of :func:`voxgran.sample_surface`, and more along edges and at corners.
+
+    Parameters
+    ----------
+    shape : Shape
+        Any shape; of a curved one the points lie on its tessellation, of a sphere, ellipsoid or disk on its surface.
+    spacing : float
+        Wanted spacing, in the unit of lengths, on the surface and along edges.
+    seed : int
+        The same seed gives the same points.
+
+    Returns
+    -------
+    SurfacePoints
+        (n, 3) points, and the spacing that they reach on the tessellation.
+
+    Raises
+    ------
+    InputError
+        If the spacing is not above 0 or needs more than half a million points.
+    MissingLibraryError
+        If Open3D cannot be loaded.
+    """
+    points = sample_surface(shape, spacing=spacing, seed=seed)
+    if shape.dimension == 2:
+        return points
+    sharp = edge_points(shape.vertices, shape.faces, spacing)
+    places = np.concatenate([sharp, np.asarray(points)])
+    if isinstance(shape.geometry, Primitive) and shape.geometry.kind == "ellipsoid":
+        # from the tessellation onto the true surface, which is nearer than the error of the tessellation
+        level = np.linalg.norm(places @ shape.geometry.matrix / np.array(shape.geometry.dimensions), axis=1)
+        places /= level[:, None]
+    return SurfacePoints.of(places, points.spacing)
+
+
+def edge_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
+    """Return points along the convex edges of a closed mesh, its corners first.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points, in the unit of lengths.
+    faces : (m, 3) ndarray of int
+        Triangles, counterclockwise seen from outside.
+    spacing : float
+        Largest distance of neighbours along an edge; where edges are shorter, points are left out that are nearer to
+        each other than a quarter of it.
+
+    Returns
+    -------
+    (k, 3) ndarray of float
+        Points, none where no edge is sharp.
+    """
+    a, b = _sharp_edges(vertices, faces)
+    parts = [vertices[_pointed(vertices, faces)], vertices[a], vertices[b]]
+    way = vertices[b] - vertices[a]
+    cuts = np.ceil(np.linalg.norm(way, axis=1) / spacing).astype(np.int64)
+    for cut in range(1, int(cuts.max(initial=1))):
+        some = cuts > cut
+        parts.append(vertices[a[some]] + (cut / cuts[some])[:, None] * way[some])
+    places = np.concatenate(parts)
+    cell = np.floor(places / (spacing / 4)).astype(np.int64)
+    first = np.unique(cell, axis=0, return_index=True)[1] if len(places) else np.zeros(0, dtype=np.int64)
+    return np.asarray(places[np.sort(first)])
+
+
+def _sharp_edges(vertices: Floats, faces: Integers) -> tuple[Integers, Integers]:
+    """Return the ends of the edges that are convex and sharp."""
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    ends = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    opposite = np.concatenate([faces[:, 2], faces[:, 0], faces[:, 1]])
+    face = np.tile(np.arange(len(faces)), 3)
+    order = np.lexsort((ends[:, 1], ends[:, 0]))
+    ends, opposite, face = ends[order], opposite[order], face[order]
+    # in a closed mesh each edge comes twice
+    twice = np.flatnonzero((ends[1:] == ends[:-1]).all(axis=1))
+    one, other = face[twice], face[twice + 1]
+    turned = (normal[one] * normal[other]).sum(axis=1) < np.cos(SHARP)
+    below = ((vertices[opposite[twice + 1]] - vertices[ends[twice, 0]]) * normal[one]).sum(axis=1) < 0.0
+    sharp = twice[turned & below]
+    return ends[sharp, 0], ends[sharp, 1]
+
+
+def _pointed(vertices: Floats, faces: Integers) -> Integers:
+    """Return the vertices at which the angles of the triangles lack much of a full turn."""
+    corners = vertices[faces]
+    left = 2 * np.pi * np.ones(len(vertices))
+    for k in range(3):
+        u, v = corners[:, (k + 1) % 3] - corners[:, k], corners[:, (k + 2) % 3] - corners[:, k]
+        across = np.linalg.norm(np.cross(u, v), axis=1)
+        np.subtract.at(left, faces[:, k], np.arctan2(across, (u * v).sum(axis=1)))
+    used = np.zeros(len(vertices), dtype=np.bool_)
+    used[faces] = True
+    return np.flatnonzero(used & (left > POINTED))
