@@ -30,7 +30,7 @@ def meets_own_image(
                     dx = ix * (walls.upper[0] - walls.lower[0])
                     dy = iy * (walls.upper[1] - walls.lower[1])
                     dz = iz * (walls.upper[2] - walls.lower[2])
-                    if _compare(bed, bodies, memory, scratch, g, g, rules.gap, dx, dy, dz, moved):
+                    if compare(bed, bodies, memory, scratch, g, g, rules.gap, dx, dy, dz, moved):
                         return True
     return False
 
@@ -69,16 +69,28 @@ def meets_any(
         dx = scratch.place[0] - position[j, 0] - pending[k, 1] * (walls.upper[0] - walls.lower[0])
         dy = scratch.place[1] - position[j, 1] - pending[k, 2] * (walls.upper[1] - walls.lower[1])
         dz = scratch.place[2] - position[j, 2] - pending[k, 3] * (walls.upper[2] - walls.lower[2])
-        if _compare(bed, bodies, memory, scratch, g, j, rules.gap, dx, dy, dz, moved):
+        if compare(bed, bodies, memory, scratch, g, j, rules.gap, dx, dy, dz, moved):
             return True
     return count < 0
 
 
 @bare_kernel
-def _compare(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved):  # type: ignore[no-untyped-def]
+def compare(
+    bed: Bed,
+    bodies: Bodies,
+    memory: Memory,
+    scratch: Scratch,
+    g: int,
+    j: int,
+    gap: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    moved: float,
+) -> bool:
     """Tell by the test of contact whether two grains meet."""
     if bodies.contact == SDF:
-        return meets_field(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz)
+        return meets_field(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
     return meets(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
 
 
@@ -108,7 +120,7 @@ def _look_around(  # type: ignore[no-untyped-def]
                 j = head[((cx - ix * cells[0]) * cells[1] + cy - iy * cells[1]) * cells[2] + cz - iz * cells[2]]
                 while j >= 0:
                     dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
-                    near = extent[g, 0] + extent[j, 0] + extent[g, 1] + extent[j, 1] + gap
+                    near = extent[g, 0] + extent[j, 0] + extent[g, 5] + extent[j, 5] + gap
                     if j != g and dx * dx + dy * dy + dz * dz <= near * near:
                         if contact == SDF:
                             answer = recall_field(

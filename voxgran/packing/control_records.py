@@ -39,7 +39,8 @@ class Bed(NamedTuple):
     """Where the grains are, how long a step each one tries at the most, and its `extent`.
 
     The extent of a grain is its bounding radius, half the spacing of its points, volume over surface, the largest
-    curvature of its surface (below 0 where that is not smooth) and the error of a smooth surface.
+    curvature of its surface (below 0 where that is not smooth), the error of a smooth surface, and how near its points
+    are kept to other surfaces at the most.
     """
 
     position: Floats

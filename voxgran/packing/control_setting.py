@@ -1,5 +1,6 @@
 """What follows from a problem for control-point packing: points, trees, fields, walls, cells of grains, memory."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +9,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import philox_key
+from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.packing.control_records import (
@@ -126,7 +128,7 @@ def _scratch(problem: Problem, bodies: Bodies, cells: Cells) -> Scratch:
 
 
 def _extent(problem: Problem, bodies: Bodies) -> Floats:
-    """Return radius, half the spacing, volume over surface, curvature and surface error of each grain, (n, 5)."""
+    """Return radius, half the spacing, volume over surface, curvature, surface error and room of each grain, (n, 6)."""
     known = len(problem.shapes)
     inner = [shape.volume / shape.surface_area for shape in problem.shapes]
     curvature = [largest_curvature(shape.geometry) for shape in problem.shapes]
@@ -136,7 +138,13 @@ def _extent(problem: Problem, bodies: Bodies) -> Floats:
     unit = np.column_stack([bodies.radius[:known], bodies.spacing[:known] / 2, inner, np.where(smooth, error, 0.0)])
     extent = unit[problem.shape_id] * problem.diameter[:, None]
     bend = np.array([-1.0 if bend is None else bend for bend in curvature])[problem.shape_id] / problem.diameter
-    return np.ascontiguousarray(np.column_stack([extent[:, :3], bend, extent[:, 3]]))
+    half, most = extent[:, 1], float(np.maximum(bend, 0.0).max(initial=0.0))
+    # what bulges between points, or has to be kept off from thin grains; no more than half the spacing
+    bulge = 0.5 * half**2 * (np.maximum(bend, 0.0) + most) + extent[:, 3] + float(extent[:, 3].max(initial=0.0))
+    room = np.maximum(bulge, half - float(extent[:, 2].min(initial=np.inf)))
+    room = np.minimum(room, half + extent[:, 3] + float(extent[:, 3].max(initial=0.0)))
+    room = room if problem.parameters.contact == "sdf" else half
+    return np.ascontiguousarray(np.column_stack([extent[:, :3], bend, extent[:, 3], room]))
 
 
 def _point_error(shape: Shape) -> float:
@@ -154,7 +162,7 @@ def _bodies(problem: Problem) -> Bodies:
         samples.append(sample_controls(solids[-1], spacing=settings.spacing, seed=problem.seed))
     # points of a curved shape lie on its tessellation, and that lies near the true surface
     spacing = [points.spacing + 2 * solid.tessellation_error for points, solid in zip(samples, solids, strict=True)]
-    hulls = [_hull(shape) for shape in problem.shapes]
+    hulls, margins = zip(*(_hull(shape) for shape in problem.shapes), strict=True)
     triangles = [solid.vertices[solid.faces] for solid in solids]
     trees = make_trees([np.asarray(points) for points in samples])
     return Bodies(
@@ -166,7 +174,7 @@ def _bodies(problem: Problem) -> Bodies:
         np.array([solid.bounding_radius for solid in solids]),
         np.array(spacing),
         *(np.concatenate(hulls), _starts(hulls)),
-        np.array([shape.tessellation_error for shape in problem.shapes]),
+        np.array(margins),
         *(np.concatenate(triangles), _starts(triangles)),
     )
 
@@ -184,13 +192,16 @@ def _fields(problem: Problem, samples: list[Any]) -> Fields:
     return make_fields(list(problem.shapes), points, cell=cell, reach=reach, depth=depth)
 
 
-def _hull(shape: Shape) -> Floats:
-    """Return the corners of the convex hull of the tessellation of a shape, (n, 3)."""
+def _hull(shape: Shape) -> tuple[Floats, float]:
+    """Return points, (n, 3), and a room around them whose convex hull holds a shape: of a ball, its center."""
+    if is_one_ball(shape.geometry):
+        return np.zeros((1, 3)), shape.bounding_radius
     corners = shape.vertices[:, : shape.dimension]
-    return np.ascontiguousarray(shape.vertices[load("scipy.spatial").ConvexHull(corners).vertices])
+    hull = load("scipy.spatial").ConvexHull(corners).vertices
+    return np.ascontiguousarray(shape.vertices[hull]), shape.tessellation_error
 
 
-def _starts(parts: list[Floats]) -> Integers:
+def _starts(parts: Sequence[Floats]) -> Integers:
     """Return where each part begins when all lie one after another, and where the last one ends."""
     return np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64)
 
@@ -209,11 +220,11 @@ def _walls(problem: Problem) -> Walls:
 
 
 def _cells(problem: Problem, extent: Floats) -> Cells:
-    """Lay out empty cells, most of which hold no more than one grain."""
+    """Lay out empty cells, about as wide as a grain: looking into many small ones takes longer than at far grains."""
     lower, upper = problem.container.bounds
     span = np.where(np.arange(3) < problem.dimension, upper - lower, 1.0)
     least = (np.prod(span) / (64 * problem.count)) ** (1 / problem.dimension)
-    count = np.maximum(np.floor(span / max(float(np.median(extent[:, 0])), least)), 1).astype(np.int64)
-    reach = float(extent[:, 0].max() + 2 * extent[:, 1].max()) + problem.length(problem.parameters.distance)
+    count = np.maximum(np.floor(span / max(2.0 * float(np.median(extent[:, 0])), least)), 1).astype(np.int64)
+    reach = float(extent[:, 0].max() + 2 * extent[:, 5].max()) + problem.length(problem.parameters.distance)
     head = np.full(int(np.prod(count)), -1, dtype=np.int64)
     return Cells(lower.copy(), span / count, count, head, np.full(problem.count, -1, dtype=np.int64), reach)

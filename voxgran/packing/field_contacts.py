@@ -194,12 +194,13 @@ def meets_field(
     dx: float,
     dy: float,
     dz: float,
+    moved: float,
 ) -> bool:
     """Tell whether a control point of grain g, in the pose that is tried, comes too near to grain j, or the other way.
 
     (dx, dy, dz) is the way from the center of j, or of its image, to that of g; j may be g, for an image of its own.
-    Asked one way, it is the grain with the finer points whose points are tested, and one point of the other grain,
-    so that a grain within another is found.
+    `moved` bounds how far the points of g came. Asked one way, it is the grain with the finer points whose points are
+    tested, and one point of the other grain, so that a grain within another is found.
     """
     a, b = min(g, j), max(g, j)
     extent, size_a, size_b = bed.extent, bed.diameter[a], bed.diameter[b]
@@ -210,7 +211,8 @@ def meets_field(
     relative, shift, scale = scratch.relative, scratch.shift, size_a / size_b
     relate(bed.orientation, bed.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
     finer = extent[a, HALF_SPACING] <= extent[b, HALF_SPACING]
-    room = HORIZON * min(1.0, scale)
+    # what is learned for later is of no use to grains that move farther than that at once
+    room = HORIZON * min(1.0, scale) if moved <= 2.0 * HORIZON else 0.0
     point, slack, back = np.int64(-1), room, False
     if bodies.both or finer:
         point, slack = _find(bodies, scratch, bed.shape[a], bed.shape[b], scale, low / size_b, room)

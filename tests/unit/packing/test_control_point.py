@@ -302,8 +302,8 @@ def test_signed_distances_see_containment_both_ways(ways):
         kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
         write_matrix(kept.scratch.quaternion, kept.scratch.turn)
         for g in range(2):
-            assert meets_field(bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 0.1, 0.2, 0.3)
-            assert not meets_field(bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 6.0, 2.0, 1.0)
+            assert meets_field(bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 0.1, 0.2, 0.3, np.inf)
+            assert not meets_field(bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 6.0, 2.0, 1.0, np.inf)
 
 
 def test_points_in_cells_and_in_trees_give_the_same_bits():

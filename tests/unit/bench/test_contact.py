@@ -1,0 +1,63 @@
+"""The trade-off of contact tests: peers move as the walk does, and errors are those of closed forms."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran.bench.contact_peers import Grains, grid_moves, tree_moves
+from voxgran.bench.tradeoffs import contact
+from voxgran.packing.approach import first_contact
+
+
+def test_peers_accept_the_same_attempts():
+    """Both programs move the same grains to the same places."""
+    problem, state = contact.moving_task(vg.make_shape("box", lengths=(1.1, 0.9, 0.7)), 0.3, "kdtree", count=20)
+    setting = contact.setting_of(problem, state)
+    arrays = [state.arrays[name] for name in ("position", "orientation", "step")]
+    lower, upper = (np.array(corner, dtype=float) for corner in problem.container.bounds)
+    rest = {"lower": lower, "upper": upper, "distance": 2 * float(setting.extent[0, 1]), "longest": 0.05}
+    one, other = (Grains(problem.points(0, 0.3), *arrays, **rest) for _ in range(2))
+    drawn = contact._draw_moves(np.random.Generator(np.random.Philox(1)), 20, 0.7, one.radius, 600)
+    moved = [tree_moves(one)(*drawn), grid_moves(other)(*drawn)]
+    assert moved[0] == moved[1]
+    assert 100 < moved[0] < 600
+    assert np.allclose(one.position, other.position, rtol=0, atol=1e-12)
+    assert np.allclose(np.abs((one.orientation * other.orientation).sum(axis=1)), 1.0, rtol=0, atol=1e-12)
+    assert np.abs(one.position - state.arrays["position"]).max() > 0.02
+
+
+def test_rows_and_figure_are_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(contact, "SECONDS", 0.01)
+    monkeypatch.setattr(contact, "APPROACHES", 2)
+    monkeypatch.setattr(contact, "GRAINS", 12)
+    monkeypatch.setattr(contact, "SPACINGS", (0.4,))
+    monkeypatch.setattr(contact, "ACCURACY_SPACINGS", (0.4, 0.3))
+    monkeypatch.setattr(contact, "bodies", lambda: {"sphere": vg.make_shape("sphere")})
+    speed = contact.measure_speed(contact.bodies(), (0.4,))
+    assert {row[2] for row in speed} == {*contact.TESTS, "SciPy cKDTree", "numba grid"}
+    assert all(row[3] > 0 and 0 < row[4] < 1 for row in speed)
+    files = contact.run(tmp_path)
+    assert [path.name for path in files] == ["contact_speed.csv", "contact_accuracy.csv", "contact.svg"]
+    lines = files[1].read_text().splitlines()
+    assert lines[0].startswith("shape,test,points,spacing,mean_error")
+    assert len(lines) == 1 + 2 * len(contact.TESTS)
+
+
+def test_least_gap_is_that_of_manifold3d():
+    """Two spheres as meshes, apart along x, and pushed into each other."""
+    ball = vg.make_shape("sphere")
+    mesh = vg.Shape.from_mesh(ball.vertices, ball.faces)
+    for apart in (1.25, 0.96):
+        gap = contact._least_gap(mesh, mesh.vertices, mesh.vertices, np.array([apart, 0.0, 0.0]))
+        assert gap == pytest.approx(apart - 1.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("test", ["points", "kdtree"])
+def test_minkowski_difference_gives_the_gap_of_boxes(test):
+    """Cubes that come face to face along x stop at their spacing."""
+    cube = vg.make_shape("box", aspect=(1, 1, 1))
+    way, turns = np.array([1.0, 0, 0]), np.array([[1.0, 0, 0, 0], [1.0, 0, 0, 0]])
+    found = first_contact(cube, cube, way, turns=turns, contact=contact.TESTS[test][0], spacing=0.2)
+    edge = cube.volume ** (1 / 3)
+    assert contact.true_gap(cube, turns, way, found) == pytest.approx(found.offset[0] - edge, abs=1e-12)
+    assert 0 < found.offset[0] - edge <= found.allowance + 1e-12

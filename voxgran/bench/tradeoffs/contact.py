@@ -1,0 +1,308 @@
+"""Tests of contact of control-point packing: attempts per second beside other programs, and error against run time.
+
+Speed: equal grains at a solid fraction of 0.3 in a box move and turn without gravity, by steps that adapt; shares of
+accepted attempts are written beside the rates. The peers go on from where the grains are, with the same steps. All run
+on one thread, and seconds are those of the processor. Accuracy: two grains in random turns come towards each other
+along a line until the test refuses; where the true surfaces touch is known in closed form for spheres, from the
+Minkowski difference for boxes, and from the least gap that manifold3d finds for scanned bodies.
+"""
+
+import time
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.lazy import load
+from voxgran._base.rotation import normalized, rotation_matrices
+from voxgran._base.seeds import stream
+from voxgran.bench.contact_peers import Grains, grid_moves, tree_moves
+from voxgran.bench.model import TradeOff, calibration
+from voxgran.containers.box import Box
+from voxgran.packing.approach import Approach, first_contact
+from voxgran.packing.control_setting import setting_of
+from voxgran.packing.method import State, method_registry
+from voxgran.packing.pack import prepare_task
+from voxgran.packing.problem import Problem
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.files import load_shape
+from voxgran.shapes.model import Shape
+
+#: shape, control points of a grain, program, attempts per second, share of accepted attempts
+SpeedRow: TypeAlias = tuple[str, int, str, float, float]
+#: shape, test, control points, spacing, mean and largest size of the error, largest overlap, microseconds per attempt
+AccuracyRow: TypeAlias = tuple[str, str, int, float, float, float, float, float]
+#: spacings at which a sphere of unit diameter has about 200, 600 and 2000 control points
+SPACINGS = (0.27, 0.16, 0.09)
+ACCURACY_SPACINGS = (0.4, 0.28, 0.2, 0.14, 0.1)
+#: tests by name: contact and ways
+TESTS = {
+    "sdf": ("sdf", "both"),
+    "sdf, one way": ("sdf", "one"),
+    "points": ("points", "both"),
+    "kdtree": ("kdtree", "both"),
+}
+GRAINS, SOLID, MIXING = 150, 0.3, 400
+#: least seconds that a program is timed, and approaches of two grains
+SECONDS, APPROACHES = 0.6, 24
+
+
+def moving_task(shape: Shape, spacing: float, test: str, *, count: int = GRAINS) -> tuple[Problem, State]:
+    """Return grains in a box, mixed and ready to move.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of every grain.
+    spacing : float
+        Of the control points, in diameters.
+    test : str
+        One of :data:`TESTS`.
+    count : int
+        How many grains.
+    """
+    contact, ways = TESTS[test]
+    unit = shape.scaled(1 / shape.diameter)
+    edge = (count * unit.volume / SOLID) ** (1 / 3)
+    task = prepare_task(
+        unit, Box((edge,) * 3), method="control_point", count=count, solid_fraction=None, sizes=None, weights=None,
+        weights_by="number", seed=0,
+        parameters={
+            "spacing": spacing, "contact": contact, "ways": ways, "gravity": "none", "feed": "at_once", "sweeps": 10**7,
+        },
+    )  # fmt: skip
+    advance = method_registry().get("control_point").advance
+    state = method_registry().get("control_point").prepare(task.problem)
+    while state.counters["fed_at"] < 0:
+        state = advance(task.problem, state, 10_000)
+    return task.problem, advance(task.problem, state, MIXING * count)
+
+
+def rate_of_test(problem: Problem, state: State) -> tuple[float, float]:
+    """Return attempts per second of voxgran's walk, and the share of accepted ones."""
+    advance, best, attempts = method_registry().get("control_point").advance, 0.0, 4000
+    before, tried = state.counters["moves_accepted"], state.counters["moves_tried"]
+    began = time.perf_counter()
+    while time.perf_counter() - began < SECONDS:
+        start = time.process_time()
+        state = advance(problem, state, attempts)
+        best = max(best, attempts / (time.process_time() - start))
+    moves = state.counters["moves_tried"] - tried
+    return best, (state.counters["moves_accepted"] - before) / moves
+
+
+def rate_of_peer(name: str, problem: Problem, state: State, *, attempts: int) -> tuple[float, float]:
+    """Return attempts per second of another program from the same places, and the share of accepted ones."""
+    setting, program = setting_of(problem, state), tree_moves if name == "SciPy cKDTree" else grid_moves
+    inside = state.arrays["entered"] == 1
+    lower, upper = (np.array(corner, dtype=np.float64) for corner in problem.container.bounds)
+    points = problem.points(0, problem.parameters.spacing)
+    grains = Grains(
+        points, *(state.arrays[name][inside] for name in ("position", "orientation", "step")), lower=lower, upper=upper,
+        distance=2 * float(setting.extent[0, 1]),
+        longest=min(problem.parameters.step, 0.5 * float(setting.extent[0, 2])),
+    )  # fmt: skip
+    moves, generator = program(grains), stream(1, "bench moves")
+    best, moved, tried = 0.0, 0, 0
+    began = time.perf_counter()
+    while tried < 2 * attempts or time.perf_counter() - began < SECONDS:
+        drawn = _draw_moves(generator, len(grains.step), problem.parameters.turns, grains.radius, attempts)
+        start = time.process_time()
+        accepted = moves(*drawn)
+        best = max(best, attempts / (time.process_time() - start))
+        moved, tried = moved + accepted, tried + attempts
+    return best, moved / tried
+
+
+def _draw_moves(
+    generator: np.random.Generator, grains: int, turns: float, radius: float, attempts: int
+) -> tuple[Integers, Floats, Floats, Floats]:
+    """Draw grains, ways, axes and half angles as the walk does without gravity, for steps of 1."""
+    picks = generator.integers(0, grains, attempts)
+    ways, axes = normalized(generator.normal(size=(attempts, 3))), normalized(generator.normal(size=(attempts, 3)))
+    halves = (generator.random(attempts) - 0.5) / radius * (generator.random(attempts) < turns)
+    return picks, ways * generator.random(attempts)[:, None], axes, halves
+
+
+def measure_speed(shapes: dict[str, Shape], spacings: tuple[float, ...] = SPACINGS) -> list[SpeedRow]:
+    """Time the tests of contact and their peers.
+
+    Parameters
+    ----------
+    shapes : dict of str to Shape
+        By name.
+    spacings : tuple of float
+        Of the control points, in diameters.
+
+    Returns
+    -------
+    list of tuple
+        Shape, control points of a grain, program, attempts per second, and share of accepted attempts.
+    """
+    rows: list[SpeedRow] = []
+    for name, shape in shapes.items():
+        for spacing in spacings:
+            for test in TESTS:
+                problem, state = moving_task(shape, spacing, test)
+                known = name, len(problem.points(0, spacing))
+                rows.append((*known, test, *rate_of_test(problem, state)))
+                if test == "kdtree":
+                    rows.append((*known, "SciPy cKDTree", *rate_of_peer("SciPy cKDTree", problem, state, attempts=400)))
+                    rows.append((*known, "numba grid", *rate_of_peer("numba grid", problem, state, attempts=2000)))
+    return rows
+
+
+def measure_accuracy(
+    shapes: dict[str, Shape], speed: list[SpeedRow], spacings: tuple[float, ...] = ACCURACY_SPACINGS
+) -> list[AccuracyRow]:
+    """Compare where tests of contact refuse with where true surfaces touch.
+
+    Parameters
+    ----------
+    shapes : dict of str to Shape
+        By name.
+    speed : list of tuple
+        Rows of :func:`measure_speed`, of which the run time is taken where a spacing was timed.
+    spacings : tuple of float
+        Of the control points, in diameters.
+
+    Returns
+    -------
+    list of tuple
+        Shape, test, control points, spacing, mean and largest size of the error of the gap at contact, largest overlap
+        (all in diameters), and microseconds per attempt.
+    """
+    rows: list[AccuracyRow] = []
+    for name, shape in shapes.items():
+        unit = shape.scaled(1 / shape.diameter)
+        for spacing in spacings:
+            for test, (contact, ways) in TESTS.items():
+                gaps: list[float] = []
+                points, generator = 0, stream(2, "bench approaches")
+                for _ in range(APPROACHES):
+                    turns = normalized(generator.normal(size=(2, 4)))
+                    way = normalized(generator.normal(size=(1, 3)))[0]
+                    found = first_contact(unit, unit, way, turns=turns, contact=contact, ways=ways, spacing=spacing)
+                    gaps.append(true_gap(unit, turns, way, found))
+                    points = found.points[0]
+                size = np.abs(gaps)
+                timed = [row[3] for row in speed if row[:3] == (name, points, test)]
+                micro = 1e6 / timed[0] if timed else float("nan")
+                rows.append((name, test, points, spacing, size.mean(), size.max(), max(0.0, -min(gaps)), micro))
+    return rows
+
+
+def true_gap(shape: Shape, turns: Floats, way: Floats, found: Approach) -> float:
+    """Return the gap of the true surfaces at a contact, along the way of the approach; below 0 where they overlap.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of both grains: a sphere, a convex mesh or box, or any closed mesh.
+    turns : (2, 4) ndarray of float
+        Orientations of the standing and of the coming grain.
+    way : (3,) ndarray of float
+        Unit vector along which they came together, without going aside.
+    found : Approach
+        Where the test refused.
+    """
+    if getattr(shape.geometry, "kind", "") == "sphere":
+        return float(np.linalg.norm(found.offset)) - shape.diameter
+    standing, coming = (shape.vertices @ matrix.T for matrix in rotation_matrices(turns))
+    hull = load("scipy.spatial").ConvexHull(shape.vertices)
+    if np.isclose(hull.volume, shape.volume, rtol=1e-6):
+        corners = (standing[hull.vertices][:, None] - coming[hull.vertices][None]).reshape(-1, 3)
+        planes = load("scipy.spatial").ConvexHull(corners).equations
+        rise = planes[:, :3] @ way
+        ahead = rise > 1e-12
+        return float(found.offset @ way - (-planes[ahead, 3] / rise[ahead]).min())
+    return _least_gap(shape, standing, coming, found.offset)
+
+
+def _least_gap(shape: Shape, standing: Floats, coming: Floats, offset: Floats) -> float:
+    """Return the least gap of two closed meshes, or minus the depth of a box with the volume of their overlap."""
+    manifold = load("manifold3d")
+    bodies = [
+        manifold.Manifold(manifold.Mesh(corners.astype(np.float32), shape.faces.astype(np.uint32)))
+        for corners in (standing, coming + offset)
+    ]
+    gap = float(bodies[0].min_gap(bodies[1], shape.diameter))
+    if gap > 0.0:
+        return gap
+    common = bodies[0] ^ bodies[1]
+    if common.is_empty():
+        return 0.0
+    low, high = np.array(common.bounding_box()).reshape(2, 3)
+    return -float((high - low).min())
+
+
+def bodies() -> dict[str, Shape]:
+    """Return the shapes that are timed and compared; the scan where the repository has it."""
+    found = {"sphere": make_shape("sphere"), "box": make_shape("box", lengths=(1.1, 0.9, 0.7))}
+    scan = Path(__file__).parents[3] / "data" / "eros.obj"
+    if scan.is_file():
+        found["eros"] = load_shape(scan)
+    return found
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    shapes = bodies()
+    speed = measure_speed(shapes)
+    accuracy, loop = measure_accuracy(shapes, speed, tuple(sorted({*ACCURACY_SPACINGS, *SPACINGS}))), calibration()
+    rates = {row[:3]: row[3] for row in speed}
+    rows = [
+        "shape,points,program,attempts_per_second,accepted,ratio_to_ckdtree,ratio_to_numba_grid,calibration_seconds"
+    ]
+    for shape, points, program, rate, accepted in speed:
+        ratios = ",".join(f"{rate / rates[shape, points, peer]:.1f}" for peer in ("SciPy cKDTree", "numba grid"))
+        rows.append(f'{shape},{points},"{program}",{rate:.0f},{accepted:.3f},{ratios},{loop:.5f}')
+    table, second, figure = folder / "contact_speed.csv", folder / "contact_accuracy.csv", folder / "contact.svg"
+    write_text(table, "\n".join(rows) + "\n")
+    lines = ["shape,test,points,spacing,mean_error,largest_error,largest_overlap,microseconds_per_attempt"]
+    for name, test, points, spacing, mean, largest, overlap, micro in accuracy:
+        timed = "" if np.isnan(micro) else f"{micro:.2f}"
+        lines.append(f'{name},"{test}",{points},{spacing:g},{mean:.6f},{largest:.6f},{overlap:.6f},{timed}')
+    write_text(second, "\n".join(lines) + "\n")
+    _draw(speed, accuracy, figure)
+    return table, second, figure
+
+
+registration = TradeOff(
+    name="contact", summary="attempts per second and errors of the tests of contact of control points", run=run
+)
+
+
+def _draw(speed: list[SpeedRow], accuracy: list[AccuracyRow], path: Path) -> None:
+    """Draw rates against points on the left, errors against spacing in the middle and against time on the right."""
+    figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
+    for k, program in enumerate((*TESTS, "SciPy cKDTree", "numba grid")):
+        for shape, style in (("sphere", "-"), ("eros", ":")):
+            found = [(row[1], row[3]) for row in speed if row[0] == shape and row[2] == program]
+            if found:
+                left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=f"{program}, {shape}")
+    left.set_xlabel("control points of a grain")
+    left.set_ylabel("attempts per second")
+    for k, test in enumerate(TESTS):
+        for shape, style in (("sphere", "-"), ("box", "--"), ("eros", ":")):
+            own = [row for row in accuracy if row[0] == shape and row[1] == test]
+            if own:
+                middle.loglog(
+                    [row[3] for row in own], [row[4] for row in own], f"C{k}{style}", label=f"{test}, {shape}"
+                )
+            timed = sorted((row[7], row[4]) for row in own if not np.isnan(row[7]))
+            if timed:
+                right.loglog(*zip(*timed, strict=True), f"C{k}{style}", marker="o", label=f"{test}, {shape}")
+    middle.set_xlabel("spacing of control points, in diameters")
+    right.set_xlabel("microseconds per attempt")
+    for panel in (middle, right):
+        panel.set_ylabel("mean error of the gap at contact, in diameters")
+    for panel in (left, middle, right):
+        panel.grid(visible=True, alpha=0.3)
+        if panel.lines:
+            panel.legend(frameon=False, fontsize=6)
+    with written_whole(path) as draft:
+        figure.savefig(draft, format="svg")
