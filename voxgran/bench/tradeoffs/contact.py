@@ -21,7 +21,7 @@ from voxgran._base.seeds import stream
 from voxgran.bench.contact_peers import Grains, grid_moves, tree_moves
 from voxgran.bench.model import TradeOff, calibration
 from voxgran.containers.box import Box
-from voxgran.packing.approach import Approach, first_contact
+from voxgran.packing.approach import Encounter
 from voxgran.packing.control_setting import setting_of
 from voxgran.packing.method import State, method_registry
 from voxgran.packing.pack import prepare_task
@@ -179,14 +179,8 @@ def measure_accuracy(
         unit = shape.scaled(1 / shape.diameter)
         for spacing in spacings:
             for test, (contact, ways) in TESTS.items():
-                gaps: list[float] = []
-                points, generator = 0, stream(2, "bench approaches")
-                for _ in range(APPROACHES):
-                    turns = normalized(generator.normal(size=(2, 4)))
-                    way = normalized(generator.normal(size=(1, 3)))[0]
-                    found = first_contact(unit, unit, way, turns=turns, contact=contact, ways=ways, spacing=spacing)
-                    gaps.append(true_gap(unit, turns, way, found))
-                    points = found.points[0]
+                pair = Encounter(unit, unit, contact=contact, ways=ways, spacing=spacing)
+                points, gaps = pair.points[0], gaps_at_contact(unit, pair, APPROACHES)
                 size = np.abs(gaps)
                 timed = [row[3] for row in speed if row[:3] == (name, points, test)]
                 micro = 1e6 / timed[0] if timed else float("nan")
@@ -194,8 +188,27 @@ def measure_accuracy(
     return rows
 
 
-def true_gap(shape: Shape, turns: Floats, way: Floats, found: Approach) -> float:
-    """Return the gap of the true surfaces at a contact, along the way of the approach; below 0 where they overlap.
+def gaps_at_contact(shape: Shape, pair: Encounter, many: int) -> Floats:
+    """Return the true gaps, (many,), at which two equal grains in random turns were refused, from random sides.
+
+    Parameters
+    ----------
+    shape : Shape
+        Of both grains.
+    pair : Encounter
+        The two of them.
+    many : int
+        How often they meet.
+    """
+    generator, gaps = stream(2, "bench approaches"), []
+    for _ in range(many):
+        turns, way = normalized(generator.normal(size=(2, 4))), normalized(generator.normal(size=(1, 3)))[0]
+        gaps.append(true_gap(shape, turns, way, pair.first_contact(way, turns=turns)))
+    return np.array(gaps)
+
+
+def true_gap(shape: Shape, turns: Floats, way: Floats, offset: Floats) -> float:
+    """Return the gap of the true surfaces at a contact; below 0 where they overlap, the way back until they do not.
 
     Parameters
     ----------
@@ -205,11 +218,11 @@ def true_gap(shape: Shape, turns: Floats, way: Floats, found: Approach) -> float
         Orientations of the standing and of the coming grain.
     way : (3,) ndarray of float
         Unit vector along which they came together, without going aside.
-    found : Approach
-        Where the test refused.
+    offset : (3,) ndarray of float
+        Where the coming grain was refused.
     """
     if getattr(shape.geometry, "kind", "") == "sphere":
-        return float(np.linalg.norm(found.offset)) - shape.diameter
+        return float(np.linalg.norm(offset)) - shape.diameter
     standing, coming = (shape.vertices @ matrix.T for matrix in rotation_matrices(turns))
     hull = load("scipy.spatial").ConvexHull(shape.vertices)
     if np.isclose(hull.volume, shape.volume, rtol=1e-6):
@@ -217,25 +230,31 @@ def true_gap(shape: Shape, turns: Floats, way: Floats, found: Approach) -> float
         planes = load("scipy.spatial").ConvexHull(corners).equations
         rise = planes[:, :3] @ way
         ahead = rise > 1e-12
-        return float(found.offset @ way - (-planes[ahead, 3] / rise[ahead]).min())
-    return _least_gap(shape, standing, coming, found.offset)
+        return float(offset @ way - (-planes[ahead, 3] / rise[ahead]).min())
+    return _least_gap(shape, standing, coming, offset, way)
 
 
-def _least_gap(shape: Shape, standing: Floats, coming: Floats, offset: Floats) -> float:
-    """Return the least gap of two closed meshes, or minus the depth of a box with the volume of their overlap."""
+def _least_gap(shape: Shape, standing: Floats, coming: Floats, offset: Floats, way: Floats) -> float:
+    """Return the least gap of two closed meshes, or minus the way back until they are apart."""
     manifold = load("manifold3d")
-    bodies = [
+    one, other = (
         manifold.Manifold(manifold.Mesh(corners.astype(np.float32), shape.faces.astype(np.uint32)))
-        for corners in (standing, coming + offset)
-    ]
-    gap = float(bodies[0].min_gap(bodies[1], shape.diameter))
-    if gap > 0.0:
-        return gap
-    common = bodies[0] ^ bodies[1]
-    if common.is_empty():
-        return 0.0
-    low, high = np.array(common.bounding_box()).reshape(2, 3)
-    return -float((high - low).min())
+        for corners in (standing, coming)
+    )
+
+    def gap(back: float) -> float:
+        """Return the gap after a way back, up to a quarter of the diameter."""
+        moved = other.translate((offset + back * way).tolist())
+        return float(one.min_gap(moved, 0.25 * shape.diameter))
+
+    here = gap(0.0)
+    if here > 0.0:
+        return here
+    low, high = 0.0, 0.25 * shape.diameter
+    for _ in range(12):
+        middle = (low + high) / 2
+        low, high = (low, middle) if gap(middle) > 0.0 else (middle, high)
+    return -high
 
 
 def bodies() -> dict[str, Shape]:
