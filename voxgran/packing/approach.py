@@ -87,6 +87,32 @@ class Encounter:
             return self._unit * float(extent[:, 1].sum())
         return self._unit * float(min(threshold(extent, 0, 1, 0.0), threshold(extent, 1, 0, 0.0)))
 
+    def is_refused(self, offset: ArrayLike, turns: ArrayLike) -> bool:
+        """Tell whether the test refuses a pose.
+
+        Parameters
+        ----------
+        offset : (3,) array_like of float
+            From the centroid of the standing grain to that of the other, in the unit of lengths.
+        turns : (2, 4) array_like of float
+            Orientations of the two, unit quaternions (w, x, y, z).
+
+        Raises
+        ------
+        InputError
+            If an array has another shape or is not finite.
+        """
+        self._turn(turns)
+        where = as_floats(offset, "offset", shape=(3,)) / self._unit
+        kept = (self._bed, self._setting.bodies, self._setting.memory, self._setting.scratch)
+        return bool(_is_refused_at(*kept, self._gap, np.zeros(3), where, 0.0))
+
+    def _turn(self, turns: ArrayLike) -> None:
+        """Take over orientations."""
+        quaternions = normalized(as_floats(turns, "turns", shape=(2, 4)))
+        self._state.arrays["orientation"][:] = quaternions
+        write_matrix(quaternions[1], self._setting.scratch.turn)
+
     def first_contact(
         self,
         direction: ArrayLike,
@@ -120,9 +146,7 @@ class Encounter:
         if length == 0.0:
             raise InputError("direction is (0, 0, 0): a grain comes from somewhere; give a vector with a length")
         setting = self._setting
-        quaternions = normalized(as_floats(turns, "turns", shape=(2, 4)))
-        self._state.arrays["orientation"][:] = quaternions
-        setting.scratch.quaternion[:] = quaternions[1]
+        self._turn(turns)
         far = float(setting.extent[:, :2].sum()) + self._gap + 1e-3
         step = 0.25 * float(setting.extent[:, 2].min())
         kept = (self._bed, setting.bodies, setting.memory, setting.scratch)
@@ -145,7 +169,6 @@ def _come(
     step: float,
 ) -> float:
     """Return the place along a way at which the second grain is first refused; where it never is, the far end."""
-    write_matrix(scratch.quaternion, scratch.turn)
     free, place = far, far
     while place > -far:
         place = max(place - step, -far)

@@ -1,0 +1,66 @@
+"""Two random solids walk to first contact, then their clumps: figures 8 and 9 of Sajjadi & Khalili 2015.
+
+In each run one body starts on another side of the other, in another orientation, and makes small random steps and turns
+towards it until its control points come too near; the last step is halved until the contact is found. The gap that is
+left between the true surfaces is measured by the exact contacts of the packing, and where they touch is told as a
+direction in the frame of the standing body: another one in each run. Written are the poses as packings and a picture.
+"""
+
+import itertools
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import voxgran as vg
+from voxgran._base.rotation import normalized, product, rotation_matrices
+from voxgran.packing.approach import Encounter
+from voxgran.report.scenes import picture_packing
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/first_contact")
+runs = int(sys.argv[2]) if len(sys.argv) > 2 else 4
+step, turn, tilt = 0.05, 0.1, 0.5
+folder.mkdir(parents=True, exist_ok=True)
+
+
+def walk(pair, generator, reach):
+    """Return offset and orientations of two bodies at their first contact."""
+    offset = reach * normalized(generator.normal(size=(1, 3)))[0]
+    turns = normalized(generator.normal(size=(2, 4)))
+    while True:
+        way = normalized(generator.normal(size=(1, 3)))[0] - tilt * offset / np.linalg.norm(offset)
+        spin = normalized(np.array([[1.0, *(0.5 * turn * generator.normal(size=3))]]))[0]
+        turned = np.array([turns[0], product(spin, turns[1])])
+        turns = turns if pair.is_refused(offset, turned) else turned
+        if pair.is_refused(offset + step * way, turns):
+            break
+        offset = offset + step * way
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (low, middle) if pair.is_refused(offset + middle * step * way, turns) else (middle, high)
+    return offset + low * step * way, turns
+
+
+solids = [vg.make_shape("solid_union", seed=seed) for seed in (3, 8)]
+clumps = [vg.fit_clump(solid, max_spheres=40).shape for solid in solids]
+for name, bodies in (("solids", solids), ("clumps", clumps)):
+    pair = Encounter(*bodies, spacing=0.06)
+    places = []
+    for run in range(runs):
+        offset, turns = walk(pair, np.random.Generator(np.random.PCG64(run)), 1.2 * sum(b.bounding_radius for b in bodies))
+        wide = 8 * max(body.bounding_radius for body in bodies)
+        center = np.full(3, wide / 2)
+        packing = vg.Packing.of(
+            bodies, vg.Box((wide,) * 3), position=[center, center + offset], shape_id=[0, 1], orientation=turns
+        )
+        contacts = packing.contacts(0.2)
+        gap = float(contacts.gap[0]) / bodies[0].diameter
+        place = rotation_matrices(turns[:1])[0].T @ (contacts.point[0] - center)
+        places.append(place / np.linalg.norm(place))
+        print(f"{name} run {run}: gap at contact {gap:+.5f} diameters, touches towards {np.round(places[-1], 2)}")
+        vg.save(packing, folder / f"{name}_{run}.vtp", overwrite=True)
+        if run == 0:
+            write_png(picture_packing(packing), folder / f"{name}.png")
+    apart = [np.degrees(np.arccos(np.clip(a @ b, -1, 1))) for a, b in itertools.combinations(places, 2)]
+    print(f"{name}: {pair.points} control points, regions of contact {min(apart):.0f} to {max(apart):.0f} degrees apart")
