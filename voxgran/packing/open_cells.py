@@ -1,0 +1,338 @@
+"""Open cells: the room that is left for grains of a size, as cells that shrink until there is none.
+
+A cell holds places for the centre of a grain. Throws are uniform over the open cells of the size, so that an accepted
+one is uniform over all free places: the law of random sequential addition, without most throws that cannot succeed.
+After some misses all cells are halved along each axis, and a part is closed when one single grain blocks all of it, or
+when a wall does. When no cell is open there is no place for the size any more, nor for larger ones.
+
+A class of sizes has cells of its own, for the smallest of its sizes; in a class of several sizes, a larger grain may
+find no place while cells are open.
+
+References
+----------
+Zhang & Torquato 2013, Precise algorithm to generate random sequential addition of hard hyperspheres at saturation,
+Physical Review E 88, 053312, doi:10.1103/PhysRevE.88.053312
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel
+from voxgran._base.seeds import below, philox_block, unit_float
+from voxgran.packing.bits import Words
+from voxgran.packing.candidates import PLACED, REFUSED, TRIED, TURN
+from voxgran.packing.graded_cells import Bed, Cells, cells_near, enter, find_overlap
+from voxgran.packing.room import Room, is_barred, is_between, is_held
+
+#: misses, per open cell, after which cells are halved
+PATIENCE = 2
+#: first cells of a class at the most, per grain that it could have
+FIRST_CELLS = 4
+#: cells along an axis at the most, so that their numbers fit in 32 bits
+FINEST = 2**30
+#: grains near a cell that are looked at; more of them only keep it open longer
+NEAR = 256
+#: where the tally counts grains that were given up without proof
+UNPROVEN = 5
+
+
+class Classes(NamedTuple):
+    """Classes of sizes.
+
+    kind: class of each grain.  half: smallest half extents of each class.  low, span: where its centres may lie.
+    base: first cells along the axes.  parts: into how many parts a cell is cut along the axes.  tries: throws after
+    which a grain is given up, 0 where all grains of the class are alike.
+    """
+
+    kind: Integers
+    half: Floats
+    low: Floats
+    span: Floats
+    base: Integers
+    parts: Integers
+    tries: Integers
+
+
+class Open(NamedTuple):
+    """The open cells of all classes, one class after the other.
+
+    cell: place of each, in cells of its class.  bounds: where the classes begin, and the end.  misses: throws in vain
+    since the cells of a class were last cut.  depth: how often they were cut.
+    """
+
+    cell: NDArray[np.int32]
+    bounds: Integers
+    misses: Integers
+    depth: Integers
+
+
+def make_classes(half: Floats, kind: Integers, room: Room, dimension: int, tries: int) -> Classes:
+    """Return classes of sizes and how their first cells lie.
+
+    Parameters
+    ----------
+    half : (n, 3) ndarray of float
+        Half the extents of the grains.
+    kind : (n,) ndarray of int
+        Their classes.
+    room : Room
+        The container.
+    dimension : int
+        2 or 3.
+    tries : int
+        Throws after which a grain is given up in a class of several sizes.
+    """
+    many = int(kind.max(initial=-1)) + 1
+    least, largest = np.full((many, 3), np.inf), np.zeros((many, 3))
+    np.minimum.at(least, kind, half)
+    np.maximum.at(largest, kind, half)
+    walled = room.walled == 1
+    low = np.where(walled, room.lower + least, room.lower)
+    span = np.where(walled, np.maximum(room.lengths - 2 * least, 0.0), room.lengths)
+    flat = np.arange(3) >= dimension
+    span[:, flat] = 0.0
+    base = np.ones((many, 3), dtype=np.int64)
+    for k in range(many):
+        wanted = np.maximum(span[k, :dimension] / (2 * least[k, :dimension]), 1.0)
+        most = FIRST_CELLS * max(int(np.count_nonzero(kind == k)), 16)
+        wanted *= min(1.0, (most / np.prod(wanted)) ** (1 / dimension))
+        base[k, :dimension] = np.maximum(np.ceil(wanted), 1)
+    mixed = (least < largest).any(axis=1)
+    parts = np.where(span > 0, 2, 1).astype(np.int64)
+    return Classes(kind, least, low, span, base, parts, np.where(mixed, tries, 0).astype(np.int64))
+
+
+def first_cells(classes: Classes) -> Open:
+    """Return all first cells of the classes."""
+    cells = [np.indices(tuple(base)).reshape(3, -1).T.astype(np.int32) for base in classes.base.tolist()]
+    bounds = np.cumsum([0, *(len(cell) for cell in cells)]).astype(np.int64)
+    nothing = np.zeros(len(cells), dtype=np.int64)
+    return Open(np.concatenate([np.zeros((0, 3), dtype=np.int32), *cells]), bounds, nothing, nothing.copy())
+
+
+def cut_cells(bed: Bed, cells: Cells, room: Room, classes: Classes, known: Open, kind: int) -> Open:
+    """Return the open cells with those of one class cut, and what is blocked closed.
+
+    Parameters
+    ----------
+    bed, cells, room
+        Grains and container.
+    classes : Classes
+        The classes.
+    known : Open
+        The open cells so far.
+    kind : int
+        Which class.
+    """
+    begin, end = int(known.bounds[kind]), int(known.bounds[kind + 1])
+    before = known.cell[begin:end]
+    kept = np.zeros(len(before), dtype=np.uint8)
+    shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], classes.parts[kind])
+    many = int(_look_at_parts(bed, cells, room, before, *shape, np.zeros((NEAR, 6)), kept))
+    after = np.zeros((many, 3), dtype=np.int32)
+    _write_parts(before, classes.parts[kind], kept, after)
+    bounds = known.bounds.copy()
+    bounds[kind + 1 :] += many - len(before)
+    misses, depth = known.misses.copy(), known.depth.copy()
+    misses[kind], depth[kind] = 0, depth[kind] + 1
+    return Open(np.concatenate([known.cell[:begin], after, known.cell[end:]]), bounds, misses, depth)
+
+
+def all_edges(classes: Classes, known: Open) -> Floats:
+    """Return the edges of the open cells of each class, (k, 3)."""
+    return np.asarray(classes.span / (classes.base * classes.parts.astype(np.float64) ** known.depth[:, None]))
+
+
+def deepest_cut(classes: Classes) -> Integers:
+    """Return how often the cells of each class can be cut."""
+    return np.floor(np.log2(FINEST / classes.base.max(axis=1))).astype(np.int64)
+
+
+@bare_kernel
+def throw_into_cells(
+    bed: Bed,
+    cells: Cells,
+    room: Room,
+    classes: Classes,
+    known: Open,
+    edge: Floats,
+    last_cut: Integers,
+    queue: Integers,
+    tally: Integers,
+    key: Words,
+    first: int,
+    last: int,
+) -> tuple[int, int]:
+    """Make attempts `first` ... `last` - 1, a throw each.
+
+    Parameters
+    ----------
+    bed, cells, room
+        Grains and container.
+    classes : Classes
+        The classes.
+    known : Open
+        Their open cells.
+    edge : (k, 3) ndarray of float
+        Edges of the cells of each class.
+    last_cut : (k,) ndarray of int
+        How often the cells of each class can be cut.
+    queue : (m,) ndarray of int
+        Grains as they come.
+    tally : ndarray of int
+        Turn, tries of the grain, placed, moved, refused, given up without proof.
+    key : (2,) ndarray of uint64
+        Of the random stream.
+    first, last : int
+        Numbers of attempts.
+
+    Returns
+    -------
+    attempt : int
+        Number of the next attempt.
+    kind : int
+        Class whose cells are to be cut before it; -1: none.
+    """
+    attempt = first
+    while attempt < last and tally[TURN] < len(queue):
+        g = queue[tally[TURN]]
+        kind = classes.kind[g]
+        begin, many = known.bounds[kind], known.bounds[kind + 1] - known.bounds[kind]
+        worn = known.misses[kind] >= PATIENCE * many and many > 0
+        if worn and known.depth[kind] < last_cut[kind]:
+            return attempt, kind
+        given_up = worn or (classes.tries[kind] > 0 and tally[TRIED] >= classes.tries[kind])
+        if many == 0 or given_up:
+            tally[UNPROVEN] += many > 0
+            tally[TURN] += 1
+            tally[TRIED] = 0
+            continue
+        if _throw(bed, cells, room, classes.low, known.cell, begin, many, edge, key, attempt, kind, g):
+            tally[PLACED] += 1
+            tally[TURN] += 1
+            tally[TRIED] = 0
+        else:
+            tally[REFUSED] += 1
+            tally[TRIED] += 1
+            known.misses[kind] += 1
+        attempt += 1
+    return attempt, -1
+
+
+@bare_kernel
+def _throw(bed, cells, room, low, cell, begin, many, edge, key, attempt, kind, g):  # type: ignore[no-untyped-def]
+    """Try a grain at a random place in a random open cell; tell whether it entered."""
+    pick, a, b, c = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
+    k = begin + below(pick, many)
+    x = low[kind, 0] + (cell[k, 0] + unit_float(a)) * edge[kind, 0]
+    y = low[kind, 1] + (cell[k, 1] + unit_float(b)) * edge[kind, 1]
+    z = low[kind, 2] + (cell[k, 2] + unit_float(c)) * edge[kind, 2]
+    hx, hy, hz = bed.half[g, 0], bed.half[g, 1], bed.half[g, 2]
+    if not is_between(room, x, y, z, hx, hy, hz):
+        return False
+    if find_overlap(bed, cells, room, x, y, z, hx, hy, hz, 0.0, False)[0] >= 0:
+        return False
+    if not is_held(room, x, y, z, hx, hy, hz):
+        return False
+    enter(bed, cells, room, g, x, y, z)
+    return True
+
+
+@bare_kernel
+def _look_at_parts(bed, cells, room, cell, half, low, edge, parts, near, kept):  # type: ignore[no-untyped-def]
+    """Write which parts of each cell stay open, as bits, and return how many do."""
+    total = 0
+    ex, ey, ez = 0.5 * edge[0], 0.5 * edge[1], 0.5 * edge[2]
+    px, py, pz = ex / parts[0], ey / parts[1], ez / parts[2]
+    for m in range(len(cell)):
+        x = low[0] + (cell[m, 0] + 0.5) * edge[0]
+        y = low[1] + (cell[m, 1] + 0.5) * edge[1]
+        z = low[2] + (cell[m, 2] + 0.5) * edge[2]
+        many = _gather(bed, cells, room, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
+        bits = 0
+        for part in range(8 if many >= 0 else 0):
+            i, j, k = part >> 2, (part >> 1) & 1, part & 1
+            if i >= parts[0] or j >= parts[1] or k >= parts[2]:
+                continue
+            # the middle of a part, from the middle of the cell
+            qx, qy, qz = (2 * i + 1) * px - ex, (2 * j + 1) * py - ey, (2 * k + 1) * pz - ez
+            if _is_blocked(bed.boxes, near, many, qx, qy, qz, px, py, pz):
+                continue
+            if is_barred(room, x + qx, y + qy, z + qz, px, py, pz, half[0]):
+                continue
+            bits |= 1 << part
+            total += 1
+        kept[m] = bits
+    return total
+
+
+@bare_kernel
+def _gather(bed, cells, room, x, y, z, hx, hy, hz, ex, ey, ez, near):  # type: ignore[no-untyped-def]
+    """List the grains that block a place in a cell, from its middle; -1 where one blocks all of it."""
+    position, half, lower, periodic = bed.position, bed.half, room.lower, room.periodic
+    count, width, head, after = cells.count, cells.width, cells.head, cells.after
+    many = 0
+    for level in range(len(cells.first)):
+        if cells.filled[level] == 0:
+            continue
+        x0, x1 = cells_near(lower, periodic, count, width, level, 0, x, ex + hx + cells.reach[level, 0])
+        y0, y1 = cells_near(lower, periodic, count, width, level, 1, y, ey + hy + cells.reach[level, 1])
+        z0, z1 = cells_near(lower, periodic, count, width, level, 2, z, ez + hz + cells.reach[level, 2])
+        nx, ny, nz = count[level, 0], count[level, 1], count[level, 2]
+        for ix in range(x0, x1 + 1):
+            kx = ix // nx
+            for iy in range(y0, y1 + 1):
+                ky = iy // ny
+                row = cells.first[level] + ((ix - kx * nx) * ny + iy - ky * ny) * nz
+                for iz in range(z0, z1 + 1):
+                    kz = iz // nz
+                    g = head[row + iz - kz * nz]
+                    while g >= 0 and many < len(near):
+                        near[many, 0] = position[g, 0] + kx * room.lengths[0] - x
+                        near[many, 1] = position[g, 1] + ky * room.lengths[1] - y
+                        near[many, 2] = position[g, 2] + kz * room.lengths[2] - z
+                        near[many, 3], near[many, 4], near[many, 5] = hx + half[g, 0], hy + half[g, 1], hz + half[g, 2]
+                        if _is_within(bed.boxes, near, many, 0.0, 0.0, 0.0, ex, ey, ez):
+                            return -1
+                        # with extents below zero: does it block the nearest point?
+                        many += _is_within(bed.boxes, near, many, 0.0, 0.0, 0.0, -ex, -ey, -ez)
+                        g = after[g]
+    return many
+
+
+@bare_kernel
+def _is_blocked(boxes, near, many, x, y, z, ex, ey, ez):  # type: ignore[no-untyped-def]
+    """Tell whether one of the grains that are near blocks all of a part."""
+    k = 0
+    while k < many and not _is_within(boxes, near, k, x, y, z, ex, ey, ez):
+        k += 1
+    return k < many
+
+
+@bare_kernel
+def _is_within(boxes, near, k, x, y, z, ex, ey, ez):  # type: ignore[no-untyped-def]
+    """Tell whether the farthest corner of a part, and so all of it, lies in what a grain blocks."""
+    dx, dy, dz = (
+        max(abs(x - near[k, 0]) + ex, 0.0),
+        max(abs(y - near[k, 1]) + ey, 0.0),
+        max(abs(z - near[k, 2]) + ez, 0.0),
+    )
+    if boxes:
+        return dx < near[k, 3] and dy < near[k, 4] and dz < near[k, 5]
+    return dx * dx + dy * dy + dz * dz < near[k, 3] * near[k, 3]
+
+
+@bare_kernel
+def _write_parts(cell, parts, kept, after):  # type: ignore[no-untyped-def]
+    """Write the parts that stay open."""
+    many = 0
+    for m in range(len(cell)):
+        for part in range(8):
+            if kept[m] & (1 << part):
+                after[many, 0] = cell[m, 0] * parts[0] + (part >> 2)
+                after[many, 1] = cell[m, 1] * parts[1] + ((part >> 1) & 1)
+                after[many, 2] = cell[m, 2] * parts[2] + (part & 1)
+                many += 1

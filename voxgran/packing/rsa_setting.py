@@ -1,0 +1,226 @@
+"""What random sequential addition makes of a problem: extents, whose turn it is, classes of sizes, coordinates."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import InputError, TooLargeError
+from voxgran._base.rotation import random_rotations
+from voxgran._base.seeds import philox_key, stream
+from voxgran.contacts.parts import is_one_ball
+from voxgran.packing.candidates import SCAN, Rules, fill_table
+from voxgran.packing.graded_cells import Cells, lay_out, sort_into_levels
+from voxgran.packing.open_cells import Classes, make_classes
+from voxgran.packing.problem import Problem
+from voxgran.packing.room import FLAT, Room, room_of
+from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+
+#: coordinates at the most, where they are kept
+MOST_COORDINATES = 2**31
+#: overlap, in median diameters, that a grain which was moved away may keep by rounding
+TOUCHING = 1e-10
+#: classes of sizes that have open cells of their own
+CLASSES = 32
+#: the linear congruential sequence: factor, summand, modulus, and first numbers of x, y and z
+FACTOR, SUMMAND, MODULUS, FIRST = 2053, 13849, 65536, (20001, 60001, 40001)
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What follows from the problem; `cells` hold the grains that are in, which enter in the order `entering`."""
+
+    half: Floats
+    level: NDArray[np.int8]
+    room: Room
+    cells: Cells
+    queue: Integers
+    entering: Integers
+    kind: Integers
+    table: Floats
+    rules: Rules
+    classes: Classes | None
+    boxes: bool
+
+
+def make_setting(problem: Problem) -> Setting:
+    """Return the setting of a problem, with no grain in its cells yet.
+
+    Raises
+    ------
+    InputError
+        If grains are asked to stand aligned that are no boxes along the axes, or the container is round or closed.
+    TooLargeError
+        If there are more coordinates than can be kept.
+    """
+    settings, room, half = problem.parameters, room_of(problem.container), half_extents(problem)
+    level = sort_into_levels(half[:, : problem.dimension])
+    queue, many = queue_of(problem, half, room), settings.tries * newcomers(problem)
+    saturate, scan = settings.until == "saturated", settings.retaining == SCAN
+    kind = np.zeros(0, dtype=np.int64)
+    if saturate or scan:
+        kind = sizes_of(half, CLASSES if saturate else None)
+    corrections = settings.corrections if settings.correcting else 0
+    return Setting(
+        *(half, level, room, lay_out(half, level, room, problem.dimension), queue),
+        *(
+            np.concatenate([np.arange(problem.count - newcomers(problem)), queue]),
+            kind,
+            coordinate_table(problem, many),
+        ),
+        Rules(settings.retaining, settings.tries, many, corrections, TOUCHING if corrections else 0.0),
+        make_classes(half, kind, room, problem.dimension, settings.tries) if saturate else None,
+        bool(settings.aligned),
+    )
+
+
+def half_extents(problem: Problem) -> Floats:
+    """Return half the extents of the grains as the method treats them, (n, 3), in median diameters.
+
+    Raises
+    ------
+    InputError
+        If grains are asked to stand aligned that are no boxes along the axes, or the container is round or closed.
+    """
+    if problem.parameters.aligned:
+        if room_of(problem.container).kind != FLAT:
+            raise InputError(
+                f"aligned boxes are asked for in a container of kind {problem.container.kind!r}: it must be a box or "
+                "a rectangle; choose one, or leave aligned out"
+            )
+        unit = np.array([_half_of_box(shape) for shape in problem.shapes])
+    else:
+        unit = np.array([[shape.bounding_radius] * 3 for shape in problem.shapes])
+    half = unit[problem.shape_id] * problem.diameter[:, None]
+    if problem.dimension == 2:
+        half[:, 2] = 1.0
+    return np.asarray(half)
+
+
+def _half_of_box(shape: Shape) -> Floats:
+    """Return half the extents of a box or rectangle along the axes."""
+    geometry = shape.geometry
+    if isinstance(geometry, Primitive) and geometry.kind == "box" and geometry.rotation == (1.0, 0.0, 0.0, 0.0):
+        return np.array(geometry.dimensions) / 2
+    if isinstance(geometry, Outline) and len(geometry.vertices) == 4:
+        reach = np.abs(geometry.vertices).max(axis=0)
+        if np.allclose(np.abs(geometry.vertices), reach, rtol=1e-12, atol=0.0):
+            return np.array([*reach, 1.0])
+    raise InputError(
+        f"shape {shape.name!r} is asked to stand aligned: it must be a box, in the plane a rectangle, along the axes; "
+        "give such shapes, or leave aligned out"
+    )
+
+
+def orientations(problem: Problem) -> Floats:
+    """Return the orientations of the grains, (n, 4): random, but of balls, of aligned grains and of the start."""
+    n = problem.count
+    orientation = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    ball = np.array([is_one_ball(shape.geometry) for shape in problem.shapes])
+    turned = np.flatnonzero(~ball[problem.shape_id])
+    if len(turned) and not problem.parameters.aligned:
+        generator = stream(problem.seed, "orientations")
+        if problem.dimension == 3:
+            orientation[turned] = random_rotations(generator, n)[turned]
+        else:
+            angle = np.pi * generator.random(n)[turned]
+            orientation[turned, 0], orientation[turned, 3] = np.cos(angle), np.sin(angle)
+    if problem.start is not None:
+        orientation[: problem.start.count] = problem.start.orientation
+    return orientation
+
+
+def newcomers(problem: Problem) -> int:
+    """Return how many grains are not there from the beginning."""
+    return problem.count - (0 if problem.start is None else problem.start.count)
+
+
+def queue_of(problem: Problem, half: Floats, room: Room) -> Integers:
+    """Return the grains that are to enter, as they come; those wider than the container stay out.
+
+    Parameters
+    ----------
+    problem : Problem
+        In the normalized frame.
+    half : (n, 3) ndarray of float
+        Half the extents of the grains.
+    room : Room
+        The container.
+    """
+    n, m = problem.count, newcomers(problem)
+    queue = np.arange(n - m, n, dtype=np.int64)
+    if problem.parameters.order == "largest":
+        queue = queue[np.argsort(-problem.volumes[queue], kind="stable")]
+    elif problem.parameters.order == "random":
+        queue = queue[stream(problem.seed, "order").permutation(m)]
+    across = slice(0, problem.dimension)
+    return queue[(2 * half[queue, across] <= room.lengths[across] + room.slack).all(axis=1)]
+
+
+def sizes_of(half: Floats, most: int | None = None) -> Integers:
+    """Return the class of each grain, such that grains of a class have the same extents.
+
+    Parameters
+    ----------
+    half : (n, 3) ndarray of float
+        Half the extents.
+    most : int or None
+        If there are more sizes than this, they are put together to as many classes, by the geometric mean.
+    """
+    rows, kind = np.unique(half, axis=0, return_inverse=True)
+    kind = kind.reshape(-1).astype(np.int64)
+    if most is None or len(rows) <= most:
+        return kind
+    size = np.log(rows).mean(axis=1)
+    share = (size - size.min()) / (size.max() - size.min())
+    classes = np.minimum((share * most).astype(np.int64), most - 1)
+    _, classes = np.unique(classes, return_inverse=True)
+    return np.asarray(classes.reshape(-1)[kind])
+
+
+def coordinate_table(problem: Problem, many: int) -> Floats:
+    """Return the coordinates of a sorted or replayed run, (many, 3) in 0 ... 1; none of other runs.
+
+    Raises
+    ------
+    TooLargeError
+        If there are more than 2**31.
+    """
+    settings = problem.parameters
+    if not settings.tabled:
+        return np.zeros((0, 3))
+    if many > MOST_COORDINATES:
+        raise TooLargeError(
+            f"tries gives {many} coordinates to be sorted or replayed: at most {MOST_COORDINATES} can be kept; make "
+            "tries or the grains fewer"
+        )
+    table = np.zeros((many, 3))
+    if settings.numbers == "lcg":
+        for axis in range(3):
+            table[:, axis] = congruential(FIRST[axis], many) / MODULUS
+    else:
+        fill_table(table, philox_key(problem.seed, "rsa"))
+    if settings.scheme.startswith("4"):
+        table[:, "xyz".index(settings.along)].sort()
+    return table
+
+
+def congruential(first: int, many: int) -> Integers:
+    """Return the linear congruential sequence x' = (2053 x + 13849) mod 65536 after its first number.
+
+    Parameters
+    ----------
+    first : int
+        The first number, which is left out.
+    many : int
+        How many numbers.
+    """
+    cycle = np.zeros(MODULUS, dtype=np.int64)
+    x = first
+    for k in range(min(many, MODULUS)):
+        x = (FACTOR * x + SUMMAND) % MODULUS
+        cycle[k] = x
+    return np.resize(cycle, many) if many else cycle[:0]
