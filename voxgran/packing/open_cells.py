@@ -28,7 +28,7 @@ from voxgran.packing.graded_cells import Bed, Cells, cells_near, enter, find_ove
 from voxgran.packing.room import Room, is_barred, is_between, is_held
 
 #: misses, per open cell, after which cells are halved
-PATIENCE = 2
+PATIENCE = 1
 #: first cells of a class at the most, per grain that it could have
 FIRST_CELLS = 4
 #: cells along an axis at the most, so that their numbers fit in 32 bits
