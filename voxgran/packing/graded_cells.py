@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
+from voxgran.packing.lattice import WHOLE
 from voxgran.packing.room import Room
 
 #: cells of a level at the most, per grain of it
@@ -61,7 +62,7 @@ def sort_into_levels(half: Floats) -> NDArray[np.int8]:
     size = half.max(axis=1, initial=0.0)
     largest = size.max(initial=0.0)
     exact = np.log2(largest / size) if len(size) else np.zeros(0)
-    return np.clip(np.floor(exact + 1e-9), 0, LEVELS - 1).astype(np.int8)
+    return np.clip(np.floor(exact + WHOLE), 0, LEVELS - 1).astype(np.int8)
 
 
 def lay_out(half: Floats, level: NDArray[np.int8], room: Room, dimension: int) -> Cells:
@@ -89,7 +90,7 @@ def lay_out(half: Floats, level: NDArray[np.int8], room: Room, dimension: int) -
             wanted = np.maximum(span / (2 * reach[k, :dimension]), 1.0)
             most = max(CELLS_PER_GRAIN * many[k], 1)
             wanted *= min(1.0, (most / np.prod(wanted)) ** (1 / dimension))
-            count[k, :dimension] = np.maximum(np.floor(wanted), 1)
+            count[k, :dimension] = np.maximum(np.floor(wanted + WHOLE), 1)
     first = np.concatenate([[0], np.cumsum(np.prod(count, axis=1))]).astype(np.int64)
     return Cells(
         *(count, room.lengths / count, first[:-1], reach, np.zeros(levels, dtype=np.int64)),

@@ -150,20 +150,20 @@ def _refuse_denser_than_lattice(
 
 
 def size_distance(asked: Floats, placed: Floats) -> float:
-    """Return the Kolmogorov-Smirnov distance of two samples: the largest difference of their shares up to a size.
+    """Return the largest difference of the shares of grains up to a size, that of Kolmogorov and Smirnov.
 
     Parameters
     ----------
     asked, placed : (n,), (m,) ndarray of float
-        Diameters; without grains the distance is 0.
+        Diameters; those placed are some of those asked. Without grains the difference is 0.
     """
     if not len(asked) or not len(placed):
         return 0.0
-    one, two = np.sort(asked), np.sort(placed)
-    both = np.concatenate([one, two])
     # sizes that differ by rounding are one size
-    share = [np.searchsorted(sizes, both * (1 + 1e-9), side="right") / len(sizes) for sizes in (one, two)]
-    return float(np.abs(share[0] - share[1]).max())
+    sizes = np.sort(asked) * (1 + 1e-9)
+    share = np.searchsorted(sizes, sizes, side="right") / len(asked)
+    share -= np.searchsorted(np.sort(placed), sizes, side="right") / len(placed)
+    return float(np.abs(share, out=share).max())
 
 
 def _shares(shapes: Sequence[Shape], weights: ArrayLike | None, weights_by: str, own_size: bool) -> Floats:

@@ -25,6 +25,7 @@ from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Words
 from voxgran.packing.candidates import PLACED, REFUSED, TRIED, TURN
 from voxgran.packing.graded_cells import Bed, Cells, cells_near, enter, find_overlap
+from voxgran.packing.lattice import WHOLE
 from voxgran.packing.room import Room, is_barred, is_between, is_held
 
 #: misses, per open cell, after which cells are halved
@@ -99,7 +100,7 @@ def make_classes(half: Floats, kind: Integers, room: Room, dimension: int, tries
         wanted = np.maximum(span[k, :dimension] / (2 * least[k, :dimension]), 1.0)
         most = FIRST_CELLS * max(int(np.count_nonzero(kind == k)), 16)
         wanted *= min(1.0, (most / np.prod(wanted)) ** (1 / dimension))
-        base[k, :dimension] = np.maximum(np.ceil(wanted), 1)
+        base[k, :dimension] = np.maximum(np.ceil(wanted - WHOLE), 1)
     mixed = (least < largest).any(axis=1)
     parts = np.where(span > 0, 2, 1).astype(np.int64)
     return Classes(kind, least, low, span, base, parts, np.where(mixed, tries, 0).astype(np.int64))
@@ -138,7 +139,9 @@ def cut_cells(bed: Bed, cells: Cells, room: Room, classes: Classes, known: Open,
     bounds[kind + 1 :] += many - len(before)
     misses, depth = known.misses.copy(), known.depth.copy()
     misses[kind], depth[kind] = 0, depth[kind] + 1
-    return Open(np.concatenate([known.cell[:begin], after, known.cell[end:]]), bounds, misses, depth)
+    # the only class needs no copy
+    every = after if len(before) == len(known.cell) else np.concatenate([known.cell[:begin], after, known.cell[end:]])
+    return Open(every, bounds, misses, depth)
 
 
 def all_edges(classes: Classes, known: Open) -> Floats:

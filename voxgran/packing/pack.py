@@ -265,16 +265,7 @@ def with_provenance(task: Task, state: State, packing: Packing, *, seconds: floa
         "timing": {"wall_seconds": seconds},
         **packing.provenance,
     }
-    return Packing.of(
-        packing.shapes,
-        packing.container,
-        position=packing.position,
-        scale=packing.scale,
-        shape_id=packing.shape_id,
-        orientation=packing.orientation,
-        provenance=record,
-        stop_reason=packing.stop_reason,
-    )
+    return replace(packing, provenance=record)
 
 
 def _misses(task: Task, packing: Packing) -> dict[str, float]:

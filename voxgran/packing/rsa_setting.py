@@ -115,18 +115,25 @@ def _half_of_box(shape: Shape) -> Floats:
     )
 
 
-def orientations(problem: Problem) -> Floats:
-    """Return the orientations of the grains, (n, 4): random, but of balls, of aligned grains and of the start."""
-    n = problem.count
-    orientation = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
-    ball = np.array([is_one_ball(shape.geometry) for shape in problem.shapes])
-    turned = np.flatnonzero(~ball[problem.shape_id])
-    if len(turned) and not problem.parameters.aligned:
+def orientations(problem: Problem, placed: Integers) -> Floats:
+    """Return the orientations of some grains, (m, 4): random, but of balls, of aligned grains and of the start.
+
+    Parameters
+    ----------
+    problem : Problem
+        In the normalized frame.
+    placed : (m,) ndarray of int
+        Which grains, in their order.
+    """
+    orientation = np.tile([1.0, 0.0, 0.0, 0.0], (len(placed), 1))
+    balls = all(is_one_ball(shape.geometry) for shape in problem.shapes)
+    if not balls and not problem.parameters.aligned:
         generator = stream(problem.seed, "orientations")
+        turned = np.array([not is_one_ball(shape.geometry) for shape in problem.shapes])[problem.shape_id[placed]]
         if problem.dimension == 3:
-            orientation[turned] = random_rotations(generator, n)[turned]
+            orientation[turned] = random_rotations(generator, problem.count)[placed[turned]]
         else:
-            angle = np.pi * generator.random(n)[turned]
+            angle = np.pi * generator.random(problem.count)[placed[turned]]
             orientation[turned, 0], orientation[turned, 3] = np.cos(angle), np.sin(angle)
     if problem.start is not None:
         orientation[: problem.start.count] = problem.start.orientation

@@ -194,7 +194,7 @@ def finish(problem: Problem, state: State) -> Packing:
         position=state.arrays["position"][placed] * problem.unit_length,
         scale=problem.diameter[placed] * problem.unit_length / own[shape_id],
         shape_id=shape_id,
-        orientation=orientations(problem)[placed],
+        orientation=orientations(problem, placed),
         provenance=provenance,
         stop_reason=state.stop_reason or "interrupted",
     )
