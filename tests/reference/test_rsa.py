@@ -16,10 +16,10 @@ SQUARE = {"vertices": ((0, 0), (1, 0), (1, 1), (0, 1))}
 @pytest.mark.parametrize(
     ("name", "shape", "room", "runs", "aligned"),
     [
-        ("spheres_3d", vg.make_shape("sphere"), vg.Box((12, 12, 12), "xyz"), 24, False),
-        ("disks_2d", vg.make_shape("disk"), vg.Rectangle((60, 60), "xy"), 24, False),
-        ("aligned_squares", vg.make_shape("polygon", **SQUARE), vg.Rectangle((60, 60), "xy"), 16, True),
-        ("aligned_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((9, 9, 9), "xyz"), 40, True),
+        ("spheres_3d", vg.make_shape("sphere"), vg.Box((18, 18, 18), "xyz"), 16, False),
+        ("disks_2d", vg.make_shape("disk"), vg.Rectangle((90, 90), "xy"), 24, False),
+        ("aligned_squares", vg.make_shape("polygon", **SQUARE), vg.Rectangle((90, 90), "xy"), 24, True),
+        ("aligned_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((20, 20, 20), "xyz"), 16, True),
     ],
 )
 def test_saturated_solid_fractions(name, shape, room, runs, aligned):
@@ -32,7 +32,7 @@ def test_saturated_solid_fractions(name, shape, room, runs, aligned):
     own = np.std(found, ddof=1) / math.sqrt(runs)
     assert abs(np.mean(found) - value) < 3 * math.hypot(own, error), (np.mean(found), own)
     # and the runs are not so noisy that this says nothing
-    assert own < 0.005 * value
+    assert own < 0.002 * value
 
 
 def test_intervals_on_a_line():

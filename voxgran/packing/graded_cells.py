@@ -219,6 +219,85 @@ def find_overlap(
 
 
 @bare_kernel
+def gather(
+    bed: Bed,
+    cells: Cells,
+    room: Room,
+    x: float,
+    y: float,
+    z: float,
+    hx: float,
+    hy: float,
+    hz: float,
+    ex: float,
+    ey: float,
+    ez: float,
+    near: Floats,
+) -> int:
+    """List the grains that block a place in a box for the centre of a new grain.
+
+    Parameters
+    ----------
+    bed, cells, room
+        Grains and container.
+    x, y, z, ex, ey, ez : float
+        Middle of the box and half its edges.
+    hx, hy, hz : float
+        Half the extents of the new grain.
+    near : (m, 6) ndarray of float
+        Where they are written: from the middle of the box to the centre of the grain, and how far that blocks along the
+        axes (of balls: in all directions).
+
+    Returns
+    -------
+    int
+        How many they are, m at the most; -1 where one of them blocks the whole box.
+    """
+    position, half, lower, periodic = bed.position, bed.half, room.lower, room.periodic
+    count, width, head, after = cells.count, cells.width, cells.head, cells.after
+    many = 0
+    for level in range(len(cells.first)):
+        if cells.filled[level] == 0:
+            continue
+        x0, x1 = cells_near(lower, periodic, count, width, level, 0, x, ex + hx + cells.reach[level, 0])
+        y0, y1 = cells_near(lower, periodic, count, width, level, 1, y, ey + hy + cells.reach[level, 1])
+        z0, z1 = cells_near(lower, periodic, count, width, level, 2, z, ez + hz + cells.reach[level, 2])
+        nx, ny, nz = count[level, 0], count[level, 1], count[level, 2]
+        for ix in range(x0, x1 + 1):
+            kx = ix // nx
+            for iy in range(y0, y1 + 1):
+                ky = iy // ny
+                row = cells.first[level] + ((ix - kx * nx) * ny + iy - ky * ny) * nz
+                for iz in range(z0, z1 + 1):
+                    kz = iz // nz
+                    g = head[row + iz - kz * nz]
+                    while g >= 0 and many < len(near):
+                        near[many, 0] = position[g, 0] + kx * room.lengths[0] - x
+                        near[many, 1] = position[g, 1] + ky * room.lengths[1] - y
+                        near[many, 2] = position[g, 2] + kz * room.lengths[2] - z
+                        near[many, 3], near[many, 4], near[many, 5] = hx + half[g, 0], hy + half[g, 1], hz + half[g, 2]
+                        if is_within(bed.boxes, near, many, 0.0, 0.0, 0.0, ex, ey, ez):
+                            return -1
+                        # with extents below zero: does it block the nearest point?
+                        many += is_within(bed.boxes, near, many, 0.0, 0.0, 0.0, -ex, -ey, -ez)
+                        g = after[g]
+    return many
+
+
+@bare_kernel
+def is_within(boxes: bool, near: Floats, k: int, x: float, y: float, z: float, ex: float, ey: float, ez: float) -> bool:
+    """Tell whether the farthest corner of a box, and so all of it, lies in what grain k of those near blocks."""
+    dx, dy, dz = (
+        max(abs(x - near[k, 0]) + ex, 0.0),
+        max(abs(y - near[k, 1]) + ey, 0.0),
+        max(abs(z - near[k, 2]) + ez, 0.0),
+    )
+    if boxes:
+        return dx < near[k, 3] and dy < near[k, 4] and dz < near[k, 5]
+    return dx * dx + dy * dy + dz * dz < near[k, 3] * near[k, 3]
+
+
+@bare_kernel
 def _ball_overlap(half, g, dx, dy, dz, radius, least):  # type: ignore[no-untyped-def]
     """Return by how much a ball overlaps ball g where that is more than `least`, else `least`."""
     reach = radius + half[g, 0]

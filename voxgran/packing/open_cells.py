@@ -5,6 +5,9 @@ one is uniform over all free places: the law of random sequential addition, with
 After some misses all cells are halved along each axis, and a part is closed when one single grain blocks all of it, or
 when a wall does. When no cell is open there is no place for the size any more, nor for larger ones.
 
+Cells of boxes along the axes are boxes of any size, from which all that is blocked is cut away exactly
+(:mod:`voxgran.packing.open_boxes`): the room between two faces may be too narrow for cells that are halved.
+
 A class of sizes has cells of its own, for the smallest of its sizes; in a class of several sizes, a larger grain may
 find no place while cells are open.
 
@@ -14,7 +17,7 @@ Zhang & Torquato 2013, Precise algorithm to generate random sequential addition 
 Physical Review E 88, 053312, doi:10.1103/PhysRevE.88.053312
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +27,9 @@ from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Words
 from voxgran.packing.candidates import PLACED, REFUSED, TRIED, TURN
-from voxgran.packing.graded_cells import Bed, Cells, cells_near, enter, find_overlap
+from voxgran.packing.graded_cells import Bed, Cells, enter, find_overlap, gather, is_within
 from voxgran.packing.lattice import WHOLE
+from voxgran.packing.open_boxes import NEAR, open_boxes
 from voxgran.packing.room import Room, is_barred, is_between, is_held
 
 #: misses, per open cell, after which cells are halved
@@ -34,8 +38,6 @@ PATIENCE = 1
 FIRST_CELLS = 4
 #: cells along an axis at the most, so that their numbers fit in 32 bits
 FINEST = 2**30
-#: grains near a cell that are looked at; more of them only keep it open longer
-NEAR = 256
 #: where the tally counts grains that were given up without proof
 UNPROVEN = 5
 
@@ -60,11 +62,11 @@ class Classes(NamedTuple):
 class Open(NamedTuple):
     """The open cells of all classes, one class after the other.
 
-    cell: place of each, in cells of its class.  bounds: where the classes begin, and the end.  misses: throws in vain
-    since the cells of a class were last cut.  depth: how often they were cut.
+    cell: place of each, in cells of its class; of boxes lower corner and edges.  bounds: where the classes begin, and
+    the end.  misses: throws in vain since the cells of a class were last cut.  depth: how often they were cut.
     """
 
-    cell: NDArray[np.int32]
+    cell: NDArray[Any]
     bounds: Integers
     misses: Integers
     depth: Integers
@@ -106,12 +108,24 @@ def make_classes(half: Floats, kind: Integers, room: Room, dimension: int, tries
     return Classes(kind, least, low, span, base, parts, np.where(mixed, tries, 0).astype(np.int64))
 
 
-def first_cells(classes: Classes) -> Open:
-    """Return all first cells of the classes."""
-    cells = [np.indices(tuple(base)).reshape(3, -1).T.astype(np.int32) for base in classes.base.tolist()]
-    bounds = np.cumsum([0, *(len(cell) for cell in cells)]).astype(np.int64)
-    nothing = np.zeros(len(cells), dtype=np.int64)
-    return Open(np.concatenate([np.zeros((0, 3), dtype=np.int32), *cells]), bounds, nothing, nothing.copy())
+def first_cells(classes: Classes, boxes: bool) -> Open:
+    """Return all first cells of the classes.
+
+    Parameters
+    ----------
+    classes : Classes
+        The classes.
+    boxes : bool
+        Whether the grains are boxes.
+    """
+    cells: list[NDArray[Any]] = [np.zeros((0, 6)) if boxes else np.zeros((0, 3), dtype=np.int32)]
+    for base, low, span in zip(classes.base, classes.low, classes.span, strict=True):
+        place = np.indices(tuple(base.tolist())).reshape(3, -1).T
+        edge = np.broadcast_to(span / base, place.shape)
+        cells.append(np.column_stack([low + place * edge, edge]) if boxes else place.astype(np.int32))
+    bounds = np.cumsum([len(cell) for cell in cells]).astype(np.int64)
+    nothing = np.zeros(len(classes.base), dtype=np.int64)
+    return Open(np.concatenate(cells), bounds, nothing, nothing.copy())
 
 
 def cut_cells(bed: Bed, cells: Cells, room: Room, classes: Classes, known: Open, kind: int) -> Open:
@@ -130,13 +144,16 @@ def cut_cells(bed: Bed, cells: Cells, room: Room, classes: Classes, known: Open,
     """
     begin, end = int(known.bounds[kind]), int(known.bounds[kind + 1])
     before = known.cell[begin:end]
-    kept = np.zeros(len(before), dtype=np.uint8)
-    shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], classes.parts[kind])
-    many = int(_look_at_parts(bed, cells, room, before, *shape, np.zeros((NEAR, 6)), kept))
-    after = np.zeros((many, 3), dtype=np.int32)
-    _write_parts(before, classes.parts[kind], kept, after)
+    if bed.boxes:
+        after = open_boxes(bed, cells, room, before, classes.half[kind])
+    else:
+        kept = np.zeros(len(before), dtype=np.uint8)
+        shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], classes.parts[kind])
+        many = int(_look_at_parts(bed, cells, room, before, *shape, np.zeros((NEAR, 6)), kept))
+        after = np.zeros((many, 3), dtype=np.int32)
+        _write_parts(before, classes.parts[kind], kept, after)
     bounds = known.bounds.copy()
-    bounds[kind + 1 :] += many - len(before)
+    bounds[kind + 1 :] += len(after) - len(before)
     misses, depth = known.misses.copy(), known.depth.copy()
     misses[kind], depth[kind] = 0, depth[kind] + 1
     # the only class needs no copy
@@ -149,8 +166,19 @@ def all_edges(classes: Classes, known: Open) -> Floats:
     return np.asarray(classes.span / (classes.base * classes.parts.astype(np.float64) ** known.depth[:, None]))
 
 
-def deepest_cut(classes: Classes) -> Integers:
-    """Return how often the cells of each class can be cut."""
+def volumes_up_to(classes: Classes, known: Open) -> Floats:
+    """Return the volumes of the open boxes, each with those before it in its class; of lattice cells none, (0,)."""
+    if known.cell.shape[1] == 3:
+        return np.zeros(0)
+    kind = np.repeat(np.arange(len(classes.base)), np.diff(known.bounds))
+    volume = np.where(classes.parts[kind] == 2, known.cell[:, 3:], 1.0).prod(axis=1)
+    return np.concatenate([np.zeros(0), *(np.cumsum(part) for part in np.split(volume, known.bounds[1:-1]))])
+
+
+def deepest_cut(classes: Classes, boxes: bool) -> Integers:
+    """Return how often the cells of each class can be cut; boxes any time."""
+    if boxes:
+        return np.full(len(classes.base), FINEST)
     return np.floor(np.log2(FINEST / classes.base.max(axis=1))).astype(np.int64)
 
 
@@ -162,6 +190,7 @@ def throw_into_cells(
     classes: Classes,
     known: Open,
     edge: Floats,
+    volume: Floats,
     last_cut: Integers,
     queue: Integers,
     tally: Integers,
@@ -181,6 +210,8 @@ def throw_into_cells(
         Their open cells.
     edge : (k, 3) ndarray of float
         Edges of the cells of each class.
+    volume : (m,) ndarray of float
+        Volumes of open boxes, each with those before it in its class.
     last_cut : (k,) ndarray of int
         How often the cells of each class can be cut.
     queue : (m,) ndarray of int
@@ -213,7 +244,7 @@ def throw_into_cells(
             tally[TURN] += 1
             tally[TRIED] = 0
             continue
-        if _throw(bed, cells, room, classes.low, known.cell, begin, many, edge, key, attempt, kind, g):
+        if _throw(bed, cells, room, classes.low, known.cell, volume, begin, many, edge, key, attempt, kind, g):
             tally[PLACED] += 1
             tally[TURN] += 1
             tally[TRIED] = 0
@@ -226,13 +257,19 @@ def throw_into_cells(
 
 
 @bare_kernel
-def _throw(bed, cells, room, low, cell, begin, many, edge, key, attempt, kind, g):  # type: ignore[no-untyped-def]
+def _throw(bed, cells, room, low, cell, volume, begin, many, edge, key, attempt, kind, g):  # type: ignore[no-untyped-def]
     """Try a grain at a random place in a random open cell; tell whether it entered."""
     pick, a, b, c = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
-    k = begin + below(pick, many)
-    x = low[kind, 0] + (cell[k, 0] + unit_float(a)) * edge[kind, 0]
-    y = low[kind, 1] + (cell[k, 1] + unit_float(b)) * edge[kind, 1]
-    z = low[kind, 2] + (cell[k, 2] + unit_float(c)) * edge[kind, 2]
+    if bed.boxes:
+        k = begin + _at_volume(volume, begin, many, unit_float(pick))
+        x = cell[k, 0] + unit_float(a) * cell[k, 3]
+        y = cell[k, 1] + unit_float(b) * cell[k, 4]
+        z = cell[k, 2] + unit_float(c) * cell[k, 5]
+    else:
+        k = begin + below(pick, many)
+        x = low[kind, 0] + (cell[k, 0] + unit_float(a)) * edge[kind, 0]
+        y = low[kind, 1] + (cell[k, 1] + unit_float(b)) * edge[kind, 1]
+        z = low[kind, 2] + (cell[k, 2] + unit_float(c)) * edge[kind, 2]
     hx, hy, hz = bed.half[g, 0], bed.half[g, 1], bed.half[g, 2]
     if not is_between(room, x, y, z, hx, hy, hz):
         return False
@@ -245,6 +282,20 @@ def _throw(bed, cells, room, low, cell, begin, many, edge, key, attempt, kind, g
 
 
 @bare_kernel
+def _at_volume(volume, begin, many, share):  # type: ignore[no-untyped-def]
+    """Return the open box of a class that holds a share of their volume, counted from the first."""
+    wanted = share * volume[begin + many - 1]
+    first, last = 0, many - 1
+    while first < last:
+        middle = (first + last) // 2
+        if volume[begin + middle] > wanted:
+            last = middle
+        else:
+            first = middle + 1
+    return first
+
+
+@bare_kernel
 def _look_at_parts(bed, cells, room, cell, half, low, edge, parts, near, kept):  # type: ignore[no-untyped-def]
     """Write which parts of each cell stay open, as bits, and return how many do."""
     total = 0
@@ -254,7 +305,7 @@ def _look_at_parts(bed, cells, room, cell, half, low, edge, parts, near, kept): 
         x = low[0] + (cell[m, 0] + 0.5) * edge[0]
         y = low[1] + (cell[m, 1] + 0.5) * edge[1]
         z = low[2] + (cell[m, 2] + 0.5) * edge[2]
-        many = _gather(bed, cells, room, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
+        many = gather(bed, cells, room, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
         bits = 0
         for part in range(8 if many >= 0 else 0):
             i, j, k = part >> 2, (part >> 1) & 1, part & 1
@@ -273,59 +324,12 @@ def _look_at_parts(bed, cells, room, cell, half, low, edge, parts, near, kept): 
 
 
 @bare_kernel
-def _gather(bed, cells, room, x, y, z, hx, hy, hz, ex, ey, ez, near):  # type: ignore[no-untyped-def]
-    """List the grains that block a place in a cell, from its middle; -1 where one blocks all of it."""
-    position, half, lower, periodic = bed.position, bed.half, room.lower, room.periodic
-    count, width, head, after = cells.count, cells.width, cells.head, cells.after
-    many = 0
-    for level in range(len(cells.first)):
-        if cells.filled[level] == 0:
-            continue
-        x0, x1 = cells_near(lower, periodic, count, width, level, 0, x, ex + hx + cells.reach[level, 0])
-        y0, y1 = cells_near(lower, periodic, count, width, level, 1, y, ey + hy + cells.reach[level, 1])
-        z0, z1 = cells_near(lower, periodic, count, width, level, 2, z, ez + hz + cells.reach[level, 2])
-        nx, ny, nz = count[level, 0], count[level, 1], count[level, 2]
-        for ix in range(x0, x1 + 1):
-            kx = ix // nx
-            for iy in range(y0, y1 + 1):
-                ky = iy // ny
-                row = cells.first[level] + ((ix - kx * nx) * ny + iy - ky * ny) * nz
-                for iz in range(z0, z1 + 1):
-                    kz = iz // nz
-                    g = head[row + iz - kz * nz]
-                    while g >= 0 and many < len(near):
-                        near[many, 0] = position[g, 0] + kx * room.lengths[0] - x
-                        near[many, 1] = position[g, 1] + ky * room.lengths[1] - y
-                        near[many, 2] = position[g, 2] + kz * room.lengths[2] - z
-                        near[many, 3], near[many, 4], near[many, 5] = hx + half[g, 0], hy + half[g, 1], hz + half[g, 2]
-                        if _is_within(bed.boxes, near, many, 0.0, 0.0, 0.0, ex, ey, ez):
-                            return -1
-                        # with extents below zero: does it block the nearest point?
-                        many += _is_within(bed.boxes, near, many, 0.0, 0.0, 0.0, -ex, -ey, -ez)
-                        g = after[g]
-    return many
-
-
-@bare_kernel
 def _is_blocked(boxes, near, many, x, y, z, ex, ey, ez):  # type: ignore[no-untyped-def]
     """Tell whether one of the grains that are near blocks all of a part."""
     k = 0
-    while k < many and not _is_within(boxes, near, k, x, y, z, ex, ey, ez):
+    while k < many and not is_within(boxes, near, k, x, y, z, ex, ey, ez):
         k += 1
     return k < many
-
-
-@bare_kernel
-def _is_within(boxes, near, k, x, y, z, ex, ey, ez):  # type: ignore[no-untyped-def]
-    """Tell whether the farthest corner of a part, and so all of it, lies in what a grain blocks."""
-    dx, dy, dz = (
-        max(abs(x - near[k, 0]) + ex, 0.0),
-        max(abs(y - near[k, 1]) + ey, 0.0),
-        max(abs(z - near[k, 2]) + ez, 0.0),
-    )
-    if boxes:
-        return dx < near[k, 3] and dy < near[k, 4] and dz < near[k, 5]
-    return dx * dx + dy * dy + dz * dz < near[k, 3] * near[k, 3]
 
 
 @bare_kernel

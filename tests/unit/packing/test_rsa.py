@@ -7,8 +7,9 @@ from scipy.spatial import cKDTree
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.seeds import philox_block, philox_key
+from voxgran.packing.graded_cells import Bed
 from voxgran.packing.methods.rsa import registration as rsa
-from voxgran.packing.open_cells import Open, all_edges
+from voxgran.packing.open_cells import Open, all_edges, cut_cells
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.rsa_setting import congruential
 
@@ -241,6 +242,34 @@ def test_open_cells_hold_every_free_place():
     assert 10 < len(free) < 20_000
     assert {tuple(cell) for cell in np.floor((free - classes.low[0]) / edge).astype(int).tolist()} <= cells
     assert len(cells) < 0.5 * np.prod(classes.base[0] * 4)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_open_boxes_are_the_free_room_exactly(dimension):
+    """Cut anew, the boxes hold every free place and no other, and none twice."""
+    room = vg.Rectangle((9, 8), "x") if dimension == 2 else vg.Box((6, 5, 5), "x")
+    corners = ((0, 0), (1, 0), (1, 1), (0, 1))
+    shape = vg.make_shape("polygon", vertices=corners) if dimension == 2 else vg.make_shape("box", lengths=(1, 1, 1))
+    problem = task_of(shape, room, until="saturated", aligned=True, seed=3).problem
+    state = rsa.advance(problem, rsa.prepare(problem), 60)
+    setting = state.derived["setting"]
+    known = Open(*(state.arrays[name] for name in Open._fields))
+    bed = Bed(state.arrays["position"], setting.half, setting.level, state.arrays["entered"], True)
+    boxes = cut_cells(bed, setting.cells, setting.room, setting.classes, known, 0).cell
+    low, span = setting.classes.low[0], setting.classes.span[0]
+    lengths, edge = setting.room.lengths, 2 * setting.half[0, 0]
+    centers = state.arrays["position"][state.arrays["entered"] == 1]
+    assert len(centers) > 10
+    probes = low + np.random.Generator(np.random.PCG64(1)).random((20_000, 3)) * span
+    step = np.abs(probes[:, None] - centers)[:, :, :dimension]
+    step[:, :, 0] = np.minimum(step[:, :, 0], lengths[0] - step[:, :, 0])
+    free = (step >= edge).any(axis=2).all(axis=1)
+    along = slice(0, dimension)
+    held = (probes[:, None, along] >= boxes[:, along]) & (
+        probes[:, None, along] < boxes[:, along] + boxes[:, 3 : 3 + dimension]
+    )
+    assert np.array_equal(held.all(axis=2).sum(axis=1), free)
+    assert 500 < free.sum() < 15_000
 
 
 def test_graded_sizes_are_proven_class_by_class():

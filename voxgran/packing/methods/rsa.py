@@ -40,7 +40,15 @@ from voxgran.packing.candidates import DROP, NEXT, SCAN, Coordinates, add_candid
 from voxgran.packing.graded_cells import Bed, link_all
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
-from voxgran.packing.open_cells import Open, all_edges, cut_cells, deepest_cut, first_cells, throw_into_cells
+from voxgran.packing.open_cells import (
+    Open,
+    all_edges,
+    cut_cells,
+    deepest_cut,
+    first_cells,
+    throw_into_cells,
+    volumes_up_to,
+)
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa_setting import MOST_COORDINATES, Setting, make_setting, newcomers, orientations
 from voxgran.packing.start import Start
@@ -148,7 +156,7 @@ def prepare(problem: Problem) -> State:
             "grains fewer"
         )
     if setting.classes is not None:
-        arrays.update(first_cells(setting.classes)._asdict())
+        arrays.update(first_cells(setting.classes, setting.boxes)._asdict())
     else:
         arrays["used"] = np.zeros(many if scan else 0, dtype=np.int8)
         arrays["pointer"] = np.zeros(int(setting.kind.max(initial=-1)) + 1, dtype=np.int64)
@@ -273,14 +281,14 @@ def _throw(state: State, setting: Setting, bed: Bed, tally: Integers, key: Words
     classes = setting.classes
     assert classes is not None
     known = Open(*(state.arrays[name] for name in Open._fields))
-    finest, edge = deepest_cut(classes), all_edges(classes, known)
-    where, run = (bed, setting.cells, setting.room, classes), (finest, setting.queue, tally, key)
+    where, run = (bed, setting.cells, setting.room, classes), (setting.queue, tally, key)
+    finest = deepest_cut(classes, setting.boxes)
     while True:
-        state.done, kind = throw_into_cells(*where, known, edge, *run, state.done, last)
+        sizes = all_edges(classes, known), volumes_up_to(classes, known)
+        state.done, kind = throw_into_cells(*where, known, *sizes, finest, *run, state.done, last)
         if kind < 0:
             break
         known = cut_cells(*where, known, kind)
-        edge = all_edges(classes, known)
     state.arrays.update(known._asdict())
 
 
