@@ -331,6 +331,32 @@ def test_other_shapes_turn_at_random_in_their_bounding_balls():
     assert vg.verify(flat).ok
 
 
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"scheme": "3", "tries": 10},
+        {"scheme": "4d", "tries": 10, "retain": "next", "numbers": "lcg"},
+        {"until": "saturated"},
+        {"until": "saturated", "order": "largest"},
+        {"until": "saturated", "aligned": True},
+    ],
+)
+def test_chunks_and_resumption_do_not_matter(parameters):
+    """In chunks of any size, and with everything made anew after each that a checkpoint does not hold."""
+    shape = vg.make_shape("box", lengths=(1, 1, 1)) if "aligned" in parameters else vg.make_shape("sphere")
+    found = []
+    for chunk, anew in ((10**6, False), (997, False), (997, True), (61, True)):
+        options = {"order": "random", **parameters}
+        problem = task_of(shape, vg.Box((3, 3.5, 3), "y"), sizes=GRADED, seed=6, **options).problem
+        state = rsa.prepare(problem)
+        while not state.stop_reason:
+            state = rsa.advance(problem, state, chunk)
+            if anew:
+                state.derived = {}
+        found.append((state.done, state.counters, {name: array.tobytes() for name, array in state.arrays.items()}))
+    assert all(one == found[0] for one in found)
+
+
 def test_a_start_stays_where_it_is():
     """True shapes may touch where their bounding balls overlap; only newcomers keep away from the balls."""
     cube = vg.make_shape("box", lengths=(1, 1, 1))
@@ -342,6 +368,27 @@ def test_a_start_stays_where_it_is():
     deep = vg.Packing.of([cube], vg.Box((5, 5, 5)), position=[(0.5, 0.5, 0.5), (1.4, 0.5, 0.5)])
     with pytest.raises(InputError, match="grain 1 of start finds no place"):
         vg.pack([], deep.container, method="rsa", start=deep)
+
+
+@pytest.mark.parametrize("method", ["digital", "control_point"])
+def test_other_methods_go_on_from_it(method):
+    """Also from balls that touch: they part upward as far as the method needs."""
+    tall, options = vg.Box((3, 3, 10), "xy"), {"digital": {"voxel_size": 0.1}, "control_point": {"spacing": 0.25}}
+    loose = vg.pack(
+        vg.make_shape("sphere"),
+        vg.Box((3, 3, 7), "xy"),
+        method="rsa",
+        scheme="3",
+        count=18,
+        tries=20,
+        sizes=GRADED,
+        seed=2,
+    )
+    bed = vg.pack([], tall, method=method, start=loose, sweeps=100, **options[method])
+    assert bed.count == loose.count == 18
+    assert bed.diameters == pytest.approx(loose.diameters)
+    assert bed.position[:, 2].mean() < loose.position[:, 2].mean() - 0.2
+    assert vg.verify(bed).ok
 
 
 def test_what_is_missed_is_told():
