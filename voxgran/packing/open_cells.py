@@ -72,7 +72,7 @@ class Open(NamedTuple):
     depth: Integers
 
 
-def make_classes(half: Floats, kind: Integers, room: Room, dimension: int, tries: int) -> Classes:
+def make_classes(half: Floats, kind: Integers, queue: Integers, room: Room, dimension: int, tries: int) -> Classes:
     """Return classes of sizes and how their first cells lie.
 
     Parameters
@@ -81,6 +81,8 @@ def make_classes(half: Floats, kind: Integers, room: Room, dimension: int, tries
         Half the extents of the grains.
     kind : (n,) ndarray of int
         Their classes.
+    queue : (m,) ndarray of int
+        Those that are to enter.
     room : Room
         The container.
     dimension : int
@@ -88,10 +90,11 @@ def make_classes(half: Floats, kind: Integers, room: Room, dimension: int, tries
     tries : int
         Throws after which a grain is given up in a class of several sizes.
     """
-    many = int(kind.max(initial=-1)) + 1
+    grains = np.bincount(kind[queue])
+    many = len(grains)
     least, largest = np.full((many, 3), np.inf), np.zeros((many, 3))
-    np.minimum.at(least, kind, half)
-    np.maximum.at(largest, kind, half)
+    np.minimum.at(least, kind[queue], half[queue])
+    np.maximum.at(largest, kind[queue], half[queue])
     walled = room.walled == 1
     low = np.where(walled, room.lower + least, room.lower)
     span = np.where(walled, np.maximum(room.lengths - 2 * least, 0.0), room.lengths)
@@ -100,7 +103,7 @@ def make_classes(half: Floats, kind: Integers, room: Room, dimension: int, tries
     base = np.ones((many, 3), dtype=np.int64)
     for k in range(many):
         wanted = np.maximum(span[k, :dimension] / (2 * least[k, :dimension]), 1.0)
-        most = FIRST_CELLS * max(int(np.count_nonzero(kind == k)), 16)
+        most = FIRST_CELLS * max(int(grains[k]), 16)
         wanted *= min(1.0, (most / np.prod(wanted)) ** (1 / dimension))
         base[k, :dimension] = np.maximum(np.ceil(wanted - WHOLE), 1)
     mixed = (least < largest).any(axis=1)

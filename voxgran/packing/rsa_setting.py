@@ -29,16 +29,39 @@ CLASSES = 32
 FACTOR, SUMMAND, MODULUS, FIRST = 2053, 13849, 65536, (20001, 60001, 40001)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Setting:
-    """What follows from the problem; `cells` hold the grains that are in, which enter in the order `entering`."""
+    """What follows from the problem.
+
+    Attributes
+    ----------
+    half : (n, 3) ndarray of float
+        Half the extents of the grains.
+    level : (n,) ndarray of int
+        Their levels of size.
+    room : Room
+        The container.
+    cells : Cells
+        Cells of the grains that are in.
+    queue : (m,) ndarray of int
+        Grains that are to enter, as they come.
+    kind : (n,) ndarray of int
+        Classes of their sizes, where these matter.
+    table : (c, 3) ndarray of float
+        Coordinates, where they are made beforehand.
+    rules : Rules
+        How candidates are made.
+    classes : Classes or None
+        Classes of sizes of a saturated run.
+    boxes : bool
+        Whether grains are boxes.
+    """
 
     half: Floats
     level: NDArray[np.int8]
     room: Room
     cells: Cells
     queue: Integers
-    entering: Integers
     kind: Integers
     table: Floats
     rules: Rules
@@ -54,26 +77,34 @@ def make_setting(problem: Problem) -> Setting:
     InputError
         If grains are asked to stand aligned that are no boxes along the axes, or the container is round or closed.
     TooLargeError
-        If there are more coordinates than can be kept.
+        If there are more than 2**31 coordinates, and they must be kept.
     """
     settings, room, half = problem.parameters, room_of(problem.container), half_extents(problem)
-    level = sort_into_levels(half[:, : problem.dimension])
-    queue, many = queue_of(problem, half, room), settings.tries * newcomers(problem)
     saturate, scan = settings.until == "saturated", settings.retaining == SCAN
+    many = settings.tries * newcomers(problem)
+    if (settings.tabled or scan) and many > MOST_COORDINATES:
+        raise TooLargeError(
+            f"tries gives {many} coordinates to be sorted, replayed or scanned: at most {MOST_COORDINATES} can be "
+            "kept; make tries or the grains fewer"
+        )
+    level = sort_into_levels(half[:, : problem.dimension])
+    queue = queue_of(problem, half, room)
     kind = np.zeros(0, dtype=np.int64)
     if saturate or scan:
-        kind = sizes_of(half, CLASSES if saturate else None)
+        kind = np.zeros(problem.count, dtype=np.int64)
+        kind[queue] = sizes_of(half[queue], CLASSES if saturate else None)
     corrections = settings.corrections if settings.correcting else 0
     return Setting(
-        *(half, level, room, lay_out(half, level, room, problem.dimension), queue),
-        *(
-            np.concatenate([np.arange(problem.count - newcomers(problem)), queue]),
-            kind,
-            coordinate_table(problem, many),
-        ),
-        Rules(settings.retaining, settings.tries, many, corrections, TOUCHING if corrections else 0.0),
-        make_classes(half, kind, room, problem.dimension, settings.tries) if saturate else None,
-        bool(settings.aligned),
+        half=half,
+        level=level,
+        room=room,
+        cells=lay_out(half, level, room, problem.dimension),
+        queue=queue,
+        kind=kind,
+        table=coordinate_table(problem, many),
+        rules=Rules(settings.retaining, settings.tries, many, corrections, TOUCHING if corrections else 0.0),
+        classes=make_classes(half, kind, queue, room, problem.dimension, settings.tries) if saturate else None,
+        boxes=bool(settings.aligned),
     )
 
 
@@ -189,21 +220,10 @@ def sizes_of(half: Floats, most: int | None = None) -> Integers:
 
 
 def coordinate_table(problem: Problem, many: int) -> Floats:
-    """Return the coordinates of a sorted or replayed run, (many, 3) in 0 ... 1; none of other runs.
-
-    Raises
-    ------
-    TooLargeError
-        If there are more than 2**31.
-    """
+    """Return the coordinates of a sorted or replayed run, (many, 3) in 0 ... 1; none of other runs."""
     settings = problem.parameters
     if not settings.tabled:
         return np.zeros((0, 3))
-    if many > MOST_COORDINATES:
-        raise TooLargeError(
-            f"tries gives {many} coordinates to be sorted or replayed: at most {MOST_COORDINATES} can be kept; make "
-            "tries or the grains fewer"
-        )
     table = np.zeros((many, 3))
     if settings.numbers == "lcg":
         for axis in range(3):

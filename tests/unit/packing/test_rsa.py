@@ -326,6 +326,12 @@ def test_other_shapes_turn_at_random_in_their_bounding_balls():
     np.fill_diagonal(step, np.inf)
     assert (step >= reach[:, None] + reach[None] - 1e-12).all()
     assert len(np.unique(packing.orientation, axis=0)) == 60
+    # that no bounding ball fits proves nothing of the shapes
+    full = vg.pack(shapes[0], vg.Cylinder(2, 4), method="rsa", until="saturated", seed=1)
+    assert full.stop_reason == "full"
+    assert not full.provenance["saturation"]["proven"]
+    assert full.provenance["saturation"]["of"] == "bounding balls"
+    assert full.provenance["saturation"]["open_cells"] == 0
     flat = vg.pack(vg.make_shape("polygon", corners=5), vg.Rectangle((9, 9), "x"), method="rsa", count=20)
     assert (flat.orientation[:, 1:3] == 0).all()
     assert vg.verify(flat).ok
@@ -362,6 +368,7 @@ def test_a_start_stays_where_it_is():
     cube = vg.make_shape("box", lengths=(1, 1, 1))
     tower = vg.Packing.of([cube], vg.Box((5, 5, 5)), position=[(0.5, 0.5, 0.5), (0.5, 0.5, 1.5), (1.5, 0.5, 0.5)])
     packing = vg.pack(vg.make_shape("sphere"), tower.container, method="rsa", start=tower, count=25, until="saturated")
+    assert packing.provenance["saturation"]["classes"] == 1
     assert packing.position[:3] == pytest.approx(tower.position, abs=1e-15)
     assert packing.count == 28
     assert vg.verify(packing).ok

@@ -32,9 +32,10 @@ import numpy as np
 
 from voxgran._base.arrays import Integers, as_count
 from voxgran._base.config import parameter, to_mapping
-from voxgran._base.errors import InputError, TooLargeError
+from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.parts import is_one_ball
 from voxgran.packing.bits import Words
 from voxgran.packing.candidates import DROP, NEXT, SCAN, Coordinates, add_candidates
 from voxgran.packing.graded_cells import Bed, link_all
@@ -50,7 +51,7 @@ from voxgran.packing.open_cells import (
     volumes_up_to,
 )
 from voxgran.packing.problem import Problem
-from voxgran.packing.rsa_setting import MOST_COORDINATES, Setting, make_setting, newcomers, orientations
+from voxgran.packing.rsa_setting import Setting, make_setting, newcomers, orientations
 from voxgran.packing.start import Start
 from voxgran.packing.verify import verify
 
@@ -61,7 +62,7 @@ UNSORTED = {"4a": "classic", "4b": "1", "4c": "2", "4d": "3"}
 #: throws per grain that a saturated run is thought to take at the most: no bound is known, the mean is about 30
 THROWS = 200
 #: bytes of a grain, and of its open cells (measured)
-BYTES_PER_GRAIN, BYTES_OF_CELLS = 200, 200
+BYTES_PER_GRAIN, BYTES_OF_CELLS = 250, 250
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -86,7 +87,7 @@ class Rsa:
         unit="per grain",
     )
     retain: Literal["scan", "next"] = parameter(
-        "scan", doc="how a kept radius goes on: over all unused coordinates, or with the next one"
+        "scan", doc="how a kept radius goes on: over all unused coordinates (once for each size), or with the next one"
     )
     corrections: int = parameter(2, doc="how often a candidate is moved away, in schemes 1, 3, 4b and 4d")
     order: Literal["given", "largest", "random"] = parameter(
@@ -142,25 +143,20 @@ def prepare(problem: Problem) -> State:
         If a grain of the start overlaps another or reaches beyond a wall, or shapes are asked to stand aligned that
         are no boxes.
     TooLargeError
-        If there are more coordinates than can be kept.
+        If there are more than 2**31 coordinates, and they must be kept.
     """
     n, many = problem.count, problem.parameters.tries * newcomers(problem)
     arrays: dict[str, Any] = {"position": np.zeros((n, 3)), "entered": np.zeros(n, dtype=np.int8)}
     state = State(arrays, dict.fromkeys(TALLY, 0), 0, _most_attempts(problem))
     if problem.start is not None and problem.start.count:
         _enter_start(problem, state, problem.start)
-    setting, scan = make_setting(problem), problem.parameters.retaining == SCAN
-    if scan and many > MOST_COORDINATES:
-        raise TooLargeError(
-            f"tries gives {many} coordinates to be scanned: at most {MOST_COORDINATES} can be kept; make tries or the "
-            "grains fewer"
-        )
+    setting = make_setting(problem)
     if setting.classes is not None:
         arrays.update(first_cells(setting.classes, setting.boxes)._asdict())
     else:
-        arrays["used"] = np.zeros(many if scan else 0, dtype=np.int8)
+        arrays["used"] = np.zeros(many if problem.parameters.retaining == SCAN else 0, dtype=np.int8)
         arrays["pointer"] = np.zeros(int(setting.kind.max(initial=-1)) + 1, dtype=np.int64)
-    _keep(state, setting)
+    _keep(problem, state, setting)
     _look(problem, state, setting)
     return state
 
@@ -170,7 +166,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     if state.stop_reason:
         return state
     if "setting" not in state.derived:
-        _keep(state, make_setting(problem))
+        _keep(problem, state, make_setting(problem))
     setting: Setting = state.derived["setting"]
     bed = _bed_of(state, setting)
     tally = np.array([state.counters[name] for name in TALLY], dtype=np.int64)
@@ -264,9 +260,10 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
     state.counters["placed"] = n
 
 
-def _keep(state: State, setting: Setting) -> None:
-    """Keep a setting, with the grains that are in linked into its cells."""
-    link_all(_bed_of(state, setting), setting.cells, setting.room, setting.entering)
+def _keep(problem: Problem, state: State, setting: Setting) -> None:
+    """Keep a setting, with the grains that are in linked into its cells, in the order in which they entered."""
+    entering = np.concatenate([np.arange(problem.count - newcomers(problem)), setting.queue])
+    link_all(_bed_of(state, setting), setting.cells, setting.room, entering)
     state.derived["setting"] = setting
 
 
@@ -298,14 +295,24 @@ def _look(problem: Problem, state: State, setting: Setting) -> None:
     if counters["placed"] == problem.count:
         state.stop_reason = "count"
     elif counters["turn"] == len(setting.queue):
-        proven = setting.classes is not None and counters["unproven"] == 0
-        state.stop_reason = "saturated" if proven else "steps"
+        closed = setting.classes is not None and counters["unproven"] == 0
+        # that there is no room for bounding balls does not prove that there is none for the true shapes
+        reason = "saturated" if _treated_as(problem) != "bounding balls" else "full"
+        state.stop_reason = reason if closed else "steps"
+
+
+def _treated_as(problem: Problem) -> str:
+    """Return as what grains meet."""
+    if problem.parameters.aligned:
+        return "boxes"
+    return "balls" if all(is_one_ball(shape.geometry) for shape in problem.shapes) else "bounding balls"
 
 
 def _proof(problem: Problem, state: State) -> dict[str, Any]:
     """Return what is known of the room that is left."""
     many = np.diff(state.arrays["bounds"])
     return {
+        "of": _treated_as(problem),
         "proven": state.stop_reason == "saturated",
         "not_proven": state.counters["unproven"],
         "classes": len(many),
