@@ -73,6 +73,7 @@ def measure_tries(
         shape, room = body(name), room_for(name, count)
         volume = shape.volume / room.volume
         lengths = np.array(room.lengths)
+        scipy_addition(np.full(len(lengths), 4.0), 99)
         for many in tries:
             places = round(many / volume)
             began = time.perf_counter()
@@ -144,6 +145,8 @@ def _draw(rows: list[Row], path: Path) -> None:
         for program, style in (("SciPy", ":"), ("voxgran", "-")):
             found = [(row[4], SATURATED[name] - row[5]) for row in rows if row[:2] == (name, program) and row[2]]
             left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=f"{GRAINS} {name}s, {program}")
+        proof = [row[4] for row in rows if row[0] == name and not row[2] and abs(row[3] / GRAINS - 1) < 0.1]
+        left.axvline(proof[0], color=f"C{k}", linestyle="--", label=f"{GRAINS} {name}s, saturated, proven")
     left.set_xlabel("seconds")
     left.set_ylabel("solid fraction missing to saturation")
     for k, name in enumerate(PROVEN):
