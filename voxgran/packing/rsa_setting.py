@@ -25,7 +25,8 @@ MOST_COORDINATES = 2**31
 TOUCHING = 1e-10
 #: classes of sizes that have open cells of their own
 CLASSES = 32
-#: the linear congruential sequence: factor, summand, modulus, and first numbers of x, y and z
+#: the linear congruential sequence of Chu 2011: factor, summand, modulus, and first numbers of x and y; that of z is
+#: ours, and a bad one as any: all are shifts of one cycle
 FACTOR, SUMMAND, MODULUS, FIRST = 2053, 13849, 65536, (20001, 60001, 40001)
 
 
