@@ -21,12 +21,14 @@ lint: $(STAMP)   ## style, format and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: $(STAMP)   ## run time against error of voxelization, distances and digital packing, as figures
+bench: $(STAMP)   ## run time against error of voxelization, distances and packing, as figures
 	$(BIN)/voxgran bench voxelize -o docs/figures
 	$(BIN)/voxgran bench distance -o docs/figures
 	$(BIN)/voxgran bench digital -o docs/figures
 	$(BIN)/voxgran bench density -o docs/figures
+	$(BIN)/voxgran bench rsa -o docs/figures
 	$(BIN)/python examples/directions.py docs/figures 120
+	$(BIN)/python examples/chu_rsa.py docs/figures
 
 figures: demo bench   ## the pictures of README and docs
 	cp out/demo/whole.png docs/figures/demo.png

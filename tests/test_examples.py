@@ -5,6 +5,7 @@ import importlib
 import json
 import re
 import runpy
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 import voxgran as vg
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+CHU = tomllib.loads((Path(__file__).parent / "reference" / "references.toml").read_text())["chu_rsa_2d"]
 
 # small scenes have no bulk to speak of, which is said in a warning
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
@@ -48,6 +50,45 @@ def test_directions(tmp_path, capsys, monkeypatch):
     assert float(one_step["3D any"]) == pytest.approx(1.0, abs=0.01)
     assert text.count("verified True") == 4
     assert (tmp_path / "directions.svg").exists()
+
+
+def test_chu_rsa(tmp_path, capsys, monkeypatch):
+    """The claims of the paper on the reading by scans, and its totals within what the reading reaches."""
+    text = printed("chu_rsa.py", capsys, monkeypatch, str(tmp_path), "6")
+    first = text.split("words of the paper")[0]
+    rows = {
+        row[0]: [float(n) for n in re.findall(r"[-\d.]+", row[1])]
+        for row in re.findall(r"^(classic|\d[a-d]?) +(\d.*)$", first, re.M)
+    }
+    count = {scheme: row[3] for scheme, row in rows.items()}
+    assert set(count) == {"classic", "1", "2", "3", "4a", "4b", "4c", "4d"}
+    assert {scheme for scheme in count if count[scheme] > 1000} == {"1", "3", "4b", "4d"}
+    assert min(count["1"], count["3"]) > count["2"]
+    assert min(count["4b"], count["4d"]) > max(count["4a"], count["4c"])
+    assert all(count[two] > count[one] for one, two in (("classic", "4a"), ("1", "4b"), ("2", "4c"), ("3", "4d")))
+    assert min(n for scheme, n in count.items() if scheme != "classic") > count["classic"]
+    for scheme, share in (("3", 0.02), ("4d", 0.02), ("1", 0.08), ("4b", 0.08)):
+        assert count[scheme] == pytest.approx(sum(CHU[f"counts_scheme_{scheme}"]), rel=share)
+    assert rows["4d"][6] == pytest.approx(CHU["porosity_4d"], abs=0.01)
+    assert rows["4d"][7] == pytest.approx(CHU["coordination_4d"], abs=0.06)
+    # of the schemes that pass 1000 grains, 4d keeps 4 : 3 : 3 best
+    off = {scheme: max(abs(rows[scheme][k] / count[scheme] - (0.4, 0.3, 0.3)[k]) for k in range(3)) for scheme in count}
+    assert min(("1", "3", "4b", "4d"), key=off.get) == "4d"
+    # contacts are dense along x where coordinates are sorted along x, and nearly isotropic where they are not
+    for scheme, along in (("1", False), ("3", False), ("4b", True), ("4d", True)):
+        anisotropy, axis, near_x = rows[scheme][8:11]
+        assert anisotropy > 0.25 if along else anisotropy < 0.12
+        assert not along or abs(axis) < 10
+        assert near_x > 0.39 if along else near_x == pytest.approx(1 / 3, abs=0.03)
+    assert (tmp_path / "chu_rsa.svg").exists()
+
+
+def test_chu_rsa_counts_grow_with_the_candidates(capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr("sys.argv", ["chu_rsa.py", str(tmp_path), "1"])
+    replay = runpy.run_path(str(EXAMPLES / "chu_rsa.py"), run_name="__main__")["replay"]
+    for scheme in ("classic", "1", "2", "3", "4a", "4b", "4c", "4d"):
+        counts = [replay(scheme, 0, many=many).count for many in (500, 1000, 2000, 5000)]
+        assert counts == sorted(set(counts))
 
 
 def test_fit_clump(capsys, monkeypatch):

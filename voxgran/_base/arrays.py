@@ -121,6 +121,8 @@ def as_quaternions(value: ArrayLike, name: str = "orientation") -> Floats:
             "length 1; divide by the length"
         )
     exact = np.abs(length - 1.0) <= 4e-16
+    if exact.all():
+        return array.copy()
     return np.where(exact[:, None], array, array / np.where(exact, 1.0, length)[:, None])
 
 

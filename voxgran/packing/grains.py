@@ -1,6 +1,7 @@
 """Which grains are to be packed: how many, of what shape, how large."""
 
 import logging
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,12 +13,19 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning
 from voxgran._base.seeds import stream
+from voxgran.contacts.parts import is_one_ball
+from voxgran.containers.box import Box
 from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
 from voxgran.shapes.descriptors import principal_extents
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution
 
 log = logging.getLogger(__name__)
+
+#: largest solid fraction of equal disks and balls: the hexagonal and the face-centred cubic lattice
+#: (Thue 1910; Hales 2005, doi:10.4007/annals.2005.162.1065)
+DENSEST = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +57,7 @@ def draw_grains(
     weights: ArrayLike | None,
     weights_by: str,
     seed: int,
+    surplus: bool = False,
 ) -> Grains:
     """Draw the grains of a packing.
 
@@ -70,6 +79,8 @@ def draw_grains(
         What the shares are of.
     seed : int
         Seed of the run.
+    surplus : bool
+        Whether a count may have more volume than the container: the method takes those that find a place.
 
     Returns
     -------
@@ -78,7 +89,8 @@ def draw_grains(
     Raises
     ------
     InputError
-        If a number is out of range, or the grains have more volume than the container.
+        If a number is out of range, the grains have more volume than the container, or equal balls are asked for a
+        solid fraction beyond that of the densest lattice.
     GrainTooLargeError
         If no grain can fit.
     """
@@ -92,13 +104,15 @@ def draw_grains(
     if solid_fraction is not None and wanted is not None:
         keep = np.cumsum(volumes) - volumes < target
         shape_id, diameter, volumes = shape_id[keep], diameter[keep], volumes[keep]
+    if solid_fraction is not None:
+        _refuse_denser_than_lattice(shapes, container, shape_id, diameter, wanted=solid_fraction)
     fits = _fits(shapes, container, shape_id, diameter)
     if len(fits) and not fits.any():
         raise GrainTooLargeError(
             f"the smallest grain has the diameter {diameter.min():.6g}: none can fit in the container of "
             f"{_lengths_text(container)}; make the grains smaller or the container larger"
         )
-    if wanted is not None and volumes[fits].sum() > container.volume:
+    if wanted is not None and not surplus and volumes[fits].sum() > container.volume:
         raise InputError(
             f"count is {wanted}: these grains have {volumes[fits].sum() / container.volume:.3g} times the volume of "
             "the container; ask for fewer or smaller grains or a larger container"
@@ -112,6 +126,44 @@ def draw_grains(
             stacklevel=3,
         )
     return Grains(shape_id[fits], diameter[fits], removed)
+
+
+def _refuse_denser_than_lattice(
+    shapes: Sequence[Shape], container: Container, shape_id: Integers, diameter: Floats, *, wanted: float
+) -> None:
+    """Refuse equal balls that would be denser than the densest lattice.
+
+    Boxes and rectangles only: they fill space without gaps, and so would the packings in them. A round or a closed
+    container may hold more.
+    """
+    dimension, densest = container.dimension, DENSEST[container.dimension]
+    if wanted <= densest * (1 + 1e-12) or not isinstance(container, Box | Rectangle) or not len(diameter):
+        return
+    balls = all(is_one_ball(shapes[k].geometry) for k in set(shape_id.tolist()))
+    volume = _volumes(shapes, shape_id, diameter).sum()
+    if balls and np.ptp(diameter) <= 1e-12 * diameter.max() and volume > densest * container.volume:
+        name = "disks" if dimension == 2 else "spheres"
+        raise InputError(
+            f"solid_fraction is {wanted:.6g}, a porosity of {1 - wanted:.6g}: equal {name} have a "
+            f"porosity of at least {1 - densest:.4f}, that of the densest lattice; ask for less, or for several sizes"
+        )
+
+
+def size_distance(asked: Floats, placed: Floats) -> float:
+    """Return the largest difference of the shares of grains up to a size, that of Kolmogorov and Smirnov.
+
+    Parameters
+    ----------
+    asked, placed : (n,), (m,) ndarray of float
+        Diameters; those placed are some of those asked. Without grains the difference is 0.
+    """
+    if not len(asked) or not len(placed):
+        return 0.0
+    # sizes that differ by rounding are one size
+    sizes = np.sort(asked) * (1 + 1e-9)
+    share = np.searchsorted(sizes, sizes, side="right") / len(asked)
+    share -= np.searchsorted(np.sort(placed), sizes, side="right") / len(placed)
+    return float(np.abs(share, out=share).max())
 
 
 def _shares(shapes: Sequence[Shape], weights: ArrayLike | None, weights_by: str, own_size: bool) -> Floats:

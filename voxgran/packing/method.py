@@ -88,6 +88,8 @@ class PackingMethod:
         Largest overlap of true shapes that the method may leave, in mean diameters; 0 where it leaves none.
     libraries : tuple of str
         Libraries that it loads.
+    selects : bool
+        Whether it takes grains as candidates, of which there may be more than the container has room for.
     """
 
     name: str
@@ -101,6 +103,7 @@ class PackingMethod:
     dimensions: tuple[int, ...] = (3,)
     tolerance: Callable[[Any], float] = field(default=lambda parameters: 0.0)
     libraries: tuple[str, ...] = ("numba",)
+    selects: bool = False
 
 
 def method_registry() -> Registry[PackingMethod]:

@@ -16,7 +16,7 @@ from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.progress import OnStep
 from voxgran.containers.model import Container
-from voxgran.packing.grains import Grains, draw_grains
+from voxgran.packing.grains import Grains, draw_grains, size_distance
 from voxgran.packing.method import PackingMethod, State, method_registry
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -70,7 +70,7 @@ def pack(
         How many grains.
     solid_fraction : float, optional
         Wanted solid fraction. With a count too, whichever comes first; with neither, grains are added until the
-        method stops.
+        method stops. What is missed, of it, of the count and of the gradation, is in the provenance.
     sizes : SizeDistribution, optional
         Distribution of the equivalent diameters, in the unit of the container; each shape at its own size where
         left out.
@@ -110,7 +110,8 @@ def pack(
     UnknownNameError
         If the method or a parameter is unknown.
     InputError
-        If a value breaks a rule, or the grains have more volume than the container.
+        If a value breaks a rule, the grains have more volume than the container, or equal balls are asked for a solid
+        fraction beyond that of the densest lattice.
     GrainTooLargeError
         If no grain can fit.
     CheckpointError
@@ -201,6 +202,7 @@ def prepare_task(
         weights=weights,
         weights_by=weights_by,
         seed=seed,
+        surplus=chosen.selects,
     )
     asked = {
         "count": count,
@@ -254,10 +256,7 @@ def with_provenance(task: Task, state: State, packing: Packing, *, seconds: floa
         "seed": problem.seed,
         "asked": task.asked,
         "placed": {"count": packing.count, "solid_fraction": packing.solid_fraction},
-        "missed": {
-            "count": problem.count - packing.count,
-            **{f"cannot_fit_{k}": v for k, v in task.grains.removed.items()},
-        },
+        "missed": _misses(task, packing),
         "shapes": [{"name": shape.name, "key": shape.key} for shape in packing.shapes],
         "median_diameter": problem.unit_length,
         "counters": {**state.counters, **problem.counters, "attempts": state.done},
@@ -266,16 +265,17 @@ def with_provenance(task: Task, state: State, packing: Packing, *, seconds: floa
         "timing": {"wall_seconds": seconds},
         **packing.provenance,
     }
-    return Packing.of(
-        packing.shapes,
-        packing.container,
-        position=packing.position,
-        scale=packing.scale,
-        shape_id=packing.shape_id,
-        orientation=packing.orientation,
-        provenance=record,
-        stop_reason=packing.stop_reason,
-    )
+    return replace(packing, provenance=record)
+
+
+def _misses(task: Task, packing: Packing) -> dict[str, float]:
+    """Return by how much the packing misses what was asked: grains, solid fraction, and gradation by number."""
+    drawn = task.problem.diameter * task.problem.unit_length
+    missed: dict[str, float] = {"count": task.problem.count - packing.count}
+    if task.asked["solid_fraction"] is not None and task.asked["count"] is None:
+        missed["solid_fraction"] = max(0.0, float(task.asked["solid_fraction"]) - packing.solid_fraction)
+    missed["gradation"] = size_distance(drawn, packing.diameters) if missed["count"] else 0.0
+    return {**missed, **{f"cannot_fit_{k}": v for k, v in task.grains.removed.items()}}
 
 
 def _installed(name: str) -> bool:

@@ -1,0 +1,459 @@
+"""Random sequential addition: against plain programs, its proof of saturation, every container, what it refuses."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import voxgran as vg
+from voxgran._base.errors import InputError, PackingWarning, TooLargeError
+from voxgran._base.seeds import philox_block, philox_key
+from voxgran.packing.graded_cells import Bed
+from voxgran.packing.methods.rsa import registration as rsa
+from voxgran.packing.open_cells import Open, all_edges, cut_cells
+from voxgran.packing.pack import prepare_task
+from voxgran.packing.rsa_setting import congruential
+
+GRADED = vg.sizes.discrete([1.0, 0.6, 0.3], [1, 2, 3])
+
+
+def task_of(shapes, container, *, count=None, sizes=None, seed=0, start=None, **parameters):
+    return prepare_task(
+        shapes,
+        container,
+        method="rsa",
+        count=count,
+        solid_fraction=None,
+        sizes=sizes,
+        weights=None,
+        weights_by="number",
+        seed=seed,
+        start=start,
+        parameters=parameters,
+    )
+
+
+def run_of(problem):
+    state = rsa.prepare(problem)
+    while not state.stop_reason:
+        state = rsa.advance(problem, state, 10_000)
+    return state
+
+
+def coordinates(problem, many):
+    """The coordinates as the docstring tells them."""
+    key = philox_key(problem.seed, "rsa")
+    blocks = [philox_block(key[0], key[1], np.uint64(c), np.uint64(0))[:3] for c in range(many)]
+    table = np.array([[(int(word) >> 11) / 2**53 for word in block] for block in blocks])
+    if problem.parameters.numbers == "lcg":
+        table = np.column_stack([congruential(first, many) / 65536 for first in (20001, 60001, 40001)])
+    if problem.parameters.scheme.startswith("4"):
+        table[:, 0] = np.sort(table[:, 0])
+    return table
+
+
+class Plain:
+    """The method as it is told, with nothing but distances to all grains."""
+
+    def __init__(self, problem):
+        self.problem = problem
+        d = self.d = problem.dimension
+        lower, upper = problem.container.bounds
+        self.lower, self.lengths = lower[:d], (upper - lower)[:d]
+        self.periodic = np.array(problem.container.periodic[:d])
+        self.radius = problem.diameter / 2
+        self.center, self.placed = np.zeros((0, d)), []
+
+    def steps(self, x):
+        """Return the steps from all grains to a place, nearest images."""
+        step = x - self.center
+        return np.where(self.periodic, step - np.round(step / self.lengths) * self.lengths, step)
+
+    def put(self, g, share, corrections):
+        r, slack = self.radius[g], 1e-10 if corrections else 0.0
+        low = np.where(self.periodic, self.lower, self.lower + r)
+        x = low + share[: self.d] * np.where(self.periodic, self.lengths, self.lengths - 2 * r)
+        for moves in range(corrections + 1):
+            inside = (x - r >= self.lower - 1e-12) & (x + r <= self.lower + self.lengths + 1e-12)
+            if not (inside | self.periodic).all():
+                return False
+            step = self.steps(x)
+            distance = np.linalg.norm(step, axis=1)
+            overlap = r + self.radius[self.placed] - distance
+            if not (overlap > slack).any():
+                low = np.floor((x - self.lower) / self.lengths) * np.where(self.periodic, self.lengths, 0)
+                self.center = np.vstack([self.center, x - low])
+                self.placed.append(g)
+                return True
+            if moves < corrections:
+                worst = overlap.argmax()
+                x = x + overlap[worst] * step[worst] / distance[worst]
+        return False
+
+    def run(self):
+        settings = self.problem.parameters
+        n, tries = self.problem.count, settings.tries
+        table, corrections = coordinates(self.problem, tries * n), settings.corrections if settings.correcting else 0
+        basic = {"4a": "classic", "4b": "1", "4c": "2", "4d": "3"}.get(settings.scheme, settings.scheme)
+        if basic in ("classic", "1"):
+            for g in range(n):
+                any(self.put(g, table[g * tries + t], corrections) for t in range(tries))
+        elif settings.retain == "next":
+            g = 0
+            for share in table:
+                g += g < n and self.put(g, share, corrections)
+        else:
+            used, failed = set(), set()
+            for g in range(n):
+                for c in range(len(table)):
+                    if c in used or (c, self.radius[g]) in failed:
+                        continue
+                    if self.put(g, table[c], corrections):
+                        used.add(c)
+                        break
+                    failed.add((c, self.radius[g]))
+        return self
+
+
+@pytest.mark.parametrize(("dimension", "periodic"), [(2, "x"), (2, ""), (3, "xz"), (3, "")])
+@pytest.mark.parametrize("scheme", ["classic", "1", "2", "3", "4a", "4b", "4c", "4d"])
+def test_every_scheme_is_that_of_a_plain_program(scheme, dimension, periodic):
+    shape = vg.make_shape("disk" if dimension == 2 else "sphere")
+    room = vg.Rectangle((4.5, 5), periodic) if dimension == 2 else vg.Box((2.6, 3, 2.2), periodic)
+    numbers = "lcg" if periodic == "x" else "philox"
+    for retain in ("scan", "next") if scheme in ("2", "3", "4c", "4d") else ("scan",):
+        task = task_of(
+            shape, room, count=90, sizes=GRADED, seed=4, scheme=scheme, tries=3, retain=retain, numbers=numbers
+        )
+        state, plain = run_of(task.problem), Plain(task.problem).run()
+        assert np.flatnonzero(state.arrays["entered"]).tolist() == sorted(plain.placed)
+        assert len(plain.placed) > 15
+        found = state.arrays["position"][plain.placed][:, :dimension]
+        # rounding differs where images are met
+        assert np.abs(found - plain.center).max() < 1e-12
+        packing = rsa.finish(task.problem, state)
+        assert vg.verify(packing).ok
+        assert state.counters["moved"] == 0 or task.problem.parameters.correcting
+
+
+def test_a_grain_that_was_moved_touches():
+    packing = vg.pack(
+        vg.make_shape("disk"), vg.Rectangle((12, 12)), method="rsa", scheme="3", tries=4, sizes=GRADED, seed=1
+    )
+    contacts = packing.contacts(1e-8)
+    assert packing.provenance["counters"]["moved"] > 50
+    assert len(contacts.i) >= packing.provenance["counters"]["moved"]
+    assert vg.verify(packing).ok
+
+
+def test_next_keeps_the_shares_and_scan_does_not():
+    """The words of the paper force the gradation that was asked: all radii go in, in their order."""
+    disks, plane = vg.make_shape("disk"), vg.Rectangle((30, 30))
+    with pytest.warns(PackingWarning):
+        words, numbers = (
+            vg.pack(disks, plane, method="rsa", scheme="3", tries=1, retain=how, sizes=GRADED, count=3000)
+            for how in ("next", "scan")
+        )
+    drawn = task_of(disks, plane, count=3000, sizes=GRADED).problem.diameter
+    drawn *= task_of(disks, plane, count=3000, sizes=GRADED).problem.unit_length
+    assert words.diameters == pytest.approx(drawn[: words.count], rel=1e-12)
+    assert numbers.count > words.count
+    assert numbers.provenance["missed"]["gradation"] > 0.05
+
+
+def test_largest_first_is_denser():
+    """The claim of the literature, over seeds, both as candidates and to saturation."""
+    sphere, box, sizes = vg.make_shape("sphere"), vg.Box((7, 7, 7), "xyz"), vg.sizes.discrete([1.0, 0.5], [1, 3])
+    found = {
+        (until, order): [
+            vg.pack(
+                sphere, box, method="rsa", sizes=sizes, seed=seed, order=order, until=until, tries=50
+            ).solid_fraction
+            for seed in range(3)
+        ]
+        for until in ("tries", "saturated")
+        for order in ("largest", "given", "random")
+    }
+    for until in ("tries", "saturated"):
+        for other in ("given", "random"):
+            assert min(found[until, "largest"]) > max(found[until, other]) + 0.02
+
+
+def free_places(packing, radius, many=200_000, seed=5):
+    """Count random places where one more ball would fit: an independent probe."""
+    container, generator = packing.container, np.random.Generator(np.random.PCG64(seed))
+    lower, upper = container.bounds
+    d = container.dimension
+    probes = lower + generator.random((many, 3)) * (upper - lower)
+    probes = probes[container.signed_distance(probes) <= -radius]
+    periodic = np.array(container.periodic[:d])
+    lengths = np.where(periodic, (upper - lower)[:d], 0.0)
+    free = np.ones(len(probes), dtype=bool)
+    for size in np.unique(packing.diameters):
+        centers = (packing.position - lower)[packing.diameters == size, :d]
+        tree = cKDTree(np.where(periodic, centers % np.where(periodic, lengths, 1.0), centers), boxsize=lengths)
+        free &= tree.query((probes - lower)[:, :d])[0] >= radius + size / 2
+    return len(probes), int(free.sum())
+
+
+ROOMS = {
+    "periodic": lambda: vg.Box((9, 9, 9), "xyz"),
+    "walls": lambda: vg.Box((9, 8, 7), "y", origin=(3, -2, 1)),
+    "plane": lambda: vg.Rectangle((30, 20), "x", origin=(-4, 2)),
+    "cylinder": lambda: vg.Cylinder(4, 9),
+    "mesh": lambda: vg.ClosedMesh(vg.make_shape("solid_union", seed=3).scaled(9)),
+}
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_saturation_is_proven_and_no_probe_finds_a_place(name):
+    room = ROOMS[name]()
+    shape = vg.make_shape("disk" if room.dimension == 2 else "sphere")
+    packing = vg.pack(shape, room, method="rsa", until="saturated", seed=2)
+    proof = packing.provenance["saturation"]
+    assert packing.stop_reason == "saturated"
+    assert proof["proven"]
+    assert proof["open_cells"] == 0
+    assert vg.verify(packing).ok
+    # the container holds every ball wholly, to rounding
+    assert packing.container.signed_distance(packing.position).max() <= -0.5 + 1e-9
+    probes, free = free_places(packing, 0.5)
+    assert probes > 50_000 or name == "mesh"
+    assert free == 0
+    # the probe itself finds a place once a grain is away
+    less = vg.Packing.of([shape], packing.container, position=packing.position[1:])
+    assert free_places(less, 0.5)[1] > 0
+
+
+def test_open_cells_hold_every_free_place():
+    """Half way: a place where one more ball fits lies in an open cell."""
+    task = task_of(vg.make_shape("sphere"), vg.Box((6, 5, 5.5), "y"), until="saturated", seed=3)
+    problem = task.problem
+    state = rsa.prepare(problem)
+    while state.arrays["depth"][0] < 2:
+        state = rsa.advance(problem, state, 50)
+    known, classes = Open(*(state.arrays[name] for name in Open._fields)), state.derived["setting"].classes
+    edge = all_edges(classes, known)[0]
+    cells = {tuple(cell) for cell in known.cell.tolist()}
+    packing, generator = rsa.finish(problem, state), np.random.Generator(np.random.PCG64(1))
+    probes = classes.low[0] + generator.random((100_000, 3)) * classes.span[0]
+    step = probes[:, None] - packing.position[None]
+    step[:, :, 1] -= np.round(step[:, :, 1] / 5) * 5
+    free = probes[((step**2).sum(axis=2) >= 1).all(axis=1)]
+    assert 10 < len(free) < 20_000
+    assert {tuple(cell) for cell in np.floor((free - classes.low[0]) / edge).astype(int).tolist()} <= cells
+    assert len(cells) < 0.5 * np.prod(classes.base[0] * 4)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_open_boxes_are_the_free_room_exactly(dimension):
+    """Cut anew, the boxes hold every free place and no other, and none twice."""
+    room = vg.Rectangle((9, 8), "x") if dimension == 2 else vg.Box((6, 5, 5), "x")
+    corners = ((0, 0), (1, 0), (1, 1), (0, 1))
+    shape = vg.make_shape("polygon", vertices=corners) if dimension == 2 else vg.make_shape("box", lengths=(1, 1, 1))
+    problem = task_of(shape, room, until="saturated", aligned=True, seed=3).problem
+    state = rsa.advance(problem, rsa.prepare(problem), 60)
+    setting = state.derived["setting"]
+    known = Open(*(state.arrays[name] for name in Open._fields))
+    bed = Bed(state.arrays["position"], setting.half, setting.level, state.arrays["entered"], True)
+    boxes = cut_cells(bed, setting.cells, setting.room, setting.classes, known, 0).cell
+    low, span = setting.classes.low[0], setting.classes.span[0]
+    lengths, edge = setting.room.lengths, 2 * setting.half[0, 0]
+    centers = state.arrays["position"][state.arrays["entered"] == 1]
+    assert len(centers) > 10
+    probes = low + np.random.Generator(np.random.PCG64(1)).random((20_000, 3)) * span
+    step = np.abs(probes[:, None] - centers)[:, :, :dimension]
+    step[:, :, 0] = np.minimum(step[:, :, 0], lengths[0] - step[:, :, 0])
+    free = (step >= edge).any(axis=2).all(axis=1)
+    along = slice(0, dimension)
+    held = (probes[:, None, along] >= boxes[:, along]) & (
+        probes[:, None, along] < boxes[:, along] + boxes[:, 3 : 3 + dimension]
+    )
+    assert np.array_equal(held.all(axis=2).sum(axis=1), free)
+    assert 500 < free.sum() < 15_000
+
+
+def test_graded_sizes_are_proven_class_by_class():
+    sphere, box = vg.make_shape("sphere"), vg.Box((6, 6, 6), "x")
+    packing = vg.pack(sphere, box, method="rsa", until="saturated", sizes=GRADED, seed=1)
+    assert packing.stop_reason == "saturated"
+    assert packing.provenance["saturation"]["classes"] == 3
+    assert packing.provenance["saturation"]["not_proven"] == 0
+    assert vg.verify(packing).ok
+    # a size of which some were left out has no place any more
+    drawn = task_of(sphere, box, sizes=GRADED, seed=1).problem
+    for size in (1.0, 0.6, 0.3):
+        asked = np.isclose(drawn.diameter * drawn.unit_length, size).sum()
+        if np.isclose(packing.diameters, size).sum() < asked:
+            assert free_places(packing, size / 2)[1] == 0
+    continuous = vg.pack(
+        sphere, box, method="rsa", until="saturated", tries=50, sizes=vg.sizes.lognormal(0.8, 0.3), seed=1
+    )
+    proof = continuous.provenance["saturation"]
+    assert continuous.stop_reason == "steps"
+    assert not proof["proven"]
+    assert proof["not_proven"] > 0
+    assert vg.verify(continuous).ok
+
+
+def test_aligned_boxes_meet_as_boxes():
+    square = vg.make_shape("polygon", vertices=((0, 0), (1, 0), (1, 1), (0, 1)))
+    packing = vg.pack(square, vg.Rectangle((14, 12), "x"), method="rsa", until="saturated", aligned=True)
+    assert vg.verify(packing).ok
+    assert (packing.orientation == [1, 0, 0, 0]).all()
+    ticks = np.random.Generator(np.random.PCG64(2)).random((200_000, 2)) * [14, 11] + [0, 0.5]
+    free = np.ones(len(ticks), dtype=bool)
+    for x, y in packing.position[:, :2]:
+        dx = np.abs(ticks[:, 0] - x)
+        free &= (np.minimum(dx, 14 - dx) >= 1) | (np.abs(ticks[:, 1] - y) >= 1)
+    assert not free.any()
+    bricks = [vg.make_shape("box", lengths=(2, 1, 0.5)), vg.make_shape("box", lengths=(1, 1, 1))]
+    wall = vg.pack(bricks, vg.Box((7, 6, 5)), method="rsa", until="saturated", aligned=True, seed=2)
+    assert wall.stop_reason == "saturated"
+    assert vg.verify(wall).ok
+    tried = vg.pack(bricks, vg.Box((7, 6, 5)), method="rsa", aligned=True, seed=2, scheme="4c", tries=20)
+    assert vg.verify(tried).ok
+    # they lie denser than their bounding balls could
+    assert tried.solid_fraction > 0.25
+
+
+def test_other_shapes_turn_at_random_in_their_bounding_balls():
+    shapes = [vg.make_shape("cone"), vg.make_shape("solid_union", seed=2)]
+    packing = vg.pack(shapes, vg.Cylinder(6, 11), method="rsa", count=60, seed=1)
+    assert packing.count == 60
+    assert vg.verify(packing).ok
+    reach = np.array([shape.bounding_radius for shape in shapes])[packing.shape_id] * packing.scale
+    step = np.linalg.norm(packing.position[:, None] - packing.position[None], axis=2)
+    np.fill_diagonal(step, np.inf)
+    assert (step >= reach[:, None] + reach[None] - 1e-12).all()
+    assert len(np.unique(packing.orientation, axis=0)) == 60
+    # that no bounding ball fits proves nothing of the shapes
+    full = vg.pack(shapes[0], vg.Cylinder(2, 4), method="rsa", until="saturated", seed=1)
+    assert full.stop_reason == "full"
+    assert not full.provenance["saturation"]["proven"]
+    assert full.provenance["saturation"]["of"] == "bounding balls"
+    assert full.provenance["saturation"]["open_cells"] == 0
+    flat = vg.pack(vg.make_shape("polygon", corners=5), vg.Rectangle((9, 9), "x"), method="rsa", count=20)
+    assert (flat.orientation[:, 1:3] == 0).all()
+    assert vg.verify(flat).ok
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        {"scheme": "3", "tries": 10},
+        {"scheme": "4d", "tries": 10, "retain": "next", "numbers": "lcg"},
+        {"until": "saturated"},
+        {"until": "saturated", "order": "largest"},
+        {"until": "saturated", "aligned": True},
+    ],
+)
+def test_chunks_and_resumption_do_not_matter(parameters):
+    """In chunks of any size, and with everything made anew after each that a checkpoint does not hold."""
+    shape = vg.make_shape("box", lengths=(1, 1, 1)) if "aligned" in parameters else vg.make_shape("sphere")
+    found = []
+    for chunk, anew in ((10**6, False), (997, False), (997, True), (61, True)):
+        options = {"order": "random", **parameters}
+        problem = task_of(shape, vg.Box((3, 3.5, 3), "y"), sizes=GRADED, seed=6, **options).problem
+        state = rsa.prepare(problem)
+        while not state.stop_reason:
+            state = rsa.advance(problem, state, chunk)
+            if anew:
+                state.derived = {}
+        found.append((state.done, state.counters, {name: array.tobytes() for name, array in state.arrays.items()}))
+    assert all(one == found[0] for one in found)
+
+
+def test_a_start_stays_where_it_is():
+    """True shapes may touch where their bounding balls overlap; only newcomers keep away from the balls."""
+    cube = vg.make_shape("box", lengths=(1, 1, 1))
+    tower = vg.Packing.of([cube], vg.Box((5, 5, 5)), position=[(0.5, 0.5, 0.5), (0.5, 0.5, 1.5), (1.5, 0.5, 0.5)])
+    packing = vg.pack(vg.make_shape("sphere"), tower.container, method="rsa", start=tower, count=25, until="saturated")
+    assert packing.provenance["saturation"]["classes"] == 1
+    assert packing.position[:3] == pytest.approx(tower.position, abs=1e-15)
+    assert packing.count == 28
+    assert vg.verify(packing).ok
+    deep = vg.Packing.of([cube], vg.Box((5, 5, 5)), position=[(0.5, 0.5, 0.5), (1.4, 0.5, 0.5)])
+    with pytest.raises(InputError, match="grain 1 of start finds no place"):
+        vg.pack([], deep.container, method="rsa", start=deep)
+
+
+@pytest.mark.parametrize("method", ["digital", "control_point"])
+def test_other_methods_go_on_from_it(method):
+    """Also from balls that touch: they part upward as far as the method needs."""
+    tall, options = vg.Box((3, 3, 10), "xy"), {"digital": {"voxel_size": 0.1}, "control_point": {"spacing": 0.25}}
+    loose = vg.pack(
+        vg.make_shape("sphere"),
+        vg.Box((3, 3, 7), "xy"),
+        method="rsa",
+        scheme="3",
+        count=18,
+        tries=20,
+        sizes=GRADED,
+        seed=2,
+    )
+    bed = vg.pack([], tall, method=method, start=loose, sweeps=100, **options[method])
+    assert bed.count == loose.count == 18
+    assert bed.diameters == pytest.approx(loose.diameters)
+    assert bed.position[:, 2].mean() < loose.position[:, 2].mean() - 0.2
+    assert vg.verify(bed).ok
+
+
+def test_what_is_missed_is_told():
+    sphere = vg.make_shape("sphere")
+    packing = vg.pack(sphere, vg.Box((6, 6, 6), "xyz"), method="rsa", until="saturated", solid_fraction=0.6)
+    missed = packing.provenance["missed"]
+    assert packing.stop_reason == "saturated"
+    assert missed["solid_fraction"] == pytest.approx(0.6 - packing.solid_fraction)
+    assert missed["count"] == int(np.ceil(0.6 * 216 / (np.pi / 6))) - packing.count
+    assert missed["gradation"] == 0.0
+    with pytest.warns(PackingWarning, match="of 4000 grains"):
+        two = vg.pack(sphere, vg.Box((6, 6, 6)), method="rsa", tries=1, sizes=GRADED, count=4000)
+    asked = task_of(sphere, vg.Box((6, 6, 6)), count=4000, sizes=GRADED).problem
+    shares = [
+        [np.count_nonzero(values <= size + 1e-9) / len(values) for size in (0.3, 0.6, 1.0)]
+        for values in (asked.diameter * asked.unit_length, two.diameters)
+    ]
+    assert two.provenance["missed"]["gradation"] == pytest.approx(np.abs(np.subtract(*shares)).max(), abs=1e-12)
+
+
+def test_targets_denser_than_the_densest_lattice_are_refused():
+    sphere, disk = vg.make_shape("sphere"), vg.make_shape("disk")
+    for method in ("rsa", "digital", "control_point"):
+        with pytest.raises(InputError, match=r"porosity of 0\.25: equal spheres have a porosity of at least 0\.2595"):
+            vg.pack(sphere, vg.Box((5, 5, 5), "xyz"), method=method, solid_fraction=0.75)
+    with pytest.raises(InputError, match=r"equal disks have a porosity of at least 0\.0931"):
+        vg.pack(disk, vg.Rectangle((9, 9)), method="rsa", solid_fraction=0.91)
+    # grains of several sizes, few grains, and a container that does not fill space may come beyond
+    for shapes, room, more in (
+        ([sphere, sphere.scaled(0.2)], vg.Box((4, 4, 4)), {}),
+        (sphere, vg.Box((4, 4, 4)), {"count": 5}),
+        (sphere, vg.Cylinder(0.51, 1.01), {}),
+    ):
+        assert vg.pack(shapes, room, method="rsa", solid_fraction=0.75, tries=5, **more).count > 0
+
+
+def test_what_cannot_be_asked_is_refused():
+    sphere, box = vg.make_shape("sphere"), vg.Box((4, 4, 4))
+    for parameters, words in (
+        ({"tries": 0}, "tries"),
+        ({"corrections": 0}, "corrections"),
+        ({"scheme": "3", "until": "saturated"}, "until saturated"),
+        ({"numbers": "lcg", "until": "saturated"}, "until saturated"),
+        ({"aligned": True, "scheme": "4b"}, "line of centres"),
+        ({"aligned": True}, "it must be a box"),
+    ):
+        with pytest.raises(InputError, match=words):
+            vg.pack(sphere, box, method="rsa", count=2, **parameters)
+    cube = vg.make_shape("box", lengths=(1, 1, 1))
+    with pytest.raises(InputError, match="container of kind 'cylinder'"):
+        vg.pack(cube, vg.Cylinder(3, 3), method="rsa", aligned=True, count=2)
+    for scheme in ("4a", "2"):
+        with pytest.raises(TooLargeError, match="coordinates"):
+            vg.pack(sphere, box, method="rsa", scheme=scheme, tries=2**31, count=2)
+
+
+def test_a_grain_whose_bounding_ball_is_wider_than_a_period_stays_out():
+    rod = vg.make_shape("box", lengths=(3, 0.5, 0.5))
+    with pytest.warns(PackingWarning, match="0 of 3 grains"):
+        packing = vg.pack(rod, vg.Box((3.02, 9, 9), "x"), method="rsa", count=3)
+    assert packing.count == 0

@@ -1,0 +1,164 @@
+"""Random sequential addition: seconds against what is missing to saturation, and seconds of a proof against grains.
+
+Equal balls in periodic boxes. Candidates: by the classic scheme with more and more tries, beside a plain program with
+NumPy and the trees of SciPy that tries as often; what both miss is the difference to the published solid fraction at
+saturation. To saturation: disks, spheres, aligned squares and cubes, with the proof.
+"""
+
+import math
+import time
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.lazy import load
+from voxgran.bench.addition_peers import scipy_addition
+from voxgran.bench.model import TradeOff, calibration
+from voxgran.containers.box import Box
+from voxgran.containers.rectangle import Rectangle
+from voxgran.packing.pack import pack
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.model import Shape
+
+#: shape, program, tries per area or volume of a grain (0: to proven saturation), grains, least seconds, solid fraction,
+#: its standard error (0: of one run)
+Row: TypeAlias = tuple[str, str, int, int, float, float, float]
+#: published solid fractions at saturation: Zhang & Torquato 2013 (disks, spheres), Brosilow, Ziff & Vigil 1991
+#: (squares), Jodrey & Tory 1980 (cubes)
+SATURATED = {"disk": 0.5470735, "sphere": 0.3841307, "square": 0.562009, "cube": 0.4227}
+TRIES = (1, 3, 10, 30, 100, 300)
+#: grains of the comparison, and of the proofs; up to FEW of them, several runs are made
+GRAINS, FEW, RUNS = 10_000, 10_000, 6
+PROVEN = {
+    "disk": (1_000, 10_000, 100_000, 1_000_000),
+    "sphere": (1_000, 10_000, 100_000),
+    "square": (1_000, 10_000, 100_000),
+    "cube": (1_000, 10_000, 100_000),
+}
+CORNERS = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))
+
+
+def body(name: str) -> Shape:
+    """Return a shape by the name that rows use, of diameter or edge 1."""
+    if name == "square":
+        return make_shape("polygon", vertices=CORNERS)
+    return make_shape("box", lengths=(1, 1, 1)) if name == "cube" else make_shape(name)
+
+
+def room_for(name: str, count: int) -> Box | Rectangle:
+    """Return the periodic box in which about so many grains are at saturation."""
+    shape = body(name)
+    edge = (count * shape.volume / SATURATED[name]) ** (1 / shape.dimension)
+    return Rectangle((edge,) * 2, "xy") if shape.dimension == 2 else Box((edge,) * 3, "xyz")
+
+
+def measure_tries(
+    names: tuple[str, ...] = ("disk", "sphere"), tries: tuple[int, ...] = TRIES, count: int = GRAINS
+) -> list[Row]:
+    """Add balls by tries, with voxgran and with the plain program.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Disks or spheres.
+    tries : tuple of int
+        Random places, per area or volume of a grain.
+    count : int
+        Grains at saturation, about.
+    """
+    rows: list[Row] = []
+    for name in names:
+        shape, room = body(name), room_for(name, count)
+        volume = shape.volume / room.volume
+        lengths = np.array(room.lengths)
+        scipy_addition(np.full(len(lengths), 4.0), 99)
+        for many in tries:
+            places = round(many / volume)
+            began = time.perf_counter()
+            centers, _ = scipy_addition(lengths, places)
+            rows.append((name, "SciPy", many, len(centers), time.perf_counter() - began, len(centers) * volume, 0.0))
+            # one coordinate after the other, as the plain program does: as many as the grains that fill the box
+            options: dict[str, Any] = {"scheme": "2", "retain": "next", "tries": many}
+            rows.append((name, "voxgran", many, *_timed(shape, room, 1, **options)))
+    return rows
+
+
+def measure_proofs(counts: dict[str, tuple[int, ...]] | None = None) -> list[Row]:
+    """Add grains to proven saturation.
+
+    Parameters
+    ----------
+    counts : dict of str to tuple of int, optional
+        Grains at saturation, about, by the name of the shape.
+    """
+    rows: list[Row] = []
+    for name, many in (PROVEN if counts is None else counts).items():
+        for count in many:
+            options: dict[str, Any] = {"until": "saturated", "aligned": name in ("square", "cube")}
+            runs = RUNS if count <= FEW else 1
+            rows.append((name, "voxgran", 0, *_timed(body(name), room_for(name, count), runs, **options)))
+    return rows
+
+
+def _timed(shape: Shape, room: Box | Rectangle, runs: int, **options: Any) -> tuple[int, float, float, float]:
+    """Return grains, least seconds, mean solid fraction and its standard error; compiling and loading do not count."""
+    small = Rectangle((4, 4), "xy") if shape.dimension == 2 else Box((4, 4, 4), "xyz")
+    pack(shape, small, method="rsa", **options)
+    counts, seconds, found = [], [], []
+    for seed in range(runs):
+        began = time.perf_counter()
+        packing = pack(shape, room, method="rsa", seed=seed, **options)
+        seconds.append(time.perf_counter() - began)
+        counts.append(packing.count)
+        found.append(packing.solid_fraction)
+    error = float(np.std(found, ddof=1) / math.sqrt(runs)) if runs > 1 else 0.0
+    return round(float(np.mean(counts))), min(seconds), float(np.mean(found)), error
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    rows, loop = [*measure_tries(), *measure_proofs()], calibration()
+    seconds = {row[:3]: row[4] for row in rows if row[1] == "SciPy"}
+    lines = [
+        "shape,program,tries,grains,seconds,ratio_to_scipy,solid_fraction,standard_error,missing,calibration_seconds"
+    ]
+    for name, program, tries, grains, took, found, error in rows:
+        peer = seconds.get((name, "SciPy", tries))
+        ratio = "" if peer is None or program == "SciPy" else f"{peer / took:.1f}"
+        lines.append(
+            f"{name},{program},{tries or 'saturated'},{grains},{took:.4f},{ratio},{found:.5f},"
+            f"{f'{error:.5f}' if error else ''},{SATURATED[name] - found:.5f},{loop:.5f}"
+        )
+    table, figure = folder / "rsa.csv", folder / "rsa.svg"
+    write_text(table, "\n".join(lines) + "\n")
+    _draw(rows, figure)
+    return table, figure
+
+
+def _draw(rows: list[Row], path: Path) -> None:
+    """Draw what is missing against seconds on the left, seconds of proofs against grains on the right."""
+    figure = load("matplotlib.figure").Figure(figsize=(10.0, 4.0), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for k, name in enumerate(("disk", "sphere")):
+        for program, style in (("SciPy", ":"), ("voxgran", "-")):
+            found = [(row[4], SATURATED[name] - row[5]) for row in rows if row[:2] == (name, program) and row[2]]
+            left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=f"{GRAINS} {name}s, {program}")
+        proof = [row[4] for row in rows if row[0] == name and not row[2] and abs(row[3] / GRAINS - 1) < 0.1]
+        left.axvline(proof[0], color=f"C{k}", linestyle="--", label=f"{GRAINS} {name}s, saturated, proven")
+    left.set_xlabel("seconds")
+    left.set_ylabel("solid fraction missing to saturation")
+    for k, name in enumerate(PROVEN):
+        proofs = [(row[3], row[4]) for row in rows if row[0] == name and not row[2]]
+        right.loglog(*zip(*proofs, strict=True), f"C{k}-", marker="o", label=f"{name}s")
+    right.set_xlabel("grains at proven saturation")
+    right.set_ylabel("seconds")
+    for panel in (left, right):
+        panel.grid(visible=True, alpha=0.3)
+        panel.legend(frameon=False, fontsize=8)
+    with written_whole(path) as draft:
+        figure.savefig(draft, format="svg")
+
+
+registration = TradeOff(name="rsa", summary="random sequential addition: seconds, saturation and its proof", run=run)
