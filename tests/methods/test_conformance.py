@@ -179,7 +179,7 @@ def test_a_start_stays_in_order_and_goes_on(method, packing, tmp_path):
 def test_a_start_that_has_no_place_is_refused(method):
     balls = vg.Packing.of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), position=[(1, 1, k + 0.5) for k in range(4)])
     with pytest.raises(InputError, match=r"grain 3 of start finds no place"):
-        vg.pack([], vg.Box((1.6, 1.6, 4.05)), method=method, start=balls, **quick(method))
+        vg.pack([], vg.Box((1.6, 1.6, 3.95)), method=method, start=balls, **quick(method))
     flat = vg.Packing.of([vg.make_shape("disk")], vg.Rectangle((9, 9)), position=[(1, 1, 0)])
     with pytest.raises(InputError, match="start has dimension 2"):
         vg.pack([], vg.Box((3, 3, 3)), method=method, start=flat, **quick(method))

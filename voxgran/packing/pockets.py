@@ -1,0 +1,239 @@
+"""Pockets: all places near a ball where another one would touch three, balls or walls, and overlap none.
+
+They are looked for with a ball of one radius, whatever the sizes; which grain fits is seen when the place is visited.
+"""
+
+from typing import NamedTuple
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel
+from voxgran.packing.ball_cells import BITS, HERE, BallCells, cell_range
+from voxgran.packing.front import (
+    MISSED,
+    MISSING,
+    PLACED,
+    PLANE,
+    RANKED,
+    SIZE,
+    Bed,
+    Front,
+    Rules,
+    attempt_once,
+    beside_two_walls,
+    beside_wall,
+    push,
+    rank,
+)
+from voxgran.packing.room import FLAT, UPRIGHT, Room, is_inside
+from voxgran.packing.tangent import foot_of_balls
+
+#: overlap that does not count here, in radii: the visit decides
+LENIENT = 1e-9
+#: what is missing for the next step: nothing, places in the front, neighbours, pockets
+FRONT_SHORT, NEAR_SHORT, FOUND_SHORT = 1, 2, 3
+#: faces that an attempt adds, at most
+FACES = 3
+
+
+class Scratch(NamedTuple):
+    """Room to think: neighbours (ball and image; center from the ball in question, radius), and pockets found."""
+
+    ref: Integers
+    near: Floats
+    key: Floats
+    touched: Integers
+
+
+@bare_kernel
+def advance_front(
+    bed: Bed,
+    front: Front,
+    cells: BallCells,
+    room: Room,
+    rules: Rules,
+    scratch: Scratch,
+    tally: Integers,
+    key: Integers,
+    done: int,
+    last: int,
+) -> int:
+    """Make attempts up to the last one; return how many have been made.
+
+    It stops early when all are placed, when no beginning finds room any more, or where `tally` tells what is missing.
+    """
+    while True:
+        tally[MISSING] = 0
+        while tally[RANKED] < tally[PLACED]:
+            if not _list_pockets(bed, front, cells, room, rules, scratch, tally, tally[RANKED]):
+                return done
+        if done >= last or tally[PLACED] == len(bed.order) or tally[MISSED] >= rules.patience:
+            return done
+        if tally[SIZE] + FACES > len(front.key):
+            tally[MISSING] = FRONT_SHORT
+            return done
+        attempt_once(bed, front, cells, room, rules, tally, key, done)
+        done += 1
+
+
+@bare_kernel
+def _list_pockets(bed, front, cells, room, rules, scratch, tally, ball):  # type: ignore[no-untyped-def]
+    """Add the pockets between a ball, those before it and the walls to the front; tell if there was room to do so."""
+    many = _gather(bed.balls, cells, room, rules.pocket, scratch, ball)
+    if many > len(scratch.ref):
+        tally[MISSING] = NEAR_SHORT
+        return False
+    found = _between_balls(bed.balls, room, rules, scratch, ball, many)
+    found = _at_walls(bed.balls, room, rules, scratch, ball, many, found)
+    if found > len(scratch.key):
+        tally[MISSING] = FOUND_SHORT
+        return False
+    if tally[SIZE] + found > len(front.key):
+        tally[MISSING] = FRONT_SHORT
+        return False
+    for k in range(found):
+        push(front, tally, scratch.key[k], scratch.touched[k, 0], scratch.touched[k, 1], scratch.touched[k, 2])
+    tally[RANKED] += 1
+    return True
+
+
+@bare_kernel
+def _gather(balls, cells, room, pocket, scratch, ball):  # type: ignore[no-untyped-def]
+    """Write all that could touch or overlap a ball in a pocket; return how many, also where there are too many.
+
+    Those before the ball carry their number and image, all others -1: they are only in the way.
+    """
+    many = 0
+    x, y, z, r = balls[ball, 0], balls[ball, 1], balls[ball, 2], balls[ball, 3]
+    for level in range(len(cells.largest)):
+        reach = r + cells.largest[level] + 2.0 * pocket
+        i0, i1 = cell_range(cells, level, 0, x, reach, room.periodic[0])
+        j0, j1 = cell_range(cells, level, 1, y, reach, room.periodic[1])
+        k0, k1 = cell_range(cells, level, 2, z, reach, room.periodic[2])
+        ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
+        for i in range(i0, i1 + 1):
+            turn_i = 0 if 0 <= i < ni else i // ni
+            for j in range(j0, j1 + 1):
+                turn_j = 0 if 0 <= j < nj else j // nj
+                row = cells.first[level] + ((i - turn_i * ni) * nj + j - turn_j * nj) * nk
+                for k in range(k0, k1 + 1):
+                    turn_k = 0 if 0 <= k < nk else k // nk
+                    image = HERE + turn_i + 3 * turn_j + 9 * turn_k
+                    partner = max(abs(turn_i), abs(turn_j), abs(turn_k)) <= 1
+                    other = cells.head[row + k - turn_k * nk]
+                    while other >= 0:
+                        dx = balls[other, 0] + turn_i * room.lengths[0] - x
+                        dy = balls[other, 1] + turn_j * room.lengths[1] - y
+                        dz = balls[other, 2] + turn_k * room.lengths[2] - z
+                        apart = r + balls[other, 3] + 2.0 * pocket
+                        if dx * dx + dy * dy + dz * dz < apart * apart and (other != ball or image != HERE):
+                            if many < len(scratch.ref):
+                                scratch.ref[many] = (other << BITS) + image if partner and other <= ball else -1
+                                scratch.near[many, 0], scratch.near[many, 1] = dx, dy
+                                scratch.near[many, 2], scratch.near[many, 3] = dz, balls[other, 3]
+                            many += 1
+                        other = cells.after[other]
+    return many
+
+
+@bare_kernel
+def _between_balls(balls, room, rules, scratch, ball, many):  # type: ignore[no-untyped-def]
+    """Write the pockets between a ball and two others; return how many, also where there are too many."""
+    found, pocket, near, in_the_way = 0, rules.pocket, scratch.near, 0
+    if room.dimension == 2:
+        return 0
+    d1 = balls[ball, 3] + pocket
+    for u in range(many):
+        if scratch.ref[u] < 0:
+            continue
+        ux, uy, uz, d2 = near[u, 0], near[u, 1], near[u, 2], near[u, 3] + pocket
+        for v in range(u):
+            vx, vy, vz, d3 = near[v, 0], near[v, 1], near[v, 2], near[v, 3] + pocket
+            if scratch.ref[v] < 0 or (ux - vx) ** 2 + (uy - vy) ** 2 + (uz - vz) ** 2 >= (d2 + d3) ** 2:
+                continue
+            touch, x, y, z, hx, hy, hz = foot_of_balls(ux, uy, uz, vx, vy, vz, d1, d2, d3)
+            if not touch:
+                continue
+            for side in range(2):
+                if side == 1:
+                    hx, hy, hz = -hx, -hy, -hz
+                blocked = _blocked(near, many, u, v, x + hx, y + hy, z + hz, pocket, in_the_way)
+                if blocked >= 0:
+                    in_the_way = blocked
+                    continue
+                a, b = (u, v) if side == 0 else (v, u)
+                one, two = scratch.ref[a], scratch.ref[b]
+                found = _note(balls, room, rules, scratch, ball, one, two, x + hx, y + hy, z + hz, found)
+    return found
+
+
+@bare_kernel
+def _at_walls(balls, room, rules, scratch, ball, many, found):  # type: ignore[no-untyped-def]
+    """Write the pockets between a ball, walls, and another ball or none; return how many pockets there are then."""
+    pocket, near = rules.pocket, scratch.near
+    ax, ay, az, d1 = balls[ball, 0], balls[ball, 1], balls[ball, 2], balls[ball, 3] + pocket
+    for wall in range(PLANE, 0):
+        if not _is_wall_near(room, wall, ax, ay, az, d1 + pocket):
+            continue
+        for u in range(many):
+            if scratch.ref[u] < 0:
+                continue
+            for side in range(2):
+                sign = 1.0 if side == 0 else -1.0
+                # seen from the other ball, the left side is the other one
+                ux, uy, uz, d2 = near[u, 0], near[u, 1], near[u, 2], near[u, 3] + pocket
+                touch, x, y, z = beside_wall(room.lengths, ax, ay, az, ux, uy, uz, d1, d2, wall, pocket, sign)
+                if touch and _blocked(near, many, u, u, x - ax, y - ay, z - az, pocket, 0) < 0:
+                    here, other = (ball << BITS) + HERE, scratch.ref[u]
+                    one, two = (here, other) if side == 0 else (other, here)
+                    found = _note_at(room, rules, scratch, one, two, wall, x, y, z, found)
+        for second in range(PLANE, 0):
+            if second == wall or not _is_wall_near(room, second, ax, ay, az, d1 + pocket):
+                continue
+            touch, x, y, z = beside_two_walls(room.lengths, ax, ay, az, d1, wall, second, pocket)
+            if touch and _blocked(near, many, -1, -1, x - ax, y - ay, z - az, pocket, 0) < 0:
+                found = _note_at(room, rules, scratch, (ball << BITS) + HERE, wall, second, x, y, z, found)
+    return found
+
+
+@bare_kernel
+def _is_wall_near(room, wall, x, y, z, reach):  # type: ignore[no-untyped-def]
+    """Tell whether a ball in a pocket could touch a flat wall; disks lie in their plane."""
+    if wall == PLANE:
+        return room.dimension == 2
+    axis, high = (-1 - wall) // 2, (-1 - wall) % 2
+    # the floor and the lid of a cylinder are flat
+    if room.walled[axis] == 0 or (room.kind != FLAT and (axis != 2 or room.kind != UPRIGHT)):
+        return False
+    at = x if axis == 0 else (y if axis == 1 else z)
+    return (room.lengths[axis] - at if high else at) < reach
+
+
+@bare_kernel
+def _blocked(near, many, u, v, x, y, z, pocket, first):  # type: ignore[no-untyped-def]
+    """Return a neighbour that a ball would overlap, looking at `first` before all others; -1 where there is none."""
+    for k in range(-1, many):
+        w = first if k < 0 else k
+        if w in (u, v) or w >= many:
+            continue
+        apart = (pocket + near[w, 3]) - LENIENT * pocket
+        if (x - near[w, 0]) ** 2 + (y - near[w, 1]) ** 2 + (z - near[w, 2]) ** 2 < apart * apart:
+            return w
+    return -1
+
+
+@bare_kernel
+def _note(balls, room, rules, scratch, ball, one, two, x, y, z, found):  # type: ignore[no-untyped-def]
+    """Write a pocket given from the ball, if no wall is in the way; return how many there are then."""
+    x, y, z = x + balls[ball, 0], y + balls[ball, 1], z + balls[ball, 2]
+    return _note_at(room, rules, scratch, (ball << BITS) + HERE, one, two, x, y, z, found)
+
+
+@bare_kernel
+def _note_at(room, rules, scratch, a, b, c, x, y, z, found):  # type: ignore[no-untyped-def]
+    """Write a pocket, if no wall is in the way; return how many there are then."""
+    if not is_inside(room, x, y, z, rules.pocket * (1.0 - LENIENT)):
+        return found
+    if found < len(scratch.key):
+        scratch.key[found] = rank(room, rules, x, y, z)
+        scratch.touched[found, 0], scratch.touched[found, 1], scratch.touched[found, 2] = a, b, c
+    return found + 1
