@@ -217,7 +217,7 @@ def search_triangles(
     """Return what `nearest_triangle` does, for kernels that make no arrays: `stack` holds boxes that wait."""
     best, found, feature = reach * reach, -1, 0
     qx, qy, qz = x, y, z
-    depth, leaves = 1, len(low) // 2
+    stack[0], depth, leaves = 0, 1, len(low) // 2
     while depth > 0:
         depth -= 1
         node = stack[depth]

@@ -15,7 +15,7 @@ from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.ball_cells import BITS, HERE, IMAGES, BallCells, is_free, link, unlink
 from voxgran.packing.room import Room, is_inside
-from voxgran.packing.tangent import NEAR, ROUNDING, touch_balls, touch_disks
+from voxgran.packing.tangent import PLANE, center_of, place_at
 
 #: which place of the front is next
 RANDOM, NEAREST, LOWEST = 0, 1, 2
@@ -24,8 +24,6 @@ RANDOM, NEAREST, LOWEST = 0, 1, 2
 SIZE, PLACED, RANKED, CLOSED, BEGUN, MISSED = 0, 1, 2, 3, 4, 5
 #: behind them: what is missing for the next step, and the balls of the last beginning, with their images
 MISSING, LAST = 6, 7
-#: a wall is a negative number: -1 - 2 * axis for a low one, -2 - 2 * axis for a high one, and the plane of disks
-PLANE = -7
 #: tries to find room for each further ball of a beginning
 TRIES = 16
 
@@ -60,102 +58,6 @@ class Rules(NamedTuple):
     patience: int
     at_goal: bool
     pocket: float
-
-
-@bare_kernel
-def center_of(balls: Floats, lengths: Floats, ref: int) -> tuple[float, float, float]:
-    """Return the center of a ball in the image in which it is meant."""
-    ball, image = ref >> BITS, ref & (IMAGES - 1)
-    x, y, z = balls[ball, 0], balls[ball, 1], balls[ball, 2]
-    if image != HERE:
-        x += (image % 3 - 1) * lengths[0]
-        y += (image // 3 % 3 - 1) * lengths[1]
-        z += (image // 9 - 1) * lengths[2]
-    return x, y, z
-
-
-@bare_kernel
-def place_at(balls: Floats, lengths: Floats, a: int, b: int, c: int, r: float) -> tuple[bool, float, float, float]:
-    """Return whether a ball of radius r can touch a, b and c, and its center."""
-    ax, ay, az = center_of(balls, lengths, a)
-    d1 = balls[a >> BITS, 3] + r
-    if b < 0:
-        return beside_two_walls(lengths, ax, ay, az, d1, b, c, r)
-    ux, uy, uz = center_of(balls, lengths, b)
-    d2 = balls[b >> BITS, 3] + r
-    if c < 0:
-        return beside_wall(lengths, ax, ay, az, ux - ax, uy - ay, uz - az, d1, d2, c, r, 1.0)
-    vx, vy, vz = center_of(balls, lengths, c)
-    d3 = balls[c >> BITS, 3] + r
-    near = NEAR * r + ROUNDING * max(d1, d2, d3)
-    found, x, y, z = touch_balls(ux - ax, uy - ay, uz - az, vx - ax, vy - ay, vz - az, d1, d2, d3, near)
-    return found, ax + x, ay + y, az + z
-
-
-@bare_kernel
-def _wall_at(lengths, wall, r):  # type: ignore[no-untyped-def]
-    """Return the axis of a flat wall, and where the center of a ball that touches it is along that axis."""
-    axis = (-1 - wall) // 2
-    if wall == PLANE:
-        return 2, 0.0
-    return axis, (r if (-1 - wall) % 2 == 0 else lengths[axis] - r)
-
-
-@bare_kernel
-def beside_wall(
-    lengths: Floats,
-    ax: float,
-    ay: float,
-    az: float,
-    ux: float,
-    uy: float,
-    uz: float,
-    d1: float,
-    d2: float,
-    wall: int,
-    r: float,
-    side: float,
-) -> tuple[bool, float, float, float]:
-    """Return whether a ball can touch two balls and a flat wall, and its center.
-
-    The first ball is at a, the second at a + u; the center is left of u seen from the end of the axis across the wall,
-    or where `side` is -1 right of it.
-    """
-    axis, at = _wall_at(lengths, wall, r)
-    if axis == 0:
-        w, along, s, t = at - ax, ux, uy, uz
-    elif axis == 1:
-        w, along, s, t = at - ay, uy, uz, ux
-    else:
-        w, along, s, t = at - az, uz, ux, uy
-    one, two = (d1 - w) * (d1 + w), (d2 - w + along) * (d2 + w - along)
-    if one < 0.0 or two < 0.0:
-        return False, 0.0, 0.0, 0.0
-    near = NEAR * r + ROUNDING * max(d1, d2)
-    found, p, q = touch_disks(s, t, math.sqrt(one), math.sqrt(two), near, side)
-    if axis == 0:
-        return found, at, ay + p, az + q
-    if axis == 1:
-        return found, ax + q, at, az + p
-    return found, ax + p, ay + q, at
-
-
-@bare_kernel
-def beside_two_walls(
-    lengths: Floats, ax: float, ay: float, az: float, d: float, first: int, second: int, r: float
-) -> tuple[bool, float, float, float]:
-    """Return whether a ball can touch a ball and two flat walls, and its center; the order of the walls is the side."""
-    one, at = _wall_at(lengths, first, r)
-    two, where = _wall_at(lengths, second, r)
-    x = at if one == 0 else (where if two == 0 else ax)
-    y = at if one == 1 else (where if two == 1 else ay)
-    z = at if one == 2 else (where if two == 2 else az)
-    height = d * d - (x - ax) ** 2 - (y - ay) ** 2 - (z - az) ** 2
-    if height < 0.0 or one == two:
-        return False, 0.0, 0.0, 0.0
-    up = math.sqrt(height) if one < two else -math.sqrt(height)
-    free = 3 - one - two
-    return True, x + (up if free == 0 else 0.0), y + (up if free == 1 else 0.0), z + (up if free == 2 else 0.0)
 
 
 @bare_kernel
@@ -255,7 +157,7 @@ def _find_grain(bed, cells, room, rules, tally, a, b, c):  # type: ignore[no-unt
         found, x, y, z = place_at(bed.balls, room.lengths, a, b, c, r)
         if not found or not is_inside(room, x, y, z, r):
             continue
-        if is_free(cells, bed.balls, room.lengths, room.periodic, x, y, z, r, room.slack):
+        if is_free(cells, bed.balls, x, y, z, r, room.slack):
             return slot, x, y, z, r
     return -1, 0.0, 0.0, 0.0, 0.0
 
@@ -316,9 +218,7 @@ def _begin(bed, cells, room, rules, tally, key, attempt):  # type: ignore[no-unt
         for k in range(TRIES if many > 0 else 1):
             if many > 0:
                 x, y, z = _beside(bed.balls, room, tally, many, r, key, attempt, many * TRIES + k)
-            found = is_inside(room, x, y, z, r) and is_free(
-                cells, bed.balls, room.lengths, room.periodic, x, y, z, r, room.slack
-            )
+            found = is_inside(room, x, y, z, r) and is_free(cells, bed.balls, x, y, z, r, room.slack)
             if found:
                 break
         if not found:

@@ -3,29 +3,15 @@
 They are looked for with a ball of one radius, whatever the sizes; which grain fits is seen when the place is visited.
 """
 
+import math
 from typing import NamedTuple
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.ball_cells import BITS, HERE, BallCells, cell_range
-from voxgran.packing.front import (
-    MISSED,
-    MISSING,
-    PLACED,
-    PLANE,
-    RANKED,
-    SIZE,
-    Bed,
-    Front,
-    Rules,
-    attempt_once,
-    beside_two_walls,
-    beside_wall,
-    push,
-    rank,
-)
-from voxgran.packing.room import FLAT, UPRIGHT, Room, is_inside
-from voxgran.packing.tangent import foot_of_balls
+from voxgran.packing.front import MISSED, MISSING, PLACED, RANKED, SIZE, Bed, Front, Rules, attempt_once, push, rank
+from voxgran.packing.room import MESH, UPRIGHT, Room, is_inside
+from voxgran.packing.tangent import PLANE, SIDE, foot_of_balls, place_at
 
 #: overlap that does not count here, in radii: the visit decides
 LENIENT = 1e-9
@@ -106,9 +92,9 @@ def _gather(balls, cells, room, pocket, scratch, ball):  # type: ignore[no-untyp
     x, y, z, r = balls[ball, 0], balls[ball, 1], balls[ball, 2], balls[ball, 3]
     for level in range(len(cells.largest)):
         reach = r + cells.largest[level] + 2.0 * pocket
-        i0, i1 = cell_range(cells, level, 0, x, reach, room.periodic[0])
-        j0, j1 = cell_range(cells, level, 1, y, reach, room.periodic[1])
-        k0, k1 = cell_range(cells, level, 2, z, reach, room.periodic[2])
+        i0, i1 = cell_range(cells, level, 0, x, reach)
+        j0, j1 = cell_range(cells, level, 1, y, reach)
+        k0, k1 = cell_range(cells, level, 2, z, reach)
         ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
         for i in range(i0, i1 + 1):
             turn_i = 0 if 0 <= i < ni else i // ni
@@ -117,13 +103,14 @@ def _gather(balls, cells, room, pocket, scratch, ball):  # type: ignore[no-untyp
                 row = cells.first[level] + ((i - turn_i * ni) * nj + j - turn_j * nj) * nk
                 for k in range(k0, k1 + 1):
                     turn_k = 0 if 0 <= k < nk else k // nk
-                    image = HERE + turn_i + 3 * turn_j + 9 * turn_k
-                    partner = max(abs(turn_i), abs(turn_j), abs(turn_k)) <= 1
+                    # cells that come again on an axis that is not periodic are the same cells
+                    tx, ty, tz = turn_i * room.periodic[0], turn_j * room.periodic[1], turn_k * room.periodic[2]
+                    image, partner = HERE + tx + 3 * ty + 9 * tz, max(abs(tx), abs(ty), abs(tz)) <= 1
                     other = cells.head[row + k - turn_k * nk]
                     while other >= 0:
-                        dx = balls[other, 0] + turn_i * room.lengths[0] - x
-                        dy = balls[other, 1] + turn_j * room.lengths[1] - y
-                        dz = balls[other, 2] + turn_k * room.lengths[2] - z
+                        dx = balls[other, 0] + turn_i * cells.span[0] - x
+                        dy = balls[other, 1] + turn_j * cells.span[1] - y
+                        dz = balls[other, 2] + turn_k * cells.span[2] - z
                         apart = r + balls[other, 3] + 2.0 * pocket
                         if dx * dx + dy * dy + dz * dz < apart * apart and (other != ball or image != HERE):
                             if many < len(scratch.ref):
@@ -160,51 +147,56 @@ def _between_balls(balls, room, rules, scratch, ball, many):  # type: ignore[no-
                 if blocked >= 0:
                     in_the_way = blocked
                     continue
-                a, b = (u, v) if side == 0 else (v, u)
-                one, two = scratch.ref[a], scratch.ref[b]
-                found = _note(balls, room, rules, scratch, ball, one, two, x + hx, y + hy, z + hz, found)
+                px, py, pz = balls[ball, 0] + x + hx, balls[ball, 1] + y + hy, balls[ball, 2] + z + hz
+                b, c = (scratch.ref[u], scratch.ref[v]) if side == 0 else (scratch.ref[v], scratch.ref[u])
+                found = _note(room, rules, scratch, (ball << BITS) + HERE, b, c, px, py, pz, found)
     return found
 
 
 @bare_kernel
 def _at_walls(balls, room, rules, scratch, ball, many, found):  # type: ignore[no-untyped-def]
     """Write the pockets between a ball, walls, and another ball or none; return how many pockets there are then."""
-    pocket, near = rules.pocket, scratch.near
-    ax, ay, az, d1 = balls[ball, 0], balls[ball, 1], balls[ball, 2], balls[ball, 3] + pocket
-    for wall in range(PLANE, 0):
-        if not _is_wall_near(room, wall, ax, ay, az, d1 + pocket):
+    here = (ball << BITS) + HERE
+    for wall in range(SIDE, 0):
+        if not _is_wall_near(balls, room, rules.pocket, wall, ball):
             continue
-        for u in range(many):
-            if scratch.ref[u] < 0:
+        # disks lie in their plane: it is one of the three
+        for u in range(many if room.dimension == 3 or wall == PLANE else 0):
+            if scratch.ref[u] >= 0:
+                found = _try_at(balls, room, rules, scratch, ball, many, here, scratch.ref[u], wall, u, found)
+                found = _try_at(balls, room, rules, scratch, ball, many, scratch.ref[u], here, wall, u, found)
+        for second in range(SIDE, 0):
+            if room.dimension == 2 and PLANE not in (wall, second):
                 continue
-            for side in range(2):
-                sign = 1.0 if side == 0 else -1.0
-                # seen from the other ball, the left side is the other one
-                ux, uy, uz, d2 = near[u, 0], near[u, 1], near[u, 2], near[u, 3] + pocket
-                touch, x, y, z = beside_wall(room.lengths, ax, ay, az, ux, uy, uz, d1, d2, wall, pocket, sign)
-                if touch and _blocked(near, many, u, u, x - ax, y - ay, z - az, pocket, 0) < 0:
-                    here, other = (ball << BITS) + HERE, scratch.ref[u]
-                    one, two = (here, other) if side == 0 else (other, here)
-                    found = _note_at(room, rules, scratch, one, two, wall, x, y, z, found)
-        for second in range(PLANE, 0):
-            if second == wall or not _is_wall_near(room, second, ax, ay, az, d1 + pocket):
-                continue
-            touch, x, y, z = beside_two_walls(room.lengths, ax, ay, az, d1, wall, second, pocket)
-            if touch and _blocked(near, many, -1, -1, x - ax, y - ay, z - az, pocket, 0) < 0:
-                found = _note_at(room, rules, scratch, (ball << BITS) + HERE, wall, second, x, y, z, found)
+            if second != wall and _is_wall_near(balls, room, rules.pocket, second, ball):
+                found = _try_at(balls, room, rules, scratch, ball, many, here, wall, second, -1, found)
     return found
 
 
 @bare_kernel
-def _is_wall_near(room, wall, x, y, z, reach):  # type: ignore[no-untyped-def]
-    """Tell whether a ball in a pocket could touch a flat wall; disks lie in their plane."""
+def _try_at(balls, room, rules, scratch, ball, many, a, b, c, u, found):  # type: ignore[no-untyped-def]
+    """Write a pocket at a wall, if there is one and neighbour u is alone in it; return how many there are then."""
+    touch, x, y, z = place_at(balls, room.lengths, a, b, c, rules.pocket)
+    dx, dy, dz = x - balls[ball, 0], y - balls[ball, 1], z - balls[ball, 2]
+    if not touch or _blocked(scratch.near, many, u, u, dx, dy, dz, rules.pocket, 0) >= 0:
+        return found
+    return _note(room, rules, scratch, a, b, c, x, y, z, found)
+
+
+@bare_kernel
+def _is_wall_near(balls, room, pocket, wall, ball):  # type: ignore[no-untyped-def]
+    """Tell whether a ball in a pocket beside another could touch a wall; disks are always in their plane."""
     if wall == PLANE:
         return room.dimension == 2
+    reach = balls[ball, 3] + 2.0 * pocket
+    if wall == SIDE:
+        out = math.hypot(balls[ball, 0] - room.radius, balls[ball, 1] - room.radius)
+        return room.kind == UPRIGHT and room.radius - out < reach
     axis, high = (-1 - wall) // 2, (-1 - wall) % 2
     # the floor and the lid of a cylinder are flat
-    if room.walled[axis] == 0 or (room.kind != FLAT and (axis != 2 or room.kind != UPRIGHT)):
+    if room.walled[axis] == 0 or room.kind == MESH or (room.kind == UPRIGHT and axis != 2):
         return False
-    at = x if axis == 0 else (y if axis == 1 else z)
+    at = balls[ball, axis]
     return (room.lengths[axis] - at if high else at) < reach
 
 
@@ -222,14 +214,7 @@ def _blocked(near, many, u, v, x, y, z, pocket, first):  # type: ignore[no-untyp
 
 
 @bare_kernel
-def _note(balls, room, rules, scratch, ball, one, two, x, y, z, found):  # type: ignore[no-untyped-def]
-    """Write a pocket given from the ball, if no wall is in the way; return how many there are then."""
-    x, y, z = x + balls[ball, 0], y + balls[ball, 1], z + balls[ball, 2]
-    return _note_at(room, rules, scratch, (ball << BITS) + HERE, one, two, x, y, z, found)
-
-
-@bare_kernel
-def _note_at(room, rules, scratch, a, b, c, x, y, z, found):  # type: ignore[no-untyped-def]
+def _note(room, rules, scratch, a, b, c, x, y, z, found):  # type: ignore[no-untyped-def]
     """Write a pocket, if no wall is in the way; return how many there are then."""
     if not is_inside(room, x, y, z, rules.pocket * (1.0 - LENIENT)):
         return found

@@ -96,7 +96,8 @@ def _walls_of_mesh(container: ClosedMesh, lengths: Floats, smallest: float) -> M
     count = np.ceil(lengths / cell).astype(np.int64)
     points: Floats = (np.indices(count.tolist()).reshape(3, -1).T + 0.5) * cell
     clearance = tree.signed_distance(points + shift).reshape(count)
-    arrays = (tree.corners, tree.low, tree.high, tree.start, tree.normals)
+    # copies that may be written, as the arrays of other containers may: kernels are compiled once
+    arrays = (tree.corners.copy(), tree.low.copy(), tree.high.copy(), tree.start.copy(), tree.normals.copy())
     return MeshWalls(*arrays, shift, clearance, cell, np.zeros(STACK, dtype=np.int64))
 
 
@@ -134,12 +135,10 @@ def _mesh_distance(room: Room, x: float, y: float, z: float, r: float) -> float:
     A distance changes by no more than the way: far from where a ball touches, the map of clearances tells.
     """
     mesh = room.mesh
-    i, j, k = int(x / mesh.cell), int(y / mesh.cell), int(z / mesh.cell)
-    known = mesh.clearance[
-        min(max(i, 0), mesh.clearance.shape[0] - 1),
-        min(max(j, 0), mesh.clearance.shape[1] - 1),
-        min(max(k, 0), mesh.clearance.shape[2] - 1),
-    ]
+    i = min(max(int(x / mesh.cell), 0), mesh.clearance.shape[0] - 1)
+    j = min(max(int(y / mesh.cell), 0), mesh.clearance.shape[1] - 1)
+    k = min(max(int(z / mesh.cell), 0), mesh.clearance.shape[2] - 1)
+    known = mesh.clearance[i, j, k]
     dx, dy, dz = x - (i + 0.5) * mesh.cell, y - (j + 0.5) * mesh.cell, z - (k + 0.5) * mesh.cell
     way = math.sqrt(dx * dx + dy * dy + dz * dz)
     if known + way < -r:

@@ -12,7 +12,7 @@ domains with disks: an advancing front approach, International Journal for Numer
 Applied Physics 43(6), 2727-2734, doi:10.1063/1.1661585.
 """
 
-import logging
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -34,12 +34,12 @@ from voxgran.packing.room import Room, room_of
 from voxgran.packing.start import Start, refuse_start
 from voxgran.packing.verify import verify
 
-log = logging.getLogger(__name__)
-
 #: what the kernels count, in their order
 TALLY = ("front", "placed", "ranked", "closed", "begun", "missed_in_a_row")
 #: beginnings in a row without room after which the container is full
 PATIENCE = 1000
+#: solid fractions of the densest lattices of disks and of balls
+DENSEST = {2: math.pi / math.sqrt(12), 3: math.pi / math.sqrt(18)}
 #: share of the balls that are smaller than the one that pockets are looked for with
 POCKET = 0.5
 ORDERS = {"random": RANDOM, "nearest": NEAREST, "lowest": LOWEST}
@@ -83,8 +83,10 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If a grain of the start overlaps another or reaches through a wall.
+        If a grain of the start overlaps another or reaches through a wall, or equal balls shall fill more of the
+        container than any packing of them does.
     """
+    _refuse_beyond_lattice(problem)
     n = 0 if problem.start is None else problem.start.count
     order = stream(problem.seed, "order").permutation(np.arange(n, problem.count, dtype=np.int64))
     arrays = {
@@ -157,7 +159,7 @@ def _setting(problem: Problem, state: State) -> _Setting:
     if "setting" not in state.derived:
         radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
         room = room_of(problem.container, float(radius.min(initial=np.inf)))
-        cells = lay_cells(room.lengths, radius, problem.dimension)
+        cells = lay_cells(room.lengths, room.periodic, radius, problem.dimension)
         link_all(cells, state.arrays["balls"], state.counters["placed"])
         asked: AdvancingFront = problem.parameters
         pocket = float(np.quantile(radius, POCKET)) if len(radius) else 1.0
@@ -192,6 +194,23 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
     balls = state.arrays["balls"]
     balls[: start.count, :3], balls[: start.count, 3] = place, grains.bounding_radii
     state.counters["placed"] = start.count
+
+
+def _refuse_beyond_lattice(problem: Problem) -> None:
+    """Refuse a target that equal balls cannot reach; without one grains are drawn until they have all the volume."""
+    if (
+        not problem.count
+        or np.ptp(problem.diameter)
+        or not all(is_one_ball(shape.geometry) for shape in problem.shapes)
+    ):
+        return
+    share = float(problem.volumes.sum() / problem.container.volume)
+    most = DENSEST[problem.dimension]
+    if most + problem.volumes[0] / problem.container.volume < share < 1.0:
+        raise InputError(
+            f"the grains have the share {share:.4f} of the container: equal ones fill at most {most:.4f} (porosity "
+            f"{1 - most:.4f}, the densest lattice); ask for fewer, or for graded ones"
+        )
 
 
 def _look(problem: Problem, state: State) -> bool:
