@@ -148,27 +148,34 @@ def cell_range(cells: BallCells, level: int, axis: int, at: float, reach: float)
 def is_free(cells: BallCells, balls: Floats, x: float, y: float, z: float, r: float, slack: float) -> bool:
     """Tell whether a ball would overlap none by more than the slack."""
     for level in range(len(cells.largest)):
-        reach = r + cells.largest[level]
-        i0, i1 = cell_range(cells, level, 0, x, reach)
-        j0, j1 = cell_range(cells, level, 1, y, reach)
-        k0, k1 = cell_range(cells, level, 2, z, reach)
-        ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
-        for i in range(i0, i1 + 1):
-            turn_i = 0 if 0 <= i < ni else i // ni
-            px = x - turn_i * cells.span[0]
-            row_i = (i - turn_i * ni) * nj
-            for j in range(j0, j1 + 1):
-                turn_j = 0 if 0 <= j < nj else j // nj
-                py = y - turn_j * cells.span[1]
-                row = cells.first[level] + (row_i + j - turn_j * nj) * nk
-                for k in range(k0, k1 + 1):
-                    turn_k = 0 if 0 <= k < nk else k // nk
-                    pz = z - turn_k * cells.span[2]
-                    ball = cells.head[row + k - turn_k * nk]
-                    while ball >= 0:
-                        dx, dy, dz = px - balls[ball, 0], py - balls[ball, 1], pz - balls[ball, 2]
-                        apart = r + balls[ball, 3] - slack
-                        if dx * dx + dy * dy + dz * dz < apart * apart:
-                            return False
-                        ball = cells.after[ball]
+        if not _is_free_within(cells, balls, level, x, y, z, r, slack, r + cells.largest[level]):
+            return False
+    return True
+
+
+@bare_kernel
+def _is_free_within(cells, balls, level, x, y, z, r, slack, reach):  # type: ignore[no-untyped-def]
+    """Tell whether a ball would overlap none of a level in the cells within reach."""
+    i0, i1 = cell_range(cells, level, 0, x, reach)
+    j0, j1 = cell_range(cells, level, 1, y, reach)
+    k0, k1 = cell_range(cells, level, 2, z, reach)
+    ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
+    for i in range(i0, i1 + 1):
+        turn_i = 0 if 0 <= i < ni else i // ni
+        px = x - turn_i * cells.span[0]
+        row_i = (i - turn_i * ni) * nj
+        for j in range(j0, j1 + 1):
+            turn_j = 0 if 0 <= j < nj else j // nj
+            py = y - turn_j * cells.span[1]
+            row = cells.first[level] + (row_i + j - turn_j * nj) * nk
+            for k in range(k0, k1 + 1):
+                turn_k = 0 if 0 <= k < nk else k // nk
+                pz = z - turn_k * cells.span[2]
+                ball = cells.head[row + k - turn_k * nk]
+                while ball >= 0:
+                    dx, dy, dz = px - balls[ball, 0], py - balls[ball, 1], pz - balls[ball, 2]
+                    apart = r + balls[ball, 3] - slack
+                    if dx * dx + dy * dy + dz * dz < apart * apart:
+                        return False
+                    ball = cells.after[ball]
     return True

@@ -48,7 +48,8 @@ class Rules(NamedTuple):
 
     dense: whether all pockets belong to the front.  order: RANDOM, NEAREST or LOWEST.  window: waiting grains that are
     tried at a place.  goal: what is near.  patience: beginnings in a row without room after which the container is
-    full.  at_goal: whether the first ball comes there.  pocket: radius of the ball that pockets are looked for with.
+    full.  first: where the first ball comes, empty where a start is there.  pocket: radius of the ball that pockets
+    are looked for with.
     """
 
     dense: bool
@@ -56,7 +57,7 @@ class Rules(NamedTuple):
     window: int
     goal: Floats
     patience: int
-    at_goal: bool
+    first: Floats
     pocket: float
 
 
@@ -206,8 +207,8 @@ def _begin(bed, cells, room, rules, tally, key, attempt):  # type: ignore[no-unt
         unit_float(words[2]) * room.lengths[2],
     )
     tally[BEGUN] += 1
-    if rules.at_goal and tally[BEGUN] == 1:
-        x, y, z = rules.goal[0], rules.goal[1], rules.goal[2]
+    if len(rules.first) and tally[BEGUN] == 1:
+        x, y, z = rules.first[0], rules.first[1], rules.first[2]
         if rules.order == LOWEST:
             low = bed.radius[bed.order[placed + slot]]
             y, z = (y, low) if room.dimension == 3 else (low, z)

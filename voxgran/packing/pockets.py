@@ -22,7 +22,11 @@ FACES = 3
 
 
 class Scratch(NamedTuple):
-    """Room to think: neighbours (ball and image; center from the ball in question, radius), and pockets found."""
+    """What is thought about a ball: its neighbours and its pockets.
+
+    ref: ball and image of each neighbour, -1 where it is only in the way.  near: center from the ball, radius, distance
+    of the surface from the center of the ball.  key, touched: pockets as the front has them.
+    """
 
     ref: Integers
     near: Floats
@@ -112,14 +116,28 @@ def _gather(balls, cells, room, pocket, scratch, ball):  # type: ignore[no-untyp
                         dy = balls[other, 1] + turn_j * cells.span[1] - y
                         dz = balls[other, 2] + turn_k * cells.span[2] - z
                         apart = r + balls[other, 3] + 2.0 * pocket
-                        if dx * dx + dy * dy + dz * dz < apart * apart and (other != ball or image != HERE):
+                        square = dx * dx + dy * dy + dz * dz
+                        if square < apart * apart and (other != ball or image != HERE):
                             if many < len(scratch.ref):
-                                scratch.ref[many] = (other << BITS) + image if partner and other <= ball else -1
-                                scratch.near[many, 0], scratch.near[many, 1] = dx, dy
-                                scratch.near[many, 2], scratch.near[many, 3] = dz, balls[other, 3]
+                                ref = (other << BITS) + image if partner and other <= ball else -1
+                                _sort_in(scratch, many, ref, dx, dy, dz, balls[other, 3], math.sqrt(square))
                             many += 1
                         other = cells.after[other]
     return many
+
+
+@bare_kernel
+def _sort_in(scratch, many, ref, x, y, z, r, away):  # type: ignore[no-untyped-def]
+    """Write a neighbour behind those whose surfaces are nearer: what is near is often in the way."""
+    at = many
+    while at > 0 and scratch.near[at - 1, 4] > away - r:
+        scratch.ref[at] = scratch.ref[at - 1]
+        for k in range(5):
+            scratch.near[at, k] = scratch.near[at - 1, k]
+        at -= 1
+    scratch.ref[at] = ref
+    scratch.near[at, 0], scratch.near[at, 1], scratch.near[at, 2], scratch.near[at, 3] = x, y, z, r
+    scratch.near[at, 4] = away - r
 
 
 @bare_kernel

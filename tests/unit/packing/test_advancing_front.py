@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull, cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran.packing.methods.advancing_front import ASIDE
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 WIDE = vg.Box((30, 30, 30))
@@ -81,7 +82,8 @@ def plain_front(centers, radii, goal, rank):
 def test_the_front_is_that_of_a_plain_program(order):
     packing = pack(SPHERE, WIDE, count=250, sizes=GRADED, order=order, tries=1, seed=4)
     rank = {"nearest": lambda way: way @ way, "lowest": lambda way: way[2]}[order]
-    twin = plain_front(packing.position, packing.bounding_radii, np.full(3, 15.0), rank)
+    radii = packing.bounding_radii
+    twin = plain_front(packing.position, radii, 15.0 + np.median(radii) * np.array(ASIDE), rank)
     assert packing.count == 250
     np.testing.assert_allclose(packing.position, twin, rtol=0, atol=1e-8)
 
@@ -145,7 +147,7 @@ def best_pocket(centers, r, goal):
 
 def test_dense_takes_the_best_of_all_pockets():
     packing = pack(SPHERE, WIDE, count=18, mode="dense", seed=2)
-    goal = np.full(3, 15.0)
+    goal = 15.0 + 0.5 * np.array(ASIDE)
     for ball in range(3, 18):
         _, best = best_pocket(packing.position[:ball], 0.5, goal)
         assert ((packing.position[ball] - goal) ** 2).sum() == pytest.approx(best, abs=1e-9)

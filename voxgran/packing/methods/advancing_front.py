@@ -42,6 +42,8 @@ PATIENCE = 1000
 DENSEST = {2: math.pi / math.sqrt(12), 3: math.pi / math.sqrt(18)}
 #: share of the balls that are smaller than the one that pockets are looked for with
 POCKET = 0.5
+#: how far what is near is measured from beside the first ball, in radii of that one: places around it are no ties
+ASIDE = (0.013, 0.029, 0.007)
 ORDERS = {"random": RANDOM, "nearest": NEAREST, "lowest": LOWEST}
 #: places of the front, neighbours and pockets of a ball for which there is room at first
 FIRST, FEW = 1024, 128
@@ -163,10 +165,11 @@ def _setting(problem: Problem, state: State) -> _Setting:
         link_all(cells, state.arrays["balls"], state.counters["placed"])
         asked: AdvancingFront = problem.parameters
         pocket = float(np.quantile(radius, POCKET)) if len(radius) else 1.0
-        goal = (room.center, PATIENCE, problem.start is None)
-        rules = Rules(asked.mode == "dense", ORDERS[asked.order], asked.tries, *goal, pocket)
+        goal = room.center + np.array(ASIDE) * pocket
+        first = room.center if problem.start is None else np.zeros(0)
+        rules = Rules(asked.mode == "dense", ORDERS[asked.order], asked.tries, goal, PATIENCE, first, pocket)
         state.derived["setting"] = _Setting(radius, room, cells, rules)
-        numbers, points = np.zeros(FEW, dtype=np.int64), np.zeros((FEW, 4))
+        numbers, points = np.zeros(FEW, dtype=np.int64), np.zeros((FEW, 5))
         state.derived["scratch"] = numbers, points, np.zeros(FEW), np.zeros((FEW, 3), dtype=np.int64)
     made: _Setting = state.derived["setting"]
     return made
