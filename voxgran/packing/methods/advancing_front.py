@@ -118,7 +118,11 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         world = (bed, front, setting.cells, setting.room, setting.rules, scratch)
         state.done = int(advance_front(*world, tally, key, state.done, last))
         state.counters.update(zip(TALLY, tally.tolist(), strict=False))
-        if _look(problem, state) or not tally[MISSING]:
+        if _look(problem, state):
+            # cells and radii are as large as the balls, and nobody asks for them any more
+            state.derived.clear()
+            return state
+        if not tally[MISSING]:
             return state
         _make_room(state, int(tally[MISSING]))
 
@@ -128,11 +132,13 @@ def finish(problem: Problem, state: State) -> Packing:
     placed = state.counters["placed"]
     grains, balls = state.arrays["order"][:placed], state.arrays["balls"][:placed]
     own = np.array([shape.diameter for shape in problem.original])
-    shape_id, lower = problem.shape_id[grains], problem.container.bounds[0]
+    shape_id = problem.shape_id[grains]
+    position = balls[:, :3] + problem.container.bounds[0]
+    position *= problem.unit_length
     return Packing.of(
         problem.original,
         problem.container.scaled(problem.unit_length),
-        position=(balls[:, :3] + lower) * problem.unit_length,
+        position=position,
         scale=problem.diameter[grains] * problem.unit_length / own[shape_id],
         shape_id=shape_id,
         orientation=_orientations(problem, grains),
