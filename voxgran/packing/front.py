@@ -14,7 +14,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.ball_cells import BITS, HERE, IMAGES, BallCells, is_free, link, unlink
-from voxgran.packing.room import Room, is_inside
+from voxgran.packing.front_room import FrontRoom, is_inside
 from voxgran.packing.tangent import PLANE, center_of, place_at
 
 #: which place of the front is next
@@ -97,7 +97,7 @@ def _drop(front, tally, at):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def rank(room: Room, rules: Rules, x: float, y: float, z: float) -> float:
+def rank(room: FrontRoom, rules: Rules, x: float, y: float, z: float) -> float:
     """Return what a place is ranked by, lowest first."""
     if rules.order == RANDOM:
         return 0.0
@@ -274,7 +274,14 @@ def _next_place(front, rules, tally, key, attempt):  # type: ignore[no-untyped-d
 
 @bare_kernel
 def attempt_once(
-    bed: Bed, front: Front, cells: BallCells, room: Room, rules: Rules, tally: Integers, key: Integers, attempt: int
+    bed: Bed,
+    front: Front,
+    cells: BallCells,
+    room: FrontRoom,
+    rules: Rules,
+    tally: Integers,
+    key: Integers,
+    attempt: int,
 ) -> None:
     """Visit the next place of the front, or where there is none begin somewhere."""
     if tally[SIZE] > 0:

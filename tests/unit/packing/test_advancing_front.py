@@ -267,14 +267,6 @@ def test_what_was_missed_is_said():
     assert packing.provenance["missed"]["count"] == 900 - packing.count > 0
 
 
-def test_a_share_beyond_the_densest_lattice_is_refused():
-    with pytest.raises(InputError, match=r"at most 0.7405 \(porosity 0.2595"):
-        pack(SPHERE, vg.Box((20, 20, 20)), solid_fraction=0.76)
-    with pytest.raises(InputError, match=r"at most 0.9069 \(porosity 0.0931"):
-        pack(DISK, vg.Rectangle((40, 40)), solid_fraction=0.93)
-    assert pack(SPHERE, vg.Box((6, 6, 6)), solid_fraction=0.76, sizes=GRADED).count > 0
-
-
 def test_parameters_are_checked():
     with pytest.raises(InputError, match="tries"):
         pack(SPHERE, WIDE, count=3, tries=0)

@@ -12,7 +12,6 @@ domains with disks: an advancing front approach, International Journal for Numer
 Applied Physics 43(6), 2727-2734, doi:10.1063/1.1661585.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -20,17 +19,17 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_count
 from voxgran._base.config import parameter
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key, stream
 from voxgran.contacts.parts import is_one_ball
-from voxgran.packing.ball_cells import BallCells, lay_cells, link_all
+from voxgran.packing.ball_cells import BITS, BallCells, lay_cells, link_all
 from voxgran.packing.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Bed, Front, Rules
+from voxgran.packing.front_room import FrontRoom, front_room_of
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
 from voxgran.packing.problem import Problem
-from voxgran.packing.room import Room, room_of
 from voxgran.packing.start import Start, refuse_start
 from voxgran.packing.verify import verify
 
@@ -38,13 +37,13 @@ from voxgran.packing.verify import verify
 TALLY = ("front", "placed", "ranked", "closed", "begun", "missed_in_a_row")
 #: beginnings in a row without room after which the container is full
 PATIENCE = 1000
-#: solid fractions of the densest lattices of disks and of balls
-DENSEST = {2: math.pi / math.sqrt(12), 3: math.pi / math.sqrt(18)}
 #: share of the balls that are smaller than the one that pockets are looked for with
 POCKET = 0.5
 #: how far what is near is measured from beside the first ball, in radii of that one: places around it are no ties
 ASIDE = (0.013, 0.029, 0.007)
 ORDERS = {"random": RANDOM, "nearest": NEAREST, "lowest": LOWEST}
+#: a ball and its image share 31 bits
+MOST = 2 ** (31 - BITS)
 #: places of the front, neighbours and pockets of a ball for which there is room at first
 FIRST, FEW = 1024, 128
 
@@ -85,10 +84,12 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If a grain of the start overlaps another or reaches through a wall, or equal balls shall fill more of the
-        container than any packing of them does.
+        If a grain of the start overlaps another or reaches through a wall.
+    TooLargeError
+        If there are 2**26 grains or more.
     """
-    _refuse_beyond_lattice(problem)
+    if problem.count >= MOST:
+        raise TooLargeError(f"count is {problem.count}: the front takes fewer than {MOST} grains; pack in parts")
     n = 0 if problem.start is None else problem.start.count
     order = stream(problem.seed, "order").permutation(np.arange(n, problem.count, dtype=np.int64))
     arrays = {
@@ -149,7 +150,7 @@ def finish(problem: Problem, state: State) -> Packing:
 
 def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
-    return Cost(memory=150 * problem.count + 2**22, attempts=_most_attempts(problem))
+    return Cost(memory=300 * problem.count + 2**22, attempts=_most_attempts(problem))
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +158,7 @@ class _Setting:
     """What follows from the problem: radii of the grains, walls, cells and how the front advances."""
 
     radius: Floats
-    room: Room
+    room: FrontRoom
     cells: BallCells
     rules: Rules
 
@@ -166,7 +167,7 @@ def _setting(problem: Problem, state: State) -> _Setting:
     """Return the setting, with all balls in their cells, made again where the state was read from a checkpoint."""
     if "setting" not in state.derived:
         radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
-        room = room_of(problem.container, float(radius.min(initial=np.inf)))
+        room = front_room_of(problem.container, float(radius.min(initial=np.inf)))
         cells = lay_cells(room.lengths, room.periodic, radius, problem.dimension)
         link_all(cells, state.arrays["balls"], state.counters["placed"])
         asked: AdvancingFront = problem.parameters
@@ -203,23 +204,6 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
     balls = state.arrays["balls"]
     balls[: start.count, :3], balls[: start.count, 3] = place, grains.bounding_radii
     state.counters["placed"] = start.count
-
-
-def _refuse_beyond_lattice(problem: Problem) -> None:
-    """Refuse a target that equal balls cannot reach; without one grains are drawn until they have all the volume."""
-    if (
-        not problem.count
-        or np.ptp(problem.diameter)
-        or not all(is_one_ball(shape.geometry) for shape in problem.shapes)
-    ):
-        return
-    share = float(problem.volumes.sum() / problem.container.volume)
-    most = DENSEST[problem.dimension]
-    if most + problem.volumes[0] / problem.container.volume < share < 1.0:
-        raise InputError(
-            f"the grains have the share {share:.4f} of the container: equal ones fill at most {most:.4f} (porosity "
-            f"{1 - most:.4f}, the densest lattice); ask for fewer, or for graded ones"
-        )
 
 
 def _look(problem: Problem, state: State) -> bool:

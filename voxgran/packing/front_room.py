@@ -36,7 +36,7 @@ class MeshWalls(NamedTuple):
     stack: Integers
 
 
-class Room(NamedTuple):
+class FrontRoom(NamedTuple):
     """Where the center of a ball may be.
 
     kind: FLAT, UPRIGHT (an upright cylinder) or MESH.  lengths: of the bounds.  periodic, walled: axes, as 0 or 1.
@@ -54,7 +54,7 @@ class Room(NamedTuple):
     mesh: MeshWalls
 
 
-def room_of(container: Container, smallest: float) -> Room:
+def front_room_of(container: Container, smallest: float) -> FrontRoom:
     """Return the room of a container.
 
     Parameters
@@ -66,7 +66,7 @@ def room_of(container: Container, smallest: float) -> Room:
 
     Returns
     -------
-    Room
+    FrontRoom
     """
     lower, upper = container.bounds
     lengths = np.array(upper - lower)
@@ -80,10 +80,10 @@ def room_of(container: Container, smallest: float) -> Room:
     head = (container.dimension, lengths, periodic, walled)
     if isinstance(container, ClosedMesh):
         walls = _walls_of_mesh(container, lengths, smallest)
-        return Room(MESH, *head, _widest(walls), 0.0, slack, walls)
+        return FrontRoom(MESH, *head, _widest(walls), 0.0, slack, walls)
     if isinstance(container, Cylinder):
-        return Room(UPRIGHT, *head, lengths / 2, float(container.radius), slack, none)
-    return Room(FLAT, *head, lengths / 2, 0.0, slack, none)
+        return FrontRoom(UPRIGHT, *head, lengths / 2, float(container.radius), slack, none)
+    return FrontRoom(FLAT, *head, lengths / 2, 0.0, slack, none)
 
 
 def _walls_of_mesh(container: ClosedMesh, lengths: Floats, smallest: float) -> MeshWalls:
@@ -108,7 +108,7 @@ def _widest(walls: MeshWalls) -> Floats:
 
 
 @bare_kernel
-def is_inside(room: Room, x: float, y: float, z: float, r: float) -> bool:
+def is_inside(room: FrontRoom, x: float, y: float, z: float, r: float) -> bool:
     """Tell whether a ball reaches through no wall, and not through itself across a periodic axis."""
     if not _within(room, 0, x, r) or not _within(room, 1, y, r):
         return False
@@ -120,7 +120,7 @@ def is_inside(room: Room, x: float, y: float, z: float, r: float) -> bool:
 
 
 @bare_kernel
-def _within(room: Room, axis: int, at: float, r: float) -> bool:
+def _within(room: FrontRoom, axis: int, at: float, r: float) -> bool:
     """Tell whether a ball keeps the room along an axis."""
     length = room.lengths[axis]
     if room.walled[axis] == 0:
@@ -129,7 +129,7 @@ def _within(room: Room, axis: int, at: float, r: float) -> bool:
 
 
 @bare_kernel
-def _mesh_distance(room: Room, x: float, y: float, z: float, r: float) -> float:
+def _mesh_distance(room: FrontRoom, x: float, y: float, z: float, r: float) -> float:
     """Return the distance of a point from the wall of a mesh, negative inside; a bound where that tells enough.
 
     A distance changes by no more than the way: far from where a ball touches, the map of clearances tells.
