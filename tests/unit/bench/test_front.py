@@ -7,10 +7,11 @@ from voxgran.bench.tradeoffs.front import measure, plain_front
 def test_loose_fronts_are_as_dense_as_a_plain_one_and_dense_ones_denser():
     few = dict.fromkeys(("large", "loose", "dense", "disks"), (2000,))
     rows = {row[0]: row for row in measure(few, plain=500)}
-    assert len(rows) == 9
+    assert len(rows) == 11
     inside = {name: row[4] for name, row in rows.items()}
     assert inside["loose, nearest"] == pytest.approx(inside["NumPy and SciPy, loose"], abs=0.05)
     assert inside["dense"] > inside["loose, nearest"] + 0.1
+    assert rows["dense, graded, filled"][6] > 0.5
     assert max(row[5] for row in rows.values()) < 1e-12
 
 

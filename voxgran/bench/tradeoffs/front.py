@@ -6,6 +6,7 @@ years and compilers differ. Seconds are those of the processor, of one thread.
 """
 
 import heapq
+import math
 import time
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -25,8 +26,9 @@ from voxgran.shapes import sizes as laws
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.sizes import SizeDistribution
 
-#: program, grains, seconds, seconds for 50,000, solid fraction inside, worst residual of a contact in radii
-Row: TypeAlias = tuple[str, int, float, float, float, float]
+#: program, grains, seconds, seconds for 50,000, solid fraction inside, worst residual of a contact in radii, solid
+#: fraction of the whole container where it was filled
+Row: TypeAlias = tuple[str, int, float, float, float, float, float]
 #: how often each is timed, and points in which the solid fraction inside is measured
 REPEATS, POINTS = 3, 100_000
 COUNTS = {"large": (50_000, 500_000, 5_000_000), "loose": (50_000,), "dense": (50_000, 500_000), "disks": (1_000_000,)}
@@ -36,7 +38,7 @@ GROVE = 200
 
 
 def seconds_of(
-    count: int, *, disks: bool = False, sizes: SizeDistribution | None = None, **options: Any
+    count: int, *, disks: bool = False, fill: float = 0.0, sizes: SizeDistribution | None = None, **options: Any
 ) -> tuple[float, Packing]:
     """Return the least seconds of the processor for packing so many grains, and the packing.
 
@@ -46,18 +48,22 @@ def seconds_of(
         How many.
     disks : bool
         Whether in the plane.
+    fill : float
+        Mean volume of the grains where they shall fill a box, about as many as asked; 0 where the box is wide.
     sizes : SizeDistribution, optional
         Equal grains where left out.
     **options
         Parameters of the method.
     """
-    edge = 1.2 * count ** (1 / 3) * 1.05
-    container = Rectangle((1.1 * count**0.5 * 1.05,) * 2) if disks else Box((edge,) * 3)
+    edge = (count * fill / 0.6) ** (1 / 3) if fill else 1.26 * count ** (1 / 3)
+    container = Rectangle((1.15 * count**0.5,) * 2) if disks else Box((edge,) * 3)
     shape, best = make_shape("disk" if disks else "sphere"), np.inf
     for repeat in range(REPEATS if count <= 100_000 else 1):
         del repeat
         began = time.process_time()
-        packing = pack(shape, container, method="advancing_front", count=count, sizes=sizes, seed=1, **options)
+        packing = pack(
+            shape, container, method="advancing_front", count=None if fill else count, sizes=sizes, seed=1, **options
+        )
         best = min(best, time.process_time() - began)
     return best, packing
 
@@ -140,7 +146,8 @@ def measure(counts: dict[str, tuple[int, ...]] | None = None, *, plain: int = PL
     Returns
     -------
     list of tuple
-        Program, grains, seconds, seconds for 50,000, solid fraction inside, and the worst residual of a contact.
+        Program, grains, seconds, seconds for 50,000, solid fraction inside, the worst residual of a contact, and the
+        solid fraction of a filled container.
     """
     asked, rows = COUNTS if counts is None else counts, []
     graded = laws.uniform(0.5, 1.5)
@@ -152,6 +159,8 @@ def measure(counts: dict[str, tuple[int, ...]] | None = None, *, plain: int = PL
         "dense": ("dense", {"mode": "dense"}),
         "dense, lowest": ("loose", {"mode": "dense", "order": "lowest"}),
         "dense, graded": ("loose", {"mode": "dense", "sizes": graded}),
+        "dense, filled": ("loose", {"mode": "dense", "fill": math.pi / 6}),
+        "dense, graded, filled": ("loose", {"mode": "dense", "sizes": graded, "fill": 1.25 * math.pi / 6}),
         "disks, graded": ("disks", {"disks": True, "sizes": graded}),
     }
     for name, (kind, options) in cases.items():
@@ -160,12 +169,22 @@ def measure(counts: dict[str, tuple[int, ...]] | None = None, *, plain: int = PL
             seconds, packing = seconds_of(count, **options)
             # contacts of millions would take as long as the packing
             worst = residual(packing) if count <= 1_000_000 else np.nan
-            rows.append((name, count, seconds, seconds / count * 50_000, inner_fraction(packing), worst))
+            whole = packing.solid_fraction if "fill" in options else np.nan
+            each = seconds / packing.count * 50_000
+            rows.append((name, packing.count, seconds, each, inner_fraction(packing), worst, whole))
     seconds, places = plain_front(plain)
     ball, edge = make_shape("sphere"), float(np.ptp(places, axis=0).max() + 2)
     shown = Packing.of([ball], Box((edge,) * 3), position=places - places.min(axis=0) + 1)
     rows.append(
-        ("NumPy and SciPy, loose", plain, seconds, seconds / plain * 50_000, inner_fraction(shown), residual(shown))
+        (
+            "NumPy and SciPy, loose",
+            plain,
+            seconds,
+            seconds / plain * 50_000,
+            inner_fraction(shown),
+            residual(shown),
+            np.nan,
+        )
     )
     return rows
 
@@ -175,10 +194,13 @@ def run(folder: Path) -> tuple[Path, ...]:
     rows, loop = measure(), calibration()
     table, figure = folder / "front.csv", folder / "front.svg"
     lines = [
-        f'"{name}",{count},{seconds:.3f},{each:.4f},{inside:.4f},{worst:.1e},{loop:.5f}'
-        for name, count, seconds, each, inside, worst in rows
+        f'"{name}",{count},{seconds:.3f},{each:.4f},{inside:.4f},{worst:.1e},{whole:.4f},{loop:.5f}'
+        for name, count, seconds, each, inside, worst, whole in rows
     ]
-    head = "program,grains,seconds,seconds_for_50000,inner_solid_fraction,residual_in_radii,calibration_seconds"
+    head = (
+        "program,grains,seconds,seconds_for_50000,inner_solid_fraction,residual_in_radii,whole_solid_fraction,"
+        "calibration_seconds"
+    )
     write_text(table, "\n".join([head, *lines]) + "\n")
     _draw(rows, figure)
     return table, figure
