@@ -29,7 +29,11 @@ TRIES = 16
 
 
 class Bed(NamedTuple):
-    """The balls: x, y, z, r of each that is placed; which grain each is, then those that wait; radii of the grains."""
+    """The balls.
+
+    balls: x, y, z, r of each that is placed; the last row is the wall of a sphere, as a ball of negative radius.
+    order: which grain each is, then those that wait.  radius: of the grains.
+    """
 
     balls: Floats
     order: Integers

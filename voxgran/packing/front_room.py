@@ -11,9 +11,10 @@ from voxgran._base.tree import STACK, grow_tree, is_behind, search_triangles
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
+from voxgran.containers.sphere import Sphere
 from voxgran.shapes.mesh import Mesh
 
-FLAT, UPRIGHT, MESH = 0, 1, 2
+FLAT, UPRIGHT, ROUND, MESH = 0, 1, 2, 3
 #: most cells of the map of clearances along an axis
 MOST_CELLS = 64
 
@@ -39,8 +40,9 @@ class MeshWalls(NamedTuple):
 class FrontRoom(NamedTuple):
     """Where the center of a ball may be.
 
-    kind: FLAT, UPRIGHT (an upright cylinder) or MESH.  lengths: of the bounds.  periodic, walled: axes, as 0 or 1.
-    center: where the room is widest.  radius: of a cylinder.  slack: lengths up to here are rounding.
+    kind: FLAT, UPRIGHT (a cylinder), ROUND (a sphere) or MESH.  lengths: of the bounds.  periodic, walled: which axes
+    are, as 0 or 1.  center: where the room is widest.  radius: of a cylinder or a sphere.  slack: lengths up to here
+    are rounding.
     """
 
     kind: int
@@ -83,6 +85,8 @@ def front_room_of(container: Container, smallest: float) -> FrontRoom:
         return FrontRoom(MESH, *head, _widest(walls), 0.0, slack, walls)
     if isinstance(container, Cylinder):
         return FrontRoom(UPRIGHT, *head, lengths / 2, float(container.radius), slack, none)
+    if isinstance(container, Sphere):
+        return FrontRoom(ROUND, *head, lengths / 2, float(container.radius), slack, none)
     return FrontRoom(FLAT, *head, lengths / 2, 0.0, slack, none)
 
 
@@ -116,6 +120,9 @@ def is_inside(room: FrontRoom, x: float, y: float, z: float, r: float) -> bool:
         return False
     if room.kind == UPRIGHT:
         return math.hypot(x - room.radius, y - room.radius) + r <= room.radius + room.slack
+    if room.kind == ROUND:
+        dx, dy, dz = x - room.radius, y - room.radius, z - room.radius
+        return math.sqrt(dx * dx + dy * dy + dz * dz) + r <= room.radius + room.slack
     return room.kind == FLAT or _mesh_distance(room, x, y, z, r) + r <= room.slack
 
 

@@ -10,7 +10,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.ball_cells import BITS, HERE, BallCells, cell_range
 from voxgran.packing.front import MISSED, MISSING, PLACED, RANKED, SIZE, Bed, Front, Rules, attempt_once, push, rank
-from voxgran.packing.front_room import MESH, UPRIGHT, FrontRoom, is_inside
+from voxgran.packing.front_room import MESH, ROUND, UPRIGHT, FrontRoom, is_inside
 from voxgran.packing.tangent import PLANE, SIDE, foot_of_balls, place_at
 
 #: overlap that does not count here, in radii: the visit decides
@@ -175,6 +175,16 @@ def _between_balls(balls, room, rules, scratch, ball, many):  # type: ignore[no-
 def _at_walls(balls, room, rules, scratch, ball, many, found):  # type: ignore[no-untyped-def]
     """Write the pockets between a ball, walls, and another ball or none; return how many pockets there are then."""
     here = (ball << BITS) + HERE
+    if room.kind == ROUND:
+        # from inside a sphere is a ball of negative radius: the last row
+        wall = (len(balls) - 1 << BITS) + HERE
+        dx, dy, dz = balls[ball, 0] - room.radius, balls[ball, 1] - room.radius, balls[ball, 2] - room.radius
+        near = room.radius - math.sqrt(dx * dx + dy * dy + dz * dz) < balls[ball, 3] + 2.0 * rules.pocket
+        for u in range(many if near else 0):
+            if scratch.ref[u] >= 0:
+                found = _try_at(balls, room, rules, scratch, ball, many, here, scratch.ref[u], wall, u, found)
+                found = _try_at(balls, room, rules, scratch, ball, many, scratch.ref[u], here, wall, u, found)
+        return found
     for wall in range(SIDE, 0):
         if not _is_wall_near(balls, room, rules.pocket, wall, ball):
             continue

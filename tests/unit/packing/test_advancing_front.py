@@ -153,7 +153,7 @@ def test_dense_takes_the_best_of_all_pockets():
         assert ((packing.position[ball] - goal) ** 2).sum() == pytest.approx(best, abs=1e-9)
 
 
-@pytest.mark.parametrize("container", [vg.Box((8, 7, 9)), vg.Cylinder(4, 8), vg.Box((8, 7, 9), "xy")])
+@pytest.mark.parametrize("container", [vg.Box((8, 7, 9)), vg.Cylinder(4, 8), vg.Sphere(4.6), vg.Box((8, 7, 9), "xy")])
 @pytest.mark.parametrize("order", ["nearest", "lowest"])
 def test_dense_leaves_no_pocket_between_balls_or_walls(container, order):
     """Equal balls, filled to the end: each touches three balls or walls, and no random place is free."""

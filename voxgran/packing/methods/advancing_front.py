@@ -23,6 +23,7 @@ from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key, stream
 from voxgran.contacts.parts import is_one_ball
+from voxgran.containers.sphere import Sphere
 from voxgran.packing.ball_cells import BITS, BallCells, lay_cells, link_all
 from voxgran.packing.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Bed, Front, Rules
 from voxgran.packing.front_room import FrontRoom, front_room_of
@@ -93,7 +94,7 @@ def prepare(problem: Problem) -> State:
     n = 0 if problem.start is None else problem.start.count
     order = stream(problem.seed, "order").permutation(np.arange(n, problem.count, dtype=np.int64))
     arrays = {
-        "balls": np.zeros((problem.count, 4)),
+        "balls": _balls(problem),
         "order": np.concatenate([np.arange(n, dtype=np.int64), order]),
         "key": np.zeros(FIRST),
         "touched": np.zeros((FIRST, 3), dtype=np.int32),
@@ -103,6 +104,14 @@ def prepare(problem: Problem) -> State:
         _enter_start(problem, state, problem.start)
     _look(problem, state)
     return state
+
+
+def _balls(problem: Problem) -> Floats:
+    """Return room for the balls, and in the last row the wall of a sphere, where the container is one."""
+    balls = np.zeros((problem.count + 1, 4))
+    if isinstance(problem.container, Sphere):
+        balls[-1] = np.array([1.0, 1.0, 1.0, -1.0]) * problem.container.radius
+    return balls
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:

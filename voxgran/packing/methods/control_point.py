@@ -23,11 +23,13 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
 from voxgran._base.config import parameter, to_mapping
+from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.sphere import Sphere
 from voxgran.packing.control_points import FLAT, MESH, ROUND, Bed, Bodies, Memory, Scratch, Walls
 from voxgran.packing.control_walk import Cells, Rules, enter_raised, link_all, make_attempts
 from voxgran.packing.lattice import axis_of
@@ -109,9 +111,11 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If gravity points along a periodic axis, or a grain of the start finds no place.
+        If gravity points along a periodic axis, the container is a sphere, or a grain of the start finds no place.
     """
     _gravity(problem)
+    if isinstance(problem.container, Sphere):
+        raise InputError("container is a sphere: control points know flat walls, cylinders and meshes; give its mesh")
     n = problem.count
     arrays = {
         "position": np.zeros((n, 3)),
