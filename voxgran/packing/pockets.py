@@ -173,19 +173,23 @@ def _between_balls(balls, room, rules, scratch, ball, many):  # type: ignore[no-
 
 @bare_kernel
 def _at_walls(balls, room, rules, scratch, ball, many, found):  # type: ignore[no-untyped-def]
-    """Write the pockets between a ball, walls, and another ball or none; return how many pockets there are then."""
+    """Write the pockets between a ball, walls, and another ball or none; return how many pockets there are then.
+
+    The faces of a loose front are between balls: there the plane of disks is the only wall.
+    """
     here = (ball << BITS) + HERE
+    low, high = (SIDE, 0) if rules.dense else (PLANE, PLANE + 1)
     if room.kind == ROUND:
         # from inside a sphere is a ball of negative radius: the last row
         wall = (len(balls) - 1 << BITS) + HERE
         dx, dy, dz = balls[ball, 0] - room.radius, balls[ball, 1] - room.radius, balls[ball, 2] - room.radius
         near = room.radius - math.sqrt(dx * dx + dy * dy + dz * dz) < balls[ball, 3] + 2.0 * rules.pocket
-        for u in range(many if near else 0):
+        for u in range(many if near and rules.dense else 0):
             if scratch.ref[u] >= 0:
                 found = _try_at(balls, room, rules, scratch, ball, many, here, scratch.ref[u], wall, u, found)
                 found = _try_at(balls, room, rules, scratch, ball, many, scratch.ref[u], here, wall, u, found)
         return found
-    for wall in range(SIDE, 0):
+    for wall in range(low, high):
         if not _is_wall_near(balls, room, rules.pocket, wall, ball):
             continue
         # disks lie in their plane: it is one of the three
@@ -193,7 +197,7 @@ def _at_walls(balls, room, rules, scratch, ball, many, found):  # type: ignore[n
             if scratch.ref[u] >= 0:
                 found = _try_at(balls, room, rules, scratch, ball, many, here, scratch.ref[u], wall, u, found)
                 found = _try_at(balls, room, rules, scratch, ball, many, scratch.ref[u], here, wall, u, found)
-        for second in range(SIDE, 0):
+        for second in range(low, high):
             if room.dimension == 2 and PLANE not in (wall, second):
                 continue
             if second != wall and _is_wall_near(balls, room, rules.pocket, second, ball):

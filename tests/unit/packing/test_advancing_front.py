@@ -288,6 +288,27 @@ def test_a_start_is_the_first_front():
             pack(SPHERE, WIDE, start=vg.Packing.of([SPHERE], WIDE, position=wrong), count=4)
 
 
+@pytest.mark.parametrize("mode", ["loose", "dense"])
+@pytest.mark.parametrize(
+    ("shape", "container"),
+    [
+        (SPHERE, vg.Box((3, 3, 3))),
+        (SPHERE, vg.Box((3, 2.2, 3), "y")),
+        (SPHERE, vg.Cylinder(1.5, 3, origin=(1.5, 1.5, 0))),
+        (SPHERE, vg.Sphere(1.8, origin=(1.5, 1.5, 1.5))),
+        (DISK, vg.Rectangle((3, 3))),
+        (DISK, vg.Rectangle((2.1, 3), "x")),
+    ],
+    ids=lambda value: getattr(value, "kind", value.name if hasattr(value, "name") else ""),
+)
+def test_a_start_near_walls_goes_on(mode, shape, container):
+    places = [(1.2, 1.1, 0.5), (1.9, 1.1, 1.0)] if shape is SPHERE else [(0.6, 0.6, 0), (1.5, 1.2, 0)]
+    start = vg.Packing.of([shape], container, position=places, scale=[0.9, 0.8])
+    packing = pack(shape, container, start=start, count=5, sizes=vg.sizes.uniform(0.3, 0.5), mode=mode)
+    assert packing.count == 7
+    assert vg.verify(packing).ok
+
+
 def test_other_methods_go_on_from_a_front():
     front = pack(SPHERE, vg.Box((6, 6, 12)), count=60, order="lowest", mode="dense")
     bed = vg.pack([], vg.Box((6, 6, 12)), method="digital_rsa", start=front, voxel_size=0.1)
