@@ -79,6 +79,9 @@ def test_a_sphere_is_packed_measured_saved_and_drawn(tmp_path):
     assert beyond.max() <= 1e-12
     # pockets at the wall: many touch it
     assert (np.abs(beyond) < 1e-10).sum() > 20
+    # from the middle outwards a shell stays open; from the bottom up only the top does
+    inner = vg.pack(vg.make_shape("sphere"), container, **{**options, "order": "nearest"})
+    assert inner.solid_fraction < packing.solid_fraction - 0.05
     tree = vg.measure(packing, which=["density", "profile"])
     assert float(tree["/"].solid_fraction) == pytest.approx(packing.solid_fraction, rel=1e-12)
     assert 0.5 < float(tree["/"].bulk_solid_fraction) < 0.72
