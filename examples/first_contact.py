@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from matplotlib.image import imsave
 
 import voxgran as vg
 from voxgran._base.rotation import normalized, product, rotation_matrices
@@ -48,7 +49,9 @@ for name, bodies in (("solids", solids), ("clumps", clumps)):
     pair = Encounter(*bodies, spacing=0.06)
     places = []
     for run in range(runs):
-        offset, turns = walk(pair, np.random.Generator(np.random.PCG64(run)), 1.2 * sum(b.bounding_radius for b in bodies))
+        offset, turns = walk(
+            pair, np.random.Generator(np.random.PCG64(run)), 1.2 * sum(b.bounding_radius for b in bodies)
+        )
         wide = 8 * max(body.bounding_radius for body in bodies)
         center = np.full(3, wide / 2)
         packing = vg.Packing.of(
@@ -61,6 +64,8 @@ for name, bodies in (("solids", solids), ("clumps", clumps)):
         print(f"{name} run {run}: gap at contact {gap:+.5f} diameters, touches towards {np.round(places[-1], 2)}")
         vg.save(packing, folder / f"{name}_{run}.vtp", overwrite=True)
         if run == 0:
-            write_png(picture_packing(packing), folder / f"{name}.png")
+            imsave(folder / f"{name}.png", picture_packing(packing))
     apart = [np.degrees(np.arccos(np.clip(a @ b, -1, 1))) for a, b in itertools.combinations(places, 2)]
-    print(f"{name}: {pair.points} control points, regions of contact {min(apart):.0f} to {max(apart):.0f} degrees apart")
+    print(
+        f"{name}: {pair.points} control points, regions of contact {min(apart):.0f} to {max(apart):.0f} degrees apart"
+    )

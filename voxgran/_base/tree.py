@@ -12,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel, kernel
 
 #: triangles in a leaf, at most
 LEAF = 4
+#: boxes that wait in a search, at most
+STACK = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +145,7 @@ def _pseudo_normals(corners: Floats, faces: Integers) -> Floats:
     return np.concatenate([normal[:, None], along_edges[edge], at_corners[faces]], axis=1)
 
 
-@kernel
+@bare_kernel
 def closest_on_triangle(corners: Floats, k: int, x: float, y: float, z: float) -> tuple[float, float, float, int]:
     """Return the point of triangle k nearest to (x, y, z), and its feature: 0 face, 1-3 edges, 4-6 corners.
 
@@ -183,7 +185,7 @@ def closest_on_triangle(corners: Floats, k: int, x: float, y: float, z: float) -
     return ax + s * ux + t * vx, ay + s * uy + t * vy, az + s * uz + t * vz, 0
 
 
-@kernel
+@bare_kernel
 def square_to_box(low: Floats, high: Floats, k: int, x: float, y: float, z: float) -> float:
     """Return the squared distance of (x, y, z) from box k; 0 inside."""
     dx = max(low[k, 0] - x, 0.0, x - high[k, 0])
@@ -197,10 +199,25 @@ def nearest_triangle(
     corners: Floats, low: Floats, high: Floats, start: Integers, x: float, y: float, z: float, reach: float
 ) -> tuple[float, int, int, float, float, float]:
     """Return squared distance, triangle, feature and point nearest to (x, y, z); triangle -1 beyond `reach`."""
+    return search_triangles(corners, low, high, start, x, y, z, reach, np.zeros(STACK, dtype=np.int64))
+
+
+@bare_kernel
+def search_triangles(
+    corners: Floats,
+    low: Floats,
+    high: Floats,
+    start: Integers,
+    x: float,
+    y: float,
+    z: float,
+    reach: float,
+    stack: Integers,
+) -> tuple[float, int, int, float, float, float]:
+    """Return what `nearest_triangle` does, for kernels that make no arrays: `stack` holds boxes that wait."""
     best, found, feature = reach * reach, -1, 0
     qx, qy, qz = x, y, z
-    stack = np.zeros(64, dtype=np.int64)
-    depth, leaves = 1, len(low) // 2
+    stack[0], depth, leaves = 0, 1, len(low) // 2
     while depth > 0:
         depth -= 1
         node = stack[depth]
@@ -224,7 +241,7 @@ def nearest_triangle(
     return best, found, feature, qx, qy, qz
 
 
-@kernel
+@bare_kernel
 def is_behind(normals: Floats, k: int, feature: int, dx: float, dy: float, dz: float) -> bool:
     """Tell whether the step from a feature of triangle k leads into the solid."""
     side = normals[k, feature, 0] * dx + normals[k, feature, 1] * dy + normals[k, feature, 2] * dz

@@ -1,7 +1,8 @@
 """How far grains reach beyond the walls of their container, by their true geometry.
 
-At flat walls and at the wall of a cylinder the reach is that of the support function, in closed form or by a search for
-the best direction to the last digits; at a closed mesh it is the depth of the grain in the solid around the container.
+At flat walls and at the walls of a cylinder and of a sphere the reach is that of the support function, in closed form
+or by a search for the best direction to the last digits; at a closed mesh it is the depth of the grain in the solid
+around the container.
 """
 
 import math
@@ -13,6 +14,7 @@ from voxgran._base.kernels import kernel
 from voxgran._base.rotation import stretch_of
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.depth import deepest_of_triangles
+from voxgran.contacts.farthest import farthest_reach
 from voxgran.contacts.gjk import support
 from voxgran.contacts.mesh_parts import touch_convex
 from voxgran.contacts.parts import has_parts, parts_of
@@ -22,6 +24,7 @@ from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.sphere import Sphere
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
@@ -59,6 +62,8 @@ def escape_depths(assembly: Assembly) -> Floats:
     if isinstance(container, Cylinder):
         reach = horizontal_reach(assembly, np.array(container.origin))
         return np.maximum(_beyond_planes(assembly, [2]), reach - container.radius)
+    if isinstance(container, Sphere):
+        return farthest_reach(assembly, np.array(container.origin)) - container.radius
     for grain in range(assembly.count):
         shape = assembly.shapes[assembly.shape_id[grain]]
         error = shape.tessellation_error * assembly.scale[grain]

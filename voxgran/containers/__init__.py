@@ -1,1 +1,1 @@
-"""What holds the grains: box, cylinder, closed mesh; rectangle in two dimensions."""
+"""What holds the grains: box, cylinder, sphere, closed mesh; rectangle in two dimensions."""

@@ -12,6 +12,7 @@ from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.sphere import Sphere
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 
@@ -21,6 +22,7 @@ KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "cylinder": (("radius", "height"), ("origin",)),
     "mesh": ((), ("file", "vertices", "faces", "name", "offset")),
     "rectangle": (("lengths",), ("periodic", "origin")),
+    "sphere": (("radius",), ("origin",)),
 }
 
 
@@ -67,6 +69,8 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
         return Rectangle(**rest)
     if kind == "cylinder":
         return Cylinder(**rest)
+    if kind == "sphere":
+        return Sphere(**rest)
     return _make_mesh(rest, where)
 
 

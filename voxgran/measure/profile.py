@@ -1,5 +1,6 @@
 """How the solid fraction changes along the axes and with the distance from the walls."""
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ from voxgran._base.errors import InputError
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
+from voxgran.containers.sphere import Sphere
 from voxgran.measure.coordination import mean_diameter
 from voxgran.measure.halfspaces import cut_disks
 from voxgran.measure.model import Measure, dataset, length_unit, variable
@@ -157,6 +159,9 @@ def _rooms(container: Container, axis: int, edges: Floats) -> Floats:
         slabs = [_slab(2, axis, edges[b : b + 2]) for b in range(len(edges) - 1)]
         disk = [cut_disks(center, radius, lower=low, upper=high)[0] for low, high in slabs]
         return np.array(disk) * container.height
+    if isinstance(container, Sphere):
+        heights = np.clip(edges - container.origin[axis], -container.radius, container.radius)
+        return np.asarray(np.diff(math.pi * (container.radius**2 * heights - heights**3 / 3)))
     return np.asarray(np.diff(edges) * container.volume / (edges[-1] - edges[0]))
 
 

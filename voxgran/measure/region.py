@@ -17,6 +17,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.sphere import Sphere
 from voxgran.measure.cylinders import cut_balls_by_cylinder
 from voxgran.measure.halfspaces import cut_balls
 from voxgran.measure.window import Estimate, Solids
@@ -85,7 +86,7 @@ class Regions:
             base = max(floor + inset, float(self.limits[0, 2]))
             top = min(floor + container.height - inset, float(self.limits[1, 2]))
             return CylinderRegion(container, max(0.0, container.radius - inset), base, max(base, top))
-        if isinstance(container, Cylinder | ClosedMesh):
+        if isinstance(container, Cylinder | Sphere | ClosedMesh):
             return SampledRegion(self.samples, inset, self.limits)
         walls = ~np.array(container.periodic[:d])
         lower = np.maximum(container.bounds[0, :d] + inset * walls, self.limits[0, :d])

@@ -8,7 +8,7 @@ from voxgran.packing.point_cells import PointCells
 from voxgran.packing.trees import Trees
 
 #: kinds of walls
-FLAT, ROUND, MESH = 0, 1, 2
+FLAT, ROUND, MESH, BALL = 0, 1, 2, 3
 #: tests of contact
 SDF, POINTS, KDTREE = 0, 1, 2
 

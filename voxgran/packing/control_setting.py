@@ -12,7 +12,9 @@ from voxgran._base.seeds import philox_key
 from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.sphere import Sphere
 from voxgran.packing.control_records import (
+    BALL,
     FLAT,
     KDTREE,
     MESH,
@@ -216,6 +218,8 @@ def _walls(problem: Problem) -> Walls:
         return Walls(MESH, lower, upper, walled, periodic, 0.0, np.array(container.shape.offset))
     if isinstance(container, Cylinder):
         return Walls(ROUND, lower, upper, walled, periodic, float(container.radius), (lower + upper) / 2)
+    if isinstance(container, Sphere):
+        return Walls(BALL, lower, upper, walled, periodic, float(container.radius), (lower + upper) / 2)
     return Walls(FLAT, lower, upper, walled, periodic, 0.0, np.zeros(3))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.control_points import holds, list_points
-from voxgran.packing.control_records import FLAT, MESH, Bed, Bodies, Scratch, Walls
+from voxgran.packing.control_records import BALL, FLAT, MESH, Bed, Bodies, Scratch, Walls
 
 
 @bare_kernel
@@ -24,7 +24,8 @@ def is_outside(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, g: int,
         return True
     if walls.kind == FLAT:
         return False
-    return _is_beyond_round(place, turn, hull, begin, end, size, walls.offset, walls.radius - margin, radius)
+    deep = 1.0 if walls.kind == BALL else 0.0
+    return _is_beyond_round(place, turn, hull, begin, end, size, walls.offset, walls.radius - margin, radius, deep)
 
 
 @bare_kernel
@@ -43,15 +44,16 @@ def _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, r
 
 
 @bare_kernel
-def _is_beyond_round(place, turn, hull, begin, end, size, offset, room, radius):  # type: ignore[no-untyped-def]
-    """Tell whether a point of the convex hull lies outside of a cylinder along z."""
-    x, y = place[0] - offset[0], place[1] - offset[1]
-    if np.sqrt(x * x + y * y) + radius < room:
+def _is_beyond_round(place, turn, hull, begin, end, size, offset, room, radius, deep):  # type: ignore[no-untyped-def]
+    """Tell whether a point of the convex hull lies outside of a cylinder along z, or (deep is 1) of a sphere."""
+    x, y, z = place[0] - offset[0], place[1] - offset[1], deep * (place[2] - offset[2])
+    if np.sqrt(x * x + y * y + z * z) + radius < room:
         return False
     for k in range(begin, end):
         px = x + size * (turn[0, 0] * hull[k, 0] + turn[0, 1] * hull[k, 1] + turn[0, 2] * hull[k, 2])
         py = y + size * (turn[1, 0] * hull[k, 0] + turn[1, 1] * hull[k, 1] + turn[1, 2] * hull[k, 2])
-        if room < 0.0 or px * px + py * py > room * room:
+        pz = z + deep * size * (turn[2, 0] * hull[k, 0] + turn[2, 1] * hull[k, 1] + turn[2, 2] * hull[k, 2])
+        if room < 0.0 or px * px + py * py + pz * pz > room * room:
             return True
     return False
 

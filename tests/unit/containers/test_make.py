@@ -9,11 +9,13 @@ from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.make import container_kinds, make_container
 from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.sphere import Sphere
 from voxgran.shapes.model import Shape
 
 CONTAINERS = [
     Box((8, 8, 14), periodic=["x", "y"], origin=(0.1, 0.2, 0.3)),
     Cylinder(1.5, 4, origin=(0, 0, 0.1)),
+    Sphere(2.5, origin=(1, 2, 0.3)),
     Rectangle((3, 0.1), periodic=(False, True), origin=(0.7, 0.3)),
 ]
 
@@ -52,7 +54,7 @@ def test_axis_names_as_in_a_scene_file():
 
 
 def test_all_kinds_are_listed():
-    assert container_kinds() == ("box", "cylinder", "mesh", "rectangle")
+    assert container_kinds() == ("box", "cylinder", "mesh", "rectangle", "sphere")
 
 
 @pytest.mark.parametrize(
@@ -63,6 +65,7 @@ def test_all_kinds_are_listed():
         ({"kind": "box", "lenghts": [1, 1, 1]}, UnknownNameError, "did you mean 'lengths'"),
         ({"kind": "box"}, InputError, "lengths is missing"),
         ({"kind": "cylinder", "radius": 1}, InputError, "height is missing"),
+        ({"kind": "sphere"}, InputError, "radius is missing"),
         ({"kind": "mesh"}, InputError, "file is missing"),
         ({"kind": "box", "lengths": [1, 0, 1]}, InputError, "above 0"),
         ({"kind": "cylinder", "radius": True, "height": 1}, InputError, "must be a number"),

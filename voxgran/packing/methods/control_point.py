@@ -27,6 +27,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.sphere import Sphere
 from voxgran.packing.control_records import Rules
 from voxgran.packing.control_setting import Setting, bed_of, memory_needed, setting_of
 from voxgran.packing.control_walk import enter_raised, make_attempts
@@ -255,8 +256,8 @@ def _rules(problem: Problem, state: State) -> Rules:
     return Rules(
         _gravity(problem).astype(np.float64),
         float(settings.tilt),
-        # the top of a mesh may have no room for any grain: there grains enter anywhere
-        at_once or isinstance(problem.container, ClosedMesh),
+        # the top of a mesh or a sphere may have no room for any grain: there grains enter anywhere
+        at_once or isinstance(problem.container, ClosedMesh | Sphere),
         np.array([settings.up, settings.turns, 1.0 if at_once else FEED_SHARE]),
         np.array([counters["fed_at"], length, settings.cycles, _patience(problem)], dtype=np.int64),
         problem.length(settings.distance - settings.overlap),

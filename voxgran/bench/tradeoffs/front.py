@@ -1,0 +1,230 @@
+"""Advancing front: seconds, density and how well balls touch, from thousands to millions, beside a plain program.
+
+The plain program advances the same front, a ball a face, with arrays of NumPy and near balls found by SciPy's trees:
+what a user would write in an afternoon. The paper gives 86 seconds for 50,000 particles on a PC of 2.8 GHz; machines,
+years and compilers differ. Seconds are those of the processor, of one thread.
+"""
+
+import heapq
+import math
+import time
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.lazy import load
+from voxgran._base.seeds import stream
+from voxgran.bench.model import TradeOff, calibration
+from voxgran.containers.box import Box
+from voxgran.containers.rectangle import Rectangle
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.shapes import sizes as laws
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.sizes import SizeDistribution
+
+#: program, grains, seconds, seconds for 50,000, solid fraction inside, worst residual of a contact in radii, solid
+#: fraction of the whole container where it was filled
+Row: TypeAlias = tuple[str, int, float, float, float, float, float]
+#: how often each is timed, and points in which the solid fraction inside is measured
+REPEATS, POINTS = 3, 100_000
+COUNTS = {"large": (50_000, 500_000, 5_000_000), "loose": (50_000,), "dense": (50_000, 500_000), "disks": (1_000_000,)}
+PLAIN = 2000
+#: of the plain program: balls between two trees
+GROVE = 200
+
+
+def seconds_of(
+    count: int, *, disks: bool = False, fill: float = 0.0, sizes: SizeDistribution | None = None, **options: Any
+) -> tuple[float, Packing]:
+    """Return the least seconds of the processor for packing so many grains, and the packing.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+    disks : bool
+        Whether in the plane.
+    fill : float
+        Mean volume of the grains where they shall fill a box, about as many as asked; 0 where the box is wide.
+    sizes : SizeDistribution, optional
+        Equal grains where left out.
+    **options
+        Parameters of the method.
+    """
+    edge = (count * fill / 0.6) ** (1 / 3) if fill else 1.26 * count ** (1 / 3)
+    container = Rectangle((1.15 * count**0.5,) * 2) if disks else Box((edge,) * 3)
+    shape, best = make_shape("disk" if disks else "sphere"), np.inf
+    for repeat in range(REPEATS if count <= 100_000 else 1):
+        del repeat
+        began = time.process_time()
+        packing = pack(
+            shape, container, method="advancing_front", count=None if fill else count, sizes=sizes, seed=1, **options
+        )
+        best = min(best, time.process_time() - began)
+    return best, packing
+
+
+def inner_fraction(packing: Packing) -> float:
+    """Return the share of random points in a ball of half the size of the packing that lie in a grain."""
+    places, radii = packing.position, np.append(packing.bounding_radii, 0.0)
+    low, high = places.min(axis=0), places.max(axis=0)
+    generator, d = stream(1, "bench points"), packing.dimension
+    ways = np.zeros((POINTS, 3))
+    ways[:, :d] = generator.normal(size=(POINTS, d))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    reach = (high - low)[:d].min() / 4 * generator.random((POINTS, 1)) ** (1 / d)
+    away, grain = (
+        load("scipy.spatial")
+        .cKDTree(places)
+        .query((low + high) / 2 + ways * reach, k=16, distance_upper_bound=float(radii.max()))
+    )
+    return float((away <= radii[grain]).any(axis=1).mean())
+
+
+def residual(packing: Packing) -> float:
+    """Return how far the worst contact is from touching, in radii of the smaller grain.
+
+    A contact is a pair whose gap is less than 1e-11 of the smaller one: at others balls happen to be near each other.
+    """
+    radii = packing.bounding_radii
+    tree = load("scipy.spatial").cKDTree(packing.position)
+    pairs = tree.query_pairs(2.000002 * float(radii.max()), output_type="ndarray")
+    gap = np.linalg.norm(packing.position[pairs[:, 0]] - packing.position[pairs[:, 1]], axis=1)
+    gap = (gap - radii[pairs].sum(axis=1)) / radii[pairs].min(axis=1)
+    return float(np.abs(gap[np.abs(gap) < 1e-11]).max(initial=0.0))
+
+
+def plain_front(count: int) -> tuple[float, Floats]:
+    """Advance the front of equal balls of unit diameter with NumPy and SciPy; return the seconds of the processor and
+    the centers.
+
+    Parameters
+    ----------
+    count : int
+        How many balls.
+    """
+    began, tree_of = time.process_time(), load("scipy.spatial").cKDTree
+    places = np.zeros((count, 3))
+    places[1, 0], places[2, :2] = 1.0, (0.5, 0.75**0.5)
+    middle = places[:3].mean(axis=0)
+    faces: list[tuple[float, tuple[int, int, int]]] = [(0.0, (0, 1, 2)), (0.0, (1, 0, 2))]
+    placed, planted, tree = 3, 3, tree_of(places[:3])
+    while placed < count and faces:
+        a, b, c = heapq.heappop(faces)[1]
+        p, q, s = places[a], places[b], places[c]
+        foot = (p + q + s) / 3
+        normal = np.cross(q - p, s - p)
+        normal /= np.linalg.norm(normal)
+        place = foot + np.sqrt(1.0 - ((foot - p) ** 2).sum()) * normal
+        recent = ((places[planted:placed] - place) ** 2).sum(axis=1)
+        if tree.query(place)[0] < 1 - 1e-9 or (len(recent) and recent.min() < (1 - 1e-9) ** 2):
+            continue
+        places[placed] = place
+        for face in ((a, b, placed), (b, c, placed), (c, a, placed)):
+            center = places[list(face)].mean(axis=0) - middle
+            heapq.heappush(faces, (float(center @ center), face))
+        placed += 1
+        if placed - planted == GROVE:
+            planted, tree = placed, tree_of(places[:placed])
+    return time.process_time() - began, places
+
+
+def measure(counts: dict[str, tuple[int, ...]] | None = None, *, plain: int = PLAIN) -> list[Row]:
+    """Pack equal and graded grains.
+
+    Parameters
+    ----------
+    counts : dict, optional
+        How many grains, for ``"large"``, ``"loose"``, ``"dense"`` and ``"disks"``.
+    plain : int
+        How many for the plain program.
+
+    Returns
+    -------
+    list of tuple
+        Program, grains, seconds, seconds for 50,000, solid fraction inside, the worst residual of a contact, and the
+        solid fraction of a filled container.
+    """
+    asked, rows = COUNTS if counts is None else counts, []
+    graded = laws.uniform(0.5, 1.5)
+    cases: dict[str, tuple[str, dict[str, Any]]] = {
+        "loose, nearest": ("large", {}),
+        "loose, random": ("loose", {"order": "random"}),
+        "loose, lowest": ("loose", {"order": "lowest"}),
+        "loose, graded": ("loose", {"sizes": graded}),
+        "dense": ("dense", {"mode": "dense"}),
+        "dense, lowest": ("loose", {"mode": "dense", "order": "lowest"}),
+        "dense, graded": ("loose", {"mode": "dense", "sizes": graded}),
+        "dense, filled": ("loose", {"mode": "dense", "fill": math.pi / 6}),
+        "dense, graded, filled": ("loose", {"mode": "dense", "sizes": graded, "fill": 1.25 * math.pi / 6}),
+        "disks, graded": ("disks", {"disks": True, "sizes": graded}),
+    }
+    for name, (kind, options) in cases.items():
+        seconds_of(200, **options)
+        for count in asked[kind]:
+            seconds, packing = seconds_of(count, **options)
+            # contacts of millions would take as long as the packing
+            worst = residual(packing) if count <= 1_000_000 else np.nan
+            whole = packing.solid_fraction if "fill" in options else np.nan
+            each = seconds / packing.count * 50_000
+            rows.append((name, packing.count, seconds, each, inner_fraction(packing), worst, whole))
+    seconds, places = plain_front(plain)
+    ball, edge = make_shape("sphere"), float(np.ptp(places, axis=0).max() + 2)
+    shown = Packing.of([ball], Box((edge,) * 3), position=places - places.min(axis=0) + 1)
+    rows.append(
+        (
+            "NumPy and SciPy, loose",
+            plain,
+            seconds,
+            seconds / plain * 50_000,
+            inner_fraction(shown),
+            residual(shown),
+            np.nan,
+        )
+    )
+    return rows
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    rows, loop = measure(), calibration()
+    table, figure = folder / "front.csv", folder / "front.svg"
+    lines = [
+        f'"{name}",{count},{seconds:.3f},{each:.4f},{inside:.4f},{worst:.1e},{whole:.4f},{loop:.5f}'
+        for name, count, seconds, each, inside, worst, whole in rows
+    ]
+    head = (
+        "program,grains,seconds,seconds_for_50000,inner_solid_fraction,residual_in_radii,whole_solid_fraction,"
+        "calibration_seconds"
+    )
+    write_text(table, "\n".join([head, *lines]) + "\n")
+    _draw(rows, figure)
+    return table, figure
+
+
+registration = TradeOff(
+    name="front", summary="seconds, density and residuals of the advancing front, from thousands to millions", run=run
+)
+
+
+def _draw(rows: list[Row], path: Path) -> None:
+    """Draw seconds against grains on the left, density against seconds for 50,000 on the right."""
+    figure = load("matplotlib.figure").Figure(figsize=(10.4, 4.0), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for k, name in enumerate(dict.fromkeys(row[0] for row in rows)):
+        found = [row for row in rows if row[0] == name]
+        left.loglog([row[1] for row in found], [row[2] for row in found], f"C{k}-", marker="o", label=name)
+        right.semilogx([row[3] for row in found], [row[4] for row in found], f"C{k}-", marker="o", label=name)
+    left.set_xlabel("grains")
+    left.set_ylabel("seconds of the processor")
+    right.set_xlabel("seconds for 50,000 grains")
+    right.set_ylabel("solid fraction inside")
+    for panel in (left, right):
+        panel.grid(visible=True, alpha=0.3)
+    left.legend(frameon=False, fontsize=7)
+    with written_whole(path) as draft:
+        figure.savefig(draft, format="svg")

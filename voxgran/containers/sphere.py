@@ -1,0 +1,75 @@
+"""A hollow sphere with a wall."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_points, as_positive, as_vector
+from voxgran.shapes.tessellate import ball
+
+
+@dataclass(frozen=True, init=False)
+class Sphere:
+    """The inside of a sphere.
+
+    Parameters
+    ----------
+    radius : float
+        Radius, in the unit of lengths.
+    origin : (3,) sequence of float
+        Center.
+
+    Raises
+    ------
+    InputError
+        If the radius is not above 0.
+    """
+
+    radius: float
+    origin: tuple[float, float, float]
+    kind: ClassVar[str] = "sphere"
+    dimension: ClassVar[int] = 3
+    periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
+
+    def __init__(self, radius: float, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        a, b, c = (float(value) for value in as_vector(origin, "origin"))
+        object.__setattr__(self, "radius", as_positive(radius, "radius of the sphere"))
+        object.__setattr__(self, "origin", (a, b, c))
+
+    @property
+    def volume(self) -> float:
+        """Volume."""
+        return 4 / 3 * math.pi * self.radius**3
+
+    @property
+    def bounds(self) -> Floats:
+        """Lower and upper corner, (2, 3)."""
+        center = np.array(self.origin)
+        return np.array([center - self.radius, center + self.radius])
+
+    def signed_distance(self, points: ArrayLike) -> Floats:
+        """Return the distance of (n, 3) points from the wall, negative inside.
+
+        Raises
+        ------
+        InputError
+            If the points are not an (n, 3) array of finite numbers.
+        """
+        away: Floats = np.linalg.norm(as_points(points) - np.array(self.origin), axis=1)
+        return away - self.radius
+
+    def mesh(self) -> tuple[Floats, Integers]:
+        """Return vertices and triangles of the boundary."""
+        vertices, faces, _ = ball()
+        return vertices * self.radius + np.array(self.origin), faces
+
+    def scaled(self, factor: float) -> "Sphere":
+        """Return the sphere with radius and center multiplied."""
+        return Sphere(self.radius * factor, origin=np.array(self.origin) * factor)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return kind and parameters as JSON-able values."""
+        return {"kind": self.kind, "radius": self.radius, "origin": list(self.origin)}
