@@ -1,7 +1,7 @@
 """The container as kernels see it: does it hold a ball or an upright box, and may a small box hold such a centre?
 
-Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright. In a closed mesh the
-distance of a centre from the surface is exact (:mod:`voxgran._base.tree`), so that a ball that is held protrudes by no
+Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright; a sphere has one wall.
+In a closed mesh the distance of a centre from the surface is exact (:mod:`voxgran._base.tree`), so that a ball that is held protrudes by no
 more than rounding.
 """
 
@@ -16,10 +16,11 @@ from voxgran._base.tree import is_behind, nearest_triangle
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
+from voxgran.containers.sphere import Sphere
 from voxgran.shapes.mesh import Mesh
 
 #: kinds of containers
-FLAT, ROUND, CLOSED = 0, 1, 2
+FLAT, ROUND, CLOSED, BALL = 0, 1, 2, 3
 #: a grain that reaches beyond a wall by this share of the container, or less, does so by rounding
 ROUNDING = 1e-15
 
@@ -27,7 +28,8 @@ ROUNDING = 1e-15
 class Room(NamedTuple):
     """The container: bounds, which axes have walls and which are periodic (2D: z has neither), a round wall, a mesh.
 
-    `middle` is a point of the axis of a cylinder, or the centroid of a mesh; `slack` is what rounding does.
+    `middle` is a point of the axis of a cylinder, the centre of a sphere or the centroid of a mesh; `slack` is what
+    rounding does.
     """
 
     kind: int
@@ -59,6 +61,8 @@ def room_of(container: Container) -> Room:
     )
     if isinstance(container, Cylinder):
         kind, radius = ROUND, float(container.radius)
+    elif isinstance(container, Sphere):
+        kind, radius = BALL, float(container.radius)
     elif isinstance(container, ClosedMesh):
         assert isinstance(container.shape.geometry, Mesh)
         grown = container.shape.geometry.tree
@@ -76,9 +80,9 @@ def is_held(room: Room, x: float, y: float, z: float, hx: float, hy: float, hz: 
     """
     if not is_between(room, x, y, z, hx, hy, hz):
         return False
-    if room.kind == ROUND:
-        dx, dy = x - room.middle[0], y - room.middle[1]
-        return math.sqrt(dx * dx + dy * dy) + hx <= room.radius + room.slack
+    if room.kind in (ROUND, BALL):
+        dx, dy, dz = x - room.middle[0], y - room.middle[1], z - room.middle[2] if room.kind == BALL else 0.0
+        return math.sqrt(dx * dx + dy * dy + dz * dz) + hx <= room.radius + room.slack
     if room.kind == CLOSED:
         return _depth(room, x, y, z) >= hx
     return True
@@ -101,10 +105,11 @@ def is_barred(room: Room, x: float, y: float, z: float, ex: float, ey: float, ez
 
     The box has its middle at (x, y, z) and half extents (ex, ey, ez), and lies where flat walls allow the ball.
     """
-    if room.kind == ROUND:
+    if room.kind in (ROUND, BALL):
         dx = max(abs(x - room.middle[0]) - ex, 0.0)
         dy = max(abs(y - room.middle[1]) - ey, 0.0)
-        return math.sqrt(dx * dx + dy * dy) + radius > room.radius + room.slack
+        dz = max(abs(z - room.middle[2]) - ez, 0.0) if room.kind == BALL else 0.0
+        return math.sqrt(dx * dx + dy * dy + dz * dz) + radius > room.radius + room.slack
     if room.kind == CLOSED:
         # a depth changes by no more than the way
         return _depth(room, x, y, z) + math.sqrt(ex * ex + ey * ey + ez * ez) < radius
