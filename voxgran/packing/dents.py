@@ -1,0 +1,225 @@
+"""How one grain gives way: its dents, and the bulges that take up their volume.
+
+Where vertices lie within a partner they move inward along the normal of their contact, until the depths in both grains
+are as their shares: that is the common surface, and no third grain has a part in it. The volume that is lost comes back
+as bulges around the contacts. A vertex moves outward by a part of its distance from the surfaces of all other grains
+and walls as they were; where that part is below a half for all grains, no two bulges can meet: were a place in the
+bulges of two grains i and j, it would be less than its distance to i away from j, and the other way round.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+from voxgran.packing.soft_surface import EXACT, FineSurface, SoftGrain, crossing, patch_radius
+from voxgran.shapes.finer import edges_of, enclosed_volume, vector_areas, vertex_normals
+
+#: largest part of the free distance that a bulge takes, below a half
+STEEPEST = 0.45
+#: how far bulges reach at the most, in diameters
+FARTHEST = 0.5
+#: length over which the directions of bulges are evened out, in radii of the contacts
+EVENED = 0.3
+#: doublings of a way in search of the common surface
+DOUBLINGS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """What a grain has in common with one partner.
+
+    Attributes
+    ----------
+    contact : int
+        Number of the contact.
+    faces : (k,) ndarray of int
+        Triangles of the common surface.
+    radius : float
+        Radius of the disk that has the area which the grain had there before.
+    """
+
+    contact: int
+    faces: Integers
+    radius: float
+
+
+@dataclass(frozen=True, slots=True)
+class SoftBody:
+    """A grain that has given way; seen from its centroid as it was, in the unit of lengths.
+
+    Attributes
+    ----------
+    vertices : (n, 3) ndarray of float
+        Where they are now.
+    faces : (m, 3) ndarray of int
+        Triangles.
+    patches : tuple of Patch
+        One for each contact.
+    before : float
+        Volume of the fine surface before it gave way.
+    after : float
+        Volume now.
+    steepness : float
+        Part of the free distance that the bulges take.
+    reach : float
+        How far bulges reach from the contacts, in radii of the contacts.
+    """
+
+    vertices: Floats
+    faces: Integers
+    patches: tuple[Patch, ...]
+    before: float
+    after: float
+    steepness: float
+    reach: float
+
+
+def give_way(grain: SoftGrain, surface: FineSurface, spacing: float, reach: float) -> SoftBody:
+    """Return a grain with its dents, and its volume kept by bulges.
+
+    Parameters
+    ----------
+    grain : SoftGrain
+        The grain.
+    surface : FineSurface
+        Its surface, fine near contacts.
+    spacing : float
+        Longest edges at a contact, in radii of the contact.
+    reach : float
+        How far bulges reach from a contact, in radii of the contact; twice as far, and so on, where there is too
+        little room for the volume.
+
+    Raises
+    ------
+    InputError
+        If partners lie so deep in the grain that there is no common surface, or there is no room for its volume.
+    """
+    patches = _patches(grain, surface)
+    dented = _dented(grain, surface, patches)
+    before = enclosed_volume(surface.vertices, surface.faces)
+    if enclosed_volume(dented, surface.faces) >= before * (1 - 1e-15):
+        return SoftBody(dented, surface.faces, patches, before, enclosed_volume(dented, surface.faces), 0.0, 0.0)
+    normals = _even(vertex_normals(surface.vertices, surface.faces), surface.faces, spacing)
+    widest = max(patch.radius for patch in patches)
+    while True:
+        outward = _fading(surface, patches, reach)[:, None] * normals
+        swells = outward.any(axis=1)
+        outward[swells] *= _free_distance(grain, surface.vertices[swells], reach * widest)[:, None]
+
+        def missing(steepness: float, outward: Floats = outward) -> float:
+            return before - enclosed_volume(dented + steepness * outward, surface.faces)
+
+        if missing(STEEPEST) <= 0:
+            steepness = load("scipy.optimize").brentq(missing, 0.0, STEEPEST, xtol=1e-300, rtol=1e-15)
+            bulged = dented + steepness * outward
+            return SoftBody(bulged, surface.faces, patches, before, before - missing(steepness), steepness, reach)
+        if reach * widest >= FARTHEST * grain.diameter:
+            raise InputError(
+                f"a grain of volume {before:.6g} lacks {missing(STEEPEST):.3g} after it has given way and has no room to "
+                "bulge: make the overlap smaller"
+            )
+        reach *= 2
+
+
+def _patches(grain: SoftGrain, surface: FineSurface) -> tuple[Patch, ...]:
+    """Return for each partner the triangles within it; one that lies within two belongs to the deeper."""
+    level = surface.level[surface.faces]
+    common = np.flatnonzero((level >= 0).all(axis=1) & (level > 0).any(axis=1))
+    depth = np.maximum(surface.excess[surface.faces[common]], 0.0).sum(axis=1)
+    owner = depth.argmax(axis=1) if len(common) else np.zeros(0, np.int64)
+    patches = []
+    for k, partner in enumerate(grain.touching):
+        faces = common[owner == k]
+        inside = np.ones(len(surface.vertices), dtype=np.bool_)
+        patches.append(Patch(partner.contact, faces, patch_radius(surface.vertices, surface.faces[faces], inside)))
+    return tuple(patches)
+
+
+def _dented(grain: SoftGrain, surface: FineSurface, patches: tuple[Patch, ...]) -> Floats:
+    """Return the vertices after those within partners have moved to the common surfaces."""
+    soft = [partner.share > 0 for partner in grain.touching]
+    moving = np.flatnonzero(surface.level > 0)
+    if not any(soft) or not len(moving):
+        return surface.vertices
+    inward = -_directions(surface, patches)[moving]
+    start = surface.vertices[moving]
+
+    def beyond(way: Floats) -> Floats:
+        return np.asarray(grain.excess(start + way[:, None] * inward).max(axis=1))
+
+    far = 2 * surface.level[moving]
+    for _ in range(DOUBLINGS):
+        still = beyond(far) > 0
+        if not still.any():
+            break
+        far[still] *= 2
+    if far.max() > grain.diameter:
+        contact = patches[int(surface.excess[moving[far.argmax()]].argmax())].contact
+        raise InputError(
+            f"contact {contact} has no common surface between its grains: they lie too deep in each other; make the "
+            "overlap smaller"
+        )
+    way = crossing(beyond, far, EXACT * grain.diameter)
+    dented = surface.vertices.copy()
+    dented[moving] = start + way[:, None] * inward
+    return dented
+
+
+def _directions(surface: FineSurface, patches: tuple[Patch, ...]) -> Floats:
+    """Return outward normals of the contacts at the vertices within them, (n, 3), each region its own.
+
+    The vector area of a region depends on its rim only, which both grains have in common.
+    """
+    count = len(surface.vertices)
+    normal = np.zeros((count, 3))
+    sparse = load("scipy.sparse")
+    for patch in patches:
+        corners = surface.faces[patch.faces]
+        joined = sparse.coo_matrix(
+            (np.ones(corners.size), (corners.ravel(), np.roll(corners, 1, axis=1).ravel())), shape=(count, count)
+        )
+        _, region = sparse.csgraph.connected_components(joined, directed=False)
+        total = np.zeros((count, 3))
+        np.add.at(total, region[corners[:, 0]], vector_areas(surface.vertices, corners))
+        normal[corners] = total[region[corners]]
+    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+
+
+def _even(normals: Floats, faces: Integers, spacing: float) -> Floats:
+    """Return the means of normals over the vertices around: in creases, shorter ones that do not cross."""
+    sparse, ends = load("scipy.sparse"), edges_of(faces)[0]
+    ends = np.concatenate([ends, ends[:, ::-1], np.repeat(np.arange(len(normals))[:, None], 2, axis=1)])
+    joined = sparse.csr_matrix((np.ones(len(ends)), ends.T), shape=(len(normals),) * 2)
+    share = 1 / np.asarray(joined.sum(axis=1))
+    for _ in range(int(np.ceil((EVENED / spacing) ** 2))):
+        normals = share * (joined @ normals)
+    return normals
+
+
+def _fading(surface: FineSurface, patches: tuple[Patch, ...], reach: float) -> Floats:
+    """Return weights of the bulges at the vertices, (n,): 1 at the rims, 0 beyond their reach and within contacts."""
+    rest = np.ones(len(surface.vertices))
+    free = np.flatnonzero(surface.level < 0)
+    for patch in patches:
+        if not len(patch.faces):
+            continue
+        corners = surface.vertices[np.unique(surface.faces[patch.faces])]
+        limit = reach * patch.radius
+        away, _ = load("scipy.spatial").cKDTree(corners).query(surface.vertices[free], distance_upper_bound=limit)
+        rest[free] *= 1 - (1 - np.minimum(away / limit, 1.0) ** 2) ** 2
+    weight = 1 - rest
+    weight[surface.level >= 0] = 0.0
+    return weight
+
+
+def _free_distance(grain: SoftGrain, points: Floats, reach: float) -> Floats:
+    """Return a smooth bound below the distance of points from other grains and walls that are within reach."""
+    told = [grain.room(points)]
+    for partner in grain.near:
+        if np.linalg.norm(points - partner.center, axis=1).min() < partner.radius + reach:
+            told.append(-partner.inner(points))
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / sum(1 / np.maximum(distance, 0.0) for distance in told))
