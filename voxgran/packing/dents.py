@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran.packing.soft_surface import EXACT, FineSurface, SoftGrain, crossing, patch_radius
+from voxgran.packing.soft_surface import EXACT, ROUNDED, FineSurface, SoftGrain, crossing
 from voxgran.shapes.finer import edges_of, enclosed_volume, vector_areas, vertex_normals
 
 #: largest part of the free distance that a bulge takes, below a half
@@ -38,7 +38,7 @@ class Patch:
     faces : (k,) ndarray of int
         Triangles of the common surface.
     radius : float
-        Radius of the disk that has the area which the grain had there before.
+        Radius of the disk that has the area of the surface which lay within the partner.
     """
 
     contact: int
@@ -97,13 +97,15 @@ def give_way(grain: SoftGrain, surface: FineSurface, spacing: float, reach: floa
     InputError
         If partners lie so deep in the grain that there is no common surface, or there is no room for its volume.
     """
-    patches = _patches(grain, surface)
-    dented = _dented(grain, surface, patches)
+    dented = _dented(grain, surface)
+    patches = _patches(grain, surface, dented)
     before = enclosed_volume(surface.vertices, surface.faces)
     if enclosed_volume(dented, surface.faces) >= before * (1 - 1e-15):
         return SoftBody(dented, surface.faces, patches, before, enclosed_volume(dented, surface.faces), 0.0, 0.0)
     normals = _even(vertex_normals(surface.vertices, surface.faces), surface.faces, spacing)
     widest = max(patch.radius for patch in patches)
+    farthest = FARTHEST * grain.diameter / widest
+    reach = min(reach, farthest)
     while True:
         outward = _fading(surface, patches, reach)[:, None] * normals
         swells = outward.any(axis=1)
@@ -116,35 +118,40 @@ def give_way(grain: SoftGrain, surface: FineSurface, spacing: float, reach: floa
             steepness = load("scipy.optimize").brentq(missing, 0.0, STEEPEST, xtol=1e-300, rtol=1e-15)
             bulged = dented + steepness * outward
             return SoftBody(bulged, surface.faces, patches, before, before - missing(steepness), steepness, reach)
-        if reach * widest >= FARTHEST * grain.diameter:
+        if reach == farthest:
             raise InputError(
-                f"a grain of volume {before:.6g} lacks {missing(STEEPEST):.3g} after it has given way and has no room to "
-                "bulge: make the overlap smaller"
+                f"grain {grain.number} lost {missing(0.0) / before:.3g} of its volume where it gave way and has no "
+                "room to bulge by as much: make the overlap smaller"
             )
-        reach *= 2
+        reach = min(2 * reach, farthest)
 
 
-def _patches(grain: SoftGrain, surface: FineSurface) -> tuple[Patch, ...]:
-    """Return for each partner the triangles within it; one that lies within two belongs to the deeper."""
+def _within(grain: SoftGrain, surface: FineSurface, k: int) -> Booleans:
+    """Tell which triangles lie within partner k."""
+    excess = surface.excess[surface.faces, k]
+    return np.asarray((excess >= -ROUNDED * grain.diameter).all(axis=1) & (excess > 0).any(axis=1))
+
+
+def _patches(grain: SoftGrain, surface: FineSurface, dented: Floats) -> tuple[Patch, ...]:
+    """Return what is common with each partner; of several each takes where it lies deepest in the end."""
     level = surface.level[surface.faces]
     common = np.flatnonzero((level >= 0).all(axis=1) & (level > 0).any(axis=1))
-    depth = np.maximum(surface.excess[surface.faces[common]], 0.0).sum(axis=1)
-    owner = depth.argmax(axis=1) if len(common) else np.zeros(0, np.int64)
+    owner = grain.excess(dented[surface.faces[common]].mean(axis=1)).argmax(axis=1)
     patches = []
     for k, partner in enumerate(grain.touching):
-        faces = common[owner == k]
-        inside = np.ones(len(surface.vertices), dtype=np.bool_)
-        patches.append(Patch(partner.contact, faces, patch_radius(surface.vertices, surface.faces[faces], inside)))
+        areas = vector_areas(surface.vertices, surface.faces[_within(grain, surface, k)])
+        radius = float(np.sqrt(np.linalg.norm(areas, axis=1).sum() / np.pi))
+        patches.append(Patch(partner.contact, common[owner == k], radius))
     return tuple(patches)
 
 
-def _dented(grain: SoftGrain, surface: FineSurface, patches: tuple[Patch, ...]) -> Floats:
+def _dented(grain: SoftGrain, surface: FineSurface) -> Floats:
     """Return the vertices after those within partners have moved to the common surfaces."""
     soft = [partner.share > 0 for partner in grain.touching]
     moving = np.flatnonzero(surface.level > 0)
     if not any(soft) or not len(moving):
         return surface.vertices
-    inward = -_directions(surface, patches)[moving]
+    inward = -_directions(grain, surface)[moving]
     start = surface.vertices[moving]
 
     def beyond(way: Floats) -> Floats:
@@ -157,10 +164,9 @@ def _dented(grain: SoftGrain, surface: FineSurface, patches: tuple[Patch, ...]) 
             break
         far[still] *= 2
     if far.max() > grain.diameter:
-        contact = patches[int(surface.excess[moving[far.argmax()]].argmax())].contact
         raise InputError(
-            f"contact {contact} has no common surface between its grains: they lie too deep in each other; make the "
-            "overlap smaller"
+            f"grain {grain.number} and another one lie {surface.level.max():.3g} too deep in each other for a common "
+            "surface: make the overlap smaller"
         )
     way = crossing(beyond, far, EXACT * grain.diameter)
     dented = surface.vertices.copy()
@@ -168,24 +174,26 @@ def _dented(grain: SoftGrain, surface: FineSurface, patches: tuple[Patch, ...]) 
     return dented
 
 
-def _directions(surface: FineSurface, patches: tuple[Patch, ...]) -> Floats:
+def _directions(grain: SoftGrain, surface: FineSurface) -> Floats:
     """Return outward normals of the contacts at the vertices within them, (n, 3), each region its own.
 
-    The vector area of a region depends on its rim only, which both grains have in common.
+    The vector area of a region depends on its rim only, which both grains have in common. Where a vertex lies within
+    several partners, each counts by how deep it lies there.
     """
     count = len(surface.vertices)
-    normal = np.zeros((count, 3))
+    total = np.zeros((count, 3))
     sparse = load("scipy.sparse")
-    for patch in patches:
-        corners = surface.faces[patch.faces]
+    for k in range(len(grain.touching)):
+        corners = surface.faces[_within(grain, surface, k)]
         joined = sparse.coo_matrix(
             (np.ones(corners.size), (corners.ravel(), np.roll(corners, 1, axis=1).ravel())), shape=(count, count)
         )
         _, region = sparse.csgraph.connected_components(joined, directed=False)
-        total = np.zeros((count, 3))
-        np.add.at(total, region[corners[:, 0]], vector_areas(surface.vertices, corners))
-        normal[corners] = total[region[corners]]
-    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+        area = np.zeros((count, 3))
+        np.add.at(area, region[corners[:, 0]], vector_areas(surface.vertices, corners))
+        normal = area[region] / np.maximum(np.linalg.norm(area[region], axis=1, keepdims=True), 1e-300)
+        total += np.maximum(surface.excess[:, k], 0.0)[:, None] * normal
+    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
 
 
 def _even(normals: Floats, faces: Integers, spacing: float) -> Floats:
@@ -218,8 +226,7 @@ def _fading(surface: FineSurface, patches: tuple[Patch, ...], reach: float) -> F
 def _free_distance(grain: SoftGrain, points: Floats, reach: float) -> Floats:
     """Return a smooth bound below the distance of points from other grains and walls that are within reach."""
     told = [grain.room(points)]
-    for partner in grain.near:
-        if np.linalg.norm(points - partner.center, axis=1).min() < partner.radius + reach:
-            told.append(-partner.inner(points))
+    close = [np.linalg.norm(points - other.center, axis=1).min() < other.radius + reach for other in grain.near]
+    told += [-other.inner(points) for other, is_close in zip(grain.near, close, strict=True) if is_close]
     with np.errstate(divide="ignore"):
         return np.asarray(1 / sum(1 / np.maximum(distance, 0.0) for distance in told))

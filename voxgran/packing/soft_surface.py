@@ -28,8 +28,12 @@ SEARCHED = 1 / 64
 MOST_VERTICES = 2_000_000
 #: steps of false position at the most
 STEPS = 60
+#: farther outside of partners than this part of a diameter the depth in the grain itself does not matter
+NEAR = 0.1
 #: distances of this part of a diameter are taken as 0
 EXACT = 1e-14
+#: levels of vertices up to this part of a diameter are taken as on the rim
+ROUNDED = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,8 @@ class SoftGrain:
 
     Attributes
     ----------
+    number : int
+        Which grain.
     vertices : (n, 3) ndarray of float
         Its tessellation.
     faces : (m, 3) ndarray of int
@@ -97,6 +103,7 @@ class SoftGrain:
         Distance of points to the nearest wall.
     """
 
+    number: int
     vertices: Floats
     faces: Integers
     inner: Inner
@@ -115,7 +122,7 @@ class SoftGrain:
         share = np.array([partner.share for partner in self.touching])
         soft = (share > 0) & (share < 1)
         if soft.any():
-            near = (told[:, soft] > 0).any(axis=1)
+            near = (told[:, soft] > -NEAR * self.diameter).any(axis=1)
             own = np.zeros(len(points))
             own[near] = self.inner(points[near])
             told[:, soft] = share[soft] * told[:, soft] - (1 - share[soft]) * own[:, None]
@@ -175,7 +182,7 @@ def fine_surface(grain: SoftGrain, spacing: float) -> FineSurface:
     return _with_rims(grain, vertices, faces, excess)
 
 
-def patch_radius(vertices: Floats, faces: Integers, inside: Booleans) -> float:
+def _patch_radius(vertices: Floats, faces: Integers, inside: Booleans) -> float:
     """Return the radius of the disk that has the area of the triangles inside; those across the rim count in part."""
     part = inside[faces].mean(axis=1)
     used = part > 0
@@ -196,7 +203,7 @@ def _too_long(
     for k, partner in enumerate(grain.touching):
         inside = excess[:, k] > 0
         if inside.any():
-            wanted = spacing * patch_radius(vertices, faces, inside)
+            wanted = spacing * _patch_radius(vertices, faces, inside)
             patch = vertices[inside]
             center = patch.mean(axis=0)
             around = np.linalg.norm(patch - center, axis=1).max()
@@ -227,7 +234,7 @@ def _with_vertices(
 def _with_rims(grain: SoftGrain, vertices: Floats, faces: Integers, excess: Floats) -> FineSurface:
     """Cut the edges that lead into partners where they enter."""
     level = excess.max(axis=1)
-    level[np.abs(level) < 1e-12 * grain.diameter] = 0.0
+    level[np.abs(level) < ROUNDED * grain.diameter] = 0.0
     ends, index = edges_of(faces)
     crosses = level[ends[:, 0]] * level[ends[:, 1]] < 0
     inward = np.where((level[ends[:, 0]] > 0)[:, None], ends, ends[:, ::-1])[crosses]
@@ -248,7 +255,7 @@ def _with_rims(grain: SoftGrain, vertices: Floats, faces: Integers, excess: Floa
 def crossing(value: Callable[[Floats], Floats], high: Floats, exact: float) -> Floats:
     """Return where a value that is above 0 at 0 and not at `high` passes through 0, (n,).
 
-    By false position; where one end stays, its value is halved (Illinois; Dowell & Jarratt 1971, doi:10.1007/BF01934364).
+    By false position; where one end stays, its value is halved (Dowell & Jarratt 1971, doi:10.1007/BF01934364).
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.shapes.model import Geometry
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
@@ -64,7 +64,7 @@ def cut_edges(vertices: Floats, faces: Integers, index: Integers, new: Integers)
     return np.concatenate(parts)
 
 
-def _from_corner(faces: Integers, on: Integers, chosen: Integers, first: Integers) -> Integers:
+def _from_corner(faces: Integers, on: Integers, chosen: Booleans, first: Booleans) -> Integers:
     """Return corners and cuts, (6, k), of chosen triangles, turned so that the first marked edge leads."""
     rows = np.flatnonzero(chosen)
     turned = (first[rows].argmax(axis=1)[:, None] + np.arange(3)) % 3
