@@ -1,10 +1,10 @@
 """How one grain gives way: its dents, and the bulges that take up their volume.
 
 Where vertices lie within a partner they move inward along the normal of their contact, until the depths in both grains
-are as their shares: that is the common surface, and no third grain has a part in it. The volume that is lost comes back
-as bulges around the contacts. A vertex moves outward by a part of its distance from the surfaces of all other grains
-and walls as they were; where that part is below a half for all grains, no two bulges can meet: were a place in the
-bulges of two grains i and j, it would be less than its distance to i away from j, and the other way round.
+are as their shares: that is the common surface. The volume that is lost comes back as bulges around the contacts. A
+vertex moves outward by a part of its distance from the surfaces of all other grains, as they were, and from walls.
+Where that part is below a half, every place in the bulge of a grain is nearer to this grain than to any other, so that
+no two bulges can meet.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran.packing.soft_surface import EXACT, ROUNDED, FineSurface, SoftGrain, crossing
+from voxgran.packing.soft_surface import EXACT, FineSurface, SoftGrain, crossing
 from voxgran.shapes.finer import edges_of, enclosed_volume, vector_areas, vertex_normals
 
 #: largest part of the free distance that a bulge takes, below a half
@@ -115,7 +115,7 @@ def give_way(grain: SoftGrain, surface: FineSurface, spacing: float, reach: floa
             return before - enclosed_volume(dented + steepness * outward, surface.faces)
 
         if missing(STEEPEST) <= 0:
-            steepness = load("scipy.optimize").brentq(missing, 0.0, STEEPEST, xtol=1e-300, rtol=1e-15)
+            steepness = load("scipy.optimize").brentq(missing, 0.0, STEEPEST, xtol=1e-300, rtol=1e-15, maxiter=1000)
             bulged = dented + steepness * outward
             return SoftBody(bulged, surface.faces, patches, before, before - missing(steepness), steepness, reach)
         if reach == farthest:
@@ -126,10 +126,10 @@ def give_way(grain: SoftGrain, surface: FineSurface, spacing: float, reach: floa
         reach = min(2 * reach, farthest)
 
 
-def _within(grain: SoftGrain, surface: FineSurface, k: int) -> Booleans:
-    """Tell which triangles lie within partner k."""
-    excess = surface.excess[surface.faces, k]
-    return np.asarray((excess >= -ROUNDED * grain.diameter).all(axis=1) & (excess > 0).any(axis=1))
+def _within(surface: FineSurface, k: int) -> Booleans:
+    """Tell which triangles of the common surfaces lie within partner k, or in part where there are several."""
+    common = (surface.level[surface.faces] >= 0).all(axis=1)
+    return np.asarray(common & (surface.excess[surface.faces, k] > 0).any(axis=1))
 
 
 def _patches(grain: SoftGrain, surface: FineSurface, dented: Floats) -> tuple[Patch, ...]:
@@ -139,7 +139,7 @@ def _patches(grain: SoftGrain, surface: FineSurface, dented: Floats) -> tuple[Pa
     owner = grain.excess(dented[surface.faces[common]].mean(axis=1)).argmax(axis=1)
     patches = []
     for k, partner in enumerate(grain.touching):
-        areas = vector_areas(surface.vertices, surface.faces[_within(grain, surface, k)])
+        areas = vector_areas(surface.vertices, surface.faces[_within(surface, k)])
         radius = float(np.sqrt(np.linalg.norm(areas, axis=1).sum() / np.pi))
         patches.append(Patch(partner.contact, common[owner == k], radius))
     return tuple(patches)
@@ -184,7 +184,7 @@ def _directions(grain: SoftGrain, surface: FineSurface) -> Floats:
     total = np.zeros((count, 3))
     sparse = load("scipy.sparse")
     for k in range(len(grain.touching)):
-        corners = surface.faces[_within(grain, surface, k)]
+        corners = surface.faces[_within(surface, k)]
         joined = sparse.coo_matrix(
             (np.ones(corners.size), (corners.ravel(), np.roll(corners, 1, axis=1).ravel())), shape=(count, count)
         )
