@@ -11,7 +11,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputExistsError, TooLargeError
-from voxgran.packing import soft_surface
+from voxgran.packing import dents, soft_surface
 from voxgran.packing.soft_surface import crossing
 from voxgran.shapes.finer import enclosed_volume
 from voxgran.shapes.spheres import Spheres
@@ -243,10 +243,21 @@ def test_bulges_leave_walls_and_neighbours_alone():
     assert after.max() < 1e-9 * before.max()
 
 
+def test_bulges_reach_farther_where_there_is_too_little_room(monkeypatch):
+    packing = two_balls(0.04)
+    soft = vg.deform(packing, reach=0.3)
+    assert soft.reach == pytest.approx([1.2, 1.2])
+    assert soft.steepness.max() < 0.45
+    assert abs(left_over(packing, soft)[0, 0]) < 1e-12
+    # without the limit they would meet, which the exact booleans find
+    monkeypatch.setattr(dents, "STEEPEST", 5.0)
+    after, before = left_over(packing, vg.deform(packing, reach=0.3))[0]
+    assert after > 0.3 * before
+
+
 def test_a_packing_with_allowed_overlap_gives_way():
-    packing = vg.pack(
-        BALL, vg.Box((2, 2, 4), "xy"), method="control_point", count=12, seed=1, overlap=0.04, sweeps=300, cycles=2
-    )
+    box, options = vg.Box((2, 2, 4), "xy"), {"spacing": 0.25, "overlap": 0.04, "sweeps": 150, "cycles": 2}
+    packing = vg.pack(BALL, box, method="control_point", count=10, seed=1, **options)
     soft = vg.deform(packing, spacing=0.3)
     assert len(soft.i) > 5
     assert soft.volume_error < 1e-13
