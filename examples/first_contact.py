@@ -24,12 +24,17 @@ step, turn, tilt = 0.05, 0.1, 0.5
 folder.mkdir(parents=True, exist_ok=True)
 
 
+def unit(vector):
+    """Return a vector of length 1."""
+    return vector / np.linalg.norm(vector)
+
+
 def walk(pair, generator, reach):
     """Return offset and orientations of two bodies at their first contact."""
-    offset = reach * normalized(generator.normal(size=(1, 3)))[0]
+    offset = reach * unit(generator.normal(size=3))
     turns = normalized(generator.normal(size=(2, 4)))
     while True:
-        way = normalized(generator.normal(size=(1, 3)))[0] - tilt * offset / np.linalg.norm(offset)
+        way = unit(generator.normal(size=3)) - tilt * unit(offset)
         spin = normalized(np.array([[1.0, *(0.5 * turn * generator.normal(size=3))]]))[0]
         turned = np.array([turns[0], product(spin, turns[1])])
         turns = turns if pair.is_refused(offset, turned) else turned
@@ -60,7 +65,7 @@ for name, bodies in (("solids", solids), ("clumps", clumps)):
         contacts = packing.contacts(0.2)
         gap = float(contacts.gap[0]) / bodies[0].diameter
         place = rotation_matrices(turns[:1])[0].T @ (contacts.point[0] - center)
-        places.append(place / np.linalg.norm(place))
+        places.append(unit(place))
         print(f"{name} run {run}: gap at contact {gap:+.5f} diameters, touches towards {np.round(places[-1], 2)}")
         vg.save(packing, folder / f"{name}_{run}.vtp", overwrite=True)
         if run == 0:

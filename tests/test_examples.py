@@ -102,6 +102,17 @@ def test_advancing_front(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "rock.vtp").container.kind == "mesh"
 
 
+def test_deformed_grains(tmp_path, capsys, monkeypatch):
+    text = printed("deformed_grains.py", capsys, monkeypatch, str(tmp_path))
+    assert "grains 16  " in text
+    assert int(re.search(r"contacts (\d+)", text).group(1)) >= 10
+    # the rest of the overlap comes from two triangulations of one curved surface
+    assert float(re.search(r"after, (\S+) of it", text).group(1)) < 1e-3
+    assert float(re.search(r"changed by (\S+)", text).group(1)) < 1e-13
+    assert (tmp_path / "deformed.vtp").exists()
+    assert (tmp_path / "deformed_grains.svg").exists()
+
+
 def test_fit_clump(capsys, monkeypatch):
     text = printed("fit_clump.py", capsys, monkeypatch)
     overlaps = [float(value) for value in re.findall(r"overlap ([\d.]+)", text)]

@@ -121,7 +121,8 @@ def _draw_moves(
 ) -> tuple[Integers, Floats, Floats, Floats]:
     """Draw grains, ways, axes and half angles as the walk does without gravity, for steps of 1."""
     picks = generator.integers(0, grains, attempts)
-    ways, axes = normalized(generator.normal(size=(attempts, 3))), normalized(generator.normal(size=(attempts, 3)))
+    ways, axes = generator.normal(size=(2, attempts, 3))
+    ways, axes = (vectors / np.linalg.norm(vectors, axis=1)[:, None] for vectors in (ways, axes))
     halves = (generator.random(attempts) - 0.5) / radius * (generator.random(attempts) < turns)
     return picks, ways * generator.random(attempts)[:, None], axes, halves
 
@@ -202,7 +203,8 @@ def gaps_at_contact(shape: Shape, pair: Encounter, many: int) -> Floats:
     """
     generator, gaps = stream(2, "bench approaches"), []
     for _ in range(many):
-        turns, way = normalized(generator.normal(size=(2, 4))), normalized(generator.normal(size=(1, 3)))[0]
+        turns, way = normalized(generator.normal(size=(2, 4))), generator.normal(size=3)
+        way /= np.linalg.norm(way)
         gaps.append(true_gap(shape, turns, way, pair.first_contact(way, turns=turns)))
     return np.array(gaps)
 

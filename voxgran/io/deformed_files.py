@@ -1,0 +1,54 @@
+"""Grains that have given way, as one VTK file."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.errors import FileFormatError
+from voxgran._base.files import written_whole
+from voxgran.io.vtk_data import attach, poly_data, write_data
+from voxgran.packing.deform import Deformed
+
+
+def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+    """Write the surfaces of grains that have given way to one ``.vtp`` file.
+
+    Parameters
+    ----------
+    deformed : Deformed
+        What :func:`voxgran.deform` returned.
+    path : path-like
+        File to write.
+    overwrite : bool
+        Whether a file that is there may be replaced.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is not ``.vtp``.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    OutputError
+        If it cannot be written; what was there before is untouched.
+
+    Notes
+    -----
+    Triangles have the array `grain`; contacts are field data, `contact_i`, `contact_j`, `contact_area` and so on.
+    """
+    target = Path(path)
+    if target.suffix.lower() != ".vtp":
+        raise FileFormatError(f"{target} has the suffix {target.suffix!r}: surfaces are kept as .vtp; rename it")
+    start = np.cumsum([0, *(len(vertices) for vertices in deformed.vertices)])
+    corners = [faces + base for faces, base in zip(deformed.faces, start[:-1].tolist(), strict=True)]
+    data = poly_data(
+        np.concatenate([np.zeros((0, 3)), *deformed.vertices]),
+        "Polys",
+        np.concatenate([np.zeros((0, 3), np.int64), *corners]),
+    )
+    counts = [len(faces) for faces in deformed.faces]
+    attach(data.GetCellData(), {"grain": np.repeat(np.arange(deformed.count), counts)})
+    names = ("i", "j", "image", "depth", "area", "force", "normal")
+    attach(data.GetFieldData(), {f"contact_{name}": getattr(deformed, name) for name in names})
+    with written_whole(target, overwrite=overwrite) as draft:
+        write_data("vtkXMLPolyDataWriter", data, draft)

@@ -1,0 +1,134 @@
+"""Triangulations made finer: edges are cut, neighbours stay joined, and new vertices are put on the true surface."""
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran.shapes.model import Geometry
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+
+
+def edges_of(faces: Integers) -> tuple[Integers, Integers]:
+    """Return the edges of triangles, each once.
+
+    Parameters
+    ----------
+    faces : (m, 3) ndarray of int
+        Vertex indices of the triangles.
+
+    Returns
+    -------
+    ends : (e, 2) ndarray of int
+        Vertices at the ends of each edge, the smaller number first.
+    index : (m, 3) ndarray of int
+        Edge between the corners 0 and 1, 1 and 2, 2 and 0 of each triangle.
+    """
+    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
+    base = int(faces.max(initial=0)) + 1
+    key, index = np.unique(ends[:, 0] * base + ends[:, 1], return_inverse=True)
+    return np.column_stack([key // base, key % base]), index.reshape(-1, 3).astype(np.int64)
+
+
+def cut_edges(vertices: Floats, faces: Integers, index: Integers, new: Integers) -> Integers:
+    """Return the triangles that are left when some edges have a vertex between their ends.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        With the new ones.
+    faces : (m, 3) ndarray of int
+        Triangles before.
+    index : (m, 3) ndarray of int
+        Edges of each, as of :func:`edges_of`.
+    new : (e,) ndarray of int
+        Vertex on each edge; -1 where there is none.
+
+    Returns
+    -------
+    (k, 3) ndarray of int
+        Turned the same way round.
+    """
+    on = new[index]
+    cuts = (on >= 0).sum(axis=1)
+    parts = [faces[cuts == 0]]
+    a, b, c, p, _, _ = _from_corner(faces, on, (cuts == 1), on >= 0)
+    parts += [np.column_stack([a, p, c]), np.column_stack([p, b, c])]
+    # the edge that is not cut comes last
+    a, b, c, p, q, _ = _from_corner(faces, on, (cuts == 2), np.roll(on, 1, axis=1) < 0)
+    parts.append(np.column_stack([p, b, q]))
+    across = np.linalg.norm(vertices[a] - vertices[q], axis=1) <= np.linalg.norm(vertices[p] - vertices[c], axis=1)
+    parts.append(np.column_stack([a, p, np.where(across, q, c)]))
+    parts.append(np.column_stack([np.where(across, a, p), q, c]))
+    a, b, c, p, q, r = _from_corner(faces, on, (cuts == 3), on >= 0)
+    parts += [np.column_stack(corners) for corners in ((a, p, r), (p, b, q), (r, q, c), (p, q, r))]
+    return np.concatenate(parts)
+
+
+def _from_corner(faces: Integers, on: Integers, chosen: Booleans, first: Booleans) -> Integers:
+    """Return corners and cuts, (6, k), of chosen triangles, turned so that the first marked edge leads."""
+    rows = np.flatnonzero(chosen)
+    turned = (first[rows].argmax(axis=1)[:, None] + np.arange(3)) % 3
+    return np.concatenate([faces[rows[:, None], turned], on[rows[:, None], turned]], axis=1).T
+
+
+def onto_surface(geometry: Geometry, points: Floats) -> Floats:
+    """Move points of a tessellation onto the true surface.
+
+    Parameters
+    ----------
+    geometry : Mesh or Primitive or Spheres or Outline
+        The solid, in its own frame.
+    points : (n, 3) ndarray of float
+        Points on triangles of its tessellation.
+
+    Returns
+    -------
+    (n, 3) ndarray of float
+        Points on spheres, ellipsoids, unions of balls and the sides of cylinders and cones; flat faces keep theirs.
+    """
+    if isinstance(geometry, Spheres):
+        return _onto_balls(points, geometry.centers, geometry.radii)
+    if not isinstance(geometry, Primitive) or geometry.kind == "box":
+        return points
+    p, d = points @ geometry.matrix, geometry.dimensions
+    if geometry.kind in ("sphere", "ellipsoid"):
+        p = p / np.linalg.norm(p / np.array(d * 3 if geometry.kind == "sphere" else d), axis=1, keepdims=True)
+    else:
+        foot = -d[1] / (2 if geometry.kind == "cylinder" else 4)
+        top = d[1] / 2 if geometry.kind == "cylinder" else 0.75 * d[1]
+        wanted = np.full(len(p), d[0]) if geometry.kind == "cylinder" else d[0] * (0.75 - p[:, 2] / d[1])
+        side = (p[:, 2] > foot + 1e-12 * d[1]) & (p[:, 2] < top - 1e-12 * d[1])
+        flat = np.hypot(p[:, 0], p[:, 1])
+        p[:, :2] *= np.where(side, wanted / np.where(side, flat, 1.0), 1.0)[:, None]
+    return np.asarray(p @ geometry.matrix.T)
+
+
+def _onto_balls(points: Floats, centers: Floats, radii: Floats) -> Floats:
+    """Push each point to the surface of the ball that holds it deepest."""
+    deepest, moved = np.full(len(points), -np.inf), points.copy()
+    for center, radius in zip(centers, radii, strict=True):
+        way = points - center
+        length = np.linalg.norm(way, axis=1)
+        better = (radius - length > deepest) & (length > 0)
+        deepest[better] = (radius - length)[better]
+        moved[better] = (center + way * (radius / np.where(length > 0, length, 1.0))[:, None])[better]
+    return moved
+
+
+def enclosed_volume(vertices: Floats, faces: Integers) -> float:
+    """Return the volume that closed triangles enclose; the origin is best within."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def vector_areas(vertices: Floats, faces: Integers) -> Floats:
+    """Return the outward normal of each triangle times its area, (m, 3)."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return np.cross(b - a, c - a) / 2
+
+
+def vertex_normals(vertices: Floats, faces: Integers) -> Floats:
+    """Return outward unit normals at the vertices, (n, 3): the mean of the triangles around, by area."""
+    total = np.zeros_like(vertices)
+    np.add.at(total, faces, vector_areas(vertices, faces)[:, None])
+    return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)
