@@ -6,6 +6,10 @@ distance) to one of another grain, found with KD-trees that each shape brings in
 through a wall. Gravity tilts the steps downward, with cycles of vibration in which upward steps are kept and die away.
 Each grain lengthens its steps when it moves freely and shortens them when it is caught.
 
+Grains enter as rain at a rate, in layers that each sink before the next, or anywhere at once. A lid is a wall against
+gravity: after each attempt per grain it comes down by 1/32 of the median diameter or to the nearest grain, and the walk
+ends no sooner than it lies on the bed.
+
 The points cover the surface, so surfaces cannot cross between them: the packing is free of overlaps between the true
 solids, and contacts stay open by up to the spacing. No voxels are made, so grains may have any place and any
 orientation; the cost of a move grows with the number of points near a contact only.
