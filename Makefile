@@ -27,6 +27,7 @@ bench: $(STAMP)   ## run time against error of voxelization, distances and digit
 	$(BIN)/voxgran bench digital -o docs/figures
 	$(BIN)/voxgran bench density -o docs/figures
 	$(BIN)/python examples/directions.py docs/figures 120
+	$(BIN)/python examples/control_studies.py docs/figures
 
 figures: demo bench   ## the pictures of README and docs
 	cp out/demo/whole.png docs/figures/demo.png

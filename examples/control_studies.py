@@ -3,7 +3,7 @@
 Each study changes one thing about the same bed: spheres that rain at the usual rate into a box with periodic sides,
 which is half as wide as the bed is high. Told are the solid fraction of the bulk (which needs 50 grains away from
 walls and surface), the mean height of the grains over the floor in diameters, and the seconds of a run, as means over
-some seeds. Written are a table and a figure.
+some seeds. Written are a table and a figure, with bars of two standard errors.
 
 Arguments: folder, number of grains, sweeps, number of seeds.
 """

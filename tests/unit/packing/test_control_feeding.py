@@ -77,6 +77,20 @@ def test_periodic_and_round_containers_take_every_way(container, way):
     assert vg.verify(packing).ok
 
 
+@pytest.mark.parametrize(
+    "way", [{"feed": "layers"}, {"lid": True}, {"gravity": (0.4, -1.0, 0.0), "lid": True}], ids=str
+)
+def test_every_way_works_in_the_plane(way):
+    shapes = [vg.make_shape("disk"), vg.make_shape("polygon", seed=1)]
+    _, packing = run(task_of(shapes, vg.Rectangle((7, 14)), **way))
+    assert packing.count == 20
+    assert vg.verify(packing).ok
+    assert np.all(packing.position[:, 2] == 0)
+    top = max(packing.world_vertices(g)[:, 1].max() for g in range(20))
+    gap = 14 - packing.provenance["lid_lowered"] - top
+    assert -1e-9 < gap < (2 * LID_STEP if way.get("lid") else 14)
+
+
 def test_gravity_in_any_direction_piles_grains_up_there():
     packing = run(task_of(vg.make_shape("sphere"), vg.Box((5, 5, 5)), gravity=(1.0, 0.0, -1.0), up=0.0))[1]
     along = (packing.position - 2.5) @ np.array([1.0, 0.0, -1.0])
@@ -233,6 +247,15 @@ def test_a_lid_in_any_container(kind):
     assert packing.provenance["lid_lowered"] > 0.3
 
 
+def test_a_lid_closes_a_bed_that_was_there_from_the_beginning():
+    shape, told = vg.make_shape("cone"), {"method": "control_point", "spacing": 0.25, "sweeps": 100, "cycles": 1}
+    bed = vg.pack(shape, BOX, count=15, **told)
+    closed = vg.pack([], BOX, start=bed, lid=True, up=0.0, **told)
+    assert bed.provenance["lid_lowered"] == 0
+    assert in_the_room_left(closed, vg.Box((4, 4, 6 - closed.provenance["lid_lowered"])))
+    assert closed.provenance["lid_lowered"] > 2.0
+
+
 def test_the_way_of_the_lid_is_in_the_unit_of_lengths():
     ways = []
     for factor in (1.0, 2.0**20):
@@ -279,3 +302,27 @@ def test_bad_ways_are_named(way, words):
 def test_gravity_along_a_periodic_axis_is_refused():
     with pytest.raises(InputError, match="periodic axis"):
         run(task_of(vg.make_shape("sphere"), vg.Box((4, 4, 4), "x"), count=2, gravity=(0.1, 0.0, -1.0)))
+
+
+class Other:
+    """A container of a kind that voxgran does not have."""
+
+    kind = "other"
+
+    def __init__(self, box):
+        self.box = box
+
+    def __getattr__(self, name):
+        return getattr(self.box, name)
+
+    def scaled(self, factor):
+        return Other(self.box.scaled(factor))
+
+
+def test_a_container_of_an_unknown_kind_is_refused_and_its_mesh_is_not():
+    with pytest.raises(InputError, match="'other' has walls that control_point does not know"):
+        run(task_of(vg.make_shape("sphere"), Other(BOX), count=2))
+    mesh = vg.ClosedMesh(vg.Shape.from_mesh(*Other(BOX).mesh()))
+    _, packing = run(task_of(vg.make_shape("sphere"), mesh, count=2, lid=True))
+    assert packing.count == 2
+    assert vg.verify(packing).ok

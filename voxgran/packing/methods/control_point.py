@@ -30,6 +30,10 @@ from voxgran._base.config import parameter, to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly
+from voxgran.containers.box import Box
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.control_feeding import (
     SETTLE_SWEEPS,
     entry_of,
@@ -172,8 +176,14 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If gravity points along a periodic axis, or a grain of the start finds no place.
+        If gravity points along a periodic axis, a grain of the start finds no place, or the container is of a kind
+        whose walls the method does not know.
     """
+    if not isinstance(problem.container, Box | ClosedMesh | Cylinder | Rectangle):
+        raise InputError(
+            f"container {problem.container.kind!r} has walls that control_point does not know: make a closed mesh of "
+            "it, such as ClosedMesh(Shape.from_mesh(*container.mesh()))"
+        )
     gravity_vector(problem)
     n = problem.count
     arrays = {
