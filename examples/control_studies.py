@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 import voxgran as vg
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/control_studies")
-count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 300), (3, 2000), (4, 3)))
+count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 400), (3, 2000), (4, 3)))
 width = (0.6 * count) ** (1 / 3)
 periodic = vg.Box((width, width, 4 * width), "xy")
 studies = {
