@@ -30,6 +30,7 @@ bench: $(STAMP)   ## run time against error of voxelization, distances and packi
 	$(BIN)/voxgran bench front -o docs/figures
 	$(BIN)/python examples/directions.py docs/figures 120
 	$(BIN)/python examples/chu_rsa.py docs/figures
+	$(BIN)/python examples/control_studies.py docs/figures
 
 figures: demo bench   ## the pictures of README and docs
 	cp out/demo/whole.png docs/figures/demo.png

@@ -53,7 +53,10 @@ class Bed(NamedTuple):
 
 
 class Walls(NamedTuple):
-    """The container: its bounds, which axes have walls and which are periodic, the radius of a round one."""
+    """The container: its bounds, which axes have walls and which are periodic, the radius of a round one.
+
+    Where there is a `lid`, it is the flat wall against gravity, and the bounds tell where it is now.
+    """
 
     kind: int
     lower: Floats
@@ -62,6 +65,7 @@ class Walls(NamedTuple):
     periodic: Integers
     radius: float
     offset: Floats
+    lid: bool
 
 
 class Memory(NamedTuple):
@@ -110,14 +114,15 @@ class Cells(NamedTuple):
 class Rules(NamedTuple):
     """How grains move.
 
-    shares: upward moves kept at the start, attempts with a turn, attempts that feed.  schedule: attempt at which
-    feeding ended (-1: not yet), attempts of all cycles, number of cycles, refusals in a row after which the container
-    is full.
+    entry: the lattice vector along which gravity is strongest, against which grains enter; zero where they enter
+    anywhere.  shares: upward moves kept at the start, attempts with a turn, attempts that feed, what a cycle keeps of
+    the upward share of the one before (below 0: it dies away evenly).  schedule: attempt at which feeding ended (-1:
+    not yet), attempts of all cycles, number of cycles, refusals in a row after which the container is full.
     """
 
     gravity: Floats
     tilt: float
-    anywhere: bool
+    entry: Integers
     shares: Floats
     schedule: Integers
     gap: float

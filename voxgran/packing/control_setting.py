@@ -30,6 +30,7 @@ from voxgran.packing.control_records import (
 )
 from voxgran.packing.control_walk import link_all
 from voxgran.packing.fields import MARGIN, Fields, make_fields
+from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.method import State
 from voxgran.packing.point_cells import make_cells, no_cells
 from voxgran.packing.problem import Problem
@@ -72,6 +73,7 @@ def setting_of(problem: Problem, state: State) -> Setting:
         cells = _cells(problem, extent)
         scratch = _scratch(problem, bodies, cells)
         made = Setting(bodies, extent, _walls(problem), cells, _memory(problem), scratch, key)
+        put_lid(problem, made.walls, float(state.arrays["lid"][0]))
         link_all(bed_of(problem, state, made), made.cells)
         state.derived["setting"] = made
     kept: Setting = state.derived["setting"]
@@ -83,6 +85,14 @@ def bed_of(problem: Problem, state: State, setting: Setting) -> Bed:
     arrays = state.arrays
     poses = (arrays["position"], arrays["orientation"], arrays["entered"], arrays["step"])
     return Bed(*poses, problem.shape_id.astype(np.int64), problem.diameter.astype(np.float64), setting.extent)
+
+
+def put_lid(problem: Problem, walls: Walls, lowered: float) -> None:
+    """Put the lid, the wall against gravity, so far below the place where it was made."""
+    down = main_axis(gravity_vector(problem))
+    lower, upper = problem.container.bounds
+    walls.lower[:] = lower + lowered * np.maximum(down, 0)
+    walls.upper[:] = upper + lowered * np.minimum(down, 0)
 
 
 def memory_needed(problem: Problem) -> int:
@@ -214,13 +224,14 @@ def _walls(problem: Problem) -> Walls:
     lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
     periodic = np.array(container.periodic, dtype=np.int64)
     walled = np.where(np.arange(3) < problem.dimension, 1 - periodic, 0).astype(np.int64)
+    kind, radius, offset = FLAT, 0.0, np.zeros(3)
     if isinstance(container, ClosedMesh):
-        return Walls(MESH, lower, upper, walled, periodic, 0.0, np.array(container.shape.offset))
-    if isinstance(container, Cylinder):
-        return Walls(ROUND, lower, upper, walled, periodic, float(container.radius), (lower + upper) / 2)
-    if isinstance(container, Sphere):
-        return Walls(BALL, lower, upper, walled, periodic, float(container.radius), (lower + upper) / 2)
-    return Walls(FLAT, lower, upper, walled, periodic, 0.0, np.zeros(3))
+        kind, offset = MESH, np.array(container.shape.offset)
+    elif isinstance(container, Cylinder):
+        kind, radius, offset = ROUND, float(container.radius), (lower + upper) / 2
+    elif isinstance(container, Sphere):
+        kind, radius, offset = BALL, float(container.radius), (lower + upper) / 2
+    return Walls(kind, lower, upper, walled, periodic, radius, offset, bool(problem.parameters.lid))
 
 
 def _cells(problem: Problem, extent: Floats) -> Cells:

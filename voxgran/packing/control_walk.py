@@ -15,11 +15,9 @@ from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Words
 from voxgran.packing.control_near import meets_any, meets_own_image
 from voxgran.packing.control_records import Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
-from voxgran.packing.control_walls import is_outside
+from voxgran.packing.control_walls import CLEAR, is_outside
 from voxgran.packing.poses import write_matrix
 
-#: how far from the top wall a grain enters, in median diameters: more than rounding
-CLEAR = 1e-9
 #: factors on the step of a grain after a move and after a refusal: a quarter of the attempts then succeed
 GROWTH, DECAY = 1.1, 0.97
 
@@ -103,7 +101,8 @@ def _upward_share(rules, attempt):  # type: ignore[no-untyped-def]
         return 0.0
     along = (attempt - begin) / attempts * cycles
     cycle = np.floor(along)
-    return rules.shares[0] * (1.0 - cycle / cycles) * (1.0 - (along - cycle))
+    kept = 1.0 - cycle / cycles if rules.shares[3] < 0.0 else rules.shares[3] ** cycle
+    return rules.shares[0] * kept * (1.0 - (along - cycle))
 
 
 @bare_kernel
@@ -271,8 +270,8 @@ def enter_raised(bed: Bed, world: World, g: int, position: Floats, up: Floats, f
 def _enter_axis(bed, bodies, walls, rules, memory, scratch, g, axis, share):  # type: ignore[no-untyped-def]
     """Write where a grain enters along one axis; tell whether there is room."""
     low, high = _room(bed, bodies, walls, scratch, g, axis)
-    if rules.gravity[axis] != 0.0 and not rules.anywhere:
-        scratch.place[axis] = high if rules.gravity[axis] < 0.0 else low
+    if rules.entry[axis] != 0:
+        scratch.place[axis] = high if rules.entry[axis] < 0 else low
     else:
         scratch.place[axis] = low + share * (high - low)
     return low <= high

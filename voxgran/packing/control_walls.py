@@ -1,31 +1,62 @@
 """Walls of control-point packing: flat and round ones exactly, by the convex hull of a grain; a mesh by its own points.
 
 Flat and round walls are convex; a grain is within them where the corners of its convex hull are. The mesh of a closed
-container is sampled like a grain, and grains keep clear of its points.
+container is sampled like a grain, and grains keep clear of its points. A lid is a flat wall, whatever the container.
 """
 
 import numpy as np
 
+from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.control_points import holds, list_points
-from voxgran.packing.control_records import BALL, FLAT, MESH, Bed, Bodies, Scratch, Walls
+from voxgran.packing.control_records import BALL, MESH, ROUND, Bed, Bodies, Scratch, Walls
+from voxgran.packing.poses import write_matrix
+
+#: how far from the top wall a grain enters, and from a grain the lid stops, in median diameters: more than rounding
+CLEAR = 1e-9
 
 
 @bare_kernel
 def is_outside(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, g: int, moved: float) -> bool:
     """Tell whether a grain in the pose that is tried reaches beyond a wall; `moved` bounds how far its points came."""
     if walls.kind == MESH:
-        return _is_outside_mesh(bed, bodies, walls, scratch, g, moved)
+        if _is_outside_mesh(bed, bodies, walls, scratch, g, moved):
+            return True
+        if not walls.lid:
+            return False
     s, size = bed.shape[g], bed.diameter[g]
     margin, begin, end = bodies.margin[s] * size, bodies.hull_start[s], bodies.hull_start[s + 1]
     walled, lower, upper = walls.walled, walls.lower, walls.upper
     place, turn, hull, radius = scratch.place, scratch.turn, bodies.hull, bed.extent[g, 0]
     if _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, radius, margin):
         return True
-    if walls.kind == FLAT:
+    if walls.kind not in (ROUND, BALL):
         return False
     deep = 1.0 if walls.kind == BALL else 0.0
     return _is_beyond_round(place, turn, hull, begin, end, size, walls.offset, walls.radius - margin, radius, deep)
+
+
+@bare_kernel
+def room_of_lid(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, down: Integers) -> float:
+    """Return how far the lid, the flat wall against `down`, may come down before it meets a grain."""
+    axis = 0 if down[0] != 0 else (1 if down[1] != 0 else 2)
+    room = walls.upper[axis] - walls.lower[axis]
+    for g in range(len(bed.placed)):
+        if bed.placed[g] == 0:
+            continue
+        s, size, turn = bed.shape[g], bed.diameter[g], scratch.turn
+        lid = walls.upper[axis] if down[axis] < 0 else walls.lower[axis]
+        # counted from the lid, downward
+        center = down[axis] * (bed.position[g, axis] - lid)
+        margin = bodies.margin[s] * size + CLEAR
+        if center - bed.extent[g, 0] - margin >= room:
+            continue
+        write_matrix(bed.orientation[g], turn)
+        for k in range(bodies.hull_start[s], bodies.hull_start[s + 1]):
+            p = bodies.hull[k]
+            along = size * (turn[axis, 0] * p[0] + turn[axis, 1] * p[1] + turn[axis, 2] * p[2])
+            room = min(room, center + down[axis] * along - margin)
+    return max(room, 0.0)
 
 
 @bare_kernel

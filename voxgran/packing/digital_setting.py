@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.errors import InputError
 from voxgran._base.rotation import lattice_rotations, random_rotations
 from voxgran._base.seeds import philox_key, stream
 from voxgran.contacts.parts import is_one_ball
@@ -27,7 +26,8 @@ from voxgran.packing.bits import (
     row_length,
     write_turned,
 )
-from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels
+from voxgran.packing.gravity import gravity_vector, main_axis
+from voxgran.packing.lattice import ContainerLattice, container_lattice, free_voxels
 from voxgran.packing.method import State
 from voxgran.packing.pair_tables import make_tables, no_tables, table_bytes
 from voxgran.packing.problem import Problem
@@ -201,30 +201,6 @@ def digital_kinds(problem: Problem) -> tuple[Integers, Integers]:
     return np.concatenate([np.arange(n), n + inverse.reshape(-1)]), np.concatenate([np.arange(n), n + first])
 
 
-def gravity_vector(problem: Problem) -> Floats:
-    """Return the direction of gravity, of length 1; zero where there is none.
-
-    Raises
-    ------
-    InputError
-        If it has a part along a periodic axis or out of the plane, or its length is 0.
-    """
-    asked = problem.parameters.gravity
-    if asked is None:
-        asked = "-z" if problem.dimension == 3 else "-y"
-    if isinstance(asked, str):
-        return axis_of(asked, problem.container).astype(np.float64)
-    vector = np.array(asked, dtype=np.float64)
-    length = float(np.linalg.norm(vector))
-    held = np.array(problem.container.periodic) | (np.arange(3) >= problem.dimension)
-    if not np.isfinite(length) or length == 0.0 or vector[held].any():
-        raise InputError(
-            f"gravity is {vector.tolist()}: it must be finite, not 0, and have no part along a periodic axis or out of "
-            "the plane; turn it, or say 'none'"
-        )
-    return vector / length
-
-
 def mean_width(shape: Shape) -> float:
     """Return the width of a shape, averaged over directions, in its unit of lengths."""
     ways = np.array([way for way in itertools.product((-1, 0, 1), repeat=3) if way > (0, 0, 0)], dtype=np.float64)
@@ -232,23 +208,6 @@ def mean_width(shape: Shape) -> float:
         ways = ways[ways[:, 2] == 0]
     along = shape.vertices @ (ways / np.linalg.norm(ways, axis=1, keepdims=True)).T
     return float(np.ptp(along, axis=0).mean())
-
-
-def gravity_text(problem: Problem) -> str | list[float]:
-    """Return where down is, as it is recorded."""
-    asked = problem.parameters.gravity
-    if asked is None:
-        return "-z" if problem.dimension == 3 else "-y"
-    return asked if isinstance(asked, str) else list(asked)
-
-
-def main_axis(gravity: Floats) -> Integers:
-    """Return the lattice vector along which gravity is strongest; zero where there is none."""
-    down = np.zeros(3, dtype=np.int64)
-    if gravity.any():
-        axis = int(np.argmax(np.abs(gravity)))
-        down[axis] = 1 if gravity[axis] > 0 else -1
-    return down
 
 
 def _make(problem: Problem) -> Setting:

@@ -1,4 +1,4 @@
-"""The lattice of a container: how many voxels, where, which of them grains may take, and where down is."""
+"""The lattice of a container: how many voxels, where, and which of them grains may take."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -212,23 +212,3 @@ def packing_of_poses(
         provenance={**provenance, "parameters": resolved},
         stop_reason=stop_reason or "interrupted",
     )
-
-
-def axis_of(direction: str, container: Container) -> Integers:
-    """Return a direction such as ``"-z"`` as a lattice vector; ``"none"`` is zero.
-
-    Raises
-    ------
-    InputError
-        If it points along a periodic axis, or out of the plane of a 2D container.
-    """
-    vector = np.zeros(3, dtype=np.int64)
-    if direction != "none":
-        axis = "xyz".index(direction[1])
-        if axis >= container.dimension or container.periodic[axis]:
-            raise InputError(
-                f"gravity is {direction!r}: it must point along a walled axis of the container; choose another axis, "
-                "or 'none'"
-            )
-        vector[axis] = -1 if direction[0] == "-" else 1
-    return vector

@@ -1,7 +1,7 @@
 """The container as kernels see it: does it hold a ball or an upright box, and may a small box hold such a centre?
 
-Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright, a sphere has one wall.
-In a closed mesh the distance of a centre from the surface is exact (:mod:`voxgran._base.tree`), so that a ball that is
+Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright. In a
+closed mesh the distance of a centre from the surface is exact (:mod:`voxgran._base.tree`), so that a ball that is
 held protrudes by no more than rounding.
 """
 

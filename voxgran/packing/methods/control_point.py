@@ -6,6 +6,10 @@ distance) to one of another grain, found with KD-trees that each shape brings in
 through a wall. Gravity tilts the steps downward, with cycles of vibration in which upward steps are kept and die away.
 Each grain lengthens its steps when it moves freely and shortens them when it is caught.
 
+Grains enter as rain at a rate, in layers that each sink before the next, or anywhere at once. A lid is a wall against
+gravity: after each attempt per grain it comes down by 1/32 of the median diameter or to the nearest grain, and the walk
+ends no sooner than it lies on the bed.
+
 The points cover the surface, so surfaces cannot cross between them: the packing is free of overlaps between the true
 solids, and contacts stay open by up to the spacing. No voxels are made, so grains may have any place and any
 orientation; the cost of a move grows with the number of points near a contact only.
@@ -26,12 +30,27 @@ from voxgran._base.config import parameter, to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly
+from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
+from voxgran.packing.control_feeding import (
+    SETTLE_SWEEPS,
+    entry_of,
+    feed_share,
+    lid_rests,
+    look_at_queue,
+    lower_lid,
+    most_attempts,
+    next_event,
+    patience,
+    way_of_lid,
+)
 from voxgran.packing.control_records import Rules
 from voxgran.packing.control_setting import Setting, bed_of, memory_needed, setting_of
 from voxgran.packing.control_walk import enter_raised, make_attempts
-from voxgran.packing.lattice import axis_of
+from voxgran.packing.gravity import gravity_text, gravity_vector, main_axis
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -39,14 +58,8 @@ from voxgran.packing.settle import begin_settling, part_once, settle_sweep, sett
 from voxgran.packing.start import Start, refuse_start, upward
 from voxgran.shapes.curvature import largest_curvature
 
-#: sweeps between two looks at whether the bed still sinks
-SETTLE_SWEEPS = 200
 #: mean sinking in median diameters per grain over such a look, below which the bed is settled
 SETTLE_DEPTH = 0.001
-#: looks at the most after the last cycle
-SETTLE_LOOKS = 40
-#: share of attempts that let a grain enter while some wait and it rains
-FEED_SHARE = 0.05
 #: shortest step, in diameters of the grain
 SHORTEST_STEP = 0.002
 #: sweeps at the most in which grains that overlap between their points are parted
@@ -94,14 +107,20 @@ class ControlPoint:
         doc="depth up to which grains may overlap, a stand-in for grains that give way; with contact sdf",
         unit="length",
     )
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | None = parameter(
-        None, doc="where down is; left out: -z, in two dimensions -y"
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | tuple[float, float, float] | None = parameter(
+        None, doc="where down is, an axis or any vector; left out: -z, in two dimensions -y"
     )
-    feed: Literal["rain", "at_once"] = parameter(
-        "rain", doc="how grains enter: at the top while there is room, or anywhere at once"
+    feed: Literal["rain", "layers", "at_once"] = parameter(
+        "rain", doc="how grains enter: at the top while others walk, layer by layer, or anywhere at once"
     )
+    rate: float = parameter(0.05, doc="share of attempts that let a grain enter, of rain")
+    layer_sweeps: int = parameter(40, doc="sweeps in which a layer sinks before the next enters")
     sweeps: int = parameter(4000, doc="attempts per grain after all have entered", unit="attempts per grain")
     cycles: int = parameter(8, doc="cycles of vibration within the sweeps")
+    period: int | None = parameter(None, doc="sweeps of a cycle, in place of their number", unit="attempts per grain")
+    decay: float | None = parameter(
+        None, doc="what a cycle keeps of the upward share of the one before; left out: it dies away evenly"
+    )
     tilt: float = parameter(0.5, doc="how much of gravity is added to the random unit vector of a step")
     up: float = parameter(0.8, doc="share of upward steps that are kept at the start of the first cycle")
     turns: float = parameter(0.7, doc="share of attempts that also turn the grain")
@@ -114,6 +133,7 @@ class ControlPoint:
         0, doc="most sweeps in which the true shapes settle after the walk and close what is open"
     )
     friction: float = parameter(0.0, doc="coefficient of friction between grains, and at walls, while they settle")
+    lid: bool = parameter(False, doc="whether a lid comes down on the bed, a small step at a time where it finds room")
 
     def __post_init__(self) -> None:
         """Check the ranges, and what does not go together."""
@@ -121,6 +141,12 @@ class ControlPoint:
         as_number(self.distance, "distance", at_least=0.0)
         as_count(self.sweeps, "sweeps")
         as_count(self.cycles, "cycles", at_least=1)
+        as_number(self.rate, "rate", above=0.0, at_most=1.0)
+        as_count(self.layer_sweeps, "layer_sweeps", at_least=1)
+        if self.period is not None:
+            as_count(self.period, "period", at_least=1)
+        if self.decay is not None:
+            as_number(self.decay, "decay", at_least=0.0, at_most=1.0)
         as_number(self.tilt, "tilt", at_least=0.0)
         as_number(self.up, "up", at_least=0.0, at_most=1.0)
         as_number(self.turns, "turns", at_least=0.0, at_most=1.0)
@@ -141,6 +167,8 @@ class ControlPoint:
             raise InputError(
                 f"friction is {self.friction:g} and settling 0: it acts while grains settle; set settling, such as 200"
             )
+        if self.lid and self.gravity == "none":
+            raise InputError("lid is true and gravity 'none': it needs to know where down is; choose a direction")
 
 
 def prepare(problem: Problem) -> State:
@@ -149,9 +177,15 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If gravity points along a periodic axis, or a grain of the start finds no place.
+        If gravity points along a periodic axis, a grain of the start finds no place, or the container is of a kind
+        whose walls the method does not know.
     """
-    _gravity(problem)
+    if not isinstance(problem.container, Box | ClosedMesh | Cylinder | Rectangle | Sphere):
+        raise InputError(
+            f"container {problem.container.kind!r} has walls that control_point does not know: make a closed mesh of "
+            "it, such as ClosedMesh(Shape.from_mesh(*container.mesh()))"
+        )
+    gravity_vector(problem)
     n = problem.count
     arrays = {
         "position": np.zeros((n, 3)),
@@ -160,9 +194,11 @@ def prepare(problem: Problem) -> State:
         "step": np.zeros(n),
         "queue": np.arange(n, dtype=np.int64),
         "height": np.full(1, np.inf),
+        "lid": np.zeros(2),
     }
-    later = {"fed_at": -1, "ended": -1, "parting_sweeps": 0, "left_overlapping": 0, "settling_at": -1, "walked": 0}
-    state = State(arrays, {**dict.fromkeys(TALLY, 0), **later}, 0, _most_attempts(problem, n))
+    later = {"fed_at": -1, "layer_ends": -1, "layer_placed": 0, "ended": -1, "parting_sweeps": 0}
+    later |= {"left_overlapping": 0, "settling_at": -1, "walked": 0}
+    state = State(arrays, {**dict.fromkeys(TALLY, 0), **later}, 0, most_attempts(problem, n))
     if n == 0:
         state.stop_reason = "count"
     if problem.start is not None and problem.start.count:
@@ -172,11 +208,11 @@ def prepare(problem: Problem) -> State:
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
     """Put the grains of the start in the container, each as little above its place as the points need to part."""
-    setting, gravity = setting_of(problem, state), _gravity(problem)
-    up = upward(gravity, problem.dimension).astype(np.float64)
+    setting, down = setting_of(problem, state), main_axis(gravity_vector(problem))
+    up = upward(down, problem.dimension).astype(np.float64)
     bed, rules = bed_of(problem, state, setting), _rules(problem, state)
     world = (setting.bodies, setting.cells, setting.walls, rules, setting.memory, setting.scratch)
-    for grain in start.rising(gravity).tolist():
+    for grain in start.rising(down).tolist():
         setting.scratch.quaternion[:] = start.orientation[grain]
         fine = 0.25 * (float(setting.extent[grain, 1]) + rules.gap)
         if not enter_raised(bed, world, grain, start.position[grain], up, fine):
@@ -184,27 +220,26 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
     state.arrays["queue"] = start.queue(problem.count)
     state.counters["placed"] = start.count
     if start.count == problem.count:
-        _look_at_queue(problem, state)
+        look_at_queue(problem, state, -1)
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:
     """Make up to `attempts` attempts, first feeding, then shaking and settling."""
     if state.stop_reason:
         return state
-    setting = setting_of(problem, state)
     last = state.done + attempts
     while state.done < last and not state.stop_reason:
         if state.counters["ended"] >= 0:
             _finish_on_true_shapes(problem, state, last)
-        elif state.counters["fed_at"] < 0:
-            _walk(problem, state, setting, last)
-            _look_at_queue(problem, state)
-        else:
-            into = state.done - state.counters["fed_at"]
-            period = SETTLE_SWEEPS * max(state.counters["placed"], 1)
-            look = state.counters["fed_at"] + (into // period + 1) * period
-            _walk(problem, state, setting, min(last, look))
-            if state.done == look:
+            continue
+        setting, due = setting_of(problem, state), next_event(problem, state)
+        _walk(problem, state, setting, min(last, due))
+        if state.counters["fed_at"] < 0:
+            look_at_queue(problem, state, due)
+        elif state.done == due:
+            if problem.parameters.lid:
+                lower_lid(problem, state, setting)
+            if (state.done - state.counters["fed_at"]) % (SETTLE_SWEEPS * max(state.counters["placed"], 1)) == 0:
                 _look_at_bed(problem, state)
     return state
 
@@ -214,18 +249,16 @@ def finish(problem: Problem, state: State) -> Packing:
     placed = _placed(state)
     shape_id = problem.shape_id[placed]
     own = np.array([shape.diameter for shape in problem.original])
+    assembly = _assembly(problem, state)
     provenance: dict[str, object] = {
-        "parameters": {
-            **to_mapping(problem.parameters),
-            "gravity": problem.parameters.gravity or _default_gravity(problem),
-        }
+        "parameters": {**to_mapping(problem.parameters), "gravity": gravity_text(problem)},
+        "lid_lowered": way_of_lid(problem, state, assembly) * problem.unit_length,
     }
     if state.counters["parting_sweeps"]:
         kept = ("parting_sweeps", "left_overlapping")
         provenance["parting"] = {name.partition("_")[2]: state.counters[name] for name in kept}
-    assembly = _assembly(problem, state)
     if state.counters["settling_at"] >= 0:
-        provenance["settling"] = settling_report(state, assembly, _gravity(problem).astype(np.float64))
+        provenance["settling"] = settling_report(state, assembly, gravity_vector(problem))
     return Packing.of(
         problem.original,
         problem.container.scaled(problem.unit_length),
@@ -243,7 +276,7 @@ def cost(problem: Problem) -> Cost:
     finishing = (PART_SWEEPS if _needs_parting(problem) else 0) + problem.parameters.settling
     return Cost(
         memory=memory_needed(problem),
-        attempts=_most_attempts(problem, problem.count) + finishing * problem.count,
+        attempts=most_attempts(problem, problem.count) + finishing * problem.count,
         sampled_shapes=len(problem.shapes) if problem.count else 0,
     )
 
@@ -251,30 +284,21 @@ def cost(problem: Problem) -> Cost:
 def _rules(problem: Problem, state: State) -> Rules:
     """Return how grains move at this stage of the run."""
     settings: ControlPoint = problem.parameters
-    counters, at_once = state.counters, settings.feed == "at_once"
+    counters, gravity = state.counters, gravity_vector(problem)
     length = max(settings.sweeps, 1) * max(counters["placed"], 1)
+    cycles = settings.cycles if settings.period is None else max(1, round(settings.sweeps / settings.period))
+    decay = -1.0 if settings.decay is None else settings.decay
     return Rules(
-        _gravity(problem).astype(np.float64),
+        gravity,
         float(settings.tilt),
-        # the top of a mesh or a sphere may have no room for any grain: there grains enter anywhere
-        at_once or isinstance(problem.container, ClosedMesh | Sphere),
-        np.array([settings.up, settings.turns, 1.0 if at_once else FEED_SHARE]),
-        np.array([counters["fed_at"], length, settings.cycles, _patience(problem)], dtype=np.int64),
+        entry_of(problem, gravity),
+        np.array([settings.up, settings.turns, feed_share(problem, state), decay]),
+        np.array([counters["fed_at"], length, cycles, patience(problem)], dtype=np.int64),
         problem.length(settings.distance - settings.overlap),
         float(settings.step),
         SHORTEST_STEP,
         problem.dimension,
     )
-
-
-def _default_gravity(problem: Problem) -> str:
-    """Return where down is when nothing is said."""
-    return "-z" if problem.dimension == 3 else "-y"
-
-
-def _gravity(problem: Problem) -> Integers:
-    """Return the direction of gravity; zero where there is none."""
-    return axis_of(problem.parameters.gravity or _default_gravity(problem), problem.container)
 
 
 def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
@@ -288,38 +312,16 @@ def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
     state.counters.update(zip(TALLY, tally.tolist(), strict=True))
 
 
-def _most_attempts(problem: Problem, grains: int) -> int:
-    """Return after how many attempts the bed of so many grains is given up."""
-    sweeps: int = problem.parameters.sweeps
-    return grains * (sweeps + SETTLE_LOOKS * SETTLE_SWEEPS)
-
-
-def _patience(problem: Problem) -> int:
-    """Return after how many refusals in a row the container counts as full."""
-    return max(2000, 20 * problem.count)
-
-
-def _look_at_queue(problem: Problem, state: State) -> None:
-    """End feeding when all have entered, or when nothing enters any more."""
-    counters = state.counters
-    full = counters["feeds_refused_in_a_row"] >= _patience(problem)
-    if counters["placed"] == problem.count or full:
-        counters["fed_at"] = state.done
-        state.total = state.done + _most_attempts(problem, counters["placed"])
-        if counters["placed"] == 0:
-            state.stop_reason = "full"
-
-
 def _look_at_bed(problem: Problem, state: State) -> None:
     """Stop when the bed no longer sinks after the last cycle, or when the attempts are used up."""
     arrays, counters = state.arrays, state.counters
-    gravity = _gravity(problem)
+    gravity = gravity_vector(problem)
     height = -float((arrays["position"][arrays["entered"] == 1] @ gravity).sum())
     sunk = float(arrays["height"][0]) - height
     arrays["height"] = np.array([height])
     entered = counters["placed"] == problem.count
     shaken = state.done - counters["fed_at"] >= problem.parameters.sweeps * counters["placed"]
-    calm = abs(sunk) <= SETTLE_DEPTH * counters["placed"]
+    calm = lid_rests(state) and abs(sunk) <= SETTLE_DEPTH * counters["placed"]
     if shaken and (calm or not gravity.any()):
         _end_walk(problem, state, "settled" if entered else "full")
     elif state.done >= state.total:
@@ -353,8 +355,7 @@ def _end_walk(problem: Problem, state: State, reason: str) -> None:
 def _end_parting(problem: Problem, state: State) -> None:
     """Stop, or let the true shapes settle; grains that could not be parted stay as they are."""
     if problem.parameters.settling and not state.counters["left_overlapping"]:
-        gravity = _gravity(problem).astype(np.float64)
-        begin_settling(state, _assembly(problem, state), gravity, 0.25 * problem.parameters.spacing)
+        begin_settling(state, _assembly(problem, state), gravity_vector(problem), 0.25 * problem.parameters.spacing)
     else:
         state.stop_reason = ENDS[state.counters["ended"]]
 
@@ -369,7 +370,7 @@ def _finish_on_true_shapes(problem: Problem, state: State, last: int) -> None:
     if state.done < due:
         return
     settings: ControlPoint = problem.parameters
-    gravity, assembly = _gravity(problem).astype(np.float64), _assembly(problem, state)
+    gravity, assembly = gravity_vector(problem), _assembly(problem, state)
     if counters["settling_at"] >= 0:
         rests = settle_sweep(state, assembly, gravity, friction=settings.friction)
         if rests or sweeps + 1 >= settings.settling:

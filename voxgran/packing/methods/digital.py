@@ -37,12 +37,11 @@ from voxgran.packing.choices import Rules, Turn
 from voxgran.packing.digital_cost import digital_cost
 from voxgran.packing.digital_setting import (
     Setting,
-    gravity_text,
-    gravity_vector,
     need_member,
     records,
     setting_of,
 )
+from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.lattice import packing_of_poses, positions_on
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing

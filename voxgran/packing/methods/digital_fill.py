@@ -22,7 +22,8 @@ from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran.packing.bits import Canvas, Field, Words
-from voxgran.packing.lattice import ContainerLattice, axis_of, container_lattice, free_voxels, packing_on_lattice
+from voxgran.packing.gravity import axis_of
+from voxgran.packing.lattice import ContainerLattice, container_lattice, free_voxels, packing_on_lattice
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.oriented import Oriented, base_orientations, kinds_of, orient, stand_start

@@ -1,0 +1,86 @@
+"""Four small studies of control-point packing: feeding rate, way of feeding, boundaries, and shape of the grains.
+
+Each study changes one thing about the same bed: spheres that rain at the usual rate into a box with periodic sides,
+which is half as wide as the bed is high. Told are the solid fraction of the bulk (which needs 50 grains away from
+walls and surface), the mean height of the grains over the floor in diameters, and the seconds of a run, as means over
+some seeds. Written are a table and a figure, with bars of two standard errors.
+
+Arguments: folder, number of grains, sweeps, number of seeds.
+"""
+
+import csv
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+import voxgran as vg
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/control_studies")
+count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 400), (3, 2000), (4, 3)))
+width = (0.6 * count) ** (1 / 3)
+periodic = vg.Box((width, width, 4 * width), "xy")
+studies = {
+    "feeding rate": {str(rate): {"rate": rate} for rate in (0.01, 0.05, 0.2, 0.5)},
+    "way of feeding": {
+        "rain": {},
+        "rain, a lid": {"lid": True},
+        "layers": {"feed": "layers"},
+        "at once": {"feed": "at_once"},
+    },
+    "boundaries": {
+        "periodic": {},
+        "walls": {"container": vg.Box((width, width, 4 * width))},
+        "cylinder": {"container": vg.Cylinder(width / np.sqrt(np.pi), 4 * width)},
+    },
+    "shape": {
+        "sphere": {},
+        "ellipsoid": {"shape": vg.make_shape("ellipsoid", aspect=(1.25, 1.0, 0.8))},
+        "cube": {"shape": vg.make_shape("box")},
+        "octahedron": {"shape": vg.make_shape("platonic", solid="octahedron")},
+    },
+}
+usual = {"method": "control_point", "sweeps": sweeps, "cycles": 4, "spacing": 0.2}
+known = {}
+
+
+def measured(seed, shape=None, container=periodic, **options):
+    """Return bulk solid fraction, mean height and seconds of one bed; each is packed once."""
+    key = (seed, str(shape), str(container), str(options))
+    if key not in known:
+        began = time.perf_counter()
+        solid = shape or vg.make_shape("sphere")
+        packing = vg.pack(solid, container, count=count, seed=seed, **usual, **options)
+        seconds = time.perf_counter() - began
+        assert vg.verify(packing).ok
+        bulk = float(vg.measure(packing, which=["density"])["/"].bulk_solid_fraction)
+        known[key] = bulk, float(packing.position[:, 2].mean()), seconds
+    return known[key]
+
+
+# what is compiled once and for all belongs to no bed
+vg.pack(vg.make_shape("sphere"), periodic, method="control_point", count=2, sweeps=1)
+figure = Figure(figsize=(11, 6), layout="constrained")
+rows = []
+for panel, (study, choices) in zip(figure.subplots(2, 2).flat, studies.items(), strict=True):
+    for place, (choice, options) in enumerate(choices.items()):
+        beds = np.array([measured(seed, **options) for seed in range(1, seeds + 1)])
+        bulk, height, seconds = beds.mean(axis=0)
+        error = beds[:, 0].std(ddof=1) / np.sqrt(seeds) if seeds > 1 else 0.0
+        rows.append([study, choice, f"{bulk:.4f}", f"{error:.4f}", f"{height:.3f}", f"{seconds:.2f}"])
+        print(
+            f"{study:14s} {choice:12s} bulk {bulk:.4f} (standard error {error:.4f})  mean height {height:.3f}  "
+            f"{seconds:.2f} s"
+        )
+        panel.errorbar(place, bulk, 2 * error, fmt="o", color="C0", capsize=3)
+    panel.set_xticks(range(len(choices)), list(choices))
+    panel.set(title=study, ylabel="bulk solid fraction")
+    panel.margins(x=0.1, y=0.2)
+folder.mkdir(parents=True, exist_ok=True)
+figure.savefig(folder / "control_studies.svg")
+with (folder / "control_studies.csv").open("w", newline="") as file:
+    table = csv.writer(file, lineterminator="\n")
+    table.writerow(["study", "choice", "bulk_solid_fraction", "standard_error", "mean_height", "seconds"])
+    table.writerows(rows)

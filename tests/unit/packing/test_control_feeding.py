@@ -1,0 +1,328 @@
+"""How grains enter control-point packing, where down is, vibration, and the lid."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError
+from voxgran._base.seeds import philox_key
+from voxgran.packing.control_feeding import LAYER_REFUSALS, LID_STEP
+from voxgran.packing.control_walk import GROWTH
+from voxgran.packing.methods.control_point import registration as control_point
+from voxgran.packing.pack import prepare_task
+from voxgran.packing.run import Drive, drive
+
+BOX = vg.Box((4, 4, 6))
+
+
+def task_of(shapes, container=BOX, *, count=20, seed=0, **parameters):
+    return prepare_task(
+        shapes,
+        container,
+        method="control_point",
+        count=count,
+        solid_fraction=None,
+        sizes=None,
+        weights=None,
+        weights_by="number",
+        seed=seed,
+        parameters={"spacing": 0.25, "sweeps": 200, "cycles": 2, **parameters},
+    )
+
+
+def run(task, chunk=None):
+    state = drive(task.method, task.problem, Drive(chunk=chunk))
+    return state, task.method.finish(task.problem, state)
+
+
+def unit(word):
+    """Return a word of the random stream as a number from 0 to 1."""
+    return (int(word) >> 11) / 2.0**53
+
+
+def words_of(problem, attempt, draw):
+    key = philox_key(problem.seed, "control_point")
+    return np.random.Philox(key=key, counter=[attempt - 1, draw, 0, 0]).random_raw(4)
+
+
+WAYS = [
+    {"gravity": (0.3, 0.2, -1.0)},
+    {"period": 50, "decay": 0.7},
+    {"feed": "layers"},
+    {"rate": 0.5},
+    {"lid": True},
+    {"feed": "layers", "layer_sweeps": 15, "lid": True, "decay": 0.5, "gravity": (-1.0, 0.0, 0.4)},
+]
+
+
+@pytest.mark.parametrize("way", WAYS, ids=str)
+def test_every_way_keeps_its_promises(way):
+    shapes = [vg.make_shape("solid_union", seed=2), vg.make_shape("box", lengths=(1.1, 0.8, 0.6))]
+    state, packing = run(task_of(shapes, **way))
+    assert packing.count == 20
+    assert state.stop_reason == "settled"
+    assert vg.verify(packing).ok
+    # chunks do not matter
+    again = run(task_of(shapes, **way), chunk=777)[1]
+    assert again.position.tobytes() == packing.position.tobytes()
+    assert again.orientation.tobytes() == packing.orientation.tobytes()
+    assert again.provenance["lid_lowered"] == packing.provenance["lid_lowered"]
+
+
+@pytest.mark.parametrize("container", [vg.Box((5, 5, 6), "xy"), vg.Cylinder(2.2, 6), vg.Box((5, 5, 6), "y")], ids=str)
+@pytest.mark.parametrize("way", [{"feed": "layers"}, {"lid": True}], ids=str)
+def test_periodic_and_round_containers_take_every_way(container, way):
+    _, packing = run(task_of(vg.make_shape("cone"), container, **way))
+    assert packing.count == 20
+    assert vg.verify(packing).ok
+
+
+@pytest.mark.parametrize(
+    "way", [{"feed": "layers"}, {"lid": True}, {"gravity": (0.4, -1.0, 0.0), "lid": True}], ids=str
+)
+def test_every_way_works_in_the_plane(way):
+    shapes = [vg.make_shape("disk"), vg.make_shape("polygon", seed=1)]
+    _, packing = run(task_of(shapes, vg.Rectangle((7, 14)), **way))
+    assert packing.count == 20
+    assert vg.verify(packing).ok
+    assert np.all(packing.position[:, 2] == 0)
+    top = max(packing.world_vertices(g)[:, 1].max() for g in range(20))
+    gap = 14 - packing.provenance["lid_lowered"] - top
+    assert -1e-9 < gap < (2 * LID_STEP if way.get("lid") else 14)
+
+
+def test_gravity_in_any_direction_piles_grains_up_there():
+    packing = run(task_of(vg.make_shape("sphere"), vg.Box((5, 5, 5)), gravity=(1.0, 0.0, -1.0), up=0.0))[1]
+    along = (packing.position - 2.5) @ np.array([1.0, 0.0, -1.0])
+    assert along.min() > -0.5
+    assert along.mean() > 1.5
+    assert packing.provenance["parameters"]["gravity"] == [1.0, 0.0, -1.0]
+
+
+def test_a_vector_along_an_axis_is_that_axis():
+    told = [run(task_of(vg.make_shape("cone"), gravity=way))[1] for way in ("-x", (-2.5, 0.0, 0.0))]
+    assert told[0].position.tobytes() == told[1].position.tobytes()
+
+
+@pytest.mark.parametrize("gravity", ["+x", (-1.0, 0.3, 0.2)])
+def test_grains_enter_a_cylinder_that_lies(gravity):
+    """Its side has no room for a whole grain."""
+    packing = run(task_of(vg.make_shape("sphere"), vg.Cylinder(2.0, 5), gravity=gravity, count=12))[1]
+    assert packing.count == 12
+    assert vg.verify(packing).ok
+    assert (packing.position[:, 0].mean() < 0) == (gravity != "+x")
+
+
+def test_a_free_grain_falls_as_a_plain_program_says():
+    """One grain far from all walls: gravity as a vector, cycles by their period, and what they keep by decay."""
+    gravity, sweeps, period, decay, up, tilt = np.array([0.6, 0.0, -0.8]), 120, 30, 0.6, 0.9, 0.5
+    told = {"gravity": (1.5, 0.0, -2.0), "period": period, "decay": decay, "up": up, "tilt": tilt}
+    told |= {"feed": "at_once", "turns": 0.0, "sweeps": sweeps}
+    problem = task_of(vg.make_shape("sphere"), vg.Box((60, 60, 60)), count=1, seed=5, **told).problem
+    state = control_point.advance(problem, control_point.prepare(problem), 1)
+    assert state.counters["fed_at"] == 1
+    state.arrays["position"][:] = 30.0
+    # cells are made anew
+    state.derived = {}
+    place, step, longest, went_up = np.full(3, 30.0), float(state.arrays["step"][0]), 1 / 12, 0
+    for attempt in range(1, 1 + sweeps + 20):
+        w, more = words_of(problem, attempt, 0), words_of(problem, attempt, 1)
+        c, angle = 2 * unit(w[1]) - 1, 2 * np.pi * unit(w[2])
+        way = np.array([np.sqrt(1 - c * c) * np.cos(angle), np.sqrt(1 - c * c) * np.sin(angle), c])
+        cycle, into = divmod(attempt - 1, period)
+        share = up * decay**cycle * (1 - into / period) if attempt - 1 < sweeps else 0.0
+        if unit(more[1]) >= share:
+            along = way @ gravity
+            way = way + (tilt + max(0.0, -2 * along)) * gravity
+        went_up += way @ gravity < 0
+        place = place + step * (1 - unit(w[3])) * way / np.linalg.norm(way)
+        step = min(step * GROWTH, longest)
+    state = control_point.advance(problem, state, sweeps + 20)
+    assert state.arrays["position"][0] == pytest.approx(place, abs=1e-9)
+    assert 5 < went_up < sweeps / 2
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.3, 1.0])
+def test_the_rate_is_the_share_of_attempts_that_feed(rate):
+    problem = task_of(vg.make_shape("sphere"), vg.Box((30, 30, 30)), count=400, rate=rate).problem
+    state = control_point.advance(problem, control_point.prepare(problem), 300)
+    # the first one always
+    expected = 1 + sum(unit(words_of(problem, attempt, 1)[0]) < rate for attempt in range(1, 300))
+    assert state.counters["feeds_tried"] == expected
+    assert state.counters["moves_tried"] == 300 - expected
+
+
+def test_layers_enter_at_once_and_then_sink():
+    problem = task_of(vg.make_shape("sphere"), vg.Box((4, 4, 9)), count=30, feed="layers", layer_sweeps=25).problem
+    state, layers, before = control_point.prepare(problem), [], 0
+    while state.counters["fed_at"] < 0:
+        while state.counters["layer_ends"] < 0 and state.counters["fed_at"] < 0:
+            state = control_point.advance(problem, state, 1)
+        placed, moves = state.counters["placed"], state.counters["moves_tried"]
+        layers.append(placed - before)
+        # a layer enters while nothing moves
+        assert moves == 25 * sum(np.cumsum(layers)[:-1])
+        if state.counters["fed_at"] < 0:
+            assert state.counters["feeds_refused_in_a_row"] == LAYER_REFUSALS
+            top = 9 - state.arrays["position"][state.arrays["entered"] == 1, 2].max()
+            assert top == pytest.approx(0.5, abs=0.02)
+            state = control_point.advance(problem, state, 25 * placed)
+            assert state.counters["placed"] == placed
+            assert state.counters["layer_ends"] == -1
+        before = placed
+    assert len(layers) >= 3
+    assert sum(layers) == 30
+    # no more balls than touch each other side by side on 4 by 4
+    assert max(layers) <= 16
+
+
+def in_the_room_left(packing, container):
+    """Tell whether the packing is a valid one of the container that the lid has left."""
+    moved = vg.Packing.of(
+        packing.shapes,
+        container,
+        position=packing.position,
+        scale=packing.scale,
+        shape_id=packing.shape_id,
+        orientation=packing.orientation,
+    )
+    return vg.verify(moved).ok
+
+
+@pytest.mark.parametrize("shape", ["sphere", "octahedron"])
+def test_a_lid_lies_on_the_bed_and_is_recorded(shape):
+    shape = vg.make_shape("sphere") if shape == "sphere" else vg.make_shape("platonic", solid="octahedron")
+    told = {"count": 40, "sweeps": 800}
+    free, held = (run(task_of(shape, vg.Box((4, 4, 8)), lid=lid, **told))[1] for lid in (False, True))
+    lowered = held.provenance["lid_lowered"]
+    assert in_the_room_left(held, vg.Box((4, 4, 8 - lowered)))
+    assert free.provenance["lid_lowered"] == 0
+    tops = [max(p.world_vertices(g)[:, 2].max() for g in range(40)) for p in (free, held)]
+    assert tops[1] < tops[0] + 0.5
+    assert 8 - lowered - tops[1] < 2 * LID_STEP
+
+
+def test_a_lid_comes_down_by_small_steps_from_any_side():
+    problem = task_of(vg.make_shape("cone"), vg.Box((5, 4, 4)), count=10, gravity=(1.0, 0.2, 0.0), lid=True).problem
+    state = control_point.prepare(problem)
+    while state.counters["fed_at"] < 0:
+        state = control_point.advance(problem, state, 1)
+    before, ways = 0.0, []
+    for _ in range(150):
+        state = control_point.advance(problem, state, 10)
+        lowered = state.arrays["lid"][0]
+        left = control_point.finish(problem, state)
+        nearest = min(left.world_vertices(g)[:, 0].min() for g in range(10)) / problem.unit_length
+        # no grain is in its way
+        assert lowered < nearest
+        ways.append(lowered - before)
+        before = lowered
+    assert min(ways) >= 0.0
+    assert max(ways) == pytest.approx(LID_STEP)
+    assert sum(way < LID_STEP / 2 for way in ways) > 5
+
+
+def test_the_walk_goes_on_until_the_lid_lies_on_the_bed():
+    state, packing = run(task_of(vg.make_shape("sphere"), vg.Box((3, 3, 14)), count=6, lid=True, sweeps=20))
+    assert state.stop_reason == "settled"
+    assert 14 - packing.provenance["lid_lowered"] == pytest.approx(packing.position[:, 2].max() + 0.5, abs=2 * LID_STEP)
+
+
+@pytest.mark.parametrize("kind", ["cylinder", "lying", "ball"])
+def test_a_lid_in_any_container(kind):
+    ball = vg.make_shape("sphere").scaled(4.6)
+    container = {
+        "cylinder": vg.Cylinder(1.8, 6),
+        "lying": vg.Cylinder(2.2, 3),
+        "ball": vg.ClosedMesh(vg.Shape.from_mesh(ball.vertices + 3.0, ball.faces)),
+    }[kind]
+    axis = 0 if kind == "lying" else 2
+    gravity = "-x" if kind == "lying" else "-z"
+    _, packing = run(task_of(vg.make_shape("cone"), container, count=8, lid=True, gravity=gravity))
+    assert packing.count == 8
+    assert vg.verify(packing).ok
+    top = max(packing.world_vertices(g)[:, axis].max() for g in range(8))
+    gap = container.bounds[1][axis] - packing.provenance["lid_lowered"] - top
+    assert -1e-12 < gap < 2 * LID_STEP
+    assert packing.provenance["lid_lowered"] > 0.3
+
+
+def test_a_lid_closes_a_bed_that_was_there_from_the_beginning():
+    shape, told = vg.make_shape("cone"), {"method": "control_point", "spacing": 0.25, "sweeps": 100, "cycles": 1}
+    bed = vg.pack(shape, BOX, count=15, **told)
+    closed = vg.pack([], BOX, start=bed, lid=True, up=0.0, **told)
+    assert bed.provenance["lid_lowered"] == 0
+    assert in_the_room_left(closed, vg.Box((4, 4, 6 - closed.provenance["lid_lowered"])))
+    assert closed.provenance["lid_lowered"] > 2.0
+
+
+def test_the_way_of_the_lid_is_in_the_unit_of_lengths():
+    ways = []
+    for factor in (1.0, 2.0**20):
+        shape, box = vg.make_shape("cone").scaled(factor), vg.Box((4 * factor, 4 * factor, 6 * factor))
+        ways.append(run(task_of(shape, box, count=8, lid=True))[1].provenance["lid_lowered"] / factor)
+    assert ways[0] == ways[1] > 1.0
+
+
+@pytest.mark.parametrize("way", [{"lid": True}, {"feed": "layers"}, {"gravity": (0.5, 0.0, -1.0)}], ids=str)
+def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path):
+    told = {"method": "control_point", "count": 12, "spacing": 0.25, "sweeps": 200, "cycles": 2, "seed": 3, **way}
+    shape, path, stops = vg.make_shape("solid_union", seed=2), tmp_path / "run.checkpoint", 0
+    whole = vg.pack(shape, BOX, **told)
+    for _ in range(500):
+        packing = vg.pack(shape, BOX, checkpoint=path, resume=True, time_limit=1e-6, **told)
+        if packing.stop_reason != "interrupted":
+            break
+        stops += 1
+    assert stops > 3
+    assert packing.stop_reason == whole.stop_reason
+    assert packing.position.tobytes() == whole.position.tobytes()
+    assert packing.provenance["lid_lowered"] == whole.provenance["lid_lowered"]
+
+
+@pytest.mark.parametrize(
+    ("way", "words"),
+    [
+        ({"gravity": (0.0, 0.0, 0.0)}, "gravity"),
+        ({"gravity": (1.0, 0.0)}, "gravity"),
+        ({"gravity": "none", "lid": True}, "lid is true"),
+        ({"rate": 0.0}, "rate is 0"),
+        ({"rate": 1.5}, "rate is 1.5"),
+        ({"period": 0}, "period is 0"),
+        ({"decay": 1.5}, "decay is 1.5"),
+        ({"layer_sweeps": 0}, "layer_sweeps is 0"),
+        ({"feed": "pour"}, "feed"),
+    ],
+)
+def test_bad_ways_are_named(way, words):
+    with pytest.raises(InputError, match=words):
+        run(task_of(vg.make_shape("sphere"), **way))
+
+
+def test_gravity_along_a_periodic_axis_is_refused():
+    with pytest.raises(InputError, match="periodic axis"):
+        run(task_of(vg.make_shape("sphere"), vg.Box((4, 4, 4), "x"), count=2, gravity=(0.1, 0.0, -1.0)))
+
+
+class Other:
+    """A container of a kind that voxgran does not have."""
+
+    kind = "other"
+
+    def __init__(self, box):
+        self.box = box
+
+    def __getattr__(self, name):
+        return getattr(self.box, name)
+
+    def scaled(self, factor):
+        return Other(self.box.scaled(factor))
+
+
+def test_a_container_of_an_unknown_kind_is_refused_and_its_mesh_is_not():
+    with pytest.raises(InputError, match="'other' has walls that control_point does not know"):
+        run(task_of(vg.make_shape("sphere"), Other(BOX), count=2))
+    mesh = vg.ClosedMesh(vg.Shape.from_mesh(*Other(BOX).mesh()))
+    _, packing = run(task_of(vg.make_shape("sphere"), mesh, count=2, lid=True))
+    assert packing.count == 2
+    assert vg.verify(packing).ok
