@@ -49,7 +49,7 @@ def walk(pair, generator, reach):
 
 
 solids = [vg.make_shape("solid_union", seed=seed) for seed in (3, 8)]
-clumps = [vg.fit_clump(solid, max_spheres=40).shape for solid in solids]
+clumps = [vg.fit_clump(solid, max_spheres=40).to_shape() for solid in solids]
 for name, bodies in (("solids", solids), ("clumps", clumps)):
     pair = Encounter(*bodies, spacing=0.06)
     places = []

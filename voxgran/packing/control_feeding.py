@@ -29,7 +29,7 @@ LID_STEP = 1 / 32
 def entry_of(problem: Problem, gravity: Floats) -> Integers:
     """Return the lattice vector against which grains enter, zero where they enter anywhere.
 
-    The top of a mesh, of a sphere, or of a cylinder that lies, may have no room for any grain: there they enter anywhere.
+    The top of a mesh, a sphere or a cylinder that lies may have no room for any grain: there they enter anywhere.
     """
     container, down = problem.container, main_axis(gravity)
     lies = isinstance(container, Cylinder) and down[2] == 0
