@@ -12,15 +12,16 @@ def largest_curvature(geometry: Geometry) -> float | None:
     Parameters
     ----------
     geometry : Geometry
-        What the surface bounds. Between the balls of a union it is not smooth, but there it bulges inward.
+        What the surface bounds. A union of several balls has creases, and the curvature of its smallest ball would say
+        little of the others: it counts as having edges.
 
     Returns
     -------
     float or None
         One over a length, in the unit of lengths.
     """
-    if isinstance(geometry, Spheres):
-        return 1.0 / float(geometry.radii.min())
+    if isinstance(geometry, Spheres) and len(geometry.radii) == 1:
+        return 1.0 / float(geometry.radii[0])
     if isinstance(geometry, Outline) and geometry.kind == "disk":
         return 1.0 / geometry.radius
     if isinstance(geometry, Primitive) and geometry.kind == "sphere":

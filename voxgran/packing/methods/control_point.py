@@ -1,18 +1,21 @@
 """Control-point packing: grains are points on their surfaces, and move through space by small random steps.
 
 Each attempt picks a grain, moves it by a random unit vector times a step, and turns it by a small random rotation. The
-attempt is refused where a control point of the grain would be nearer than the spacing of the points (plus a wanted
-distance) to one of another grain, found with KD-trees that each shape brings in its own frame, or where it would reach
-through a wall. Gravity tilts the steps downward, with cycles of vibration in which upward steps are kept and die away.
+attempt is refused where it would reach through a wall, or come too near to another grain by one of three tests. With
+the contact "sdf" the control points of each grain are looked up in the signed distance of the other, so that grains
+touch; with "points" and "kdtree" points are compared with points, in cells or in trees, and grains stay open by up to
+the spacing. Gravity tilts the steps downward, with cycles of vibration in which upward steps are kept and die away.
 Each grain lengthens its steps when it moves freely and shortens them when it is caught.
 
 Grains enter as rain at a rate, in layers that each sink before the next, or anywhere at once. A lid is a wall against
 gravity: after each attempt per grain it comes down by 1/32 of the median diameter or to the nearest grain, and the walk
 ends no sooner than it lies on the bed.
 
-The points cover the surface, so surfaces cannot cross between them: the packing is free of overlaps between the true
-solids, and contacts stay open by up to the spacing. No voxels are made, so grains may have any place and any
-orientation; the cost of a move grows with the number of points near a contact only.
+The points cover the surface. Compared with points, surfaces cannot cross between them. In signed distances a smooth
+surface can bulge between its points by no more than its curvature allows, which is added to the distance, so spheres
+and ellipsoids never overlap; what sharp edges overlap between points, less than half the spacing, is parted exactly
+after the walk. Steps are so short, and thin grains kept so far, that none can pass through another. No voxels are made,
+so grains may have any place and any orientation; the cost of a move grows with the points near a contact only.
 
 References
 ----------
@@ -329,7 +332,7 @@ def _look_at_bed(problem: Problem, state: State) -> None:
 
 
 def _needs_parting(problem: Problem) -> bool:
-    """Tell whether grains may overlap between their control points, which those with sharp edges may."""
+    """Tell whether grains may overlap between their control points, which those that are not smooth may."""
     settings: ControlPoint = problem.parameters
     smooth = all(largest_curvature(shape.geometry) is not None for shape in problem.shapes)
     return settings.contact == "sdf" and not settings.overlap and not smooth
