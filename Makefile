@@ -26,6 +26,7 @@ bench: $(STAMP)   ## run time against error of voxelization, distances and packi
 	$(BIN)/voxgran bench distance -o docs/figures
 	$(BIN)/voxgran bench digital -o docs/figures
 	$(BIN)/voxgran bench density -o docs/figures
+	$(BIN)/voxgran bench contact -o docs/figures
 	$(BIN)/voxgran bench rsa -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
 	$(BIN)/python examples/directions.py docs/figures 120
@@ -36,6 +37,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/demo/whole.png docs/figures/demo.png
 	$(BIN)/python examples/advancing_front.py out/advancing_front
 	cp out/advancing_front/advancing_front.png docs/figures/advancing_front.png
+	$(BIN)/python examples/deformed_grains.py out/deformed_grains
+	cp out/deformed_grains/deformed_grains.svg docs/figures/deformed_grains.svg
 
 clean:   ## remove what the targets above made, except the environment
 	rm -rf out/demo build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -102,6 +102,15 @@ def test_advancing_front(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "rock.vtp").container.kind == "mesh"
 
 
+def test_first_contact(tmp_path, capsys, monkeypatch):
+    text = printed("first_contact.py", capsys, monkeypatch, str(tmp_path), "2")
+    gaps = [float(value) for value in re.findall(r"gap at contact (\S+) diameters", text)]
+    assert len(gaps) == 4
+    assert max(abs(gap) for gap in gaps) < 0.005
+    assert min(int(value) for value in re.findall(r"regions of contact (\d+) to", text)) > 20
+    assert {path.name for path in tmp_path.iterdir()} >= {"solids_1.vtp", "clumps_0.vtp", "solids.png", "clumps.png"}
+
+
 def test_deformed_grains(tmp_path, capsys, monkeypatch):
     text = printed("deformed_grains.py", capsys, monkeypatch, str(tmp_path))
     assert "grains 16  " in text

@@ -30,6 +30,7 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(contact, "SECONDS", 0.01)
     monkeypatch.setattr(contact, "APPROACHES", 2)
     monkeypatch.setattr(contact, "GRAINS", 12)
+    monkeypatch.setattr(contact, "measure_beds", lambda: [("walk", 1.0, 0.5)])
     monkeypatch.setattr(contact, "SPACINGS", (0.4,))
     monkeypatch.setattr(contact, "ACCURACY_SPACINGS", (0.4, 0.3))
     monkeypatch.setattr(contact, "bodies", lambda: {"sphere": vg.make_shape("sphere")})
@@ -37,7 +38,12 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     assert {row[2] for row in speed} == {*contact.TESTS, "SciPy cKDTree", "numba grid"}
     assert all(row[3] > 0 and 0 < row[4] < 1 for row in speed)
     files = contact.run(tmp_path)
-    assert [path.name for path in files] == ["contact_speed.csv", "contact_accuracy.csv", "contact.svg"]
+    assert [path.name for path in files] == [
+        "contact_speed.csv",
+        "contact_accuracy.csv",
+        "contact_beds.csv",
+        "contact.svg",
+    ]
     lines = files[1].read_text().splitlines()
     assert lines[0].startswith("shape,test,points,spacing,mean_error")
     assert len(lines) == 1 + 2 * len(contact.TESTS)

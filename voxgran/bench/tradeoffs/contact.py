@@ -4,12 +4,13 @@ Speed: equal grains at a solid fraction of 0.3 in a box move and turn without gr
 accepted attempts are written beside the rates. The peers go on from where the grains are, with the same steps. All run
 on one thread, and seconds are those of the processor. Accuracy: two grains in random turns come towards each other
 along a line until the test refuses; where the true surfaces touch is known in closed form for spheres, from the
-Minkowski difference for boxes, and from the least gap that manifold3d finds for scanned bodies.
+Minkowski difference for boxes, and from the least gap that manifold3d finds for scanned bodies. Density: beds of equal
+spheres after the walk, and after settling.
 """
 
 import time
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -21,10 +22,11 @@ from voxgran._base.seeds import stream
 from voxgran.bench.contact_peers import Grains, grid_moves, tree_moves
 from voxgran.bench.model import TradeOff, calibration
 from voxgran.containers.box import Box
+from voxgran.measure.density import bulk_solid_fraction
 from voxgran.packing.approach import Encounter
 from voxgran.packing.control_setting import setting_of
 from voxgran.packing.method import State, method_registry
-from voxgran.packing.pack import prepare_task
+from voxgran.packing.pack import pack, prepare_task
 from voxgran.packing.problem import Problem
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape
@@ -45,6 +47,13 @@ TESTS = {
     "kdtree": ("kdtree", "both"),
 }
 GRAINS, SOLID, MIXING = 150, 0.3, 400
+#: spheres of a bed, and what is done with it, by name
+BED = 420
+BEDS: dict[str, dict[str, Any]] = {
+    "walk": {},
+    "walk shaken to the end": {"tilt": 0.0, "up": 1.0, "decay": 1.0},
+    "walk and settling": {"settling": 200},
+}
 #: least seconds that a program is timed, and approaches of two grains
 SECONDS, APPROACHES = 0.6, 24
 
@@ -259,6 +268,27 @@ def _least_gap(shape: Shape, standing: Floats, coming: Floats, offset: Floats, w
     return -high
 
 
+def measure_beds(count: int = BED) -> list[tuple[str, float, float]]:
+    """Pack beds of equal spheres.
+
+    Parameters
+    ----------
+    count : int
+        How many.
+
+    Returns
+    -------
+    list of tuple
+        What was done, processor seconds, and bulk solid fraction.
+    """
+    rows, box, ball = [], Box((7, 7, 5 + count / 35)), make_shape("sphere")
+    for name, parameters in BEDS.items():
+        began = time.process_time()
+        packing = pack(ball, box, method="control_point", count=count, seed=1, **parameters)
+        rows.append((name, time.process_time() - began, float(bulk_solid_fraction(packing))))
+    return rows
+
+
 def bodies() -> dict[str, Shape]:
     """Return the shapes that are timed and compared; the scan where the repository has it."""
     found = {"sphere": make_shape("sphere"), "box": make_shape("box", lengths=(1.1, 0.9, 0.7))}
@@ -280,15 +310,18 @@ def run(folder: Path) -> tuple[Path, ...]:
     for shape, points, program, rate, accepted in speed:
         ratios = ",".join(f"{rate / rates[shape, points, peer]:.1f}" for peer in ("SciPy cKDTree", "numba grid"))
         rows.append(f'{shape},{points},"{program}",{rate:.0f},{accepted:.3f},{ratios},{loop:.5f}')
-    table, second, figure = folder / "contact_speed.csv", folder / "contact_accuracy.csv", folder / "contact.svg"
+    table, second, third = (folder / f"contact_{name}.csv" for name in ("speed", "accuracy", "beds"))
+    figure = folder / "contact.svg"
     write_text(table, "\n".join(rows) + "\n")
     lines = ["shape,test,points,spacing,mean_error,largest_error,largest_overlap,microseconds_per_attempt"]
     for name, test, points, spacing, mean, largest, overlap, micro in accuracy:
         timed = "" if np.isnan(micro) else f"{micro:.2f}"
         lines.append(f'{name},"{test}",{points},{spacing:g},{mean:.6f},{largest:.6f},{overlap:.6f},{timed}')
     write_text(second, "\n".join(lines) + "\n")
+    beds = [f"{name},{seconds:.2f},{bulk:.4f},{loop:.5f}" for name, seconds, bulk in measure_beds()]
+    write_text(third, "\n".join(["stage,seconds,bulk_solid_fraction,calibration_seconds", *beds]) + "\n")
     _draw(speed, accuracy, figure)
-    return table, second, figure
+    return table, second, third, figure
 
 
 registration = TradeOff(
