@@ -57,8 +57,8 @@ class Assembly:
         Raises
         ------
         InputError
-            If an array has the wrong length, a scale is not above 0, a shape index is out of range, or the
-            dimension of a shape is not that of the container.
+            If an array has the wrong length, a scale is not above 0, a shape index is out of range, the
+            dimension of a shape is not that of the container, or a grain lies off the plane in 2D.
         """
         return cls(*checked_arrays(shapes, container, position, scale, shape_id, orientation), container)
 
@@ -139,5 +139,10 @@ def checked_arrays(
                 f"shape {shape.name!r} has dimension {shape.dimension}: the container has "
                 f"{container.dimension}; use shapes and container of one dimension"
             )
+    if container.dimension == 2 and points[:, 2].any():
+        worst = int(np.abs(points[:, 2]).argmax())
+        raise InputError(
+            f"position of grain {worst} has z = {points[worst, 2]:g}: grains in 2D lie in the plane; use z = 0"
+        )
     turns = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)) if orientation is None else orientation
     return tuple(shapes), index, scales.copy(), points.copy(), as_quaternions(np.reshape(turns, (n, 4)))

@@ -95,7 +95,8 @@ class Packing(Assembly):
         ------
         InputError
             If an array has the wrong length, a scale or the density is not above 0, a shape index is out of range,
-            the dimension of a shape is not that of the container, or the stop reason is unknown.
+            the dimension of a shape is not that of the container, a grain lies off the plane in 2D, or the stop reason
+            is unknown.
         """
         arrays = checked_arrays(shapes, container, position, scale, shape_id, orientation)
         reason = as_choice(stop_reason, "stop_reason", STOP_REASONS)

@@ -410,6 +410,8 @@ def test_attempts_are_within_the_cost():
         ({"turns": 1.5}, InputError, "turns is 1.5"),
         ({"cycles": 0}, InputError, "cycles is 0"),
         ({"step": 0.0}, InputError, "step is 0"),
+        ({"spacing": 1.5}, InputError, "spacing is 1.5 diameters"),
+        ({"distance": 9.0}, InputError, "distance is 9"),
         ({"contact": "sdff"}, InputError, "sdf"),
         ({"ways": "one", "contact": "kdtree"}, InputError, "ways is 'one'"),
         ({"overlap": -0.1}, InputError, "overlap is -0.1"),

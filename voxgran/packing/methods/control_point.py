@@ -140,7 +140,11 @@ class ControlPoint:
 
     def __post_init__(self) -> None:
         """Check the ranges, and what does not go together."""
-        as_positive(self.spacing, "spacing")
+        if as_positive(self.spacing, "spacing") > 1.0:
+            raise InputError(
+                f"spacing is {self.spacing:g} diameters of a grain: points wider apart than the grain do not tell its "
+                "shape; give at most 1, such as 0.12"
+            )
         as_number(self.distance, "distance", at_least=0.0)
         as_count(self.sweeps, "sweeps")
         as_count(self.cycles, "cycles", at_least=1)
@@ -180,8 +184,8 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If gravity points along a periodic axis, a grain of the start finds no place, or the container is of a kind
-        whose walls the method does not know.
+        If gravity points along a periodic axis, a grain of the start finds no place, the distance leaves no room for
+        two grains, or the container is of a kind whose walls the method does not know.
     """
     if not isinstance(problem.container, Box | ClosedMesh | Cylinder | Rectangle | Sphere):
         raise InputError(
@@ -189,6 +193,7 @@ def prepare(problem: Problem) -> State:
             "it, such as ClosedMesh(Shape.from_mesh(*container.mesh()))"
         )
     gravity_vector(problem)
+    _check_distance(problem)
     n = problem.count
     arrays = {
         "position": np.zeros((n, 3)),
@@ -207,6 +212,22 @@ def prepare(problem: Problem) -> State:
     if problem.start is not None and problem.start.count:
         _enter_start(problem, state, problem.start)
     return state
+
+
+def _check_distance(problem: Problem) -> None:
+    """Refuse a distance that no two grains can keep in the container."""
+    distance, (lower, upper) = problem.length(problem.parameters.distance), problem.container.bounds
+    if distance == 0.0 or problem.count < 2:
+        return
+    # two smallest grains in opposite corners; a grain reaches half its volume over its surface at least
+    inner = [shape.volume / shape.surface_area for shape in problem.shapes]
+    least = float(np.partition(np.array(inner)[problem.shape_id] * problem.diameter, 1)[:2].sum())
+    room = float(np.linalg.norm((upper - lower)[: problem.dimension])) - least
+    if distance >= room:
+        raise InputError(
+            f"distance is {distance * problem.unit_length:g}: the container has room for less than "
+            f"{room * problem.unit_length:g} between two grains; make it smaller or the container larger"
+        )
 
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
