@@ -344,6 +344,6 @@ def test_it_knows_nothing_of_the_method():
 
 
 def test_disks_off_the_plane_are_refused():
+    disk = Shape.of(Outline("disk", radius=0.5), name="disk")
     with pytest.raises(InputError, match=r"grain 1 has z = 0\.5"):
-        disk = Shape.of(Outline("disk", radius=0.5), name="disk")
         Assembly.of([disk], Rectangle((4, 4)), position=[(1, 1, 0), (2, 2, 0.5)])

@@ -46,7 +46,7 @@ ORDERS = {"random": RANDOM, "nearest": NEAREST, "lowest": LOWEST}
 #: a ball and its image share 31 bits
 MOST = 2 ** (31 - BITS)
 #: places of the front, neighbours and pockets of a ball for which there is room at first
-FIRST, FEW = 1024, 128
+FIRST, FEW = 128, 128
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
