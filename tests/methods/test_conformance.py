@@ -16,14 +16,24 @@ from voxgran.packing.method import method_registry
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.run import Drive, drive
 
-METHODS = vg.packing_methods()
+#: methods, and what else of a method has to keep it all, by name
+VARIANTS = {
+    "control_point, points": {"contact": "points"},
+    "control_point, kdtree": {"contact": "kdtree"},
+    "control_point, one way": {"ways": "one"},
+}
+METHODS = [*vg.packing_methods(), *VARIANTS]
 #: what makes a method quick here; anything else is its default
 QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 24}
 
 
+def name_of(method):
+    return method.partition(",")[0]
+
+
 def quick(method):
-    known = {field.name for field in dataclasses.fields(method_registry().get(method).parameters)}
-    return {name: value for name, value in QUICK.items() if name in known}
+    known = {field.name for field in dataclasses.fields(method_registry().get(name_of(method)).parameters)}
+    return {name: value for name, value in QUICK.items() if name in known} | VARIANTS.get(method, {})
 
 
 def task_of(method, count=10, seed=1):
@@ -31,7 +41,7 @@ def task_of(method, count=10, seed=1):
     return prepare_task(
         shapes,
         vg.Box((3.5, 3.5, 4), periodic=(True, False, False)),
-        method=method,
+        method=name_of(method),
         count=count,
         solid_fraction=None,
         sizes=vg.sizes.lognormal(0.8, 0.2),
@@ -63,7 +73,7 @@ def packing(method):
 
 
 def test_true_shapes_do_not_overlap_or_escape(method, packing):
-    allowed = method_registry().get(method).tolerance(task_of(method).problem.parameters)
+    allowed = method_registry().get(name_of(method)).tolerance(task_of(method).problem.parameters)
     proof = vg.verify(packing)
     assert packing.count > 0
     assert proof.escaped == 0
@@ -93,7 +103,7 @@ def test_same_seed_same_bits_other_seed_others(method, packing):
 
 
 def test_no_grains(method):
-    packing = vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 3)), method=method, count=0, **quick(method))
+    packing = vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 3)), method=name_of(method), count=0, **quick(method))
     assert packing.count == 0
     assert vg.verify(packing).ok
     assert packing.solid_fraction == 0
@@ -101,12 +111,14 @@ def test_no_grains(method):
 
 def test_a_grain_larger_than_the_container(method):
     with pytest.raises(GrainTooLargeError, match="none can fit"):
-        vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 0.5)), method=method, count=3, **quick(method))
+        vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 0.5)), method=name_of(method), count=3, **quick(method))
 
 
 def test_thread_counts_give_the_same_bits(method):
     sphere, box = vg.make_shape("sphere"), vg.Box((3, 3, 4))
-    one, two = (vg.pack(sphere, box, method=method, count=5, threads=threads, **quick(method)) for threads in (1, 2))
+    one, two = (
+        vg.pack(sphere, box, method=name_of(method), count=5, threads=threads, **quick(method)) for threads in (1, 2)
+    )
     assert bits_of(one) == bits_of(two)
 
 
@@ -163,13 +175,13 @@ def test_a_start_stays_in_order_and_goes_on(method, packing, tmp_path):
     (tmp_path / "spheres.txt").write_text("\n".join(f"{x} {y} {z} 0.45" for x, y, z in lattice))
     foreign = vg.load(tmp_path / "spheres.txt")
     box = vg.Box((3.5, 3.5, 6), "x")
-    found = vg.pack([], box, method=method, start=foreign, seed=3, **quick(method))
+    found = vg.pack([], box, method=name_of(method), start=foreign, seed=3, **quick(method))
     assert found.count == len(lattice)
     assert found.diameters == pytest.approx(0.9)
     assert vg.verify(found).ok
-    again = vg.pack([], box, method=method, start=foreign, seed=3, **quick(method))
+    again = vg.pack([], box, method=name_of(method), start=foreign, seed=3, **quick(method))
     assert bits_of(again) == bits_of(found)
-    more = vg.pack(vg.make_shape("cone"), box, method=method, start=found, count=2, seed=3, **quick(method))
+    more = vg.pack(vg.make_shape("cone"), box, method=name_of(method), start=found, count=2, seed=3, **quick(method))
     assert more.count == len(lattice) + 2
     assert more.shape_id[-2:].tolist() == [1, 1]
     assert vg.verify(more).ok
@@ -179,7 +191,7 @@ def test_a_start_stays_in_order_and_goes_on(method, packing, tmp_path):
 def test_a_start_that_has_no_place_is_refused(method):
     balls = vg.Packing.of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), position=[(1, 1, k + 0.5) for k in range(4)])
     with pytest.raises(InputError, match=r"grain 3 of start finds no place"):
-        vg.pack([], vg.Box((1.6, 1.6, 3.95)), method=method, start=balls, **quick(method))
+        vg.pack([], vg.Box((1.6, 1.6, 3.95)), method=name_of(method), start=balls, **quick(method))
     flat = vg.Packing.of([vg.make_shape("disk")], vg.Rectangle((9, 9)), position=[(1, 1, 0)])
     with pytest.raises(InputError, match="start has dimension 2"):
-        vg.pack([], vg.Box((3, 3, 3)), method=method, start=flat, **quick(method))
+        vg.pack([], vg.Box((3, 3, 3)), method=name_of(method), start=flat, **quick(method))

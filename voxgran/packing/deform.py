@@ -31,6 +31,8 @@ from voxgran.shapes.primitive import Primitive
 
 #: radius, in diameters, from which on a contact is found on both of its grains
 FOUND = 1e-6
+#: depth, in diameters of the smaller grain, from which on two grains without a rim of contact coincide
+COINCIDING = 0.1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -227,6 +229,8 @@ def _refuse_swallowed(packing: Assembly, contacts: Contacts, bodies: dict[int, t
             entered[patch.contact, (1 - partner.side) // 2] = patch.radius
     smaller = np.minimum(packing.diameters[contacts.i], packing.diameters[contacts.j])
     bad = (entered.min(axis=1) == 0) & (entered.max(axis=1) > FOUND * smaller)
+    # grains that nearly coincide have no rim at all
+    bad |= (entered.max(axis=1) == 0) & (-contacts.gap > COINCIDING * smaller)
     if bad.any():
         k = int(bad.argmax())
         raise InputError(

@@ -228,6 +228,13 @@ def meets_field(
             slack = min(slack, scale * other)
         elif _first_is_near(bodies, scratch, bed.shape[b], bed.shape[a], back_low / size_a):
             return True
+    if point < 0 and gap < 0.0:
+        # points of the surface do not tell of grains whose centers nearly coincide: their cores must keep apart too
+        slack = min(slack, scale * _core_room(bodies, scratch, bed.shape[b], bed.shape[a], 1.0 / scale, gap / size_a))
+        relate(bed.orientation, bed.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
+        slack = min(slack, _core_room(bodies, scratch, bed.shape[a], bed.shape[b], scale, gap / size_b))
+        if slack < 0.0:
+            return True
     if a != b:
         if point < 0:
             relate(bed.orientation, bed.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
@@ -251,6 +258,15 @@ def _first_is_near(bodies, scratch, s, t, low):  # type: ignore[no-untyped-def]
     trees, fields = bodies.trees, bodies.fields
     first = trees.start[s]
     return _told(trees.points, fields.head, fields.rows, fields.values, first, t, scratch.relative, scratch.shift) < low
+
+
+@bare_kernel
+def _core_room(bodies, scratch, s, t, scale, gap):  # type: ignore[no-untyped-def]
+    """Return how much farther than it must be the ball at the center of shape s is from shape t; below 0 too near."""
+    fields, shift = bodies.fields, scratch.shift
+    core = -scale * min(field_at(fields.head, fields.rows, fields.values, s, 0.0, 0.0, 0.0), 0.0)
+    told = field_at(fields.head, fields.rows, fields.values, t, shift[0], shift[1], shift[2])
+    return (told - core - gap) / fields.head[t, STEEP]
 
 
 @bare_kernel

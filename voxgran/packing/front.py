@@ -14,7 +14,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.ball_cells import BITS, HERE, IMAGES, BallCells, is_free, link, unlink
-from voxgran.packing.front_room import FrontRoom, is_inside
+from voxgran.packing.front_room import FrontRoom, is_inside, pulled_in
 from voxgran.packing.tangent import PLANE, center_of, place_at
 
 #: which place of the front is next
@@ -200,7 +200,8 @@ def _visit(bed, front, cells, room, rules, tally, at):  # type: ignore[no-untype
 def _begin(bed, cells, room, rules, tally, key, attempt):  # type: ignore[no-untyped-def]
     """Put as many balls as a face has somewhere, each touching the others; return how many were placed.
 
-    Fewer are left there where none was placed before, or no more wait.
+    Fewer are left there where none was placed before, or no more wait; and in dense packing, once many beginnings in a
+    row have failed, since in a tube or a slab no three can touch each other.
     """
     placed, wanted = tally[PLACED], min(room.dimension, len(bed.order) - tally[PLACED])
     slot = tally[MISSED] % max(min(rules.window, len(bed.order) - placed - wanted + 1), 1)
@@ -216,6 +217,9 @@ def _begin(bed, cells, room, rules, tally, key, attempt):  # type: ignore[no-unt
         if rules.order == LOWEST:
             low = bed.radius[bed.order[placed + slot]]
             y, z = (y, low) if room.dimension == 3 else (low, z)
+    alone = rules.dense and 2 * tally[MISSED] >= rules.patience
+    if alone:
+        x, y, z = pulled_in(room, x, y, z, bed.radius[bed.order[placed + slot]])
     many = 0
     while many < wanted:
         r = bed.radius[bed.order[placed + slot + many]]
@@ -232,7 +236,7 @@ def _begin(bed, cells, room, rules, tally, key, attempt):  # type: ignore[no-unt
         tally[LAST + many] = (placed + many) * IMAGES + HERE + image
         link(cells, bed.balls, placed + many)
         many += 1
-    if many < wanted and placed > 0:
+    if many < wanted and placed > 0 and not alone:
         for k in range(many - 1, -1, -1):
             unlink(cells, bed.balls, placed + k)
         many = 0

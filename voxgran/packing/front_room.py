@@ -127,6 +127,27 @@ def is_inside(room: FrontRoom, x: float, y: float, z: float, r: float) -> bool:
 
 
 @bare_kernel
+def pulled_in(room: FrontRoom, x: float, y: float, z: float, r: float) -> tuple[float, float, float]:
+    """Return a place at which a ball keeps off flat walls, the side of a cylinder and the wall of a sphere."""
+    x, y = _between_walls(room, 0, x, r), _between_walls(room, 1, y, r)
+    z = _between_walls(room, 2, z, r) if room.dimension == 3 else z
+    if room.kind in (UPRIGHT, ROUND):
+        dx, dy = x - room.radius, y - room.radius
+        dz = z - room.radius if room.kind == ROUND else 0.0
+        part = max(room.radius - r, 0.0) / max(math.sqrt(dx * dx + dy * dy + dz * dz), 1e-300)
+        if part < 1.0:
+            x, y = room.radius + part * dx, room.radius + part * dy
+            z = room.radius + part * dz if room.kind == ROUND else z
+    return x, y, z
+
+
+@bare_kernel
+def _between_walls(room: FrontRoom, axis: int, at: float, r: float) -> float:
+    """Return the nearest coordinate at which a ball keeps off both walls of an axis."""
+    return min(max(at, r), room.lengths[axis] - r) if room.walled[axis] == 1 else at
+
+
+@bare_kernel
 def _within(room: FrontRoom, axis: int, at: float, r: float) -> bool:
     """Tell whether a ball keeps the room along an axis."""
     length = room.lengths[axis]

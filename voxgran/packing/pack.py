@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_count
+from voxgran._base.arrays import as_count, as_number
 from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.progress import OnStep
@@ -143,6 +143,8 @@ def pack(
         parameters=parameters,
     )
     used = 1 if threads is None else min(as_count(threads, "threads", at_least=1), 1)
+    if time_limit is not None:
+        as_number(time_limit, "time_limit", at_least=0.0)
     how = Drive(checkpoint, resume, on_step, time_limit=time_limit, recorder=recorder)
     state = drive(task.method, task.problem, how)
     packing = task.method.finish(task.problem, state)

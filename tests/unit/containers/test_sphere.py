@@ -91,8 +91,9 @@ def test_a_sphere_is_packed_measured_saved_and_drawn(tmp_path):
         vg.make_shape("sphere"), vg.Sphere(2.0), method="digital", count=9, voxel_size=0.1, sweeps=50, feed="at_once"
     )
     assert vg.verify(balls).ok
-    with pytest.raises(InputError, match="container is a sphere"):
-        vg.pack(vg.make_shape("sphere"), vg.Sphere(2.0), method="control_point", count=2)
+    points = vg.pack(vg.make_shape("box"), vg.Sphere(2.0), method="control_point", count=9, sweeps=50, spacing=0.3)
+    assert points.count == 9
+    assert vg.verify(points).ok
 
 
 def test_profiles_of_a_full_sphere_are_full():

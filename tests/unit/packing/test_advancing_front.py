@@ -314,3 +314,13 @@ def test_other_methods_go_on_from_a_front():
     bed = vg.pack([], vg.Box((6, 6, 12)), method="digital_rsa", start=front, voxel_size=0.1)
     assert bed.count == 60
     assert vg.verify(bed).ok
+
+
+@pytest.mark.parametrize(
+    ("container", "least"), [(vg.Box((5, 5, 1), periodic="xy"), 18), (vg.Cylinder(0.5, 9), 5), (vg.Box((5, 1, 5)), 15)]
+)
+def test_slabs_and_tubes_in_which_no_three_touch_are_filled(container, least):
+    packing = vg.pack(vg.make_shape("sphere"), container, method="advancing_front", mode="dense")
+    assert packing.count >= least
+    assert packing.stop_reason == "full"
+    assert vg.verify(packing).ok

@@ -417,6 +417,8 @@ def test_attempts_are_within_the_cost():
         ({"overlap": -0.1}, InputError, "overlap is -0.1"),
         ({"overlap": 0.1, "contact": "points"}, InputError, "overlap is 0.1"),
         ({"overlap": 0.1, "settling": 10}, InputError, "settling"),
+        ({"overlap": 0.4}, InputError, "overlap is 0.4: it must be at most"),
+        ({"distance": 0.1, "settling": 10}, InputError, "distance is 0.1 and settling 10"),
         ({"friction": 0.5}, InputError, "friction is 0.5"),
     ],
 )

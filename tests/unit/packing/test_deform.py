@@ -335,3 +335,9 @@ def test_what_cannot_give_way_is_refused(monkeypatch):
     monkeypatch.setattr(soft_surface, "MOST_VERTICES", 3000)
     with pytest.raises(TooLargeError, match=r"spacing is 0\.1"):
         vg.deform(two_balls(0.02))
+
+
+def test_grains_that_coincide_are_refused():
+    twins = vg.Packing.of([vg.make_shape("sphere")], vg.Box((6, 6, 6)), position=[(1, 1, 1), (1, 1, 1)])
+    with pytest.raises(InputError, match="wholly within"):
+        vg.deform(twins)

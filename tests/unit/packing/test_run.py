@@ -7,7 +7,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint
-from voxgran._base.errors import OutputError
+from voxgran._base.errors import InputError, OutputError
 from voxgran._base.files import remove_drafts
 from voxgran.packing import run
 from voxgran.packing.method import method_registry
@@ -117,3 +117,9 @@ def test_what_a_kill_left_half_written_is_removed(tmp_path):
     half.write_text("x")
     drive(task_of().method, task_of().problem, Drive(path))
     assert not half.exists()
+
+
+@pytest.mark.parametrize("limit", [-1.0, float("nan")])
+def test_time_limits_are_checked(limit):
+    with pytest.raises(InputError, match="time_limit is"):
+        vg.pack(vg.make_shape("sphere"), vg.Box((4, 4, 4)), method="rsa", count=2, time_limit=limit)

@@ -66,6 +66,18 @@ def test_grains_overlap_as_deep_as_they_may_at_their_points():
     assert vg.verify(packing).escaped == 0
 
 
+@pytest.mark.parametrize("family", ["sphere", "box"])
+def test_grains_that_may_overlap_do_not_coincide(family):
+    """Thrown in anywhere: no center comes nearer than two grains that overlap as deep as they may."""
+    shape = vg.make_shape(family)
+    packing = vg.pack(
+        *(shape, vg.Box((4, 4, 6))), method="control_point", count=20, overlap=0.05, sweeps=50, feed="at_once",
+        gravity="none", spacing=0.2,
+    )  # fmt: skip
+    apart = np.linalg.norm(packing.position[:, None] - packing.position[None], axis=2) + 9 * np.eye(20)
+    assert apart.min() > (0.9 if family == "sphere" else 0.7)
+
+
 @pytest.mark.parametrize("family", ["box", "cone", "solid_union"])
 def test_grains_with_edges_are_parted(family):
     shape = vg.make_shape(family)

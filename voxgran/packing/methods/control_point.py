@@ -38,6 +38,7 @@ from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
+from voxgran.packing.control_checks import check_distance, check_overlap
 from voxgran.packing.control_feeding import (
     SETTLE_SWEEPS,
     entry_of,
@@ -161,6 +162,11 @@ class ControlPoint:
         as_number(self.overlap, "overlap", at_least=0.0)
         as_count(self.settling, "settling")
         as_number(self.friction, "friction", at_least=0.0)
+        if self.distance and self.settling:
+            raise InputError(
+                f"distance is {self.distance:g} and settling {self.settling}: settling brings true shapes together; "
+                "use one of them"
+            )
         if self.overlap and (self.contact != "sdf" or self.distance or self.settling):
             raise InputError(
                 f"overlap is {self.overlap:g} with contact {self.contact!r}, distance {self.distance:g} and settling "
@@ -185,7 +191,8 @@ def prepare(problem: Problem) -> State:
     ------
     InputError
         If gravity points along a periodic axis, a grain of the start finds no place, the distance leaves no room for
-        two grains, or the container is of a kind whose walls the method does not know.
+        two grains, the overlap is deeper than a grain is thick, or the container is of a kind whose walls the method
+        does not know.
     """
     if not isinstance(problem.container, Box | ClosedMesh | Cylinder | Rectangle | Sphere):
         raise InputError(
@@ -193,7 +200,8 @@ def prepare(problem: Problem) -> State:
             "it, such as ClosedMesh(Shape.from_mesh(*container.mesh()))"
         )
     gravity_vector(problem)
-    _check_distance(problem)
+    check_distance(problem)
+    check_overlap(problem)
     n = problem.count
     arrays = {
         "position": np.zeros((n, 3)),
@@ -212,22 +220,6 @@ def prepare(problem: Problem) -> State:
     if problem.start is not None and problem.start.count:
         _enter_start(problem, state, problem.start)
     return state
-
-
-def _check_distance(problem: Problem) -> None:
-    """Refuse a distance that no two grains can keep in the container."""
-    distance, (lower, upper) = problem.length(problem.parameters.distance), problem.container.bounds
-    if distance == 0.0 or problem.count < 2:
-        return
-    # two smallest grains in opposite corners; a grain reaches half its volume over its surface at least
-    inner = [shape.volume / shape.surface_area for shape in problem.shapes]
-    least = float(np.partition(np.array(inner)[problem.shape_id] * problem.diameter, 1)[:2].sum())
-    room = float(np.linalg.norm((upper - lower)[: problem.dimension])) - least
-    if distance >= room:
-        raise InputError(
-            f"distance is {distance * problem.unit_length:g}: the container has room for less than "
-            f"{room * problem.unit_length:g} between two grains; make it smaller or the container larger"
-        )
 
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
