@@ -57,7 +57,7 @@ for name, bodies in (("solids", solids), ("clumps", clumps)):
         offset, turns = walk(
             pair, np.random.Generator(np.random.PCG64(run)), 1.2 * sum(b.bounding_radius for b in bodies)
         )
-        wide = 8 * max(body.bounding_radius for body in bodies)
+        wide = 2.1 * (np.linalg.norm(offset) + max(body.bounding_radius for body in bodies))
         center = np.full(3, wide / 2)
         packing = vg.Packing.of(
             bodies, vg.Box((wide,) * 3), position=[center, center + offset], shape_id=[0, 1], orientation=turns

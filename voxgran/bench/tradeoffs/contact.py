@@ -356,6 +356,9 @@ def _draw(speed: list[SpeedRow], accuracy: list[AccuracyRow], path: Path) -> Non
         panel.set_ylabel("mean error of the gap at contact, in diameters")
     for panel in (left, middle, right):
         panel.grid(visible=True, alpha=0.3)
+        panel.xaxis.set_minor_formatter(load("matplotlib.ticker").NullFormatter())
+    # colors and dashes mean the same in all three
+    for panel in (left, right):
         if panel.lines:
             panel.legend(frameon=False, fontsize=6)
     with written_whole(path) as draft:
