@@ -189,6 +189,9 @@ class Scene:
         share_by = sizes.pop("share_by", "number")
         packing = dict(mapping["packing"])
         method = packing.pop("method", None)
+        if method is None:
+            known = ", ".join(method_registry().names())
+            raise InputError(f"[packing] has no method: a scene is packed by one; add method, one of {known}")
         count, solid = packing.pop("count", None), packing.pop("solid_fraction", None)
         start = packing.pop("start", None)
         from_mapping(method_registry().get(method).parameters, packing, "[packing]")
