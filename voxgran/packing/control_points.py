@@ -6,13 +6,11 @@ the mean of their spacings do not cross. Flat and round walls are convex and are
 convex hull of a grain; the mesh of a closed container is sampled like a grain.
 """
 
-import numpy as np
-
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.control_records import POINTS, Bed, Bodies, Memory, Scratch
 from voxgran.packing.point_cells import list_near_in_cells
-from voxgran.packing.poses import invert, relate, row_of_pair
+from voxgran.packing.poses import invert, moved_since, relate, row_of_pair
 from voxgran.packing.trees import list_near, point_distance
 
 #: how much farther than needed points are listed, in diameters
@@ -61,13 +59,7 @@ def recall(
             return 1
     if moved > extent[a, 2] or moved > extent[b, 2]:
         return 2
-    way, spin = 0.0, 0.0
-    for m in range(3):
-        way += (shift[m] - poses[entry, 9 + m]) ** 2
-        for n in range(3):
-            spin += (relative[m, n] - poses[entry, 3 * m + n]) ** 2
-    # two rotations differ by a matrix with two equal singular values and a zero
-    way = np.sqrt(way) + np.sqrt(0.5 * spin) * extent[a, 0] / diameter[a]
+    way = moved_since(poses, entry, relative, shift, extent[a, 0] / diameter[a])
     return 0 if way + ROUNDING < poses[entry, 12] else 2
 
 

@@ -16,7 +16,7 @@ from voxgran._base.kernels import bare_kernel
 from voxgran.packing.control_points import HORIZON, ROUNDING
 from voxgran.packing.control_records import Bed, Bodies, Memory, Scratch
 from voxgran.packing.fields import STEEP, field_at
-from voxgran.packing.poses import invert, relate, row_of_pair
+from voxgran.packing.poses import invert, moved_since, relate, row_of_pair
 
 #: columns of the extent of a grain
 RADIUS, HALF_SPACING, HALF_THICKNESS, CURVATURE, SURFACE_ERROR = range(5)
@@ -171,15 +171,9 @@ def recall_field(
         told = _told_back(points, head, rows, values, point, shape[a], relative, shift, scale)
         if told < threshold(extent, b, a, gap) / diameter[a]:
             return 1
-    way, spin = 0.0, 0.0
-    for m in range(3):
-        way += (shift[m] - poses[row, 9 + m]) ** 2
-        for n in range(3):
-            spin += (relative[m, n] - poses[row, 3 * m + n]) ** 2
     # points of b that are near a lie within its radius, the threshold and the slack, which is small
     radius = (extent[a, RADIUS] + threshold(extent, b, a, max(gap, 0.0))) / diameter[a] + 2.0 * HORIZON
-    way = np.sqrt(way) + np.sqrt(0.5 * spin) * radius
-    return 0 if way + ROUNDING < poses[row, 12] else 2
+    return 0 if moved_since(poses, row, relative, shift, radius) + ROUNDING < poses[row, 12] else 2
 
 
 @bare_kernel

@@ -1,5 +1,7 @@
 """Relative poses of two grains, and where a table remembers a pair."""
 
+import numpy as np
+
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 
@@ -66,6 +68,18 @@ def invert(relative: Floats, shift: Floats, scale: float) -> None:
         relative[k, k] /= scale * scale
         for m in range(k):
             relative[k, m], relative[m, k] = relative[m, k] / (scale * scale), relative[k, m] / (scale * scale)
+
+
+@bare_kernel
+def moved_since(poses: Floats, row: int, relative: Floats, shift: Floats, radius: float) -> float:
+    """Return how far points within a radius have moved at the most since a relative pose was remembered."""
+    way, spin = 0.0, 0.0
+    for m in range(3):
+        way += (shift[m] - poses[row, 9 + m]) ** 2
+        for n in range(3):
+            spin += (relative[m, n] - poses[row, 3 * m + n]) ** 2
+    # two rotations differ by a matrix with two equal singular values and a zero
+    return float(np.sqrt(way) + np.sqrt(0.5 * spin) * radius)
 
 
 @bare_kernel
