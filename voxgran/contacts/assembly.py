@@ -1,7 +1,7 @@
 """Grains in a container as plain arrays: few shapes, many poses."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,22 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import rotation_matrices
 from voxgran.containers.model import Container
 from voxgran.shapes.model import Shape
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Lid:
+    """A flat wall that lies on the grains.
+
+    Attributes
+    ----------
+    normal : (3,) ndarray of float
+        Along an axis, away from the grains.
+    level : float
+        Place of the lid along its normal, from the origin.
+    """
+
+    normal: Floats
+    level: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +48,8 @@ class Assembly:
         Unit quaternions (w, x, y, z) from the body frame to the container.
     container : Container
         What holds them.
+    lid : Lid, optional
+        One more wall.
     """
 
     shapes: tuple[Shape, ...]
@@ -40,6 +58,7 @@ class Assembly:
     position: Floats
     orientation: Floats
     container: Container
+    lid: Lid | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(

@@ -36,7 +36,7 @@ ROUNDING = 1e-12
 
 
 def escape_depths(assembly: Assembly) -> Floats:
-    """Return how far each grain reaches beyond the walls of its container.
+    """Return how far each grain reaches beyond the walls of its container, and beyond a lid.
 
     Parameters
     ----------
@@ -50,6 +50,33 @@ def escape_depths(assembly: Assembly) -> Floats:
         infinity where there are no walls. In containers of other kinds than those of voxgran, grains that are
         no balls count with their tessellation and its error.
     """
+    escape = _beyond_container(assembly)
+    return escape if assembly.lid is None else np.maximum(escape, beyond_lid(assembly))
+
+
+def beyond_lid(assembly: Assembly) -> Floats:
+    """Return how far each grain reaches beyond the lid, negative below it.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains.
+
+    Returns
+    -------
+    (n,) ndarray of float
+        In the unit of lengths; minus infinity where there is no lid.
+    """
+    if assembly.lid is None:
+        return np.full(assembly.count, -np.inf)
+    low, high = grain_bounds(assembly)
+    normal = assembly.lid.normal
+    reach = np.where(normal > 0, high, -low) @ np.abs(normal)
+    return np.asarray(assembly.position @ normal + reach - assembly.lid.level)
+
+
+def _beyond_container(assembly: Assembly) -> Floats:
+    """Return how far each grain reaches beyond the walls of the container."""
     container = assembly.container
     escape = np.full(assembly.count, -np.inf)
     if isinstance(container, ClosedMesh):

@@ -3,8 +3,6 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.walls import grain_bounds
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.sphere import Sphere
@@ -103,15 +101,3 @@ def lid_rests(state: State) -> bool:
     lowered, before = state.arrays["lid"].tolist()
     state.arrays["lid"][1] = lowered
     return bool(lowered - before <= LID_STEP)
-
-
-def way_of_lid(problem: Problem, state: State, assembly: Assembly) -> float:
-    """Return how far the lid has come down, in median diameters; it gives way to grains that had to be parted."""
-    lowered = float(state.arrays["lid"][0])
-    if not lowered or not assembly.count:
-        return lowered
-    down = main_axis(gravity_vector(problem))
-    lower, upper = assembly.container.bounds
-    low, high = grain_bounds(assembly)
-    room = np.where(down > 0, assembly.position + low - lower, upper - assembly.position - high)
-    return max(0.0, min(lowered, float(room[:, down != 0].min())))

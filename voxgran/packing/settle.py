@@ -20,30 +20,26 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.rotation import normalized, product
-from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs
 from voxgran.contacts.find import PairKey, meeting_pairs, pair_keys
 from voxgran.contacts.walls import escape_depths
-from voxgran.packing.method import State
 from voxgran.packing.projection import project
 from voxgran.packing.touching import Touching, closing_of, find_touching, joined, near_walls, places_of
-from voxgran.packing.wishes import Wish, falling, shaken
+from voxgran.packing.wishes import Wish
 
 #: most iterations of the projection, and the change, in steps, at which it ends: far below the slack
 ITERATIONS, CLOSE = 400, 3e-3
 #: overlaps up to here are round-off, in median diameters
 ROUND_OFF = 1e-12
-#: mean sinking, in steps, below which the step is halved; and the smallest step, in median diameters
-CALM, SMALLEST = 0.05, 1e-3
+#: mean way along gravity, in steps, below which a sweep counts as calm
+CALM = 0.05
 #: times that places of overlap are added before grains are taken back
 CUTS = 10
 #: halvings of the way in which the place is found where two grains meet
 BISECTIONS = 10
 #: largest way and turn of a sweep, in steps: what is cut off here breaks what the projection kept
 FARTHEST = 8.0
-#: step of shaking, in median diameters, and sweeps for which a grain is pulled in one direction
-SHAKE_STEP, SHAKE_SWEEPS = 0.05, 3
 #: within which distance contacts are kept open while grains are parted, and by how much they are parted at least, in
 #: median diameters
 PART_REACH, PART_ROOM = 0.02, 1e-5
@@ -51,26 +47,7 @@ PART_REACH, PART_ROOM = 0.02, 1e-5
 HALVINGS, RETREATS = 4, 60
 
 
-def begin_settling(state: State, assembly: Assembly, gravity: Floats, step: float) -> None:
-    """Note in the state of a method that its grains settle from now on.
-
-    Parameters
-    ----------
-    state : State
-        Of the method.
-    assembly : Assembly
-        The grains that have entered, in the normalized frame.
-    gravity : (3,) ndarray of float
-        Direction of the fall.
-    step : float
-        First step of the fall, in median diameters.
-    """
-    state.arrays["position"], state.arrays["orientation"] = assembly.position.copy(), assembly.orientation.copy()
-    state.arrays["settling"] = np.array([step, _height(assembly, gravity), step])
-    state.counters.update(settling_at=state.done, settling_sweeps=0)
-
-
-def part_once(assembly: Assembly, gravity: Floats) -> tuple[Assembly, int]:
+def part_once(assembly: Assembly, gravity: Floats, sweep: int = 0) -> tuple[Assembly, int]:
     """Push grains that overlap a little apart, in the least motions that do so to first order.
 
     Parameters
@@ -79,6 +56,8 @@ def part_once(assembly: Assembly, gravity: Floats) -> tuple[Assembly, int]:
         The grains.
     gravity : (3,) ndarray of float
         Direction of the fall, along which contacts are solved.
+    sweep : int
+        Sweeps that have not parted them: the more, the more room is asked for.
 
     Returns
     -------
@@ -98,7 +77,7 @@ def part_once(assembly: Assembly, gravity: Floats) -> tuple[Assembly, int]:
     touching.gap[touching.j < 0] -= error[touching.i[touching.j < 0]]
     none, step = np.zeros((assembly.count, 3)), max(-float(touching.gap.min(initial=0.0)), PART_ROOM * size)
     # what turns of the grains and the end of the projection leave out
-    room = PART_ROOM * size + 0.05 * step
+    room = (1 + sweep) * PART_ROOM * size + 0.05 * step
     limits = np.where(touching.gap < 0.0, touching.gap - room, np.maximum(touching.gap - room, 0.0))
     fall = step * gravity if gravity.any() else step * np.eye(3)[assembly.dimension - 1]
     held, impulses = np.zeros(assembly.count, dtype=np.bool_), np.zeros((len(touching.i), 4))
@@ -106,86 +85,15 @@ def part_once(assembly: Assembly, gravity: Floats) -> tuple[Assembly, int]:
     return _shifted(assembly, slide, spin), many
 
 
-def settle_sweep(state: State, assembly: Assembly, gravity: Floats, *, friction: float = 0.0) -> bool:
-    """Make one sweep; tell whether the grains have come to rest.
-
-    Parameters
-    ----------
-    state : State
-        Of the method.
-    assembly : Assembly
-        The grains where the state has them.
-    gravity : (3,) ndarray of float
-        Direction of the fall.
-    friction : float
-        Coefficient of friction.
-    """
-    step, _, first = state.arrays["settling"].tolist()
-    after, back = settle_once(assembly, step * gravity, friction)
-    state.arrays["position"], state.arrays["orientation"] = after.position.copy(), after.orientation.copy()
-    state.counters["settling_sweeps"] += 1
-    sunk = float(((after.position - assembly.position) @ gravity).mean())
-    if sunk < CALM * step:
-        state.arrays["settling"][0] = step / 2
-    elif not back:
-        state.arrays["settling"][0] = min(first, 1.5 * step)
-    return bool(state.arrays["settling"][0] < SMALLEST)
-
-
-def shake_sweep(
-    state: State, assembly: Assembly, gravity: Floats, *, strength: float, friction: float, seed: int
-) -> None:
-    """Make one sweep in which the grains are shaken.
-
-    Parameters
-    ----------
-    state : State
-        Of the method.
-    assembly : Assembly
-        The grains where the state has them.
-    gravity : (3,) ndarray of float
-        Direction of the fall.
-    strength : float
-        Of the shaking, in gravities.
-    friction : float
-        Coefficient of friction.
-    seed : int
-        Seed of the run.
-    """
-    draws = stream(seed, "shaking", state.counters["settling_sweeps"] // SHAKE_SWEEPS)
-    after, _ = _follow(assembly, shaken(assembly, SHAKE_STEP * gravity, strength, draws), friction)
-    state.arrays["position"], state.arrays["orientation"] = after.position.copy(), after.orientation.copy()
-    state.counters["settling_sweeps"] += 1
-
-
-def settling_report(state: State, assembly: Assembly, gravity: Floats) -> dict[str, float]:
-    """Return what settling gained: sweeps, mean sinking in median diameters, and how much denser the bed is."""
-    before, after = float(state.arrays["settling"][1]), _height(assembly, gravity)
-    return {
-        "sweeps": state.counters["settling_sweeps"],
-        "mean_sinking": before - after,
-        "density_gain": before / after - 1.0 if after > 0 else 0.0,
-    }
-
-
-def _height(assembly: Assembly, gravity: Floats) -> float:
-    """Return the mean height of the centroids over the lowest corner of the container, along gravity."""
-    if not assembly.count:
-        return 0.0
-    lower, upper = assembly.container.bounds
-    floor = np.where(gravity > 0, upper, lower)
-    return float(((assembly.position - floor) @ -gravity).mean())
-
-
-def settle_once(assembly: Assembly, fall: Floats, friction: float = 0.0) -> tuple[Assembly, int]:
-    """Let all grains fall by a small step as far as they are free to slide and turn.
+def follow(assembly: Assembly, wish: Wish, friction: float = 0.0) -> tuple[Assembly, int]:
+    """Let all grains go as near to their wish as they are free to slide and turn.
 
     Parameters
     ----------
     assembly : Assembly
         Grains that do not overlap.
-    fall : (3,) ndarray of float
-        The step.
+    wish : Wish
+        A small motion of each.
     friction : float
         Coefficient of friction.
 
@@ -196,11 +104,6 @@ def settle_once(assembly: Assembly, fall: Floats, friction: float = 0.0) -> tupl
     int
         How many grains went a part of their way only.
     """
-    return _follow(assembly, falling(assembly, fall), friction)
-
-
-def _follow(assembly: Assembly, wish: Wish, friction: float) -> tuple[Assembly, int]:
-    """Return the grains after a sweep, as near to their wish as they are free to go, and how many were held back."""
     step = wish.step
     touching = find_touching(assembly, 4.0 * step)
     # what a turn of the normals and the end of the projection leave out

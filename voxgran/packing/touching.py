@@ -121,13 +121,21 @@ def places_of(assembly: Assembly, pairs: Pairs, reach: float) -> Touching:
 
 
 def near_walls(assembly: Assembly, reach: float) -> Touching:
-    """Return where grains are near walls.
+    """Return where grains are near walls, and near a lid.
 
     Balls touch at one place. Of other grains each side of flat walls counts by itself, with the corners that are
     nearest to it; at other containers the point of the tessellation that is nearest.
     """
-    container = assembly.container
     ball = np.array([is_one_ball(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)[assembly.shape_id]
+    found, lid = _near_container(assembly, ball, reach), assembly.lid
+    if lid is None:
+        return found
+    return joined([found, _near_side(assembly, ball, lid.normal, lid.level - assembly.position @ lid.normal, reach)])
+
+
+def _near_container(assembly: Assembly, ball: Booleans, reach: float) -> Touching:
+    """Return where grains are near the walls of their container."""
+    container = assembly.container
     if isinstance(container, Box | Rectangle):
         lower, upper = container.bounds
         found = []

@@ -9,9 +9,9 @@ from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import grain_pairs
-from voxgran.packing.settle import settle_once
+from voxgran.packing.settle import follow
 from voxgran.packing.touching import find_touching, joined, near_corners
-from voxgran.packing.wishes import shaken
+from voxgran.packing.wishes import falling, shaken
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -20,7 +20,7 @@ def settled(assembly, sweeps, step=0.02):
     """Settle with steps that are halved when little is gained."""
     for _ in range(sweeps):
         before = assembly.position[:, 2].mean()
-        assembly = settle_once(assembly, step * DOWN)[0]
+        assembly = follow(assembly, falling(assembly, step * DOWN))[0]
         if before - assembly.position[:, 2].mean() < 0.03 * step:
             step = max(step / 2, 2e-5)
     return assembly
@@ -120,7 +120,7 @@ def test_random_motion_never_makes_an_overlap():
     )
     for _ in range(30):
         fall = generator.normal(size=3)
-        assembly = settle_once(assembly, 0.05 * fall / np.linalg.norm(fall))[0]
+        assembly = follow(assembly, falling(assembly, 0.05 * fall / np.linalg.norm(fall)))[0]
         proof = vg.verify(packing_of(assembly))
         assert proof.ok
 
@@ -128,7 +128,6 @@ def test_random_motion_never_makes_an_overlap():
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"settling": 5, "cover": "center"}, "touch"),
         ({"settling": -1}, "settling"),
         ({"friction": 0.3}, "friction is 0.3 and settling 0"),
         ({"friction": -0.1, "settling": 5}, "friction"),

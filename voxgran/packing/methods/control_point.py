@@ -49,16 +49,15 @@ from voxgran.packing.control_feeding import (
     most_attempts,
     next_event,
     patience,
-    way_of_lid,
 )
 from voxgran.packing.control_records import Rules
 from voxgran.packing.control_setting import Setting, bed_of, memory_needed, setting_of
 from voxgran.packing.control_walk import enter_raised, make_attempts
+from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
 from voxgran.packing.gravity import gravity_text, gravity_vector, main_axis
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settle import begin_settling, part_once, settle_sweep, settling_report
 from voxgran.packing.start import Start, refuse_start, upward
 from voxgran.shapes.curvature import largest_curvature
 
@@ -66,10 +65,6 @@ from voxgran.shapes.curvature import largest_curvature
 SETTLE_DEPTH = 0.001
 #: shortest step, in diameters of the grain
 SHORTEST_STEP = 0.002
-#: sweeps at the most in which grains that overlap between their points are parted
-PART_SWEEPS = 100
-#: how a walk may end, by number
-ENDS = ("settled", "full", "steps")
 #: what the kernel counts, in its order
 TALLY = (
     "placed",
@@ -137,6 +132,10 @@ class ControlPoint:
         0, doc="most sweeps in which the true shapes settle after the walk and close what is open"
     )
     friction: float = parameter(0.0, doc="coefficient of friction between grains, and at walls, while they settle")
+    shaking: int = parameter(
+        0, doc="sweeps in which each true shape is pulled and turned its own way before all settle; they come on top"
+    )
+    acceleration: float = parameter(0.8, doc="strength of the shaking at its start, in gravities; it dies away evenly")
     lid: bool = parameter(False, doc="whether a lid comes down on the bed, a small step at a time where it finds room")
 
     def __post_init__(self) -> None:
@@ -180,6 +179,12 @@ class ControlPoint:
             raise InputError(
                 f"friction is {self.friction:g} and settling 0: it acts while grains settle; set settling, such as 200"
             )
+        as_count(self.shaking, "shaking")
+        as_number(self.acceleration, "acceleration", above=0.0)
+        if self.shaking and not self.settling:
+            raise InputError(
+                f"shaking is {self.shaking} and settling 0: shaken grains have to settle; set settling, such as 200"
+            )
         if self.lid and self.gravity == "none":
             raise InputError("lid is true and gravity 'none': it needs to know where down is; choose a direction")
 
@@ -212,9 +217,8 @@ def prepare(problem: Problem) -> State:
         "height": np.full(1, np.inf),
         "lid": np.zeros(2),
     }
-    later = {"fed_at": -1, "layer_ends": -1, "layer_placed": 0, "ended": -1, "parting_sweeps": 0}
-    later |= {"left_overlapping": 0, "settling_at": -1, "walked": 0}
-    state = State(arrays, {**dict.fromkeys(TALLY, 0), **later}, 0, most_attempts(problem, n))
+    counters = {**dict.fromkeys(TALLY, 0), "fed_at": -1, "layer_ends": -1, "layer_placed": 0, **COUNTERS}
+    state = State(arrays, counters, 0, most_attempts(problem, n))
     if n == 0:
         state.stop_reason = "count"
     if problem.start is not None and problem.start.count:
@@ -246,7 +250,8 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     last = state.done + attempts
     while state.done < last and not state.stop_reason:
         if state.counters["ended"] >= 0:
-            _finish_on_true_shapes(problem, state, last)
+            entered = state.counters["placed"] == problem.count
+            finish_some(state, _finishing(problem), _assembly(problem, state), last=last, entered=entered)
             continue
         setting, due = setting_of(problem, state), next_event(problem, state)
         _walk(problem, state, setting, min(last, due))
@@ -268,13 +273,9 @@ def finish(problem: Problem, state: State) -> Packing:
     assembly = _assembly(problem, state)
     provenance: dict[str, object] = {
         "parameters": {**to_mapping(problem.parameters), "gravity": gravity_text(problem)},
-        "lid_lowered": way_of_lid(problem, state, assembly) * problem.unit_length,
+        "lid_lowered": float(state.arrays["lid"][0]) * problem.unit_length,
+        **finishing_report(state, assembly, gravity_vector(problem)),
     }
-    if state.counters["parting_sweeps"]:
-        kept = ("parting_sweeps", "left_overlapping")
-        provenance["parting"] = {name.partition("_")[2]: state.counters[name] for name in kept}
-    if state.counters["settling_at"] >= 0:
-        provenance["settling"] = settling_report(state, assembly, gravity_vector(problem))
     return Packing.of(
         problem.original,
         problem.container.scaled(problem.unit_length),
@@ -289,10 +290,9 @@ def finish(problem: Problem, state: State) -> Packing:
 
 def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
-    finishing = (PART_SWEEPS if _needs_parting(problem) else 0) + problem.parameters.settling
     return Cost(
         memory=memory_needed(problem),
-        attempts=most_attempts(problem, problem.count) + finishing * problem.count,
+        attempts=most_attempts(problem, problem.count) + _finishing(problem).sweeps * problem.count,
         sampled_shapes=len(problem.shapes) if problem.count else 0,
     )
 
@@ -339,64 +339,30 @@ def _look_at_bed(problem: Problem, state: State) -> None:
     shaken = state.done - counters["fed_at"] >= problem.parameters.sweeps * counters["placed"]
     calm = lid_rests(state) and abs(sunk) <= SETTLE_DEPTH * counters["placed"]
     if shaken and (calm or not gravity.any()):
-        _end_walk(problem, state, "settled" if entered else "full")
+        _end(problem, state, "settled" if entered else "full")
     elif state.done >= state.total:
-        _end_walk(problem, state, "steps" if entered else "full")
+        _end(problem, state, "steps" if entered else "full")
 
 
-def _needs_parting(problem: Problem) -> bool:
-    """Tell whether grains may overlap between their control points, which those that are not smooth may."""
+def _finishing(problem: Problem) -> Finishing:
+    """Return what is asked for after the walk; between their control points all but smooth grains may overlap."""
     settings: ControlPoint = problem.parameters
     smooth = all(largest_curvature(shape.geometry) is not None for shape in problem.shapes)
-    return settings.contact == "sdf" and not settings.overlap and not smooth
+    return Finishing(
+        parts=settings.contact == "sdf" and not settings.overlap and not smooth,
+        settling=settings.settling,
+        shaking=settings.shaking,
+        acceleration=settings.acceleration,
+        friction=settings.friction,
+        step=0.25 * settings.spacing,
+        gravity=gravity_vector(problem),
+        seed=problem.seed,
+    )
 
 
-def _end_walk(problem: Problem, state: State, reason: str) -> None:
+def _end(problem: Problem, state: State, reason: str) -> None:
     """End the walk, and go on with the true shapes where that is asked for or needed."""
-    parts = _needs_parting(problem)
-    if not parts and not problem.parameters.settling:
-        state.stop_reason = reason
-        return
-    placed = _placed(state)
-    state.counters["ended"], state.counters["walked"] = ENDS.index(reason), state.done
-    for name in ("position", "orientation"):
-        state.arrays[name] = state.arrays[name][placed].copy()
-    state.arrays["grains"] = placed
-    sweeps = (PART_SWEEPS if parts else 0) + problem.parameters.settling
-    state.total = state.done + sweeps * max(len(placed), 1)
-    if not parts:
-        _end_parting(problem, state)
-
-
-def _end_parting(problem: Problem, state: State) -> None:
-    """Stop, or let the true shapes settle; grains that could not be parted stay as they are."""
-    if problem.parameters.settling and not state.counters["left_overlapping"]:
-        begin_settling(state, _assembly(problem, state), gravity_vector(problem), 0.25 * problem.parameters.spacing)
-    else:
-        state.stop_reason = ENDS[state.counters["ended"]]
-
-
-def _finish_on_true_shapes(problem: Problem, state: State, last: int) -> None:
-    """Make a sweep of parting or settling when it is due: one for as many attempts as there are grains."""
-    counters, placed = state.counters, len(state.arrays["grains"])
-    sweeps = counters["settling_sweeps"] if counters["settling_at"] >= 0 else counters["parting_sweeps"]
-    begin = counters["settling_at"] if counters["settling_at"] >= 0 else counters["walked"]
-    due = begin + (sweeps + 1) * max(placed, 1)
-    state.done = min(last, due)
-    if state.done < due:
-        return
-    settings: ControlPoint = problem.parameters
-    gravity, assembly = gravity_vector(problem), _assembly(problem, state)
-    if counters["settling_at"] >= 0:
-        rests = settle_sweep(state, assembly, gravity, friction=settings.friction)
-        if rests or sweeps + 1 >= settings.settling:
-            state.stop_reason = "settled" if placed == problem.count else "full"
-        return
-    after, counters["left_overlapping"] = part_once(assembly, gravity)
-    state.arrays["position"], state.arrays["orientation"] = after.position.copy(), after.orientation.copy()
-    counters["parting_sweeps"] += 1
-    if not counters["left_overlapping"] or counters["parting_sweeps"] == PART_SWEEPS:
-        _end_parting(problem, state)
+    end_walk(state, _finishing(problem), _assembly(problem, state), placed=_placed(state), reason=reason)
 
 
 def _placed(state: State) -> Integers:

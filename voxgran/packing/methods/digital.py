@@ -41,12 +41,12 @@ from voxgran.packing.digital_setting import (
     records,
     setting_of,
 )
+from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
 from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.lattice import packing_of_poses, positions_on
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settle import begin_settling, settle_sweep, settling_report, shake_sweep
 from voxgran.packing.start import Start, refuse_start, upward
 from voxgran.packing.turns import SORT_SWEEPS, look_at_turns, lower_lid_again, sort_grains, turn_arrays
 from voxgran.packing.walk import enter_raised, make_attempts
@@ -141,10 +141,6 @@ class Digital:
         as_number(self.friction, "friction", at_least=0.0)
         as_count(self.shaking, "shaking")
         as_number(self.acceleration, "acceleration", above=0.0)
-        if self.settling and self.cover != "touch":
-            raise InputError(
-                f"settling is {self.settling} and cover {self.cover!r}: it needs grains apart; use 'touch'"
-            )
         if self.friction and not self.settling:
             raise InputError(
                 f"friction is {self.friction:g} and settling 0: it acts while grains settle; set settling, such as 200"
@@ -183,10 +179,11 @@ def prepare(problem: Problem) -> State:
         "turn": np.zeros(n, dtype=np.int64),
         "queue": np.arange(n, dtype=np.int64),
         "height": np.full(1, np.inf),
+        "lid": np.zeros(1),
         **turn_arrays(problem),
     }
     counters = {**dict.fromkeys(TALLY, 0), "fed_at": -1, "layer_ends": -1, "layer_placed": 0, "lid_lowered": 0}
-    counters |= {"settling_at": -1, "settling_sweeps": 0}
+    counters |= COUNTERS
     total = n * (settings.sweeps + 40 * SETTLE_SWEEPS)
     state = State(arrays, counters, 0, total)
     if n == 0:
@@ -222,8 +219,10 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         lower_lid_again(problem, state, setting)
     last = state.done + attempts
     while state.done < last and not state.stop_reason:
-        if state.counters["settling_at"] >= 0:
-            _settle(problem, state, setting, last)
+        if state.counters["ended"] >= 0:
+            entered = state.counters["placed"] == problem.count
+            assembly = _assembly(problem, state, setting)
+            finish_some(state, _finishing(problem, setting), assembly, last=last, entered=entered)
             continue
         due = _next_event(problem, state)
         _walk(problem, state, setting, min(last, due))
@@ -242,10 +241,9 @@ def finish(problem: Problem, state: State) -> Packing:
     assembly = _assembly(problem, state, setting)
     provenance = {
         "parameters": {"gravity": gravity_text(problem)},
-        "lid_lowered": state.counters["lid_lowered"] * setting.lattice.voxel_size * problem.unit_length,
+        "lid_lowered": _way_of_lid(problem, state, setting) * problem.unit_length,
+        **finishing_report(state, assembly, setting.gravity),
     }
-    if state.counters["settling_at"] >= 0:
-        provenance["settling"] = settling_report(state, assembly, setting.gravity)
     placed = np.flatnonzero(state.arrays["member"] >= 0)
     return packing_of_poses(
         problem,
@@ -261,7 +259,7 @@ def finish(problem: Problem, state: State) -> Packing:
 def _assembly(problem: Problem, state: State, setting: Setting) -> Assembly:
     """Return the grains that have entered, in the normalized frame: where they settled, or on the lattice."""
     placed = np.flatnonzero(state.arrays["member"] >= 0)
-    if state.counters["settling_at"] >= 0:
+    if state.counters["ended"] >= 0:
         position, orientation = state.arrays["position"], state.arrays["orientation"]
     else:
         turns = quaternions_of(setting.rotations[state.arrays["turn"][placed]].astype(np.float64))
@@ -277,22 +275,33 @@ def _assembly(problem: Problem, state: State, setting: Setting) -> Assembly:
     )
 
 
-def _settle(problem: Problem, state: State, setting: Setting, last: int) -> None:
-    """Let the true shapes settle: a sweep for as many attempts as there are grains."""
-    begin, placed = state.counters["settling_at"], max(state.counters["placed"], 1)
-    due = begin + (state.counters["settling_sweeps"] + 1) * placed
-    state.done = min(last, due)
-    if state.done != due:
-        return
+def _finishing(problem: Problem, setting: Setting) -> Finishing:
+    """Return what is asked for after the walk; voxels about their centers leave grains that overlap."""
     settings: Digital = problem.parameters
-    assembly, gravity, sweep = _assembly(problem, state, setting), setting.gravity, state.counters["settling_sweeps"]
-    if sweep < settings.shaking:
-        strength = settings.acceleration * (1.0 - sweep / settings.shaking)
-        shake_sweep(state, assembly, gravity, strength=strength, friction=settings.friction, seed=problem.seed)
-    else:
-        rests = settle_sweep(state, assembly, gravity, friction=settings.friction)
-        if rests or sweep + 1 >= settings.shaking + settings.settling:
-            state.stop_reason = "settled" if state.counters["placed"] == problem.count else "full"
+    return Finishing(
+        parts=settings.settling > 0 and settings.cover != "touch",
+        settling=settings.settling,
+        shaking=settings.shaking,
+        acceleration=settings.acceleration,
+        friction=settings.friction,
+        step=setting.lattice.voxel_size / 2,
+        gravity=setting.gravity,
+        seed=problem.seed,
+    )
+
+
+def _way_of_lid(problem: Problem, state: State, setting: Setting) -> float:
+    """Return how far the lid has come down, in median diameters."""
+    if state.counters["ended"] >= 0:
+        return float(state.arrays["lid"][0])
+    lattice, lowered = setting.lattice, state.counters["lid_lowered"]
+    if not lowered:
+        return 0.0
+    axis = int(np.argmax(np.abs(setting.down)))
+    lower, upper = problem.container.bounds
+    low = lattice.corner[axis] + lowered * lattice.voxel_size
+    high = lattice.corner[axis] + (lattice.shape[axis] - lowered) * lattice.voxel_size
+    return max(0.0, float(upper[axis] - high if setting.down[axis] < 0 else low - lower[axis]))
 
 
 def _cycles(problem: Problem) -> int:
@@ -396,14 +405,16 @@ def _look_at_bed(problem: Problem, state: State, setting: Setting) -> None:
     calm = before - height <= SETTLE_VOXELS * state.counters["placed"] and before >= height
     entered = state.counters["placed"] == problem.count
     if shaken and (calm or not setting.gravity.any()):
-        state.stop_reason = "settled" if entered else "full"
+        _end(problem, state, setting, "settled" if entered else "full")
     elif state.done >= state.total:
-        state.stop_reason = "steps" if entered else "full"
-    if state.stop_reason and problem.parameters.settling:
-        state.stop_reason = ""
-        begin_settling(state, _assembly(problem, state, setting), setting.gravity, setting.lattice.voxel_size / 2)
-        sweeps = problem.parameters.shaking + problem.parameters.settling
-        state.total = state.done + sweeps * max(state.counters["placed"], 1)
+        _end(problem, state, setting, "steps" if entered else "full")
+
+
+def _end(problem: Problem, state: State, setting: Setting, reason: str) -> None:
+    """End the walk, and go on with the true shapes where that is asked for."""
+    state.arrays["lid"][0] = _way_of_lid(problem, state, setting)
+    placed = np.flatnonzero(state.arrays["member"] >= 0)
+    end_walk(state, _finishing(problem, setting), _assembly(problem, state, setting), placed=placed, reason=reason)
 
 
 def cost(problem: Problem) -> Cost:
