@@ -15,7 +15,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.packing.bits import Words
-from voxgran.packing.graded_cells import Bed, Cells, enter, find_overlap
+from voxgran.packing.graded_cells import Bed, Cells, enter, extents, find_overlap
 from voxgran.packing.room import Room, is_between, is_held
 
 #: what becomes of the radius of a refused candidate
@@ -44,7 +44,7 @@ class Coordinates(NamedTuple):
     table: Floats
     used: NDArray[np.int8]
     pointer: Integers
-    kind: Integers
+    kind: NDArray[np.int32]
 
 
 @bare_kernel
@@ -54,7 +54,7 @@ def add_candidates(
     room: Room,
     rules: Rules,
     coordinates: Coordinates,
-    queue: Integers,
+    queue: NDArray[np.int32],
     tally: Integers,
     key: Words,
     first: int,
@@ -108,7 +108,7 @@ def _next_coordinate(rules, coordinates, queue, tally, attempt):  # type: ignore
 @bare_kernel
 def _try_at(bed, cells, room, rules, table, key, g, c):  # type: ignore[no-untyped-def]
     """Put a grain at a coordinate, moved away from others if need be; return how often it moved, -1 if refused."""
-    hx, hy, hz = bed.half[g, 0], bed.half[g, 1], bed.half[g, 2]
+    hx, hy, hz = extents(bed.half, g)
     u, v, w = coordinate(table, key, c)
     x, y, z = placed(room, 0, u, hx), placed(room, 1, v, hy), placed(room, 2, w, hz)
     for moves in range(rules.corrections + 1):

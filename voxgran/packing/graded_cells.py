@@ -23,9 +23,10 @@ LEVELS = 40
 
 
 class Bed(NamedTuple):
-    """The grains: where they are, half their extents (of a ball its radius, three times), their levels, who is in.
+    """The grains: where they are, half their extents, their levels, who is in.
 
-    In the plane z is 0 and half the extent along z is 1. `boxes`: grains are boxes, not balls.
+    half: of boxes a column for each axis (in the plane 1 along z), of balls one, the radius. In the plane z is 0.
+    `boxes`: grains are boxes, not balls.
     """
 
     position: Floats
@@ -56,8 +57,8 @@ def sort_into_levels(half: Floats) -> NDArray[np.int8]:
 
     Parameters
     ----------
-    half : (n, 2 or 3) ndarray of float
-        Half the extents along the axes of the plane or of space.
+    half : (n, 1, 2 or 3) ndarray of float
+        Half the extents along the axes of the plane or of space, of balls the radii.
     """
     size = half.max(axis=1, initial=0.0)
     largest = size.max(initial=0.0)
@@ -70,7 +71,7 @@ def lay_out(half: Floats, level: NDArray[np.int8], room: Room, dimension: int) -
 
     Parameters
     ----------
-    half : (n, 3) ndarray of float
+    half : (n, 1 or 3) ndarray of float
         Half the extents of the grains.
     level : (n,) ndarray of int
         Their levels.
@@ -94,7 +95,8 @@ def lay_out(half: Floats, level: NDArray[np.int8], room: Room, dimension: int) -
     first = np.concatenate([[0], np.cumsum(np.prod(count, axis=1))]).astype(np.int64)
     return Cells(
         *(count, room.lengths / count, first[:-1], reach, np.zeros(levels, dtype=np.int64)),
-        *(np.full(int(first[-1]), -1, dtype=np.int32), np.full(len(half), -1, dtype=np.int32)),
+        # what comes after a grain is written when it enters: zeros take no memory before
+        *(np.full(int(first[-1]), -1, dtype=np.int32), np.zeros(len(half), dtype=np.int32)),
     )
 
 
@@ -123,7 +125,7 @@ def link(bed: Bed, cells: Cells, room: Room, g: int) -> None:
 
 
 @bare_kernel
-def link_all(bed: Bed, cells: Cells, room: Room, order: Integers) -> None:
+def link_all(bed: Bed, cells: Cells, room: Room, order: NDArray[np.int32]) -> None:
     """Put all grains that have entered into empty cells, in the order in which they entered."""
     for k in range(len(order)):
         if bed.entered[order[k]] == 1:
@@ -275,7 +277,8 @@ def gather(
                         near[many, 0] = position[g, 0] + kx * room.lengths[0] - x
                         near[many, 1] = position[g, 1] + ky * room.lengths[1] - y
                         near[many, 2] = position[g, 2] + kz * room.lengths[2] - z
-                        near[many, 3], near[many, 4], near[many, 5] = hx + half[g, 0], hy + half[g, 1], hz + half[g, 2]
+                        gx, gy, gz = extents(half, g)
+                        near[many, 3], near[many, 4], near[many, 5] = hx + gx, hy + gy, hz + gz
                         if is_within(bed.boxes, near, many, 0.0, 0.0, 0.0, ex, ey, ez):
                             return -1
                         # with extents below zero: does it block the nearest point?
@@ -295,6 +298,13 @@ def is_within(boxes: bool, near: Floats, k: int, x: float, y: float, z: float, e
     if boxes:
         return dx < near[k, 3] and dy < near[k, 4] and dz < near[k, 5]
     return dx * dx + dy * dy + dz * dz < near[k, 3] * near[k, 3]
+
+
+@bare_kernel
+def extents(half: Floats, g: int) -> tuple[float, float, float]:
+    """Return half the extents of grain g along the axes; those of a ball are all in one column."""
+    last = half.shape[1] - 1
+    return half[g, 0], half[g, last >> 1], half[g, last]
 
 
 @bare_kernel

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning
@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 #: largest solid fraction of equal disks and balls: the hexagonal and the face-centred cubic lattice
 #: (Thue 1910; Hales 2005, doi:10.4007/annals.2005.162.1065)
 DENSEST = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
+#: grains that are drawn at a time, and at the most, where no count is given
+BLOCK, MOST_DRAWN = 1024, 10_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,11 +161,12 @@ def size_distance(asked: Floats, placed: Floats) -> float:
     """
     if not len(asked) or not len(placed):
         return 0.0
+    asked, placed = np.sort(asked), np.sort(placed)
     # sizes that differ by rounding are one size
-    sizes = np.sort(asked) * (1 + 1e-9)
-    share = np.searchsorted(sizes, sizes, side="right") / len(asked)
-    share -= np.searchsorted(np.sort(placed), sizes, side="right") / len(placed)
-    return float(np.abs(share, out=share).max())
+    sizes = np.unique(asked) * (1 + 1e-9)
+    share = np.searchsorted(asked, sizes, side="right") / len(asked)
+    share -= np.searchsorted(placed, sizes, side="right") / len(placed)
+    return float(np.abs(share).max())
 
 
 def _shares(shapes: Sequence[Shape], weights: ArrayLike | None, weights_by: str, own_size: bool) -> Floats:
@@ -188,29 +191,38 @@ def _draw(
     seed: int,
 ) -> tuple[Integers, Floats]:
     """Draw shapes and diameters, in blocks until the target volume is reached where no count is given."""
-    shape_ids: list[Integers] = []
-    diameters: list[Floats] = []
-    volume, block = 0.0, 0
-    while count is None or block == 0:
-        many = 1024 if count is None else count
-        shape_id = stream(seed, "shapes", block).choice(len(shapes), size=many, p=shares).astype(np.int64)
-        diameter = _diameters(shapes, shape_id, sizes, stream(seed, "sizes", block))
-        shape_ids.append(shape_id)
-        diameters.append(diameter)
-        if count is None:
-            volumes = volume + np.cumsum(_volumes(shapes, shape_id, diameter))
-            enough = int(np.searchsorted(volumes, target))
-            if enough < many:
-                shape_ids[-1], diameters[-1] = shape_id[: enough + 1], diameter[: enough + 1]
-                break
-            volume = float(volumes[-1])
-        block += 1
-        if count is None and block * many > 10_000_000:
-            raise InputError(
-                f"the grains fill {volume / target:.3g} of the wanted volume after 10 million: give a count or "
-                "larger sizes"
-            )
-    return np.concatenate(shape_ids), np.concatenate(diameters)
+    if count is not None:
+        return _draw_block(shapes, shares, sizes, count, seed, 0)
+    shape_ids, diameters = np.zeros(BLOCK, dtype=np.int64), np.zeros(BLOCK)
+    volume, drawn = 0.0, 0
+    while drawn < MOST_DRAWN:
+        if drawn == len(shape_ids):
+            shape_ids, diameters = _doubled(shape_ids), _doubled(diameters)
+        shape_id, diameter = _draw_block(shapes, shares, sizes, BLOCK, seed, drawn // BLOCK)
+        shape_ids[drawn : drawn + BLOCK], diameters[drawn : drawn + BLOCK] = shape_id, diameter
+        volumes = volume + np.cumsum(_volumes(shapes, shape_id, diameter))
+        enough = int(np.searchsorted(volumes, target))
+        if enough < BLOCK:
+            return shape_ids[: drawn + enough + 1], diameters[: drawn + enough + 1]
+        volume, drawn = float(volumes[-1]), drawn + BLOCK
+    raise InputError(
+        f"the grains fill {volume / target:.3g} of the wanted volume after {drawn}: give a count or larger sizes"
+    )
+
+
+def _doubled(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array twice as long; the zeros that follow take no memory until they are written."""
+    longer = np.zeros(2 * len(array), dtype=array.dtype)
+    longer[: len(array)] = array
+    return longer
+
+
+def _draw_block(
+    shapes: Sequence[Shape], shares: Floats, sizes: SizeDistribution | None, many: int, seed: int, block: int
+) -> tuple[Integers, Floats]:
+    """Draw shapes and diameters of so many grains."""
+    shape_id = stream(seed, "shapes", block).choice(len(shapes), size=many, p=shares).astype(np.int64)
+    return shape_id, _diameters(shapes, shape_id, sizes, stream(seed, "sizes", block))
 
 
 def _diameters(

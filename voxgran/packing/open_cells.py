@@ -17,6 +17,7 @@ Zhang & Torquato 2013, Precise algorithm to generate random sequential addition 
 Physical Review E 88, 053312, doi:10.1103/PhysRevE.88.053312
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Words
 from voxgran.packing.candidates import PLACED, REFUSED, TRIED, TURN
-from voxgran.packing.graded_cells import Bed, Cells, enter, find_overlap, gather, is_within
+from voxgran.packing.graded_cells import Bed, Cells, enter, extents, find_overlap, gather, is_within
 from voxgran.packing.lattice import WHOLE
 from voxgran.packing.open_boxes import NEAR, open_boxes
 from voxgran.packing.room import Room, is_barred, is_between, is_held
@@ -36,8 +37,10 @@ from voxgran.packing.room import Room, is_barred, is_between, is_held
 PATIENCE = 1
 #: first cells of a class at the most, per grain that it could have
 FIRST_CELLS = 4
-#: cells along an axis at the most, so that their numbers fit in 32 bits
-FINEST = 2**30
+#: cells along an axis at the most: smaller ones come near to what rounding does to a place
+FINEST = 2**45
+#: the lowest 16 bits of a number
+LOW = 0xFFFF
 #: where the tally counts grains that were given up without proof
 UNPROVEN = 5
 
@@ -50,7 +53,7 @@ class Classes(NamedTuple):
     which a grain is given up, 0 where all grains of the class are alike.
     """
 
-    kind: Integers
+    kind: NDArray[np.int32]
     half: Floats
     low: Floats
     span: Floats
@@ -62,8 +65,9 @@ class Classes(NamedTuple):
 class Open(NamedTuple):
     """The open cells of all classes, one class after the other.
 
-    cell: place of each, in cells of its class; of boxes lower corner and edges.  bounds: where the classes begin, and
-    the end.  misses: throws in vain since the cells of a class were last cut.  depth: how often they were cut.
+    cell: place of each, in cells of its class, as words of 16 bits: the three lowest ones and, where numbers need them,
+    three higher ones; of boxes lower corner and edges.  bounds: where the classes begin, and the end.  misses: throws
+    in vain since the cells of a class were last cut.  depth: how often they were cut.
     """
 
     cell: NDArray[Any]
@@ -72,12 +76,14 @@ class Open(NamedTuple):
     depth: Integers
 
 
-def make_classes(half: Floats, kind: Integers, queue: Integers, room: Room, dimension: int, tries: int) -> Classes:
+def make_classes(
+    half: Floats, kind: NDArray[np.int32], queue: NDArray[np.int32], room: Room, dimension: int, tries: int
+) -> Classes:
     """Return classes of sizes and how their first cells lie.
 
     Parameters
     ----------
-    half : (n, 3) ndarray of float
+    half : (n, 1 or 3) ndarray of float
         Half the extents of the grains.
     kind : (n,) ndarray of int
         Their classes.
@@ -121,13 +127,17 @@ def first_cells(classes: Classes, boxes: bool) -> Open:
     boxes : bool
         Whether the grains are boxes.
     """
-    cells: list[NDArray[Any]] = [np.zeros((0, 6)) if boxes else np.zeros((0, 3), dtype=np.int32)]
-    for base, low, span in zip(classes.base, classes.low, classes.span, strict=True):
-        place = np.indices(tuple(base.tolist())).reshape(3, -1).T
-        edge = np.broadcast_to(span / base, place.shape)
-        cells.append(np.column_stack([low + place * edge, edge]) if boxes else place.astype(np.int32))
-    bounds = np.cumsum([len(cell) for cell in cells]).astype(np.int64)
     nothing = np.zeros(len(classes.base), dtype=np.int64)
+    width = _width(classes, nothing)
+    cells: list[NDArray[Any]] = [np.zeros((0, 6)) if boxes else np.zeros((0, width), dtype=np.uint16)]
+    for base, low, span in zip(classes.base, classes.low, classes.span, strict=True):
+        place = np.indices(tuple(base.tolist()), dtype=np.uint32).reshape(3, -1).T
+        edge = np.broadcast_to(span / base, place.shape)
+        if boxes:
+            cells.append(np.column_stack([low + place * edge, edge]))
+        else:
+            cells.append(np.hstack([(place >> 16 * k & LOW).astype(np.uint16) for k in range(width // 3)]))
+    bounds = np.cumsum([len(cell) for cell in cells]).astype(np.int64)
     return Open(np.concatenate(cells), bounds, nothing, nothing.copy())
 
 
@@ -141,27 +151,47 @@ def cut_cells(bed: Bed, cells: Cells, room: Room, classes: Classes, known: Open,
     classes : Classes
         The classes.
     known : Open
-        The open cells so far.
+        The open cells so far; they are used up.
     kind : int
         Which class.
     """
     begin, end = int(known.bounds[kind]), int(known.bounds[kind + 1])
-    before = known.cell[begin:end]
-    if bed.boxes:
-        after = open_boxes(bed, cells, room, before, classes.half[kind])
-    else:
-        kept = np.zeros(len(before), dtype=np.uint8)
-        shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], classes.parts[kind])
-        many = int(_look_at_parts(bed, cells, room, before, *shape, np.zeros((NEAR, 6)), kept))
-        after = np.zeros((many, 3), dtype=np.int32)
-        _write_parts(before, classes.parts[kind], kept, after)
-    bounds = known.bounds.copy()
-    bounds[kind + 1 :] += len(after) - len(before)
     misses, depth = known.misses.copy(), known.depth.copy()
     misses[kind], depth[kind] = 0, depth[kind] + 1
-    # the only class needs no copy
-    every = after if len(before) == len(known.cell) else np.concatenate([known.cell[:begin], after, known.cell[end:]])
-    return Open(every, bounds, misses, depth)
+    if bed.boxes:
+        after = open_boxes(bed, cells, room, known.cell[begin:end], classes.half[kind])
+        many, cell = len(after), np.concatenate([known.cell[:begin], after, known.cell[end:]])
+    else:
+        kept = np.zeros(end - begin, dtype=np.uint8)
+        shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], classes.parts[kind])
+        near = np.zeros((NEAR, 6))
+        many = int(_look_at_parts(bed, cells, room, known.cell[begin:end], *shape, near, kept))
+        cell = _parts_in_place(known.cell, begin, kept, many, classes.parts[kind], _width(classes, depth))
+    bounds = known.bounds.copy()
+    bounds[kind + 1 :] += many - (end - begin)
+    return Open(cell, bounds, misses, depth)
+
+
+def _parts_in_place(
+    cell: NDArray[Any], begin: int, kept: NDArray[np.uint8], many: int, parts: Integers, width: int
+) -> NDArray[Any]:
+    """Return the cells with the kept parts of some in place of these; nothing large is held twice."""
+    if width > cell.shape[1] or not cell.flags.owndata:
+        cell = np.pad(cell, ((0, 0), (0, width - cell.shape[1])))
+    end, rest = begin + len(kept), len(cell) - begin - len(kept)
+    still = int(_drop_closed(cell[begin:end], kept))
+    # no array but this one sees the memory
+    cell.resize((max(len(cell), begin + many + rest), width), refcheck=False)
+    cell[begin + many : begin + many + rest] = cell[end : end + rest]
+    _write_parts(cell[begin : begin + many], still, parts, kept)
+    cell.resize((begin + many + rest, width), refcheck=False)
+    return cell
+
+
+def _width(classes: Classes, depth: Integers) -> int:
+    """Return how many words the place of a cell takes: three of 16 bits, twice or three times as many."""
+    last = int((classes.base * classes.parts ** depth[:, None]).max(initial=1)) - 1
+    return 3 * max(1, math.ceil(last.bit_length() / 16))
 
 
 def all_edges(classes: Classes, known: Open) -> Floats:
@@ -171,7 +201,7 @@ def all_edges(classes: Classes, known: Open) -> Floats:
 
 def volumes_up_to(classes: Classes, known: Open) -> Floats:
     """Return the volumes of the open boxes, each with those before it in its class; of lattice cells none, (0,)."""
-    if known.cell.shape[1] == 3:
+    if known.cell.dtype == np.uint16:
         return np.zeros(0)
     kind = np.repeat(np.arange(len(classes.base)), np.diff(known.bounds))
     volume = np.where(classes.parts[kind] == 2, known.cell[:, 3:], 1.0).prod(axis=1)
@@ -195,7 +225,7 @@ def throw_into_cells(
     edge: Floats,
     volume: Floats,
     last_cut: Integers,
-    queue: Integers,
+    queue: NDArray[np.int32],
     tally: Integers,
     key: Words,
     first: int,
@@ -270,10 +300,11 @@ def _throw(bed, cells, room, low, cell, volume, begin, many, edge, key, attempt,
         z = cell[k, 2] + unit_float(c) * cell[k, 5]
     else:
         k = begin + below(pick, many)
-        x = low[kind, 0] + (cell[k, 0] + unit_float(a)) * edge[kind, 0]
-        y = low[kind, 1] + (cell[k, 1] + unit_float(b)) * edge[kind, 1]
-        z = low[kind, 2] + (cell[k, 2] + unit_float(c)) * edge[kind, 2]
-    hx, hy, hz = bed.half[g, 0], bed.half[g, 1], bed.half[g, 2]
+        i, j, n = _numbers(cell, k)
+        x = low[kind, 0] + (i + unit_float(a)) * edge[kind, 0]
+        y = low[kind, 1] + (j + unit_float(b)) * edge[kind, 1]
+        z = low[kind, 2] + (n + unit_float(c)) * edge[kind, 2]
+    hx, hy, hz = extents(bed.half, g)
     if not is_between(room, x, y, z, hx, hy, hz):
         return False
     if find_overlap(bed, cells, room, x, y, z, hx, hy, hz, 0.0, False)[0] >= 0:
@@ -282,6 +313,17 @@ def _throw(bed, cells, room, low, cell, volume, begin, many, edge, key, attempt,
         return False
     enter(bed, cells, room, g, x, y, z)
     return True
+
+
+@bare_kernel
+def _numbers(cell, k):  # type: ignore[no-untyped-def]
+    """Return the numbers of a cell along the axes."""
+    i, j, n = 0, 0, 0
+    for word in range(cell.shape[1] - 3, -1, -3):
+        i = (i << 16) + np.int64(cell[k, word])
+        j = (j << 16) + np.int64(cell[k, word + 1])
+        n = (n << 16) + np.int64(cell[k, word + 2])
+    return i, j, n
 
 
 @bare_kernel
@@ -305,17 +347,16 @@ def _look_at_parts(bed, cells, room, cell, half, low, edge, parts, near, kept): 
     ex, ey, ez = 0.5 * edge[0], 0.5 * edge[1], 0.5 * edge[2]
     px, py, pz = ex / parts[0], ey / parts[1], ez / parts[2]
     for m in range(len(cell)):
-        x = low[0] + (cell[m, 0] + 0.5) * edge[0]
-        y = low[1] + (cell[m, 1] + 0.5) * edge[1]
-        z = low[2] + (cell[m, 2] + 0.5) * edge[2]
+        i, j, n = _numbers(cell, m)
+        x, y, z = low[0] + (i + 0.5) * edge[0], low[1] + (j + 0.5) * edge[1], low[2] + (n + 0.5) * edge[2]
         many = gather(bed, cells, room, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
         bits = 0
         for part in range(8 if many >= 0 else 0):
-            i, j, k = part >> 2, (part >> 1) & 1, part & 1
-            if i >= parts[0] or j >= parts[1] or k >= parts[2]:
+            i, j, n = part >> 2, (part >> 1) & 1, part & 1
+            if i >= parts[0] or j >= parts[1] or n >= parts[2]:
                 continue
             # the middle of a part, from the middle of the cell
-            qx, qy, qz = (2 * i + 1) * px - ex, (2 * j + 1) * py - ey, (2 * k + 1) * pz - ez
+            qx, qy, qz = (2 * i + 1) * px - ex, (2 * j + 1) * py - ey, (2 * n + 1) * pz - ez
             if _is_blocked(bed.boxes, near, many, qx, qy, qz, px, py, pz):
                 continue
             if is_barred(room, x + qx, y + qy, z + qz, px, py, pz, half[0]):
@@ -336,13 +377,31 @@ def _is_blocked(boxes, near, many, x, y, z, ex, ey, ez):  # type: ignore[no-unty
 
 
 @bare_kernel
-def _write_parts(cell, parts, kept, after):  # type: ignore[no-untyped-def]
-    """Write the parts that stay open."""
+def _drop_closed(cell, kept):  # type: ignore[no-untyped-def]
+    """Move the cells of which a part stays open to the front, and return how many these are."""
     many = 0
     for m in range(len(cell)):
-        for part in range(8):
+        if kept[m]:
+            for word in range(cell.shape[1]):
+                cell[many, word] = cell[m, word]
+            kept[many] = kept[m]
+            many += 1
+    return many
+
+
+@bare_kernel
+def _write_parts(cell, many, parts, kept):  # type: ignore[no-untyped-def]
+    """Write the parts of the first `many` cells that stay open over all cells, from the last to the first.
+
+    Each has one at least, so that none is overwritten before it is read.
+    """
+    row = len(cell)
+    for m in range(many - 1, -1, -1):
+        i, j, n = _numbers(cell, m)
+        for part in range(7, -1, -1):
             if kept[m] & (1 << part):
-                after[many, 0] = cell[m, 0] * parts[0] + (part >> 2)
-                after[many, 1] = cell[m, 1] * parts[1] + ((part >> 1) & 1)
-                after[many, 2] = cell[m, 2] * parts[2] + (part & 1)
-                many += 1
+                row -= 1
+                x, y, z = i * parts[0] + (part >> 2), j * parts[1] + ((part >> 1) & 1), n * parts[2] + (part & 1)
+                for word in range(0, cell.shape[1], 3):
+                    cell[row, word], cell[row, word + 1], cell[row, word + 2] = x & LOW, y & LOW, z & LOW
+                    x, y, z = x >> 16, y >> 16, z >> 16

@@ -32,7 +32,7 @@ class Task:
 
     method: PackingMethod
     problem: Problem
-    grains: Grains
+    removed: dict[str, float]
     asked: dict[str, Any]
 
 
@@ -221,7 +221,7 @@ def prepare_task(
             diameter=np.concatenate([start.diameters, grains.diameter]),
         )
         given = (*start.shapes, *given)
-    return Task(chosen, _problem(given, container, grains, settings, seed=seed, start=start), grains, asked)
+    return Task(chosen, _problem(given, container, grains, settings, seed=seed, start=start), grains.removed, asked)
 
 
 def _problem(
@@ -272,12 +272,16 @@ def with_provenance(task: Task, state: State, packing: Packing, *, seconds: floa
 
 def _misses(task: Task, packing: Packing) -> dict[str, float]:
     """Return by how much the packing misses what was asked: grains, solid fraction, and gradation by number."""
-    drawn = task.problem.diameter * task.problem.unit_length
+    here = 0 if task.problem.start is None else task.problem.start.count
     missed: dict[str, float] = {"count": task.problem.count - packing.count}
     if task.asked["solid_fraction"] is not None and task.asked["count"] is None:
         missed["solid_fraction"] = max(0.0, float(task.asked["solid_fraction"]) - packing.solid_fraction)
-    missed["gradation"] = size_distance(drawn, packing.diameters) if missed["count"] else 0.0
-    return {**missed, **{f"cannot_fit_{k}": v for k, v in task.grains.removed.items()}}
+    missed["gradation"] = 0.0
+    if missed["count"]:
+        # grains of the start come first, and nobody asked for their sizes
+        drawn, placed = task.problem.diameter[here:], packing.diameters[here:]
+        missed["gradation"] = size_distance(drawn * task.problem.unit_length, placed)
+    return {**missed, **{f"cannot_fit_{k}": v for k, v in task.removed.items()}}
 
 
 def _installed(name: str) -> bool:

@@ -36,8 +36,8 @@ class Setting:
 
     Attributes
     ----------
-    half : (n, 3) ndarray of float
-        Half the extents of the grains.
+    half : (n, 1 or 3) ndarray of float
+        Half the extents of the grains; of balls one column, the radii.
     level : (n,) ndarray of int
         Their levels of size.
     room : Room
@@ -62,8 +62,8 @@ class Setting:
     level: NDArray[np.int8]
     room: Room
     cells: Cells
-    queue: Integers
-    kind: Integers
+    queue: NDArray[np.int32]
+    kind: NDArray[np.int32]
     table: Floats
     rules: Rules
     classes: Classes | None
@@ -90,10 +90,13 @@ def make_setting(problem: Problem) -> Setting:
         )
     level = sort_into_levels(half[:, : problem.dimension])
     queue = queue_of(problem, half, room)
-    kind = np.zeros(0, dtype=np.int64)
+    kind = np.zeros(0, dtype=np.int32)
     if saturate or scan:
-        kind = np.zeros(problem.count, dtype=np.int64)
-        kind[queue] = sizes_of(half[queue], CLASSES if saturate else None)
+        kind = np.zeros(problem.count, dtype=np.int32)
+        found = sizes_of(half[queue], CLASSES if saturate else None)
+        # where all are in the first class zeros take no memory
+        if found.any():
+            kind[queue] = found
     corrections = settings.corrections if settings.correcting else 0
     return Setting(
         half=half,
@@ -110,7 +113,9 @@ def make_setting(problem: Problem) -> Setting:
 
 
 def half_extents(problem: Problem) -> Floats:
-    """Return half the extents of the grains as the method treats them, (n, 3), in median diameters.
+    """Return half the extents of the grains as the method treats them, in median diameters.
+
+    Boxes have a column for each axis, balls one: (n, 3) or (n, 1).
 
     Raises
     ------
@@ -125,9 +130,10 @@ def half_extents(problem: Problem) -> Floats:
             )
         unit = np.array([_half_of_box(shape) for shape in problem.shapes])
     else:
-        unit = np.array([[shape.bounding_radius] * 3 for shape in problem.shapes])
-    half = unit[problem.shape_id] * problem.diameter[:, None]
-    if problem.dimension == 2:
+        unit = np.array([[shape.bounding_radius] for shape in problem.shapes])
+    half = unit[problem.shape_id]
+    half *= problem.diameter[:, None]
+    if problem.parameters.aligned and problem.dimension == 2:
         half[:, 2] = 1.0
     return np.asarray(half)
 
@@ -147,8 +153,10 @@ def _half_of_box(shape: Shape) -> Floats:
     )
 
 
-def orientations(problem: Problem, placed: Integers) -> Floats:
+def orientations(problem: Problem, placed: Integers) -> Floats | None:
     """Return the orientations of some grains, (m, 4): random, but of balls, of aligned grains and of the start.
+
+    None where no grain is turned.
 
     Parameters
     ----------
@@ -157,8 +165,10 @@ def orientations(problem: Problem, placed: Integers) -> Floats:
     placed : (m,) ndarray of int
         Which grains, in their order.
     """
-    orientation = np.tile([1.0, 0.0, 0.0, 0.0], (len(placed), 1))
     balls = all(is_one_ball(shape.geometry) for shape in problem.shapes)
+    if problem.start is None and (balls or problem.parameters.aligned):
+        return None
+    orientation = np.tile([1.0, 0.0, 0.0, 0.0], (len(placed), 1))
     if not balls and not problem.parameters.aligned:
         generator = stream(problem.seed, "orientations")
         turned = np.array([not is_one_ball(shape.geometry) for shape in problem.shapes])[problem.shape_id[placed]]
@@ -177,20 +187,20 @@ def newcomers(problem: Problem) -> int:
     return problem.count - (0 if problem.start is None else problem.start.count)
 
 
-def queue_of(problem: Problem, half: Floats, room: Room) -> Integers:
+def queue_of(problem: Problem, half: Floats, room: Room) -> NDArray[np.int32]:
     """Return the grains that are to enter, as they come; those wider than the container stay out.
 
     Parameters
     ----------
     problem : Problem
         In the normalized frame.
-    half : (n, 3) ndarray of float
+    half : (n, 1 or 3) ndarray of float
         Half the extents of the grains.
     room : Room
         The container.
     """
     n, m = problem.count, newcomers(problem)
-    queue = np.arange(n - m, n, dtype=np.int64)
+    queue = np.arange(n - m, n, dtype=np.int32)
     if problem.parameters.order == "largest":
         queue = queue[np.argsort(-problem.volumes[queue], kind="stable")]
     elif problem.parameters.order == "random":
@@ -204,13 +214,15 @@ def sizes_of(half: Floats, most: int | None = None) -> Integers:
 
     Parameters
     ----------
-    half : (n, 3) ndarray of float
+    half : (n, 1 or 3) ndarray of float
         Half the extents.
     most : int or None
         If there are more sizes than this, they are put together to as many classes, by the geometric mean.
     """
-    rows, kind = np.unique(half, axis=0, return_inverse=True)
-    kind = kind.reshape(-1).astype(np.int64)
+    if (half == half[:1]).all():
+        return np.zeros(len(half), dtype=np.int64)
+    rows, kind = np.unique(half if half.shape[1] > 1 else half[:, 0], axis=0, return_inverse=True)
+    rows, kind = rows.reshape(-1, half.shape[1]), kind.reshape(-1)
     if most is None or len(rows) <= most:
         return kind
     size = np.log(rows).mean(axis=1)

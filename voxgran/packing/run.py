@@ -162,9 +162,11 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
         "shapes": [shape.key for shape in problem.shapes],
     }
     digest.update(json.dumps(head, sort_keys=True, default=str).encode())
-    digest.update(problem.shape_id.tobytes() + problem.diameter.tobytes())
+    arrays = [problem.shape_id, problem.diameter]
     if problem.start is not None:
-        digest.update(problem.start.position.tobytes() + problem.start.orientation.tobytes())
+        arrays += [problem.start.position, problem.start.orientation]
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array))
     return digest.hexdigest()
 
 

@@ -188,6 +188,8 @@ def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that found a place."""
     placed = np.flatnonzero(state.arrays["entered"])
     shape_id = problem.shape_id[placed]
+    position = state.arrays["position"][placed]
+    position *= problem.unit_length
     own = np.array([shape.diameter for shape in problem.original])
     provenance: dict[str, Any] = {"parameters": to_mapping(problem.parameters)}
     if "cell" in state.arrays:
@@ -195,7 +197,7 @@ def finish(problem: Problem, state: State) -> Packing:
     return Packing.of(
         problem.original,
         problem.container.scaled(problem.unit_length),
-        position=state.arrays["position"][placed] * problem.unit_length,
+        position=position,
         scale=problem.diameter[placed] * problem.unit_length / own[shape_id],
         shape_id=shape_id,
         orientation=orientations(problem, placed),
@@ -262,7 +264,7 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
 
 def _keep(problem: Problem, state: State, setting: Setting) -> None:
     """Keep a setting, with the grains that are in linked into its cells, in the order in which they entered."""
-    entering = np.concatenate([np.arange(problem.count - newcomers(problem)), setting.queue])
+    entering = np.concatenate([np.arange(problem.count - newcomers(problem), dtype=np.int32), setting.queue])
     link_all(_bed_of(state, setting), setting.cells, setting.room, entering)
     state.derived["setting"] = setting
 
@@ -286,7 +288,8 @@ def _throw(state: State, setting: Setting, bed: Bed, tally: Integers, key: Words
         if kind < 0:
             break
         known = cut_cells(*where, known, kind)
-    state.arrays.update(known._asdict())
+        # at once, so that the cells before are not kept
+        state.arrays.update(known._asdict())
 
 
 def _look(problem: Problem, state: State, setting: Setting) -> None:
@@ -299,6 +302,9 @@ def _look(problem: Problem, state: State, setting: Setting) -> None:
         # that there is no room for bounding balls does not prove that there is none for the true shapes
         reason = "saturated" if _treated_as(problem) != "bounding balls" else "full"
         state.stop_reason = reason if closed else "steps"
+    if state.stop_reason:
+        # cells and extents are as large as the grains, and nobody asks for them any more
+        state.derived.clear()
 
 
 def _treated_as(problem: Problem) -> str:
