@@ -64,7 +64,7 @@ def fit_clump(
     Raises
     ------
     InputError
-        If a value breaks a rule, the shape is flat, or no sphere fits.
+        If a value breaks a rule, the shape is flat or an open surface, or no sphere fits.
     UnknownNameError
         If the method or a parameter is unknown.
     """
@@ -98,6 +98,7 @@ def _both(given: Shape | Voxels) -> tuple[Shape, Voxels]:
         return shape, moved
     if given.dimension == 2:
         raise InputError(f"shape {given.name!r} is flat: a clump of spheres needs a solid; use disks in two dimensions")
+    given.refuse_open("clumps of spheres")
     return given, voxelize(given, voxel_size=given.diameter / RESOLUTION)
 
 

@@ -26,7 +26,9 @@ ACCURACY = 1e-3
 MOST_PATCHES = 20_000
 
 
-def deepest_of_triangles(tree: TriangleTree, triangles: Floats) -> tuple[float, Floats, Floats]:
+def deepest_of_triangles(
+    tree: TriangleTree, triangles: Floats, *, inside: bool = False
+) -> tuple[float, Floats, Floats]:
     """Find the point of some triangles that lies farthest from a closed surface.
 
     Parameters
@@ -34,18 +36,21 @@ def deepest_of_triangles(tree: TriangleTree, triangles: Floats) -> tuple[float, 
     tree : TriangleTree
         The closed surface.
     triangles : (m, 3, 3) ndarray of float
-        Corner points, all on one side of it.
+        Corner points, all on one side of it unless `inside` is true.
+    inside : bool
+        Whether only points inside of the closed surface count.
 
     Returns
     -------
     depth : float
-        The largest distance, a lower bound that is right to a thousandth.
+        The largest distance, a lower bound that is right to a thousandth; 0 where no point counts.
     point, nearest : (3,) ndarray of float
         Where it is, and the nearest point of the surface.
     """
     found = np.zeros(6)
     depth = _search_triangles(
-        np.ascontiguousarray(triangles), *tree.arrays, 1e-15 * tree.size, ACCURACY, MOST_PATCHES, found
+        np.ascontiguousarray(triangles),
+        *(*tree.arrays, tree.normals, inside, 1e-15 * tree.size, ACCURACY, MOST_PATCHES, found),
     )
     return depth, found[:3], found[3:]
 
@@ -120,10 +125,12 @@ def _cover(points, corners, low, high, start):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _try_point(x, y, z, corners, low, high, start, best, found, sight):  # type: ignore[no-untyped-def]
+def _try_point(x, y, z, corners, low, high, start, normals, inside, best, found, sight):  # type: ignore[no-untyped-def]
     """Write a point's distance, and the point where it beats the best; return the larger distance."""
-    square, _, _, qx, qy, qz = nearest_triangle(corners, low, high, start, x, y, z, np.inf)
+    square, t, feature, qx, qy, qz = nearest_triangle(corners, low, high, start, x, y, z, np.inf)
     sight[0] = math.sqrt(square)
+    if inside and not is_behind(normals, t, feature, x - qx, y - qy, z - qz):
+        sight[0] = -sight[0]
     if sight[0] > best:
         found[0], found[1], found[2] = x, y, z
         found[3], found[4], found[5] = qx, qy, qz
@@ -132,7 +139,9 @@ def _try_point(x, y, z, corners, low, high, start, best, found, sight):  # type:
 
 
 @kernel
-def _search_triangles(triangles, corners, low, high, start, floor, accuracy, most, found):  # type: ignore[no-untyped-def]
+def _search_triangles(  # type: ignore[no-untyped-def]
+    triangles, corners, low, high, start, normals, inside, floor, accuracy, most, found
+):
     """Cut triangles in two until none can hold a point deeper than the best; return its depth."""
     best, steps, sight = 0.0, 0, np.zeros(1)
     stack, patch, middle = np.zeros((256, 3, 3)), np.zeros((3, 3)), np.zeros(3)
@@ -140,9 +149,10 @@ def _search_triangles(triangles, corners, low, high, start, floor, accuracy, mos
         middle[:] = 0.0
         for c in range(3):
             x, y, z = triangles[t, c, 0], triangles[t, c, 1], triangles[t, c, 2]
-            best = _try_point(x, y, z, corners, low, high, start, best, found, sight)
+            best = _try_point(x, y, z, corners, low, high, start, normals, inside, best, found, sight)
             middle += triangles[t, c] / 3.0
-        best = _try_point(middle[0], middle[1], middle[2], corners, low, high, start, best, found, sight)
+        x, y, z = middle[0], middle[1], middle[2]
+        best = _try_point(x, y, z, corners, low, high, start, normals, inside, best, found, sight)
     for t in range(len(triangles)):
         stack[0] = triangles[t]
         depth = 1
@@ -154,7 +164,8 @@ def _search_triangles(triangles, corners, low, high, start, floor, accuracy, mos
             patch[:] = stack[depth]
             for i in range(3):
                 middle[i] = (patch[0, i] + patch[1, i] + patch[2, i]) / 3.0
-            best = _try_point(middle[0], middle[1], middle[2], corners, low, high, start, best, found, sight)
+            x, y, z = middle[0], middle[1], middle[2]
+            best = _try_point(x, y, z, corners, low, high, start, normals, inside, best, found, sight)
             bar = best * (1.0 + accuracy) + floor
             # what lies near the middle cannot be much deeper; only what may be is compared with the triangles
             if sight[0] + _spread(patch, middle) <= bar or _cover(patch, corners, low, high, start) <= bar:

@@ -7,6 +7,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.parts import has_parts, parts_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.surface import Surface
 
 #: halvings of the bracket of a root, until no bit is left
 HALVINGS = 200
@@ -39,7 +40,7 @@ def farthest_reach(assembly: Assembly, origin: Floats) -> Floats:
         elif has_parts(geometry):
             reach[grains] = _of_balls(assembly, grains, away)
         else:
-            assert isinstance(geometry, Mesh)
+            assert isinstance(geometry, Mesh | Surface)
             reach[grains] = [np.linalg.norm(geometry.vertices + p, axis=1).max() for p in away]
             reach[grains] *= assembly.scale[grains]
     return reach

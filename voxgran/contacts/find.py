@@ -2,7 +2,8 @@
 
 Depth means the same for all: the largest distance to the surface of one grain of any point of the other inside it. It
 is right to first order however shallow the overlap; for overlaps deeper than the least radius of curvature or than a
-thousandth of a grain's volume it is right to about a thousandth.
+thousandth of a grain's volume it is right to about a thousandth. Open surfaces have no inside: in a solid their depth
+is the same, and where two of them cross it is how far they must at least be moved to part.
 """
 
 import math
@@ -20,6 +21,7 @@ from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.mesh_parts import touch_balls, touch_convex
 from voxgran.contacts.meshes import meshes_meet, touch_meshes
 from voxgran.contacts.model import Contacts
+from voxgran.contacts.open_surfaces import open_touch
 from voxgran.contacts.outlines import touch_disk, touch_polygons
 from voxgran.contacts.parts import has_parts, is_disk, is_one_ball, parts_of
 from voxgran.contacts.search import deepest_point
@@ -31,6 +33,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.surface import Surface
 
 TouchPair = Callable[..., Touch]
 #: two grains and the periodic image of the second
@@ -271,6 +274,10 @@ class _PairTests:
     def _choose(self, a: int, b: int) -> tuple[TouchPair, bool]:
         """Return the test of two shapes, and whether it takes them in the other order."""
         one, other = self.geometries[a], self.geometries[b]
+        if isinstance(one, Surface):
+            return open_touch(one, other, partial(self._solid, b)), False
+        if isinstance(other, Surface):
+            return self._choose(b, a)[0], True
         if isinstance(one, Outline) and isinstance(other, Outline):
             if is_disk(one):
                 return partial(touch_disk, other, one, deepest=self.deepest), True

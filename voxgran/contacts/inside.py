@@ -40,6 +40,7 @@ def inner_distance(geometry: Geometry) -> Inner:
             center = np.array([[*geometry.center, 0.0]])
             return lambda points: _in_balls(points, center, np.array([geometry.radius]))
         return lambda points: _in_polygon(points, geometry.vertices)
+    assert isinstance(geometry, Primitive)
     return lambda points: _in_primitive(geometry, points)
 
 

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.rotation import stretch_of
 from voxgran._base.tree import square_to_box
@@ -88,13 +88,10 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
     Touch
         In the frame of the mesh, from the mesh to the partner.
     """
-    factor = stretch_of(matrix)
-    row = row_of(primitive)
-    row[1:4] *= factor
-    row[4:] = ((matrix / factor) @ row[4:].reshape(3, 3)).ravel()
-    ball = primitive.bounding_radius * factor
+    row = placed_row(primitive, matrix)
+    ball = primitive.bounding_radius * stretch_of(matrix)
     near = np.zeros(9)
-    distance = _distance_to_mesh(row, offset, ball, *solid.tree.arrays, float(reach), near)
+    distance = distance_to_triangles(row, offset, ball, *solid.tree.arrays, float(reach), near)
     size = float(part_size(row)) + solid.tree.size
     if distance > TOUCHING * size:
         if _holds_center(solid, offset):
@@ -103,7 +100,7 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
             return Touch.apart()
         return Touch(distance, direction(-near[6:], offset), (near[:3] + near[3:6]) / 2)
     contact = np.zeros(7)
-    deep = _depth_in_convex(row, offset, ball, size, *solid.tree.arrays, contact)
+    deep = depth_in_convex(row, offset, ball, size, *solid.tree.arrays, contact)
     depth, normal, point = float(contact[0]), -contact[1:4], contact[4:]
     if int(row[0]) in (CYLINDER, CONE):
         deeper, where, surface = deepest_of_round(solid.tree, row, offset)
@@ -114,6 +111,15 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
         if -touch.gap > depth:
             return touch
     return Touch(-depth, direction(normal, offset), point)
+
+
+def placed_row(primitive: Primitive, matrix: Floats) -> Floats:
+    """Return the (13,) row of an ellipsoid, box, cylinder or cone, turned and stretched by a matrix."""
+    factor = stretch_of(matrix)
+    row = row_of(primitive)
+    row[1:4] *= factor
+    row[4:] = ((matrix / factor) @ row[4:].reshape(3, 3)).ravel()
+    return row
 
 
 def _holds_center(solid: Solid, center: Floats) -> bool:
@@ -136,7 +142,17 @@ def _touch_deep(
 
 
 @kernel
-def _distance_to_mesh(row, center, ball, corners, low, high, start, reach, near):  # type: ignore[no-untyped-def]
+def distance_to_triangles(
+    row: Floats,
+    center: Floats,
+    ball: float,
+    corners: Floats,
+    low: Floats,
+    high: Floats,
+    start: Integers,
+    reach: float,
+    near: Floats,
+) -> float:
     """Return the distance of a convex solid from a surface; write the nearest points, first that of the solid."""
     best, hit = reach, False
     stack, triangle, points = np.zeros(64, dtype=np.int64), np.zeros(13), np.zeros(9)
@@ -198,7 +214,17 @@ def _plane_gap(row, triangle):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _depth_in_convex(row, center, ball, size, corners, low, high, start, contact):  # type: ignore[no-untyped-def]
+def depth_in_convex(
+    row: Floats,
+    center: Floats,
+    ball: float,
+    size: float,
+    corners: Floats,
+    low: Floats,
+    high: Floats,
+    start: Integers,
+    contact: Floats,
+) -> bool:
     """Write the deepest contact of all triangles in a convex solid; return whether one lies too deep to tell."""
     deep, shift = False, np.zeros(3)
     stack, triangle = np.zeros(64, dtype=np.int64), np.zeros(13)

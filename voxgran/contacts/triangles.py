@@ -50,7 +50,17 @@ def nearest_points(
 
 
 @kernel
-def _pair_bound(low, high, a, other_low, other_high, b, matrix, size, offset):  # type: ignore[no-untyped-def]
+def pair_bound(
+    low: Floats,
+    high: Floats,
+    a: int,
+    other_low: Floats,
+    other_high: Floats,
+    b: int,
+    matrix: Floats,
+    size: Floats,
+    offset: Floats,
+) -> float:
     """Return a lower bound of the squared distance of box a from what box b holds."""
     bound = 0.0
     for i in range(3):
@@ -90,10 +100,10 @@ def find_nearest_pair(
         if bounds[depth] > best:
             continue
         if a >= leaves and b >= other_leaves:
-            _turn(other_corners, other_start[b, 0], other_start[b, 1], matrix, offset, turned)
+            turn_triangles(other_corners, other_start[b, 0], other_start[b, 1], matrix, offset, turned)
             for i in range(start[a, 0], start[a, 1]):
                 for j in range(other_start[b, 1] - other_start[b, 0]):
-                    if _box_gap(corners, i, turned, j) > best:
+                    if box_gap(corners, i, turned, j) > best:
                         continue
                     square = triangle_distance(corners, i, turned, j, points)
                     if square < best or (not hit and square == best):
@@ -112,7 +122,7 @@ def find_nearest_pair(
             c = 2 * a + 1 + side if split_one else a
             d = b if split_one else 2 * b + 1 + side
             stack[depth + side, 0], stack[depth + side, 1] = c, d
-            bounds[depth + side] = _pair_bound(low, high, c, other_low, other_high, d, matrix, size, offset)
+            bounds[depth + side] = pair_bound(low, high, c, other_low, other_high, d, matrix, size, offset)
         if bounds[depth] < bounds[depth + 1]:
             for k in range(2):
                 stack[depth, k], stack[depth + 1, k] = stack[depth + 1, k], stack[depth, k]
@@ -122,7 +132,7 @@ def find_nearest_pair(
 
 
 @kernel
-def _turn(corners, first, last, matrix, offset, turned):  # type: ignore[no-untyped-def]
+def turn_triangles(corners: Floats, first: int, last: int, matrix: Floats, offset: Floats, turned: Floats) -> None:
     """Write the triangles first ... last in the frame of the other surface."""
     for k in range(first, last):
         for c in range(3):
@@ -136,7 +146,7 @@ def _turn(corners, first, last, matrix, offset, turned):  # type: ignore[no-unty
 
 
 @kernel
-def _box_gap(one, i, other, j):  # type: ignore[no-untyped-def]
+def box_gap(one: Floats, i: int, other: Floats, j: int) -> float:
     """Return the squared distance of the boxes around two triangles."""
     square = 0.0
     for k in range(3):

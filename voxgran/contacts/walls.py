@@ -28,6 +28,7 @@ from voxgran.containers.sphere import Sphere
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.surface import Surface
 
 #: directions in which the reach of a convex part is sampled before the best ones are refined
 DIRECTIONS = 128
@@ -167,7 +168,7 @@ def _corners(geometry: object) -> Floats:
     """Return the corners of a mesh or polygon, (n, 3)."""
     if isinstance(geometry, Outline):
         return np.column_stack([geometry.vertices, np.zeros(len(geometry.vertices))])
-    assert isinstance(geometry, Mesh)
+    assert isinstance(geometry, Mesh | Surface)
     return geometry.vertices
 
 
@@ -199,6 +200,15 @@ def _beyond_mesh(assembly: Assembly, container: ClosedMesh, grains: Integers) ->
             distance = inside.tree.signed_distance(parts.center @ turn.T + offsets[k])
             found[k] = (distance + parts.margin * assembly.scale[grain]).max()
         return found
+    if isinstance(geometry, Surface):
+        return np.array(
+            [
+                _surface_beyond_mesh(
+                    inside, outside, geometry, assembly.matrices[grain] * assembly.scale[grain], offset
+                )
+                for grain, offset in zip(grains, offsets, strict=True)
+            ]
+        )
     solid = None
     if isinstance(geometry, Mesh):
         solid = Solid(geometry)
@@ -213,6 +223,12 @@ def _beyond_mesh(assembly: Assembly, container: ClosedMesh, grains: Integers) ->
             assert isinstance(geometry, Primitive)
             found[k] = -touch_convex(outside, geometry, matrix=matrix, offset=offsets[k], reach=math.inf).gap
     return found
+
+
+def _surface_beyond_mesh(inside: Solid, outside: Solid, surface: Surface, matrix: Floats, offset: Floats) -> float:
+    """Return the reach of an open surface beyond a mesh that should hold it."""
+    depth = deepest_of_triangles(outside.tree, surface.triangles @ matrix.T + offset, inside=True)[0]
+    return depth or -nearest_points(inside.tree, surface.tree, matrix=matrix, offset=offset)[0]
 
 
 def _mesh_beyond_mesh(container: Solid, grain: Solid, matrix: Floats, offset: Floats) -> float:

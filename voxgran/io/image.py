@@ -44,7 +44,7 @@ def to_image(packing: Packing, voxel_size: float, *, labels: bool = True) -> NDA
     Raises
     ------
     InputError
-        If the voxel size is not a finite number above 0.
+        If the voxel size is not a finite number above 0, or a grain is an open surface.
     TooLargeError
         If there are more than VOXEL_LIMIT voxels.
 

@@ -24,6 +24,7 @@ from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.surface import Surface
 
 #: version of the layout; a reader refuses a higher one
 FORMAT = 1
@@ -178,7 +179,7 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
         parts: dict[str, tuple[list[Any], NDArray[Any]]] = {}
         entry: dict[str, Any] = {"name": shape.name, "unit": shape.unit, "offset": shape.offset, "key": shape.key}
         entry["geometry"] = type(geometry).__name__
-        if isinstance(geometry, Mesh):
+        if isinstance(geometry, Mesh | Surface):
             parts = {"points": (points, geometry.vertices), "faces": (faces, geometry.faces)}
         elif isinstance(geometry, Spheres):
             parts = {"points": (points, geometry.centers), "radii": (radii, geometry.radii)}
@@ -214,9 +215,9 @@ def _geometry(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> G
         if name in entry
     }
     kind = entry["geometry"]
-    if kind == "Mesh":
+    if kind in ("Mesh", "Surface"):
         vertices = as_points(part["points"], "vertices")
-        return Mesh(vertices, as_faces(part["faces"], len(vertices)))
+        return (Mesh if kind == "Mesh" else Surface)(vertices, as_faces(part["faces"], len(vertices)))
     if kind == "Spheres":
         return Spheres(as_points(part["points"], "centers"), as_floats(part["radii"], "radii", shape=(None,)))
     if kind == "Primitive":

@@ -114,9 +114,11 @@ def asked_sizes(packing: Packing) -> SizeDistribution | None:
 
 
 def _cumulative(sizes: Floats, weights: Floats, points: Floats) -> Floats:
-    """Return the share of the weights of sizes up to each point."""
+    """Return the share of the weights of sizes up to each point; NaN where nothing has a weight."""
     if not len(sizes):
         return np.zeros(len(points))
+    if not weights.any():
+        return np.full(len(points), np.nan)
     order = np.argsort(sizes, kind="stable")
     total = np.concatenate([[0.0], np.cumsum(weights[order])])
     return np.asarray(total[np.searchsorted(sizes[order], points * (1 + SAME), side="right")] / total[-1])

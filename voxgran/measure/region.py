@@ -192,6 +192,8 @@ class Samples:
         points, grain = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
         for k in np.unique(packing.shape_id):
             shape, mine = packing.shapes[k], np.flatnonzero(packing.shape_id == k)
+            if shape.is_open:
+                continue
             voxels = voxelize(shape, voxel_size=(shape.volume / each) ** (1 / 3))
             body = voxels.grid.coordinates(np.argwhere(voxels.mask))
             # each point is moved within its voxel, so that no face of a region lies along a lattice

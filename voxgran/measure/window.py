@@ -27,6 +27,7 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.surface import Surface
 from voxgran.shapes.tessellate import revolved
 
 #: sides of the prism that stands for a cylinder or cone where it is cut
@@ -135,6 +136,8 @@ class Solids:
         packing = self.packing
         found = packing.contacts(0.0)
         deep = found.gap < -NO_DEPTH * (packing.diameters.mean() if packing.count else 1.0)
+        # open surfaces have no volume to count twice
+        deep &= (packing.volumes[found.i] > 0.0) & (packing.volumes[found.j] > 0.0)
         return found.i[deep], found.j[deep], found.image[deep]
 
     @cached_property
@@ -291,6 +294,8 @@ def _closed(container: Container, lower: Floats, upper: Floats) -> tuple[Floats,
 def _cut_shape(shape: Shape, maps: Floats, centers: Floats, lower: Floats, upper: Floats) -> tuple[Floats, float]:
     """Return the volumes of copies of a shape inside a box, and a bound of the error at scale 1."""
     geometry = shape.geometry
+    if isinstance(geometry, Surface):
+        return np.zeros(len(maps)), 0.0
     if isinstance(geometry, Outline):
         return _cut_outline(geometry, maps, centers, lower, upper), 0.0
     if isinstance(geometry, Spheres):

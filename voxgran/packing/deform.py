@@ -112,8 +112,8 @@ def deform(packing: Assembly, *, stiffness: ArrayLike = 1.0, spacing: float = 0.
     Raises
     ------
     InputError
-        If the packing is flat, the stiffness of a grain or another number is not above 0, two rigid grains overlap, or
-        grains overlap so deep that they have no common surface or no room to bulge.
+        If the packing is flat or a shape an open surface, the stiffness of a grain or another number is not above 0,
+        two rigid grains overlap, or grains overlap so deep that they have no common surface or no room to bulge.
     TooLargeError
         If a grain needs more than two million vertices.
 
@@ -139,6 +139,8 @@ def deform(packing: Assembly, *, stiffness: ArrayLike = 1.0, spacing: float = 0.
     """
     if packing.dimension != 3:
         raise InputError("the packing is flat: only grains in three dimensions give way; use solids in a box")
+    for shape in packing.shapes:
+        shape.refuse_open("grains that give way")
     softness = _softness(stiffness, packing.count)
     fine, far = as_positive(spacing, "spacing"), as_positive(reach, "reach")
     contacts = overlaps(packing)

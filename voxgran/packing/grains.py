@@ -91,8 +91,8 @@ def draw_grains(
     Raises
     ------
     InputError
-        If a number is out of range, the grains have more volume than the container, or equal balls are asked for a
-        solid fraction beyond that of the densest lattice.
+        If a number is out of range, the grains have more volume than the container, equal balls are asked for a solid
+        fraction beyond that of the densest lattice, or open surfaces are to be shared out or counted by volume.
     GrainTooLargeError
         If no grain can fit.
     """
@@ -101,6 +101,8 @@ def draw_grains(
         1.0 if solid_fraction is None else as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)
     )
     shares = _shares(shapes, weights, weights_by, sizes is None)
+    if wanted is None and all(shape.is_open for shape, share in zip(shapes, shares, strict=True) if share > 0):
+        raise InputError("count is None and all shapes are open surfaces: they have no volume to fill; give a count")
     shape_id, diameter = _draw(shapes, shares, sizes, wanted, target, seed)
     volumes = _volumes(shapes, shape_id, diameter)
     if solid_fraction is not None and wanted is not None:
@@ -176,7 +178,10 @@ def _shares(shapes: Sequence[Shape], weights: ArrayLike | None, weights_by: str,
     share = np.ones(len(shapes)) if weights is None else as_floats(weights, "weights", shape=(len(shapes),))
     if share.min() < 0 or share.sum() <= 0:
         raise InputError(f"weights are {share.tolist()}: none may be negative and one must be above 0; change them")
-    if as_choice(weights_by, "weights_by", ("number", "volume")) == "volume" and own_size:
+    by_volume = as_choice(weights_by, "weights_by", ("number", "volume")) == "volume"
+    if by_volume and any(shape.is_open for shape in shapes):
+        raise InputError("weights_by is 'volume' and a shape is an open surface: it has no volume; use 'number'")
+    if by_volume and own_size:
         # with a size distribution all shapes have the same volumes, so that both shares are one
         share = share / np.array([shape.volume for shape in shapes])
     return share / share.sum()

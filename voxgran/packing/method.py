@@ -90,6 +90,8 @@ class PackingMethod:
         Libraries that it loads.
     selects : bool
         Whether it takes grains as candidates, of which there may be more than the container has room for.
+    open_surfaces : bool
+        Whether it packs open surfaces, which have no inside.
     """
 
     name: str
@@ -104,6 +106,7 @@ class PackingMethod:
     tolerance: Callable[[Any], float] = field(default=lambda parameters: 0.0)
     libraries: tuple[str, ...] = ("numba",)
     selects: bool = False
+    open_surfaces: bool = False
 
 
 def method_registry() -> Registry[PackingMethod]:

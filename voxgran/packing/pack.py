@@ -110,8 +110,8 @@ def pack(
     UnknownNameError
         If the method or a parameter is unknown.
     InputError
-        If a value breaks a rule, the grains have more volume than the container, or equal balls are asked for a solid
-        fraction beyond that of the densest lattice.
+        If a value breaks a rule, the grains have more volume than the container, equal balls are asked for a solid
+        fraction beyond that of the densest lattice, or the method packs no open surfaces.
     GrainTooLargeError
         If no grain can fit.
     CheckpointError
@@ -181,19 +181,9 @@ def prepare_task(
     chosen = method_registry().get(method)
     settings: Any = from_mapping(chosen.parameters, parameters, f"method {method!r}")
     given = (shapes,) if isinstance(shapes, Shape) else tuple(shapes)
-    for shape in given:
-        if shape.dimension != container.dimension:
-            raise InputError(
-                f"shape {shape.name!r} has dimension {shape.dimension}: the container has {container.dimension}; "
-                "use shapes and container of one dimension"
-            )
-    if container.dimension not in chosen.dimensions:
-        raise InputError(
-            f"method {method!r} packs in dimension {chosen.dimensions}: the container has {container.dimension}; "
-            "choose another method"
-        )
     if start is not None:
         check_start(start, container.dimension)
+    _refuse_unfit(chosen, given if start is None else (*given, *start.shapes), container)
     none_asked = start is not None and count is None and solid_fraction is None
     grains = draw_grains(
         given or (() if start is None else start.shapes),
@@ -222,6 +212,23 @@ def prepare_task(
         )
         given = (*start.shapes, *given)
     return Task(chosen, _problem(given, container, grains, settings, seed=seed, start=start), grains.removed, asked)
+
+
+def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Container) -> None:
+    """Refuse what the method does not pack: shapes of another dimension, a container of one, open surfaces."""
+    for shape in shapes:
+        if shape.dimension != container.dimension:
+            raise InputError(
+                f"shape {shape.name!r} has dimension {shape.dimension}: the container has {container.dimension}; "
+                "use shapes and container of one dimension"
+            )
+        if not method.open_surfaces:
+            shape.refuse_open(f"grains of method {method.name!r}")
+    if container.dimension not in method.dimensions:
+        raise InputError(
+            f"method {method.name!r} packs in dimension {method.dimensions}: the container has {container.dimension}; "
+            "choose another method"
+        )
 
 
 def _problem(

@@ -349,10 +349,10 @@ def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
         if "file" in rest:
             path = folder / str(rest.pop("file"))
             for key, value in rest.items():
-                if key != "repair":
-                    raise UnknownNameError(unknown("[[shape]] key", key, ("file", "share", "repair")))
+                if key not in ("repair", "surface"):
+                    raise UnknownNameError(unknown("[[shape]] key", key, ("file", "share", "repair", "surface")))
                 if not isinstance(value, bool):
-                    raise InputError(f"[[shape]] repair is {value!r}: it must be true or false")
+                    raise InputError(f"[[shape]] {key} is {value!r}: it must be true or false")
             made.append(ShapeEntry("file", str(existing_file(path)), share, rest))
             continue
         family = rest.pop("family")

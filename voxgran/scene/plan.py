@@ -14,6 +14,7 @@ from voxgran.shapes.files import read_surface
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.surface import Surface
 
 #: bytes that the interpreter and the libraries take while a method packs (measured)
 PACKING_BYTES = 120 * 2**20
@@ -148,9 +149,10 @@ def _stand_in(entry: ShapeEntry) -> Shape:
     """Return a shape that costs as much as the real one: meshes unchecked, random solids as an ellipsoid."""
     if entry.source == "file":
         points, faces = read_surface(entry.name)
-        return Shape.of(Mesh(points, faces), name=entry.name)
+        kind = Surface if entry.parameters.get("surface") else Mesh
+        return Shape.of(kind(points, faces), name=entry.name)
     family = families().get(entry.name)
-    if family.random:
+    if family.random and not family.is_open:
         axes = np.array([1.5, 1.0, 0.8]) / 2
         axes /= np.cbrt(np.prod(2 * axes))
         return Shape.of(Primitive("ellipsoid", tuple(axes.tolist())), name=entry.name)

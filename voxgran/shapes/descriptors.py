@@ -6,12 +6,14 @@ from voxgran._base.arrays import Floats
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.surface import Surface
 
 
 def principal_extents(shape: Shape) -> Floats:
     """Return the extents along the principal axes of inertia, largest first.
 
-    The second is the intermediate axis, by which a grain passes a sieve.
+    The second is the intermediate axis, by which a grain passes a sieve. The axes of an open surface are those of its
+    area.
 
     Parameters
     ----------
@@ -23,11 +25,12 @@ def principal_extents(shape: Shape) -> Floats:
     (3,) ndarray of float
         Longest, intermediate and shortest extent, in the unit of lengths; in 2D the third is 0.
     """
-    axes = np.linalg.eigh(shape.inertia)[1].T
+    geometry = shape.geometry
+    inertia = geometry.area_inertia if isinstance(geometry, Surface) else shape.inertia
+    axes = np.linalg.eigh(inertia)[1].T
     if shape.dimension == 2:
         # the polar axis is the largest moment; the extents lie in the plane
-        axes = np.array([[*axis[:2], 0.0] for axis in np.linalg.eigh(shape.inertia[:2, :2])[1].T])
-    geometry = shape.geometry
+        axes = np.array([[*axis[:2], 0.0] for axis in np.linalg.eigh(inertia[:2, :2])[1].T])
     if isinstance(geometry, Primitive):
         high = np.einsum("ij,ij->i", geometry.support(axes), axes)
         low = np.einsum("ij,ij->i", geometry.support(-axes), axes)

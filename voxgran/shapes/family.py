@@ -12,6 +12,7 @@ from voxgran._base.registry import Registry
 from voxgran._base.seeds import stream
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.surface import Surface
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,6 +33,8 @@ class ShapeFamily:
         2 or 3.
     random : bool
         Whether shapes of one family with the same parameters differ by the seed.
+    is_open : bool
+        Whether its shapes are open surfaces.
     """
 
     name: str
@@ -41,6 +44,7 @@ class ShapeFamily:
     source: str = ""
     dimension: int = 3
     random: bool = False
+    is_open: bool = False
 
 
 def families() -> Registry[ShapeFamily]:
@@ -94,7 +98,7 @@ def sized(geometry: Geometry, diameter: float | None, *, name: str) -> Shape:
 
     Parameters
     ----------
-    geometry : Mesh or Primitive or Spheres or Outline
+    geometry : Mesh or Primitive or Spheres or Outline or Surface
         What is stretched.
     diameter : float or None
         Wanted equivalent diameter.
@@ -105,7 +109,7 @@ def sized(geometry: Geometry, diameter: float | None, *, name: str) -> Shape:
     shape = Shape.of(geometry.scaled((diameter or 1.0) / raw.diameter), name=name)
     # a second step removes the rounding of the first, where it can
     exact = (diameter or 1.0) / shape.diameter
-    return shape if isinstance(geometry, Mesh) or exact == 1.0 else shape.scaled(exact)
+    return shape if isinstance(geometry, Mesh | Surface) or exact == 1.0 else shape.scaled(exact)
 
 
 def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ...]) -> None:

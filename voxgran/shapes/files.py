@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.errors import FileFormatError, OutputError
+from voxgran._base.errors import FileFormatError, InputError, OutputError
 from voxgran._base.files import existing_file, written_whole
 from voxgran._base.lazy import load
 from voxgran.shapes.mesh_formats import Polygons, read_obj, read_off, read_ply, read_stl
@@ -29,8 +29,10 @@ log = logging.getLogger(__name__)
 UNREADABLE = (ValueError, KeyError, IndexError, TypeError, AssertionError, OSError, struct.error, SystemExit)
 
 
-def load_shape(path: str | os.PathLike[str], *, unit: str | None = None, repair: bool = False) -> Shape:
-    """Make a shape from a file that holds a closed surface.
+def load_shape(
+    path: str | os.PathLike[str], *, unit: str | None = None, repair: bool = False, surface: bool = False
+) -> Shape:
+    """Make a shape from a file that holds a closed surface, or an open one where that is asked for.
 
     Parameters
     ----------
@@ -42,6 +44,9 @@ def load_shape(path: str | os.PathLike[str], *, unit: str | None = None, repair:
     repair : bool
         Whether a surface that is almost closed is mended first, as :func:`voxgran.repair` does with its defaults;
         what was done is logged.
+    surface : bool
+        Whether the file holds an open surface, a sheet or shell without thickness, as :meth:`Shape.from_surface` takes
+        it.
 
     Returns
     -------
@@ -55,13 +60,20 @@ def load_shape(path: str | os.PathLike[str], *, unit: str | None = None, repair:
     FileFormatError
         If the suffix is not known, or the file is empty, cut, or damaged.
     DirtyMeshError
-        If its surface does not bound exactly one solid, or cannot be mended with certainty.
+        If its surface does not bound exactly one solid, or cannot be mended with certainty; or is no open surface.
+    InputError
+        If it is to be mended and to stay open.
     """
+    if repair and surface:
+        raise InputError(
+            "repair and surface are both true: repair closes a surface, and surface keeps it open; use one"
+        )
     points, faces = read_surface(path)
     found = Path(path)
     if repair:
         return mended(points, faces, name=found.stem, unit=unit).shape
-    shape = Shape.from_mesh(points, faces, name=found.name, unit=unit)
+    make = Shape.from_surface if surface else Shape.from_mesh
+    shape = make(points, faces, name=found.name, unit=unit)
     log.info("%s: %d triangles", found, len(shape.faces))
     return Shape(shape.geometry, found.stem, shape.offset, shape.unit)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_faces, as_points, as_positive, as_quaternions, read_only
+from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.rotation import rotation_matrices
 from voxgran.shapes.diagnose import merged, refuse_dirty
@@ -17,17 +18,18 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.surface import Surface, refuse_unfit
 
-Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline
+Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline | Surface
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """One solid, frozen, with its centroid at the origin of its body frame.
+    """One solid or one open surface, frozen, with its centroid at the origin of its body frame.
 
     Attributes
     ----------
-    geometry : Mesh or Primitive or Spheres or Outline
+    geometry : Mesh or Primitive or Spheres or Outline or Surface
         The one true geometry. Everything that is measured uses it.
     name : str
         What reports call it.
@@ -48,7 +50,7 @@ class Shape:
 
         Parameters
         ----------
-        geometry : Mesh or Primitive or Spheres or Outline
+        geometry : Mesh or Primitive or Spheres or Outline or Surface
             True geometry.
         name : str
             What reports call it.
@@ -94,9 +96,45 @@ class Shape:
         refuse_dirty(corners, triangles, name)
         return cls.of(Mesh(corners, triangles), name=name, unit=unit)
 
+    @classmethod
+    def from_surface(
+        cls, vertices: ArrayLike, faces: ArrayLike, *, name: str = "surface", unit: str | None = None
+    ) -> "Shape":
+        """Make a shape from an open triangle mesh, a sheet or shell without thickness.
+
+        It has an area and no volume; its centroid is that of the area, its equivalent diameter that of a disk of equal
+        area. What needs an inside refuses it.
+
+        Parameters
+        ----------
+        vertices : (n, 3) array_like of float
+            Corner points, in the unit of lengths; coincident ones are merged.
+        faces : (m, 3) array_like of int
+            Triangles, wound in any way; more than two may share an edge.
+        name : str
+            What reports call it.
+        unit : str, optional
+            Unit of its lengths.
+
+        Returns
+        -------
+        Shape
+
+        Raises
+        ------
+        InputError
+            If an array has the wrong shape, an index is out of range or a coordinate is not finite.
+        DirtyMeshError
+            If the triangles do not make one open surface that does not cut through itself.
+        """
+        points = as_points(vertices, "vertices")
+        corners, triangles = merged(points, as_faces(faces, len(points)))
+        refuse_unfit(corners, triangles, name)
+        return cls.of(Surface(corners, triangles), name=name, unit=unit)
+
     @cached_property
     def key(self) -> str:
-        """Hash of the content: two shapes with the same key are the same solid."""
+        """Hash of the content: two shapes with the same key are the same."""
         return hashlib.sha256(self.geometry.content()).hexdigest()
 
     def __eq__(self, other: object) -> bool:
@@ -124,30 +162,56 @@ class Shape:
         return self.geometry.dimension
 
     @property
+    def is_open(self) -> bool:
+        """Whether it is an open surface, without thickness and inside."""
+        return isinstance(self.geometry, Surface)
+
+    def refuse_open(self, what: str) -> None:
+        """Refuse an open surface for what needs an inside.
+
+        Parameters
+        ----------
+        what : str
+            What needs it, such as ``"voxels"``.
+
+        Raises
+        ------
+        InputError
+            If the shape is an open surface.
+        """
+        if self.is_open:
+            raise InputError(
+                f"shape {self.name!r} is an open surface: {what} need a solid, with an inside; use it with "
+                "control_point and contact 'points', or give it thickness"
+            )
+
+    @property
     def volume(self) -> float:
-        """True volume (area in 2D)."""
+        """True volume (area in 2D); 0 of an open surface."""
         return self.geometry.volume
 
     @property
     def surface_area(self) -> float:
-        """True surface area (perimeter in 2D)."""
+        """True surface area (perimeter in 2D); of an open surface that of one side."""
         return self.geometry.surface_area
 
     @property
     def inertia(self) -> Floats:
-        """Inertia tensor about the centroid at unit density, (3, 3)."""
+        """Inertia tensor about the centroid at unit density, (3, 3); an open surface has none, which is an error."""
         return self.geometry.inertia
 
     @cached_property
     def diameter(self) -> float:
-        """Equivalent diameter: of the ball of equal volume (in 2D of the disk of equal area)."""
+        """Equivalent diameter: of the ball of equal volume (in 2D, and of open surfaces, of the disk of equal area)."""
+        if self.is_open:
+            return 2 * math.sqrt(self.surface_area / math.pi)
         if self.dimension == 2:
             return 2 * math.sqrt(self.volume / math.pi)
         return float(np.cbrt(6 * self.volume / math.pi))
 
     @cached_property
     def bounding_radius(self) -> float:
-        """Radius of a ball about the centroid that holds the solid."""
+        """Radius of a ball about the centroid that holds it."""
         return self.geometry.bounding_radius
 
     @cached_property

@@ -125,7 +125,7 @@ def repair(
     as_choice(bodies, "bodies", BODIES)
     limit = as_number(largest_hole, "largest_hole", at_least=0.0)
     source: Any = vertices
-    if isinstance(source, Shape):
+    if isinstance(source, Shape) and not source.is_open:
         return Repair(shapes=(source,), sentences=(), volume_before=source.volume, volume=source.volume)
     if isinstance(source, str | os.PathLike):
         from voxgran.shapes.files import read_surface

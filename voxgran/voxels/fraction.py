@@ -41,6 +41,7 @@ def voxel_shares(geometry: Geometry, grid: Grid, offset: Floats) -> Shares:
         return _outline_shares(geometry.moved(offset), grid)
     if isinstance(geometry, Spheres):
         return _ball_shares(geometry.centers + offset, geometry.radii, grid)
+    assert isinstance(geometry, Primitive)
     if geometry.kind == "box":
         vertices, faces, _ = geometry.tessellation()
         return mesh_shares((vertices + offset - start) / grid.voxel_size, faces, grid.shape)

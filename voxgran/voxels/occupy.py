@@ -28,6 +28,7 @@ from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.voxels.backend import backend_registry, backends
 from voxgran.voxels.closed_form import balls_bits, outline_mask, round_bits, touched_round
@@ -86,8 +87,8 @@ def voxelize(
     Raises
     ------
     InputError
-        If not exactly one of voxel size and lattice is given, the voxel size is not above 0, the cover is unknown, or
-        `out` has another shape or type than the mask or does not end in ``.npy``.
+        If not exactly one of voxel size and lattice is given, the voxel size is not above 0, the cover is unknown,
+        `out` has another shape or type than the mask or does not end in ``.npy``, or the shape is an open surface.
     UnknownNameError
         If the backend is unknown.
     MissingLibraryError
@@ -116,6 +117,7 @@ def voxelize(
     True
     """
     as_choice(cover, "cover", COVERS[:2])
+    shape.refuse_open("voxels")
     lattice = lattice_of(shape, voxel_size, grid)
     bits = _occupied(shape, lattice, backend=backend, cover=cover)
     shares = voxel_shares(shape.geometry, lattice, np.zeros(3)) if fraction else None
@@ -161,8 +163,8 @@ def occupy(
     Raises
     ------
     InputError
-        If the cover is unknown, the scale is not above 0, the rotation is not a unit quaternion, or a value is
-        not finite.
+        If the cover is unknown, the scale is not above 0, the rotation is not a unit quaternion, a value is not
+        finite, or the shape is an open surface.
     UnknownNameError
         If the backend is unknown.
     MissingLibraryError
@@ -185,6 +187,7 @@ def _occupied(
 ) -> PackedMask:
     """Return the bits of what :func:`occupy` returns."""
     as_choice(cover, "cover", COVERS)
+    shape.refuse_open("voxels")
     place = np.zeros(3) if offset is None else as_vector(offset, "offset")
     geometry = _posed(shape.geometry, as_positive(scale, "scale"), rotation)
     filled = "center" if cover == "center" else "touch"
@@ -194,6 +197,7 @@ def _occupied(
         return balls_bits(geometry.centers + place, geometry.radii, grid, cover=filled)
     if isinstance(geometry, Mesh):
         return _occupy_mesh(geometry.vertices + place, geometry.faces, grid, backend, cover)
+    assert isinstance(geometry, Primitive)
     if geometry.kind == "sphere" and backend is None:
         return balls_bits(place[None], np.array(geometry.dimensions), grid, cover=filled)
     if geometry.kind != "box" and backend is None:

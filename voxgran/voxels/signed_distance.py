@@ -90,8 +90,8 @@ def signed_distance(
     Raises
     ------
     InputError
-        If the shape is flat, not exactly one of voxel size and lattice is given, the voxel size or the band is not
-        above 0, the source is unknown, or `out` has another shape or type.
+        If the shape is flat or an open surface, not exactly one of voxel size and lattice is given, the voxel size or
+        the band is not above 0, the source is unknown, or `out` has another shape or type.
     TooLargeError
         If there would be more than 2**34 voxels.
 
@@ -109,6 +109,7 @@ def signed_distance(
     """
     if shape.dimension != 3:
         raise InputError(f"shape {shape.name!r} is flat: signed distances need a solid in three dimensions")
+    shape.refuse_open("signed distances")
     as_choice(source, "source", SOURCES)
     reach = as_number(band, "band", above=0.0)
     lattice = grid or lattice_of(shape, voxel_size, None, margin=int(np.ceil(reach)))

@@ -9,6 +9,7 @@ from voxgran._base.seeds import stream
 from voxgran.shapes.diagnose import diagnose, refuse_dirty
 from voxgran.shapes.families.solid_union import CORE, SolidUnion, _base_solid
 from voxgran.shapes.family import families, make_shape, shape_families
+from voxgran.shapes.surface import refuse_unfit
 from voxgran.shapes.winding import winding_numbers
 
 NAMES = shape_families()
@@ -38,9 +39,12 @@ def test_same_seed_same_bits(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_tessellations_bound_one_solid(name):
+def test_tessellations_bound_one_solid_or_are_one_open_surface(name):
     shape = make_shape(name)
-    if shape.dimension == 3:
+    assert shape.is_open == families().get(name).is_open
+    if shape.is_open:
+        refuse_unfit(shape.vertices, shape.faces, name)
+    elif shape.dimension == 3:
         refuse_dirty(shape.vertices, shape.faces, name)
     assert shape.tessellation_error < 0.02
 

@@ -1,0 +1,190 @@
+"""Contacts of open surfaces, which have no inside: with each other, and with solids of any kind.
+
+Apart, the gap is the least distance of the triangles from the partner. Two open surfaces overlap where they cross;
+their depth is how far they must at least be moved to part. An open surface overlaps a solid where some point of it lies
+inside, also where it lies inside as a whole; the depth is the largest distance of such a point from the surface of the
+solid, as everywhere.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.rotation import stretch_of
+from voxgran.contacts.convex import TOUCHING, part_size
+from voxgran.contacts.depth import deepest_of_triangles
+from voxgran.contacts.inside import inner_distance, placed
+from voxgran.contacts.mesh_parts import depth_in_convex, distance_to_triangles, placed_row
+from voxgran.contacts.meshes import ROUNDING
+from voxgran.contacts.parts import Parts, parts_of
+from voxgran.contacts.sheet_crossing import crossing_depth
+from voxgran.contacts.solid import Solid
+from voxgran.contacts.touch import Touch, direction
+from voxgran.contacts.triangles import nearest_points
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Geometry
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.surface import Surface
+
+
+def open_touch(surface: Surface, partner: Geometry, solid: Callable[[], Solid]) -> Callable[..., Touch]:
+    """Return the test of an open surface with a partner.
+
+    Parameters
+    ----------
+    surface : Surface
+        The open surface.
+    partner : Geometry
+        Its partner.
+    solid : callable
+        What gives the partner as a closed mesh, where it is a mesh or a box.
+
+    Returns
+    -------
+    callable
+        From `matrix` and `offset`, which lead from the frame of the partner into that of the surface, and `reach`, to
+        the Touch in the frame of the surface.
+    """
+    if isinstance(partner, Surface):
+        return partial(touch_open, surface, partner)
+    if isinstance(partner, Mesh) or (isinstance(partner, Primitive) and partner.kind == "box"):
+        return partial(touch_closed, surface, solid())
+    if isinstance(partner, Primitive) and partner.kind != "sphere":
+        return partial(touch_round, surface, partner)
+    return partial(touch_balls, surface, parts_of([partner]))
+
+
+def touch_open(one: Surface, other: Surface, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
+    """Find how two open surfaces touch or cross.
+
+    Parameters
+    ----------
+    one, other : Surface
+        The surfaces, each in its own frame.
+    matrix, offset : (3, 3) and (3,) ndarray of float
+        Lead from the frame of `other` into that of `one`.
+    reach : float
+        How far to look, in the unit of `one`.
+
+    Returns
+    -------
+    Touch
+        In the frame and unit of `one`.
+    """
+    margin = ROUNDING * (one.tree.size + stretch_of(matrix) * other.tree.size + float(np.linalg.norm(offset)))
+    distance, point, partner = nearest_points(
+        one.tree, other.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
+    )
+    if distance == np.inf:
+        return Touch.apart()
+    middle = (point + partner) / 2
+    if distance > margin:
+        return Touch(distance, direction(partner - point, offset), middle)
+    depth, way = crossing_depth(one.tree, other.tree, matrix=matrix, offset=offset)
+    return Touch(-depth if depth > 0.0 else distance, direction(way, offset), middle)
+
+
+def touch_closed(surface: Surface, solid: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
+    """Find how an open surface touches a closed mesh or a box, or how deep it reaches into it.
+
+    Parameters
+    ----------
+    surface : Surface
+        The open surface.
+    solid : Solid
+        Its partner.
+    matrix, offset : (3, 3) and (3,) ndarray of float
+        Lead from the frame of the solid into that of the surface.
+    reach : float
+        How far to look, in the unit of the surface.
+
+    Returns
+    -------
+    Touch
+        In the frame and unit of the surface.
+    """
+    factor = stretch_of(matrix)
+    back = matrix / factor**2
+    margin = ROUNDING * (surface.tree.size + factor * solid.tree.size + float(np.linalg.norm(offset)))
+    distance, point, partner = nearest_points(
+        surface.tree, solid.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
+    )
+    first = (surface.vertices[surface.faces[0, :1]] - offset) @ back
+    if distance > margin and not solid.tree.signed_distance(first)[0] < 0:
+        if distance == np.inf:
+            return Touch.apart()
+        return Touch(distance, direction(partner - point, offset), (point + partner) / 2)
+    depth, deepest, nearest = deepest_of_triangles(solid.tree, (surface.triangles - offset) @ back, inside=True)
+    if depth > 0.0:
+        inward = matrix @ (deepest - nearest)
+        return Touch(-depth * factor, direction(inward, offset), matrix @ (deepest + nearest) / 2 + offset)
+    return Touch(distance, direction(offset, offset), (point + partner) / 2)
+
+
+def touch_balls(surface: Surface, parts: Parts, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
+    """Find how an open surface touches a union of balls; a depth is that in a single ball.
+
+    Parameters
+    ----------
+    surface : Surface
+        The open surface.
+    parts : Parts
+        Rows of the balls: of this one body, in its own frame.
+    matrix, offset : (3, 3) and (3,) ndarray of float
+        Lead from the frame of the balls into that of the surface.
+    reach : float
+        How far to look, in the unit of the surface.
+
+    Returns
+    -------
+    Touch
+        In the frame and unit of the surface.
+    """
+    centers, radii = parts.center @ matrix.T + offset, parts.margin * stretch_of(matrix)
+    distance, nearest, _ = surface.tree.nearest(centers, reach=float(radii.max()) + reach)
+    gaps = np.abs(distance) - radii
+    k = int(gaps.argmin())
+    if gaps[k] > reach:
+        return Touch.apart()
+    normal = direction(centers[k] - nearest[k], offset)
+    return Touch(float(gaps[k]), normal, nearest[k] + 0.5 * gaps[k] * normal)
+
+
+def touch_round(surface: Surface, primitive: Primitive, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
+    """Find how an open surface touches an ellipsoid, cylinder or cone.
+
+    Parameters
+    ----------
+    surface : Surface
+        The open surface.
+    primitive : Primitive
+        Its partner.
+    matrix, offset : (3, 3) and (3,) ndarray of float
+        Lead from the frame of the partner into that of the surface.
+    reach : float
+        How far to look, in the unit of the surface.
+
+    Returns
+    -------
+    Touch
+        In the frame and unit of the surface; a depth in an ellipsoid that is larger than its least radius of curvature
+        is a lower bound.
+    """
+    row, ball = placed_row(primitive, matrix), primitive.bounding_radius * stretch_of(matrix)
+    near, contact = np.zeros(9), np.zeros(7)
+    distance = distance_to_triangles(row, offset, ball, *surface.tree.arrays, float(reach), near)
+    size = float(part_size(row)) + surface.tree.size
+    if distance > TOUCHING * size:
+        if distance > reach:
+            return Touch.apart()
+        return Touch(distance, direction(-near[6:], offset), (near[:3] + near[3:6]) / 2)
+    deep = depth_in_convex(row, offset, ball, size, *surface.tree.arrays, contact)
+    depth, normal, point = float(contact[0]), -contact[1:4], contact[4:]
+    if deep:
+        places = np.concatenate([surface.vertices, surface.triangles.mean(axis=1)])
+        inner = placed(inner_distance(primitive), matrix=matrix, offset=offset)(places)
+        if inner.max() > depth:
+            depth, point = float(inner.max()), places[inner.argmax()]
+    return Touch(-depth, direction(normal, offset), point)

@@ -1,0 +1,88 @@
+"""Sheets: rectangles without thickness, flat or rolled about the y axis."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Integers, as_number, as_positive
+from voxgran._base.config import parameter
+from voxgran._base.errors import InputError
+from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.model import Shape
+from voxgran.shapes.surface import Surface
+
+#: angle between the strips of a rolled sheet, in degrees, at most
+STRIP = 7.5
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Sheet:
+    """Parameters of a sheet.
+
+    Raises
+    ------
+    InputError
+        If the sheet would touch itself.
+    """
+
+    aspect: tuple[float, float] = parameter((1.0, 1.0), doc="ratio of its edges, along x and y")
+    roll: float = parameter(
+        0.0,
+        doc="angle through which it is rolled along x, in degrees: 0 flat, 180 half a pipe; its curvature is that "
+        "angle over its length along x",
+    )
+    diameter: float | None = parameter(
+        None, doc="equivalent diameter, of a disk of equal area; left out: 1", unit="length"
+    )
+    lengths: tuple[float, float] | None = parameter(
+        None, doc="its edges, in place of ratio and diameter", unit="length"
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse what closes."""
+        if not 0.0 <= as_number(self.roll, "roll") < 360.0:
+            raise InputError(f"roll is {self.roll:g} degrees: a sheet meets itself at 360; give 0 to less than 360")
+
+
+def make(parameters: Sheet, generator: np.random.Generator) -> Shape:
+    """Return the sheet; nothing is random. Rolled, it is made of flat strips, 7.5 degrees apart at the most.
+
+    Raises
+    ------
+    InputError
+        If a number is not above 0, or the size is given twice.
+    """
+    refuse_both(parameters.diameter, (("lengths", parameters.lengths),))
+    if parameters.diameter is not None:
+        as_positive(parameters.diameter, "diameter")
+    length, width = (as_positive(value, "an edge") for value in parameters.lengths or parameters.aspect)
+    strips = max(1, int(np.ceil(parameters.roll / STRIP)))
+    share = np.arange(strips + 1) / strips - 0.5
+    x, z = length * share, np.zeros(strips + 1)
+    if parameters.roll:
+        angle = np.deg2rad(parameters.roll)
+        # the strips together are as long as the sheet
+        radius = length / (2 * strips * np.sin(angle / (2 * strips)))
+        x, z = radius * np.sin(angle * share), radius * (1.0 - np.cos(angle * share))
+    rows = [np.column_stack([x, np.full(strips + 1, y), z]) for y in (-width / 2, width / 2)]
+    geometry = Surface(np.concatenate(rows), lattice_faces(strips, 1))
+    if parameters.lengths is not None:
+        return Shape.of(geometry, name="sheet")
+    return sized(geometry, parameters.diameter, name="sheet")
+
+
+def lattice_faces(columns: int, rows: int) -> Integers:
+    """Return the (2 columns rows, 3) triangles of a lattice of cells, whose corners are numbered along x first."""
+    i, j = np.meshgrid(np.arange(columns), np.arange(rows))
+    a = (j * (columns + 1) + i).ravel()
+    b, c, d = a + 1, a + columns + 2, a + columns + 1
+    return np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+
+
+registration = ShapeFamily(
+    name="sheet",
+    summary="rectangle without thickness, flat or rolled; an open surface",
+    parameters=Sheet,
+    make=make,
+    is_open=True,
+)

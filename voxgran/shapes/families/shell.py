@@ -1,0 +1,74 @@
+"""Shells: parts of a sphere without thickness, from shallow caps over half shells to spheres with a hole."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import as_number, as_positive
+from voxgran._base.config import parameter
+from voxgran._base.errors import InputError
+from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.model import Shape
+from voxgran.shapes.surface import Surface
+
+#: corners around the axis, and angle between its rings, in degrees, at most
+SIDES, RING = 36, 10.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Shell:
+    """Parameters of a shell.
+
+    Raises
+    ------
+    InputError
+        If it would have no area, or no hole.
+    """
+
+    opening: float = parameter(
+        180.0, doc="angle that it spans, seen from the center of the sphere, in degrees: 180 is half of the sphere"
+    )
+    diameter: float | None = parameter(
+        None, doc="equivalent diameter, of a disk of equal area; left out: 1", unit="length"
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse what is no open surface."""
+        if not 0.0 < as_number(self.opening, "opening") < 360.0:
+            raise InputError(
+                f"opening is {self.opening:g} degrees: a shell spans more than 0 and less than 360; of a whole sphere "
+                "use the family sphere"
+            )
+
+
+def make(parameters: Shell, generator: np.random.Generator) -> Shape:
+    """Return the shell, with its corners on the sphere and its axis along z; nothing is random.
+
+    Raises
+    ------
+    InputError
+        If the diameter is not above 0.
+    """
+    if parameters.diameter is not None:
+        as_positive(parameters.diameter, "diameter")
+    rings = max(2, int(np.ceil(parameters.opening / 2 / RING)))
+    down = np.deg2rad(parameters.opening / 2) * np.arange(1, rings + 1) / rings
+    around = 2 * np.pi * np.arange(SIDES) / SIDES
+    flat = np.sin(down)[:, None] * np.stack([np.cos(around), np.sin(around)])[:, None]
+    level = np.broadcast_to(np.cos(down)[:, None], flat.shape[1:])
+    vertices = np.concatenate([[[0.0, 0.0, 1.0]], np.stack([*flat, level], axis=-1).reshape(-1, 3)])
+    k, after = np.arange(SIDES), (np.arange(SIDES) + 1) % SIDES
+    faces = [np.column_stack([np.zeros(SIDES, dtype=np.int64), 1 + k, 1 + after])]
+    for ring in range(rings - 1):
+        a, b = 1 + ring * SIDES + k, 1 + ring * SIDES + after
+        faces += [np.column_stack([a, a + SIDES, b + SIDES]), np.column_stack([a, b + SIDES, b])]
+    return sized(Surface(vertices, np.concatenate(faces)), parameters.diameter, name="shell")
+
+
+registration = ShapeFamily(
+    name="shell",
+    summary="part of a sphere without thickness, such as half of it; an open surface",
+    parameters=Shell,
+    make=make,
+    is_open=True,
+)

@@ -1,0 +1,162 @@
+"""An open surface of triangles as the true geometry of a grain: a sheet or a shell, without thickness and inside."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers, read_only
+from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran._base.tree import TriangleTree, grow_tree
+from voxgran.shapes.crossing import count_crossings
+from voxgran.shapes.shells import connected, edge_faults
+
+#: area of a triangle, in the square of its longest edge, up to which it has none
+NO_AREA = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """An open surface of triangles, whose two sides are alike: how its faces are wound does not matter.
+
+    Attributes
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points, in the unit of lengths.
+    faces : (m, 3) ndarray of int
+        Vertex indices of the triangles.
+    """
+
+    vertices: Floats
+    faces: Integers
+
+    dimension = 3
+
+    def __post_init__(self) -> None:
+        read_only(self.vertices)
+        read_only(self.faces)
+
+    @cached_property
+    def triangles(self) -> Floats:
+        """Corner points of the triangles, (m, 3, 3)."""
+        return read_only(self.vertices[self.faces])
+
+    @cached_property
+    def tree(self) -> TriangleTree:
+        """Box tree of the triangles, for nearest points; the signs of its distances mean nothing."""
+        return grow_tree(self.vertices, self.faces)
+
+    @property
+    def volume(self) -> float:
+        """Volume: 0."""
+        return 0.0
+
+    @property
+    def surface_area(self) -> float:
+        """Sum of the areas of the triangles, of one side."""
+        return float(self._areas.sum())
+
+    @cached_property
+    def centroid(self) -> Floats:
+        """Centroid of the area, (3,)."""
+        middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
+        share = self._areas / self._areas.sum()
+        return np.asarray(middle + share @ (self.triangles - middle).mean(axis=1))
+
+    @property
+    def inertia(self) -> Floats:
+        """Refused: it is that of a solid at unit density.
+
+        Raises
+        ------
+        InputError
+            Always.
+        """
+        raise InputError(
+            "an open surface has no volume and so no inertia at unit density: use geometry.area_inertia, that at unit "
+            "mass per area, or give it thickness"
+        )
+
+    @cached_property
+    def area_inertia(self) -> Floats:
+        """Inertia tensor about the centroid at unit mass per area, (3, 3)."""
+        corners = self.triangles - self.centroid
+        total = corners.sum(axis=1)
+        # the integral of x x^T over a triangle is a closed form of its corners
+        second = np.einsum("f,fki,fkj->ij", self._areas, corners, corners)
+        second = (second + np.einsum("f,fi,fj->ij", self._areas, total, total)) / 12
+        return read_only(np.trace(second) * np.eye(3) - second)
+
+    @property
+    def bounding_radius(self) -> float:
+        """Largest distance of a vertex from the origin of the frame."""
+        return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
+
+    @cached_property
+    def _areas(self) -> Floats:
+        """Areas of the triangles, (m,)."""
+        return areas_of(self.triangles)
+
+    def content(self) -> bytes:
+        """Return the bytes that the key of the shape is a hash of."""
+        return b"surface" + self.vertices.tobytes() + self.faces.tobytes()
+
+    def moved(self, offset: Floats) -> "Surface":
+        """Return the surface shifted by a (3,) offset."""
+        return Surface(self.vertices + offset, self.faces)
+
+    def rotated(self, matrix: Floats) -> "Surface":
+        """Return the surface turned about the origin by a (3, 3) rotation matrix."""
+        return Surface(self.vertices @ matrix.T, self.faces)
+
+    def scaled(self, factor: float) -> "Surface":
+        """Return the surface stretched about the origin."""
+        return Surface(self.vertices * factor, self.faces)
+
+    def tessellation(self) -> tuple[Floats, Integers, float]:
+        """Return vertices, faces and their largest distance from the true surface: 0."""
+        return self.vertices, self.faces, 0.0
+
+
+def areas_of(triangles: Floats) -> Floats:
+    """Return the areas of (m, 3, 3) triangles, (m,)."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+
+
+def refuse_unfit(vertices: Floats, faces: Integers, name: str) -> None:
+    """Raise unless triangles make one open surface.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points, merged.
+    faces : (m, 3) ndarray of int
+        Triangles.
+    name : str
+        What the message calls it.
+
+    Raises
+    ------
+    DirtyMeshError
+        If there are none, one has no area, they are not connected, cut through each other, or leave no edge open.
+    """
+    if not len(faces):
+        raise DirtyMeshError(f"{name} has no faces: a surface must have triangles; check the file")
+    triangles = vertices[faces]
+    longest = ((triangles - np.roll(triangles, 1, axis=1)) ** 2).sum(axis=2).max(axis=1)
+    flat = int((areas_of(triangles) <= NO_AREA * longest).sum())
+    start, end = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
+    parts = len(np.unique(connected(len(vertices), start, end)))
+    closed = int(edge_faults(faces, len(vertices))[0] == 0)
+    rules = (
+        (flat, f"{flat} faces without area", "each must be a triangle; leave them out"),
+        (parts - 1, f"{parts} separate parts", "a grain must be one piece; save each in a file of its own"),
+        (closed, "no open edges", "an open surface has some; load what bounds a solid as a solid"),
+    )
+    for wrong, what, rule in rules:
+        if wrong:
+            raise DirtyMeshError(f"{name} has {what}: {rule}")
+    crossings = count_crossings(vertices, faces)
+    if crossings:
+        raise DirtyMeshError(f"{name} has {crossings} pairs of faces that cut through each other: mend the mesh")
