@@ -1,9 +1,9 @@
-"""Digital packing: which true densities it reaches, against voxels, vibration, shape, walls and dimension.
+"""Digital packing: which true densities it reaches, against voxels, vibration, walls and dimension.
 
 Beds settle by the walk and then as true shapes; all densities are bulk solid fractions of the true solids, without
 overlap. Spheres stand at 20, 40 and 80 voxels per diameter, and a line through these is followed to voxels of no size,
-without vibration and shaken. Dice are poured with friction, or shaken with little of it. A bed of spheres in a
-cylinder is compared with the law of de Klerk, and disks of two sizes settle in the plane, shaken.
+without vibration and shaken. A bed of spheres in a cylinder is compared with the law of de Klerk, and disks of two
+sizes settle in the plane, shaken.
 """
 
 import time
@@ -33,10 +33,6 @@ from voxgran.shapes.model import Shape
 Row: TypeAlias = tuple[str, int, bool, float, float, float]
 CELLS = (20, 40, 80)
 SEEDS = (1, 2)
-DICE = ("tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron")
-#: of dice: friction of poured and of shaken ones, and how they are poured
-POURED, SHAKEN = 0.5, 0.0
-POUR = {"sweeps": 60, "up": 0.0, "down": 0.7}
 #: sweeps of shaking
 SHAKING = 200
 #: bins of the wall profile, in diameters, and points in each
@@ -93,31 +89,6 @@ def measure_spheres(cells: tuple[int, ...] = CELLS, seeds: tuple[int, ...] = SEE
     return rows
 
 
-def measure_dice(dice: tuple[str, ...] = DICE, count: int = 220, cells: int = 20) -> list[Row]:
-    """Pack beds of Platonic dice: poured with friction, and shaken.
-
-    Parameters
-    ----------
-    dice : tuple of str
-        The solids.
-    count : int
-        Dice of a bed.
-    cells : int
-        Voxels per diameter.
-    """
-    rows: list[Row] = []
-    box = Box((5, 5, 8 + count / 18), periodic=(True, True, False))
-    for name in dice:
-        shape = make_shape("platonic", solid=name)
-        for vibrated in (False, True):
-            packing, seconds = bed(
-                shape, box, count, voxel_size=1 / cells, seed=1, friction=SHAKEN if vibrated else POURED,
-                shaking=SHAKING if vibrated else 0, **POUR,
-            )  # fmt: skip
-            rows.append((name, cells, vibrated, seconds, float(bulk_solid_fraction(packing)), 0.0))
-    return rows
-
-
 def measure_disks(count: int = 330) -> list[Row]:
     """Pack a bed of as many disks of diameter 1 as of 1.4."""
     disks = [make_shape("disk"), make_shape("disk", diameter=1.4)]
@@ -165,7 +136,7 @@ def measure_wall(count: int = 900) -> tuple[Floats, Floats, Floats, float]:
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    rows = [*measure_spheres(), *measure_dice(), *measure_disks()]
+    rows = [*measure_spheres(), *measure_disks()]
     wall, loop = measure_wall(), calibration()
     table, second, figure = folder / "density.csv", folder / "density_wall.csv", folder / "density.svg"
     lines = [
@@ -181,32 +152,26 @@ def run(folder: Path) -> tuple[Path, ...]:
 
 
 def _draw(rows: list[Row], wall: tuple[Floats, Floats, Floats, float], path: Path) -> None:
-    """Draw spheres against voxel size on the left, dice in the middle, the wall on the right."""
-    figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
-    left, middle, right = figure.subplots(1, 3)
+    """Draw spheres against voxel size on the left, the wall on the right."""
+    figure = load("matplotlib.figure").Figure(figsize=(9.2, 4.0), layout="constrained")
+    left, right = figure.subplots(1, 2)
     for vibrated, color in ((False, "C0"), (True, "C1")):
         label = "shaken" if vibrated else "not shaken"
         beds = [row for row in rows if row[0].startswith("sphere,") and row[2] == vibrated]
         left.plot([1 / row[1] for row in beds], [row[4] for row in beds], f"{color}o", label=label)
         end = next(row for row in rows if row[0] == "sphere" and row[2] == vibrated)
         left.errorbar([0.0], [end[4]], yerr=[end[5]], fmt=f"{color}s", capsize=3)
-        dice = [row for row in rows if row[0] in DICE and row[2] == vibrated]
-        middle.plot([row[0] for row in dice], [row[4] for row in dice], f"{color}o", label=label)
     left.set_xlabel("voxel size in diameters")
     left.set_ylabel("bulk solid fraction, spheres")
-    middle.set_ylabel("bulk solid fraction, dice")
-    middle.tick_params(axis="x", rotation=20)
     right.plot(wall[0], wall[1], label="spheres in a cylinder")
     right.plot(wall[0], wall[2], ":", label=f"de Klerk, rms {wall[3]:.3f}")
     right.set_xlabel("distance from the wall in diameters")
     right.set_ylabel("solid fraction")
-    for panel in (left, middle, right):
+    for panel in (left, right):
         panel.grid(visible=True, alpha=0.3)
         panel.legend(frameon=False, fontsize=8)
     with written_whole(path) as draft:
         figure.savefig(draft, format="svg")
 
 
-registration = TradeOff(
-    name="density", summary="true densities of digital packing: spheres, dice, walls, disks", run=run
-)
+registration = TradeOff(name="density", summary="true densities of digital packing: spheres, walls, disks", run=run)

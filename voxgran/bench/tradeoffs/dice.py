@@ -1,0 +1,144 @@
+"""Dice: how dense Platonic solids lie by digital and by control-point packing, poured and shaken, against experiments.
+
+The loosest and the densest disordered beds of plastic dice are published for all five solids. A bed stands between
+them by its friction, which was not measured, so beds are poured with little friction, with that of plastics, and with
+so much that nothing slides. Shaken beds are shaken without friction. All densities are bulk solid fractions of the true
+solids, which are compared exactly in the end.
+
+References
+----------
+Baker & Kudrolli 2010, Maximum and minimum stable random packings of Platonic solids, Physical Review E 82, 061304,
+doi:10.1103/PhysRevE.82.061304
+"""
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.lazy import load
+from voxgran.bench.model import TradeOff, calibration
+from voxgran.containers.box import Box
+from voxgran.measure.density import bulk_solid_fraction
+from voxgran.packing.pack import pack
+from voxgran.packing.verify import verify
+from voxgran.shapes.family import make_shape
+
+#: loosest and densest beds of dice (Baker & Kudrolli 2010), each to 0.01
+PUBLISHED = {
+    "tetrahedron": (0.51, 0.64),
+    "cube": (0.54, 0.67),
+    "octahedron": (0.52, 0.64),
+    "dodecahedron": (0.51, 0.63),
+    "icosahedron": (0.50, 0.59),
+}
+#: coefficients of friction with which dice are poured
+FRICTIONS = (0.15, 0.5, 3.0)
+#: how each method walks before the true shapes settle, without vibration
+WALKS: dict[str, dict[str, Any]] = {
+    "digital": {"voxel_size": 1 / 20, "sweeps": 60, "up": 0.0, "down": 0.7},
+    "control_point": {"spacing": 0.1, "sweeps": 400, "up": 0.0},
+}
+#: sweeps of shaking, and its strength in gravities
+SHAKING, ACCELERATION = 200, 0.8
+
+
+class Bed(NamedTuple):
+    """A bed: how it was made, seconds, bulk solid fraction, and whether nothing overlaps."""
+
+    method: str
+    solid: str
+    shaken: bool
+    friction: float
+    seconds: float
+    bulk: float
+    apart: bool
+
+
+def measure_bed(method: str, solid: str, friction: float | None, count: int = 120) -> Bed:
+    """Pack a bed of dice.
+
+    Parameters
+    ----------
+    method : str
+        ``"digital"`` or ``"control_point"``.
+    solid : str
+        A Platonic solid.
+    friction : float or None
+        Coefficient of friction with which it is poured; None: it is shaken, without friction.
+    count : int
+        Dice of the bed.
+
+    Returns
+    -------
+    Bed
+    """
+    shape, box = make_shape("platonic", solid=solid), Box((4, 4, 6 + count / 9), periodic=(True, True, False))
+    finish: dict[str, Any] = {"settling": 400, "friction": friction or 0.0}
+    if friction is None:
+        finish |= {"shaking": SHAKING, "acceleration": ACCELERATION}
+    began = time.perf_counter()
+    packing = pack(shape, box, method=method, count=count, seed=1, **finish, **WALKS[method])
+    seconds = time.perf_counter() - began
+    bulk = float(bulk_solid_fraction(packing))
+    return Bed(method, solid, friction is None, friction or 0.0, seconds, bulk, verify(packing).ok)
+
+
+def write_beds(beds: Sequence[Bed], folder: Path) -> tuple[Path, ...]:
+    """Write beds as CSV and as a figure.
+
+    Parameters
+    ----------
+    beds : sequence of Bed
+        Of all solids.
+    folder : Path
+        Where to write.
+
+    Returns
+    -------
+    tuple of Path
+        What was written.
+    """
+    table, figure, loop = folder / "dice.csv", folder / "dice.svg", calibration()
+    head = "method,solid,shaken,friction,seconds,bulk_solid_fraction,apart,published,calibration_seconds"
+    lines = [
+        f'{bed.method},"{bed.solid}",{str(bed.shaken).lower()},{bed.friction:g},{bed.seconds:.1f},{bed.bulk:.4f},'
+        f"{str(bed.apart).lower()},{PUBLISHED[bed.solid][bed.shaken]:.2f},{loop:.5f}"
+        for bed in beds
+    ]
+    write_text(table, "\n".join([head, *lines]) + "\n")
+    _draw(beds, figure)
+    return table, figure
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    treatments = (*FRICTIONS, None)
+    beds = [measure_bed(method, solid, way) for method in WALKS for solid in PUBLISHED for way in treatments]
+    return write_beds(beds, folder)
+
+
+def _draw(beds: Sequence[Bed], path: Path) -> None:
+    """Draw the beds of each method beside what was published."""
+    figure = load("matplotlib.figure").Figure(figsize=(9.2, 4.0), layout="constrained")
+    for panel, method in zip(figure.subplots(1, len(WALKS), sharey=True), WALKS, strict=True):
+        panel.plot(list(PUBLISHED), [loose for loose, _ in PUBLISHED.values()], "k_", ms=22, label="loosest, published")
+        panel.plot(list(PUBLISHED), [dense for _, dense in PUBLISHED.values()], "k+", ms=14, label="shaken, published")
+        ways = sorted({(bed.shaken, bed.friction) for bed in beds if bed.method == method})
+        for shaken, friction in ways:
+            some = [bed for bed in beds if (bed.method, bed.shaken, bed.friction) == (method, shaken, friction)]
+            label, mark = ("shaken", "s") if shaken else (f"poured, friction {friction:g}", "o")
+            panel.plot([bed.solid for bed in some], [bed.bulk for bed in some], mark, ms=5, label=label)
+        panel.set_title(method)
+        panel.tick_params(axis="x", rotation=20)
+        panel.grid(visible=True, alpha=0.3)
+    panel.legend(frameon=False, fontsize=7)
+    figure.axes[0].set_ylabel("bulk solid fraction")
+    with written_whole(path) as draft:
+        figure.savefig(draft, format="svg")
+
+
+registration = TradeOff(
+    name="dice", summary="true densities of Platonic dice, poured and shaken, by two methods", run=run
+)
