@@ -1,9 +1,9 @@
 """Where a run begins: grains of another packing, which stand in the container before any other enters.
 
 Methods keep grains farther apart than true shapes have to be, by the room of a voxel or of what bulges between points.
-So grains of a start may touch, and be nearer than a method would ever bring them. Off a lattice, where their true shapes
-overlap neither each other nor a wall, they stand as they are; each stays until a move finds the room of the method.
-On a lattice they make way for their voxels, as little as that takes.
+So grains of a start may touch, and be nearer than a method would ever bring them. Off a lattice, where their true
+shapes overlap neither each other nor a wall, they stand as they are, and each stays until a move finds the room that
+the method asks for. On a lattice they make way for their voxels, as little as that takes.
 """
 
 from collections.abc import Callable
