@@ -83,7 +83,8 @@ def pack(
     start : Packing, optional
         Grains that are there from the beginning, and may touch: at their places, on a lattice as near to them as voxels
         have room, at last raised (:mod:`voxgran.packing.start`). They come first in the result. `count` and
-        `solid_fraction` are then those of further grains; with neither, there are none. Where `shapes` is empty they have those of the start.
+        `solid_fraction` are then those of further grains; with neither, there are none. Where `shapes` is empty they
+        have those of the start.
     threads : int, optional
         Most threads to use; the result does not depend on it.
     checkpoint : path-like, optional
