@@ -7,6 +7,9 @@ from voxgran.packing.control_points import meets, recall
 from voxgran.packing.control_records import SDF, Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
 from voxgran.packing.field_contacts import meets_field, recall_field
 
+#: more than rounding does to the distance of two balls that touch, in median diameters
+EXACT = 1e-12
+
 
 @bare_kernel
 def meets_own_image(
@@ -122,7 +125,12 @@ def _look_around(  # type: ignore[no-untyped-def]
                     dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
                     near = extent[g, 0] + extent[j, 0] + extent[g, 5] + extent[j, 5] + gap
                     if j != g and dx * dx + dy * dy + dz * dz <= near * near:
-                        if contact == SDF:
+                        if extent[g, 6] * extent[j, 6] > 0.0:
+                            apart = extent[g, 0] + extent[j, 0] + gap - EXACT
+                            if dx * dx + dy * dy + dz * dz < apart * apart:
+                                return -1
+                            answer = 0
+                        elif contact == SDF:
                             answer = recall_field(
                                 *(orientation, diameter, extent, shape, pairs, poses, points, field_head, field_rows),
                                 *(field_values, turn, relative, shift, g, j, gap, dx, dy, dz),

@@ -39,8 +39,8 @@ class Bed(NamedTuple):
     """Where the grains are, how long a step each one tries at the most, and its `extent`.
 
     The extent of a grain is its bounding radius, half the spacing of its points, volume over surface, the largest
-    curvature of its surface (below 0 where that is not smooth), the error of a smooth surface, and how near its points
-    are kept to other surfaces at the most.
+    curvature of its surface (below 0 where that is not smooth), the error of a smooth surface, how near its points are
+    kept to other surfaces at the most, and 1 where it is a ball that is compared with others by its center, else 0.
     """
 
     position: Floats

@@ -140,7 +140,7 @@ def _scratch(problem: Problem, bodies: Bodies, cells: Cells) -> Scratch:
 
 
 def _extent(problem: Problem, bodies: Bodies) -> Floats:
-    """Return radius, half the spacing, volume over surface, curvature, surface error and room of each grain, (n, 6)."""
+    """Return what is known of each grain, (n, 7): the columns of `Bed.extent`."""
     known = len(problem.shapes)
     inner = [shape.volume / shape.surface_area for shape in problem.shapes]
     curvature = [largest_curvature(shape.geometry) for shape in problem.shapes]
@@ -156,7 +156,10 @@ def _extent(problem: Problem, bodies: Bodies) -> Floats:
     room = np.maximum(bulge, half - float(extent[:, 2].min(initial=np.inf)))
     room = np.minimum(room, half + extent[:, 3] + float(extent[:, 3].max(initial=0.0)))
     room = room if problem.parameters.contact == "sdf" else half
-    return np.ascontiguousarray(np.column_stack([extent[:, :3], bend, extent[:, 3], room]))
+    # balls of a start may touch: they are compared by their centers
+    ball = np.array([is_one_ball(shape.geometry) for shape in problem.shapes], dtype=np.float64)[problem.shape_id]
+    exact = ball if problem.start is not None else np.zeros(problem.count)
+    return np.ascontiguousarray(np.column_stack([extent[:, :3], bend, extent[:, 3], room, exact]))
 
 
 def _point_error(shape: Shape) -> float:

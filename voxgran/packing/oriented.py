@@ -14,8 +14,8 @@ from voxgran._base.seeds import stream
 from voxgran.packing.bits import Field, Words, pack_columns, row_length
 from voxgran.packing.lattice import ContainerLattice
 from voxgran.packing.problem import Problem
-from voxgran.packing.sites import Parts, find_raised, stamp_grain
-from voxgran.packing.start import Start, refuse_start, upward
+from voxgran.packing.sites import Parts, find_near, stamp_grain
+from voxgran.packing.start import Start, stand_on_lattice
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ def orient(problem: Problem, first: Integers, base: Floats, voxel_size: float, *
 def stand_start(
     problem: Problem, start: Start, lattice: ContainerLattice, oriented: Oriented, *, field: Field, gravity: Integers
 ) -> Integers:
-    """Put the grains of a start on the canvas, each as little above its place as it needs to be.
+    """Put the grains of a start on the canvas, each as near to its place as there is room.
 
     Parameters
     ----------
@@ -175,13 +175,19 @@ def stand_start(
         If a grain finds no place.
     """
     parts = Parts(oriented.words, oriented.at, oriented.low, oriented.size)
-    sites = np.rint((start.position - lattice.corner) / lattice.voxel_size).astype(np.int64)
     begin = len(oriented.at) - start.count
-    for grain in start.rising(gravity).tolist():
-        if find_raised(field, parts, begin + grain, sites[grain], upward(gravity, problem.dimension)) < 0:
-            refuse_start(grain)
-        stamp_grain(field, parts, begin + grain, sites[grain])
-    return sites
+
+    def put_down(order: Integers, sites: Integers, ways: Integers) -> int:
+        for k, grain in enumerate(order.tolist()):
+            if find_near(field, parts, begin + grain, sites[grain], ways) < 0:
+                for stands in order[:k].tolist():
+                    # stamped once more it is gone
+                    stamp_grain(field, parts, begin + stands, sites[stands])
+                return grain
+            stamp_grain(field, parts, begin + grain, sites[grain])
+        return -1
+
+    return stand_on_lattice(problem, start, lattice, gravity, put_down)
 
 
 def _turned(mask: Booleans, matrix: Integers) -> Booleans:

@@ -81,9 +81,10 @@ def pack(
     seed : int
         The same seed gives the same bits on the same machine and versions.
     start : Packing, optional
-        Grains that are there from the beginning, at their places or as little above as the method needs to part them;
-        they come first in the result. `count` and `solid_fraction` are then those of further grains; with neither,
-        there are none. Where `shapes` is empty they have those of the start.
+        Grains that are there from the beginning, and may touch: at their places, on a lattice as near to them as voxels
+        have room, at last raised (:mod:`voxgran.packing.start`). They come first in the result. `count` and
+        `solid_fraction` are then those of further grains; with neither, there are none. Where `shapes` is empty they
+        have those of the start.
     threads : int, optional
         Most threads to use; the result does not depend on it.
     checkpoint : path-like, optional

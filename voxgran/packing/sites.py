@@ -42,22 +42,22 @@ def stamp_grain(field: Field, parts: Parts, member: int, site: Integers) -> None
 
 
 @kernel
-def find_raised(field: Field, parts: Parts, member: int, site: Integers, up: Integers) -> int:
-    """Move a site, within the walls, to the first free one upward; return by how many voxels, -1 for none."""
-    size, most = parts.size[member], 0
+def find_near(field: Field, parts: Parts, member: int, site: Integers, ways: Integers) -> int:
+    """Move a site, within the walls, by the first of some ways that is free; return which one, -1 for none."""
+    size = parts.size[member]
     for axis in range(3):
         if field.periodic[axis] == 0:
             low = parts.low[member, axis]
             site[axis] = max(-low, min(site[axis], field.shape[axis] - size[axis] - low))
-        if up[axis] != 0:
-            most = field.shape[axis]
-    for k in range(most + 1):
+    for k in range(len(ways)):
+        for axis in range(3):
+            site[axis] += ways[k, axis]
         if not is_blocked_anywhere(
             field, parts.words, parts.at[member], _extent(parts, member), _lowest(field, parts, member, site)
         ):
             return k
         for axis in range(3):
-            site[axis] += up[axis]
+            site[axis] -= ways[k, axis]
     return -1
 
 

@@ -79,28 +79,25 @@ def put(field: Field, members: Members, grains: Grains, pairs: PairTables, g: in
 
 
 @kernel
-def enter_raised(
-    field: Field, members: Members, grains: Grains, g: int, member: int, turn: int, site: Integers, up: Integers
+def enter_near(
+    field: Field, members: Members, grains: Grains, g: int, member: int, turn: int, site: Integers, ways: Integers
 ) -> int:
-    """Let a grain enter at a lattice site, within the walls, or at the first free site upward.
+    """Let a grain enter at a lattice site, within the walls, or by the first of the ways from there that is free.
 
-    Return by how many voxels it was raised, -1 where there is no place.
+    Return which one it took, -1 where there is no place.
     """
     low, size = turned_box(members.low[member], members.size[member], members.turns[turn])
     first = np.zeros(3, dtype=np.int64)
-    most = 0
     for axis in range(3):
         first[axis] = site[axis] + low[axis]
         if field.periodic[axis] == 0:
             first[axis] = max(0, min(first[axis], field.shape[axis] - size[axis]))
-        if up[axis] != 0:
-            most = field.shape[axis]
     grains.at[g] = _load(members, grains, g, member, turn)
-    for k in range(most + 1):
+    for k in range(len(ways)):
         corner = (
-            wrapped(first[0] + k * up[0], field.shape[0], field.periodic[0]),
-            wrapped(first[1] + k * up[1], field.shape[1], field.periodic[1]),
-            wrapped(first[2] + k * up[2], field.shape[2], field.periodic[2]),
+            wrapped(first[0] + ways[k, 0], field.shape[0], field.periodic[0]),
+            wrapped(first[1] + ways[k, 1], field.shape[1], field.periodic[1]),
+            wrapped(first[2] + ways[k, 2], field.shape[2], field.periodic[2]),
         )
         if not is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
             stamp_images(field, grains.bits, grains.at[g], size, corner)

@@ -58,7 +58,7 @@ from voxgran.packing.gravity import gravity_text, gravity_vector, main_axis
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.start import Start, refuse_start, upward
+from voxgran.packing.start import Start, refuse_start, stands_free, upward
 from voxgran.shapes.curvature import largest_curvature
 
 #: mean sinking in median diameters per grain over such a look, below which the bed is settled
@@ -227,7 +227,26 @@ def prepare(problem: Problem) -> State:
 
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
-    """Put the grains of the start in the container, each as little above its place as the points need to part."""
+    """Put the grains of the start in the container: as they are where their true shapes are apart.
+
+    Else, or where they have to keep a distance, each comes as little above its place as the points need to part.
+    """
+    if problem.parameters.distance or not stands_free(problem, start):
+        _raise_start(problem, state, start)
+    else:
+        n, arrays = start.count, state.arrays
+        arrays["position"][:n], arrays["orientation"][:n] = start.wrapped(problem.container), start.orientation
+        arrays["entered"][:n] = 1
+        extent = setting_of(problem, state).extent[:n]
+        arrays["step"][:n] = np.minimum(problem.parameters.step * problem.diameter[:n], 0.5 * extent[:, 2])
+    state.arrays["queue"] = start.queue(problem.count)
+    state.counters["placed"] = start.count
+    if start.count == problem.count:
+        look_at_queue(problem, state, -1)
+
+
+def _raise_start(problem: Problem, state: State, start: Start) -> None:
+    """Put each grain of the start as little above its place as the points need to part."""
     setting, down = setting_of(problem, state), main_axis(gravity_vector(problem))
     up = upward(down, problem.dimension).astype(np.float64)
     bed, rules = bed_of(problem, state, setting), _rules(problem, state)
@@ -237,10 +256,6 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
         fine = 0.25 * (float(setting.extent[grain, 1]) + rules.gap)
         if not enter_raised(bed, world, grain, start.position[grain], up, fine):
             refuse_start(grain)
-    state.arrays["queue"] = start.queue(problem.count)
-    state.counters["placed"] = start.count
-    if start.count == problem.count:
-        look_at_queue(problem, state, -1)
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:

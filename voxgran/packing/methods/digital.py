@@ -28,7 +28,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import as_count, as_number, as_positive
+from voxgran._base.arrays import Integers, as_count, as_number, as_positive
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import product, quaternions_of
@@ -47,9 +47,9 @@ from voxgran.packing.lattice import packing_of_poses, positions_on
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.start import Start, refuse_start, upward
+from voxgran.packing.start import Start, stand_on_lattice
 from voxgran.packing.turns import SORT_SWEEPS, look_at_turns, lower_lid_again, sort_grains, turn_arrays
-from voxgran.packing.walk import enter_raised, make_attempts
+from voxgran.packing.walk import enter_near, make_attempts, put
 
 #: sweeps between two looks at whether the bed still sinks
 SETTLE_SWEEPS = 200
@@ -194,16 +194,22 @@ def prepare(problem: Problem) -> State:
 
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
-    """Put the grains of the start on the lattice, each as little above its place as it needs to be."""
+    """Put the grains of the start on the lattice, each as near to its place as there is room."""
     setting = setting_of(problem, state)
-    gravity = setting.down
-    lattice, up = setting.lattice, upward(gravity, problem.dimension)
     upright = int(np.flatnonzero((setting.rotations == np.eye(3, dtype=np.int64)).all(axis=(1, 2)))[0])
-    sites = np.rint((start.position - lattice.corner) / lattice.voxel_size).astype(np.int64)
     known = records(state, setting)
-    for grain in start.rising(gravity).tolist():
-        if enter_raised(*known, grain, grain * setting.bases, upright, sites[grain], up) < 0:
-            refuse_start(grain)
+
+    def put_down(order: Integers, sites: Integers, ways: Integers) -> int:
+        for k, grain in enumerate(order.tolist()):
+            if enter_near(*known, grain, grain * setting.bases, upright, sites[grain], ways) < 0:
+                for stands in order[:k].tolist():
+                    # stamped once more it is gone
+                    put(*known, state.derived["pairs"], stands)
+                state.arrays["member"][order[:k]] = -1
+                return grain
+        return -1
+
+    stand_on_lattice(problem, start, setting.lattice, setting.down, put_down)
     state.arrays["queue"] = start.queue(problem.count)
     state.counters["placed"] = start.count
     if start.count == problem.count:

@@ -344,7 +344,7 @@ def _most_contacts(problem: Problem, setting: _Setting, member: int) -> Ranked:
 
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
-    """Put the grains of the start on the lattice, each as little above its place as it needs to be."""
+    """Put the grains of the start on the lattice, each as near to its place as there is room."""
     setting = _make_setting(problem)
     lattice, oriented = setting.lattice, setting.oriented
     margin = np.where(setting.room.periodic, int(oriented.size.max(initial=1)) + 1, 1).astype(np.int64)

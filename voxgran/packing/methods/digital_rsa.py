@@ -221,7 +221,7 @@ def _parts(setting: _Setting) -> Parts:
 
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
-    """Put the grains of the start on the lattice, each as little above its place as it needs to be."""
+    """Put the grains of the start on the lattice, each as near to its place as there is room."""
     setting = _setting(problem, state)
     gravity = np.zeros(3, dtype=np.int64)
     gravity[problem.dimension - 1] = -1
