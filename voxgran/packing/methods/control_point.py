@@ -38,7 +38,7 @@ from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
-from voxgran.packing.control_checks import check_distance, check_overlap
+from voxgran.packing.control_checks import check_distance, check_overlap, check_surfaces
 from voxgran.packing.control_feeding import (
     SETTLE_SWEEPS,
     entry_of,
@@ -191,8 +191,8 @@ def prepare(problem: Problem) -> State:
     ------
     InputError
         If gravity points along a periodic axis, a grain of the start finds no place, the distance leaves no room for
-        two grains, the overlap is deeper than a grain is thick, or the container is of a kind whose walls the method
-        does not know.
+        two grains, the overlap is deeper than a grain is thick, open surfaces are to be compared by signed distances or
+        to settle, or the container is of a kind whose walls the method does not know.
     """
     if not isinstance(problem.container, Box | ClosedMesh | Cylinder | Rectangle | Sphere):
         raise InputError(
@@ -200,6 +200,7 @@ def prepare(problem: Problem) -> State:
             "it, such as ClosedMesh(Shape.from_mesh(*container.mesh()))"
         )
     gravity_vector(problem)
+    check_surfaces(problem)
     check_distance(problem)
     check_overlap(problem)
     n = problem.count
@@ -428,4 +429,5 @@ registration = PackingMethod(
     cost=cost,
     dimensions=(2, 3),
     libraries=("numba", "open3d"),
+    open_surfaces=True,
 )
