@@ -17,6 +17,9 @@ and ellipsoids never overlap; what sharp edges overlap between points, less than
 after the walk. Steps are so short, and thin grains kept so far, that none can pass through another. No voxels are made,
 so grains may have any place and any orientation; the cost of a move grows with the points near a contact only.
 
+Open surfaces have no inside: they are packed with points against points only, and neither settle nor overlap. In a bed
+with any of them all points keep five percent more, and steps are so short that none leads through a surface.
+
 References
 ----------
 Sajjadi & Khalili 2015, Control points in packing of particles of arbitrary shape, section 5-2: surfaces as control
