@@ -37,6 +37,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/demo/whole.png docs/figures/demo.png
 	$(BIN)/python examples/advancing_front.py out/advancing_front
 	cp out/advancing_front/advancing_front.png docs/figures/advancing_front.png
+	$(BIN)/python examples/open_surfaces.py out/open_surfaces
+	cp out/open_surfaces/open_surfaces.png docs/figures/open_surfaces.png
 	$(BIN)/python examples/deformed_grains.py out/deformed_grains
 	cp out/deformed_grains/deformed_grains.svg docs/figures/deformed_grains.svg
 

@@ -111,6 +111,17 @@ def test_first_contact(tmp_path, capsys, monkeypatch):
     assert {path.name for path in tmp_path.iterdir()} >= {"solids_1.vtp", "clumps_0.vtp", "solids.png", "clumps.png"}
 
 
+def test_open_surfaces(tmp_path, capsys, monkeypatch):
+    text = printed("open_surfaces.py", capsys, monkeypatch, str(tmp_path))
+    assert "grains 60, 40 of them open surfaces  verified True" in text
+    assert "crossing by VTK 0 " in text
+    assert int(re.search(r"near pairs (\d+)", text).group(1)) > 60
+    # points keep 1.05 spacings of a tenth of the diameter, and surfaces no less than what that leaves
+    assert 0.05 < float(re.search(r"least gap (\S+)", text).group(1)) < 0.12
+    assert vg.load(tmp_path / "open_surfaces.vtp").shapes[0].is_open
+    assert (tmp_path / "open_surfaces.png").exists()
+
+
 def test_deformed_grains(tmp_path, capsys, monkeypatch):
     text = printed("deformed_grains.py", capsys, monkeypatch, str(tmp_path))
     assert "grains 16  " in text

@@ -21,6 +21,7 @@ VARIANTS = {
     "control_point, points": {"contact": "points"},
     "control_point, kdtree": {"contact": "kdtree"},
     "control_point, one way": {"ways": "one"},
+    "control_point, open surfaces": {"contact": "points"},
 }
 METHODS = [*vg.packing_methods(), *VARIANTS]
 #: what makes a method quick here; anything else is its default
@@ -38,6 +39,8 @@ def quick(method):
 
 def task_of(method, count=10, seed=1):
     shapes = [vg.make_shape("box", lengths=(1.1, 0.9, 0.7)), vg.make_shape("sphere")]
+    if "open surfaces" in method:
+        shapes[0] = vg.make_shape("sheet", roll=150)
     return prepare_task(
         shapes,
         vg.Box((3.5, 3.5, 4), periodic=(True, False, False)),

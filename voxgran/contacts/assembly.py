@@ -106,6 +106,11 @@ class Assembly:
         return self._of_shapes([shape.volume for shape in self.shapes]) * self.scale**self.dimension
 
     @cached_property
+    def surface_areas(self) -> Floats:
+        """True surface areas of the grains (perimeters in 2D, of open surfaces that of one side), (n,)."""
+        return self._of_shapes([shape.surface_area for shape in self.shapes]) * self.scale ** (self.dimension - 1)
+
+    @cached_property
     def diameters(self) -> Floats:
         """Equivalent diameters of the grains, (n,), in the unit of lengths."""
         return self._of_shapes([shape.diameter for shape in self.shapes]) * self.scale

@@ -115,6 +115,12 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
     values = {
         "container_volume": variable((), packing.container.volume, size, f"{kind} of the container"),
         "grain_volume": variable((), packing.volumes.sum(), size, f"{kind} of all grains together"),
+        "specific_surface": variable(
+            (),
+            packing.surface_areas.sum() / packing.container.volume,
+            length_unit(packing, power=-1),
+            f"surface of the grains over {kind} of the container",
+        ),
         "mean_diameter": variable((), diameters.mean(), unit, "mean equivalent diameter of the grains"),
         "median_diameter": variable((), np.median(diameters), unit, "median equivalent diameter of the grains"),
         "solid_fraction": variable(

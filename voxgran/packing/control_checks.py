@@ -1,9 +1,12 @@
-"""Lengths of control-point packing against the grains and the container."""
+"""Lengths and shapes of control-point packing against what they ask for."""
 
 import numpy as np
 
 from voxgran._base.errors import InputError
 from voxgran.packing.problem import Problem
+
+#: least spacing of open surfaces, in diameters of the grain
+FINEST = 0.02
 
 
 def check_distance(problem: Problem) -> None:
@@ -25,6 +28,34 @@ def check_distance(problem: Problem) -> None:
         raise InputError(
             f"distance is {distance * problem.unit_length:g}: the container has room for less than "
             f"{room * problem.unit_length:g} between two grains; make it smaller or the container larger"
+        )
+
+
+def check_surfaces(problem: Problem) -> None:
+    """Refuse open surfaces where signed distances or true solids are asked for.
+
+    Raises
+    ------
+    InputError
+        If grains are compared by signed distances, or are to settle, or the spacing is so fine that the shortest step
+        is too long.
+    """
+    names = [shape.name for shape in problem.original if shape.is_open]
+    settings = problem.parameters
+    if names and settings.contact == "sdf":
+        raise InputError(
+            f"shape {names[0]!r} is an open surface and contact 'sdf': it has no inside and so no signed distance; use "
+            "contact 'points'"
+        )
+    if names and settings.spacing < FINEST:
+        raise InputError(
+            f"spacing is {settings.spacing:g} and shape {names[0]!r} an open surface: it must be at least {FINEST:g}, "
+            "since no step may be longer than points are apart; make it larger"
+        )
+    if names and settings.settling:
+        raise InputError(
+            f"shape {names[0]!r} is an open surface and settling {settings.settling}: only solids settle on their true "
+            "shapes; set settling to 0"
         )
 
 

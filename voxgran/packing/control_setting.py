@@ -39,6 +39,7 @@ from voxgran.points.control import sample_controls
 from voxgran.shapes.curvature import largest_curvature
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.surface import Surface
 
 if TYPE_CHECKING:
     from voxgran.packing.methods.control_point import ControlPoint
@@ -49,6 +50,12 @@ TESTS = {"sdf": SDF, "points": POINTS, "kdtree": KDTREE}
 CELLS_IN_SPACING = 3.0
 #: control points that are listed for a pair of near grains, and pairs for which there are lists
 LISTED, MOST_PAIRS = 64, 2**17
+#: factor on what control points keep where there are open surfaces, so that no step carries one through another, and
+#: how long a way, in c, at least is that begins and ends KEPT c from a point and comes nearer than c
+KEPT = 1.05
+WAY = 2.0 * (KEPT**2 - 1.0) ** 0.5
+#: extent of a surface out of its plane, in that along it, below which it is flat
+FLAT_SHARE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +111,7 @@ def memory_needed(problem: Problem) -> int:
     for solid in solids:
         # points that keep apart and cover at this spacing; 24 bytes each, as much in the tree, and their probes
         points = 16 + 5 * solid.surface_area / settings.spacing ** (problem.dimension - 1)
-        faces = len(solid.geometry.faces) if isinstance(solid.geometry, Mesh) else 5000
+        faces = len(solid.geometry.faces) if isinstance(solid.geometry, Mesh | Surface) else 5000
         total += points * (24 * 40 + 48) + faces * (72 + 3 * 24)
     if settings.contact == "sdf":
         # 4 bytes a node, and its place and distance while they are made
@@ -149,6 +156,8 @@ def _extent(problem: Problem, bodies: Bodies) -> Floats:
     error += bodies.fields.error if len(bodies.fields.error) else 0.0
     unit = np.column_stack([bodies.radius[:known], bodies.spacing[:known] / 2, inner, np.where(smooth, error, 0.0)])
     extent = unit[problem.shape_id] * problem.diameter[:, None]
+    if any(shape.is_open for shape in problem.shapes):
+        extent[:, 2] = _open_ways(problem, bodies, extent[:, 1] / KEPT)
     bend = np.array([-1.0 if bend is None else bend for bend in curvature])[problem.shape_id] / problem.diameter
     half, most = extent[:, 1], float(np.maximum(bend, 0.0).max(initial=0.0))
     # what bulges between points, or has to be kept off from thin grains; no more than half the spacing
@@ -160,6 +169,18 @@ def _extent(problem: Problem, bodies: Bodies) -> Floats:
     ball = np.array([is_one_ball(shape.geometry) for shape in problem.shapes], dtype=np.float64)[problem.shape_id]
     exact = ball if problem.start is not None else np.zeros(problem.count)
     return np.ascontiguousarray(np.column_stack([extent[:, :3], bend, extent[:, 3], room, exact]))
+
+
+def _open_ways(problem: Problem, bodies: Bodies, cover: Floats) -> Floats:
+    """Return how far the points of grains may move in a step where there are open surfaces, (n,).
+
+    Points that are kept KEPT times the sum of two covering radii (n,) apart then pass each other at more than that sum
+    all along the way, so that what they cover does not cross; the least of all radii stands for that of the partner.
+    """
+    least = float(cover.min(initial=np.inf))
+    if isinstance(problem.container, ClosedMesh):
+        least = min(least, float(bodies.spacing[-1]) / (2 * KEPT))
+    return WAY * (cover + least)
 
 
 def _point_error(shape: Shape) -> float:
@@ -176,9 +197,13 @@ def _bodies(problem: Problem) -> Bodies:
         solids.append(problem.container.shape)
         samples.append(sample_controls(solids[-1], spacing=settings.spacing, seed=problem.seed))
     # points of a curved shape lie on its tessellation, and that lies near the true surface
-    spacing = [points.spacing + 2 * solid.tessellation_error for points, solid in zip(samples, solids, strict=True)]
+    kept = KEPT if any(shape.is_open for shape in problem.shapes) else 1.0
+    spacing = [
+        kept * (points.spacing + 2 * solid.tessellation_error) for points, solid in zip(samples, solids, strict=True)
+    ]
     hulls, margins = zip(*(_hull(shape) for shape in problem.shapes), strict=True)
-    triangles = [solid.vertices[solid.faces] for solid in solids]
+    # what holds nothing has no triangles that could tell inside from outside
+    triangles = [solid.vertices[solid.faces[: 0 if solid.is_open else None]] for solid in solids]
     trees = make_trees([np.asarray(points) for points in samples])
     return Bodies(
         TESTS[settings.contact],
@@ -212,8 +237,17 @@ def _hull(shape: Shape) -> tuple[Floats, float]:
     if is_one_ball(shape.geometry):
         return np.zeros((1, 3)), shape.bounding_radius
     corners = shape.vertices[:, : shape.dimension]
+    if shape.is_open:
+        corners = _spread(corners)
     hull = load("scipy.spatial").ConvexHull(corners).vertices
     return np.ascontiguousarray(shape.vertices[hull]), shape.tessellation_error
+
+
+def _spread(corners: Floats) -> Floats:
+    """Return corners, (n, 3), as they are, or in two coordinates where all lie in a plane."""
+    middle = corners - corners.mean(axis=0)
+    axes = np.linalg.svd(middle, full_matrices=False)
+    return corners if axes[1][2] > FLAT_SHARE * axes[1][0] else middle @ axes[2][:2].T
 
 
 def _starts(parts: Sequence[Floats]) -> Integers:

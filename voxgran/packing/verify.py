@@ -133,7 +133,8 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
     Notes
     -----
     Meshes are compared by manifold3d in double precision wherever they are not proven to be apart; all other
-    geometries are compared in closed form or by their support functions. Nothing is tessellated.
+    geometries are compared in closed form or by their support functions. Nothing is tessellated. Open surfaces overlap
+    where their triangles cross, by how far these must at least be moved to part, and solids where they reach inside.
     """
     limit = as_number(tolerance, "tolerance", at_least=0.0)
     checked_arrays(

@@ -1,6 +1,7 @@
 """Control points of a solid: points all over its surface, and along its convex edges and at its corners.
 
 Edges and corners are what touches first, and points of the surface alone would miss them by up to half their spacing.
+An open surface has points on its border, too.
 """
 
 import numpy as np
@@ -53,14 +54,16 @@ def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePo
 
 
 def edge_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
-    """Return points along the convex edges of a closed mesh, its corners first.
+    """Return points along the convex edges of a closed mesh, or all sharp edges and the border of an open one.
+
+    Corners come first.
 
     Parameters
     ----------
     vertices : (n, 3) ndarray of float
         Corner points, in the unit of lengths.
     faces : (m, 3) ndarray of int
-        Triangles, counterclockwise seen from outside.
+        Triangles, of a closed mesh counterclockwise seen from outside.
     spacing : float
         Largest distance of neighbours along an edge; where edges are shorter, points are left out that are nearer to
         each other than a quarter of it.
@@ -84,7 +87,7 @@ def edge_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
 
 
 def _sharp_edges(vertices: Floats, faces: Integers) -> tuple[Integers, Integers]:
-    """Return the ends of the edges that are convex and sharp."""
+    """Return the ends of the edges that are convex and sharp; where some are open, of these and of all sharp ones."""
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
@@ -94,12 +97,13 @@ def _sharp_edges(vertices: Floats, faces: Integers) -> tuple[Integers, Integers]
     order = np.lexsort((ends[:, 1], ends[:, 0]))
     ends, opposite, face = ends[order], opposite[order], face[order]
     # in a closed mesh each edge comes twice
-    twice = np.flatnonzero((ends[1:] == ends[:-1]).all(axis=1))
+    again = (ends[1:] == ends[:-1]).all(axis=1)
+    twice, alone = np.flatnonzero(again), ends[~(np.append(again, False) | np.insert(again, 0, False))]
     one, other = face[twice], face[twice + 1]
     turned = (normal[one] * normal[other]).sum(axis=1) < np.cos(SHARP)
     below = ((vertices[opposite[twice + 1]] - vertices[ends[twice, 0]]) * normal[one]).sum(axis=1) < 0.0
-    sharp = twice[turned & below]
-    return ends[sharp, 0], ends[sharp, 1]
+    sharp = np.concatenate([ends[twice[turned & (below | bool(len(alone)))]], alone])
+    return sharp[:, 0], sharp[:, 1]
 
 
 def _pointed(vertices: Floats, faces: Integers) -> Integers:

@@ -104,7 +104,7 @@ def _gradation(packing: Packing) -> Figure:
             f"chance with probability {test['p_value']:.2g}."
         )
     order = np.argsort(packing.diameters, kind="stable")
-    shares = np.cumsum(packing.volumes[order]) / packing.volumes.sum()
+    shares = np.cumsum(packing.volumes[order]) / max(float(packing.volumes.sum()), 1e-300)
     keep = np.unique(np.linspace(0, packing.count - 1, 200).astype(int))
     numbers = {
         "diameter": packing.diameters[order][keep].tolist(),

@@ -110,7 +110,7 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
     Parameters
     ----------
     shape : Shape
-        Any shape; in 2D there is no clump.
+        Any shape; in 2D there is no clump, and of an open surface neither voxels nor a clump.
     window : tuple of int
         Width and height of each, in pixels.
     spheres : int
@@ -123,7 +123,8 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
     """
     flat = shape.dimension == 2
     pictures = {}
-    for name in ("surface", "voxels", "points") if flat else ("surface", "voxels", "points", "clump"):
+    names = ["surface", "points"] if shape.is_open else ["surface", "voxels", "points", "clump"]
+    for name in names[: 3 if flat else None]:
         with stage_of(window) as stage:
             if name == "surface":
                 stage.add_mesh(shape.to_pyvista(), color=_GRAIN, **_SMOOTH)
