@@ -102,6 +102,18 @@ def test_advancing_front(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "rock.vtp").container.kind == "mesh"
 
 
+def test_hulls_in_spheres(tmp_path, capsys, monkeypatch):
+    text = printed("hulls_in_spheres.py", capsys, monkeypatch, str(tmp_path), "3.5", "40")
+    assert text.count("verified True") == 4
+    spheres, inscribed, grown, moved = (float(value) for value in re.findall(r"solid fraction ([\d.]+)", text))
+    assert spheres > 1.2 * grown > 1.4 * inscribed
+    assert moved == grown
+    assert float(re.search(r"touching ([\d.]+);", text).group(1)) == 1.0
+    heights = [float(value) for value in re.findall(r"height ([\d.]+)", text)]
+    assert heights[3] < heights[2] - 0.02
+    assert vg.load(tmp_path / "moved.vtp").count == int(re.search(r"grains +(\d+)", text).group(1))
+
+
 def test_first_contact(tmp_path, capsys, monkeypatch):
     text = printed("first_contact.py", capsys, monkeypatch, str(tmp_path), "2")
     gaps = [float(value) for value in re.findall(r"gap at contact (\S+) diameters", text)]

@@ -17,7 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_count
+from voxgran._base.arrays import Floats, Integers, as_count, as_number
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import normalized
@@ -27,6 +27,7 @@ from voxgran.containers.sphere import Sphere
 from voxgran.packing.ball_cells import BITS, BallCells, lay_cells, link_all
 from voxgran.packing.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Bed, Front, Rules
 from voxgran.packing.front_room import FrontRoom, front_room_of
+from voxgran.packing.grow import grow
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
@@ -69,10 +70,15 @@ class AdvancingFront:
     tries: int = parameter(
         5, doc="waiting grains that are tried at a place, in their order; so many may be overtaken, at most"
     )
+    grow: float = parameter(
+        1.0,
+        doc="largest factor by which all grains grow at the end, about their centroids, until each touches; 1: not",
+    )
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         as_count(self.tries, "tries", at_least=1)
+        as_number(self.grow, "grow", at_least=1.0)
         if self.mode == "dense" and self.order == "random":
             raise InputError(
                 "order is 'random': dense packing takes the best place; choose nearest or lowest, or loose"
@@ -145,7 +151,7 @@ def finish(problem: Problem, state: State) -> Packing:
     shape_id = problem.shape_id[grains]
     position = balls[:, :3] + problem.container.bounds[0]
     position *= problem.unit_length
-    return Packing.of(
+    packing = Packing.of(
         problem.original,
         problem.container.scaled(problem.unit_length),
         position=position,
@@ -155,6 +161,8 @@ def finish(problem: Problem, state: State) -> Packing:
         provenance={"gradation_distance": _distance(problem, grains)},
         stop_reason=state.stop_reason or "interrupted",
     )
+    asked: AdvancingFront = problem.parameters
+    return grow(packing, most=asked.grow) if asked.grow > 1.0 and state.stop_reason else packing
 
 
 def cost(problem: Problem) -> Cost:

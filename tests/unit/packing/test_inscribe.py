@@ -1,0 +1,74 @@
+"""Shapes in the balls of a packing."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError
+
+SPHERE = vg.make_shape("sphere")
+BOX = vg.Box((6, 6, 6))
+BALLS = vg.pack(SPHERE, BOX, method="rsa", count=60, sizes=vg.sizes.uniform(0.6, 1.2))
+HULLS = [vg.make_shape("convex_polyhedron", seed=seed, points=12) for seed in range(60)]
+
+
+def reach_of(grains, balls):
+    """How far the corners of each grain reach from the center of its ball, in radii of that ball."""
+    found = [
+        np.linalg.norm(grains.world_vertices(k) - balls.position[k], axis=1).max() / balls.bounding_radii[k]
+        for k in range(grains.count)
+    ]
+    return np.array(found)
+
+
+def test_each_ball_gets_its_own_hull_as_large_as_it_fits():
+    grains = vg.inscribe(BALLS, HULLS, shape_id=range(60))
+    assert grains.shape_id.tolist() == list(range(60))
+    assert reach_of(grains, BALLS).max() <= 1 + 1e-12
+    assert reach_of(grains, BALLS).min() > 1 - 1e-9
+    assert vg.verify(grains).ok
+    assert grains.provenance["inscribed"]["solid_fraction_of_balls"] == BALLS.solid_fraction
+    # a smallest ball holds its center between the corners that touch it: some lie on either side of each plane
+    corners = grains.world_vertices(0) - BALLS.position[0]
+    touching = corners[np.linalg.norm(corners, axis=1) > (1 - 0.03) * BALLS.bounding_radii[0]]
+    for way in np.random.Generator(np.random.Philox(1)).normal(size=(200, 3)):
+        assert (touching @ way).min() < 0.1 * BALLS.bounding_radii[0] * np.linalg.norm(way)
+
+
+def test_shapes_and_turns_are_drawn_by_the_seed():
+    one, same, other = (vg.inscribe(BALLS, HULLS[:3], weights=[1, 2, 0], seed=seed) for seed in (1, 1, 2))
+    assert (one.orientation == same.orientation).all()
+    assert (one.position == same.position).all()
+    assert (one.orientation != other.orientation).any()
+    assert set(one.shape_id.tolist()) == {0, 1}
+
+
+@pytest.mark.parametrize("name", ["ellipsoid", "cone", "solid_union", "sphere"])
+def test_curved_shapes_lie_within_their_balls(name):
+    shape = vg.make_shape(name)
+    grains = vg.inscribe(BALLS, shape)
+    assert reach_of(grains, BALLS).max() <= 1 + 1e-12
+    assert vg.verify(grains).ok
+    if name == "sphere":
+        assert grains.position == pytest.approx(BALLS.position)
+        assert grains.scale == pytest.approx(BALLS.scale)
+
+
+def test_disks_get_polygons():
+    disks = vg.pack(vg.make_shape("disk"), vg.Rectangle((6, 6)), method="advancing_front", mode="dense")
+    kites = vg.inscribe(disks, vg.make_shape("polygon", corners=5))
+    assert vg.verify(kites).ok
+    assert not kites.orientation[:, 1:3].any()
+    with pytest.raises(InputError, match="dimension 3: the packing has 2"):
+        vg.inscribe(disks, SPHERE)
+
+
+def test_wrong_input_is_refused():
+    with pytest.raises(InputError, match="shapes is empty"):
+        vg.inscribe(BALLS, [])
+    with pytest.raises(InputError, match="weights"):
+        vg.inscribe(BALLS, HULLS[:2], weights=[0, 0])
+    with pytest.raises(InputError, match="shape_id"):
+        vg.inscribe(BALLS, HULLS[:2], shape_id=[0, 1])
+    with pytest.raises(InputError, match="shape_id"):
+        vg.inscribe(BALLS, HULLS[:2], shape_id=[5] * 60)

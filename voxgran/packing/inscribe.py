@@ -1,0 +1,133 @@
+"""Shapes in the balls of a sphere packing: from spheres, packed in seconds, to grains of true shape."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, as_count, as_floats
+from voxgran._base.errors import InputError
+from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
+from voxgran._base.seeds import stream
+from voxgran.contacts.parts import is_one_ball
+from voxgran.packing.model import Packing
+from voxgran.shapes.model import Shape
+
+#: steps of the search for the smallest ball around a shape
+STEPS = 400
+
+
+def inscribe(
+    packing: Packing,
+    shapes: Sequence[Shape] | Shape,
+    *,
+    weights: ArrayLike | None = None,
+    shape_id: ArrayLike | None = None,
+    seed: int = 0,
+) -> Packing:
+    """Put a shape into the bounding ball of each grain, turned at random and as large as it fits.
+
+    Parameters
+    ----------
+    packing : Packing
+        Spheres, in 2D disks, that do not overlap, such as those of ``rsa`` or ``advancing_front``.
+    shapes : sequence of Shape or Shape
+        What comes into them, such as hulls of random points.
+    weights : (len(shapes),) array_like of float, optional
+        Shares of the shapes by number; equal where left out.
+    shape_id : (n,) array_like of int, optional
+        Which shape each ball gets; left out, they are drawn. ``range(n)`` gives each its own.
+    seed : int
+        Seed of what is drawn.
+
+    Returns
+    -------
+    Packing
+        As many grains in the same order, each within its ball: where the balls do not overlap, no grains do.
+        ``provenance["inscribed"]`` tells the solid fraction of the balls.
+
+    Raises
+    ------
+    InputError
+        If there are no shapes, one has another dimension, a share is negative or all are 0, or an index is out of
+        range.
+
+    Notes
+    -----
+    The smallest ball around the corners of a shape, of curved shapes with the error of their tessellation, becomes the
+    ball of the grain; so the centroid of the grain lies beside the center of its ball. Of a ball of radius r the
+    center is found within about r / 400. Sizes are then those of the balls times what a shape fills of its ball.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> balls = vg.pack(vg.make_shape("sphere"), vg.Box((4, 4, 4)), method="advancing_front")
+    >>> hulls = [vg.make_shape("convex_polyhedron", seed=k, points=12) for k in range(balls.count)]
+    >>> grains = vg.inscribe(balls, hulls, shape_id=range(balls.count))
+    >>> vg.verify(grains).ok
+    True
+    """
+    given = (shapes,) if isinstance(shapes, Shape) else tuple(shapes)
+    for shape in given:
+        if shape.dimension != packing.dimension:
+            raise InputError(
+                f"shape {shape.name!r} has dimension {shape.dimension}: the packing has {packing.dimension}; use both "
+                "of one dimension"
+            )
+    n, generator = packing.count, stream(as_count(seed, "seed"), "inscribed")
+    drawn = _drawn(generator, len(given), n, weights)
+    chosen = drawn if shape_id is None else np.asarray(shape_id, dtype=np.int64)
+    turns = _turns(generator, n, packing.dimension)
+    balls = np.array([_ball_around(shape) for shape in given])
+    inscribed = Packing.of(
+        given,
+        packing.container,
+        position=packing.position,
+        shape_id=chosen,
+        orientation=turns,
+        density=packing.density,
+        provenance={
+            **packing.provenance,
+            "shapes": [{"name": shape.name, "key": shape.key} for shape in given],
+            "inscribed": {"seed": seed, "solid_fraction_of_balls": packing.solid_fraction},
+        },
+        stop_reason=packing.stop_reason,
+        unit=packing.unit,
+    )
+    # what is in the ball of a shape of size 1 is brought into the ball of the grain
+    scale = packing.bounding_radii / balls[inscribed.shape_id, 3]
+    beside = np.einsum("nij,nj->ni", rotation_matrices(turns), balls[inscribed.shape_id, :3])
+    return replace(inscribed, scale=scale, position=packing.position - scale[:, None] * beside)
+
+
+def _drawn(generator: np.random.Generator, many: int, n: int, weights: ArrayLike | None) -> ArrayLike:
+    """Return which shape each grain gets, drawn by their shares."""
+    if not many:
+        raise InputError("shapes is empty: a ball gets one of them; give at least one")
+    share = np.ones(many) if weights is None else as_floats(weights, "weights", shape=(many,))
+    if share.min() < 0 or share.sum() <= 0:
+        raise InputError(f"weights are {share.tolist()}: shares must not be negative, nor all 0; correct them")
+    return generator.choice(many, size=n, p=share / share.sum())
+
+
+def _turns(generator: np.random.Generator, n: int, dimension: int) -> Floats:
+    """Return random orientations, in 2D about z."""
+    if dimension == 3:
+        return random_rotations(generator, n)
+    half = np.pi * generator.random(n)
+    return normalized(np.column_stack([np.cos(half), np.zeros((n, 2)), np.sin(half)]))
+
+
+def _ball_around(shape: Shape) -> tuple[float, float, float, float]:
+    """Return center and radius of a ball around a shape, nearly the smallest (Badoiu & Clarkson 2003)."""
+    center, corners = np.zeros(3), shape.vertices
+    if is_one_ball(shape.geometry):
+        return 0.0, 0.0, 0.0, shape.bounding_radius
+    for step in range(1, STEPS + 1):
+        center = center + (corners[np.argmax(((corners - center) ** 2).sum(axis=1))] - center) / (step + 1)
+    radius = float(np.linalg.norm(corners - center, axis=1).max()) + shape.tessellation_error
+    if radius >= shape.bounding_radius:
+        return 0.0, 0.0, 0.0, shape.bounding_radius
+    x, y, z = center.tolist()
+    return x, y, z, radius
