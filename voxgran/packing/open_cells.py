@@ -116,8 +116,9 @@ def make_classes(
         base[k, :dimension] = np.maximum(np.ceil(wanted - WHOLE), 1)
     limits = np.where((least < largest).any(axis=1), tries, 0).astype(np.int64)
     parts = np.where(span > 0, 2, 1).astype(np.int64)
-    rows = (np.vstack([array, np.ones((1, 3), dtype=array.dtype)]) for array in (least, low, span, base, parts))
-    return Classes(kind, *rows, np.append(limits, 0))
+    one = np.ones((1, 3), dtype=np.int64)
+    lengths = (np.vstack([array, one]) for array in (least, low, span))
+    return Classes(kind, *lengths, np.vstack([base, one]), np.vstack([parts, one]), np.append(limits, 0))
 
 
 def first_cells(classes: Classes, boxes: bool) -> Open:
@@ -327,7 +328,7 @@ def _throw(bed, cells, room, low, cell, volume, begin, many, edge, key, attempt,
 @bare_kernel
 def _numbers(cell, k):  # type: ignore[no-untyped-def]
     """Return the numbers of a cell along the axes."""
-    i, j, n = 0, 0, 0
+    i, j, n = np.int64(0), np.int64(0), np.int64(0)
     for word in range(cell.shape[1] - 3, -1, -3):
         i = (i << 16) + np.int64(cell[k, word])
         j = (j << 16) + np.int64(cell[k, word + 1])
