@@ -68,7 +68,7 @@ for panel, (name, (shapes, container, sizes, options)) in zip(panels, CASES.item
     print(
         f"{name:10s} grains {packing.count:6d}  {seconds:5.2f} s  solid fraction {packing.solid_fraction:.4f}  "
         f"of balls inside {inner_fraction(packing):.4f}  coordination {2 * touching.sum() / packing.count:.3f}  "
-        f"residual {np.abs(gap[touching]).max():.0e}  gradation {packing.provenance['gradation_distance']:.4f}  "
+        f"residual {np.abs(gap[touching]).max():.0e}  gradation {packing.provenance['missed']['gradation']:.4f}  "
         f"verified {vg.verify(packing).ok}"
     )
     vg.save(packing, folder / f"{name.replace(' ', '_')}.vtp")

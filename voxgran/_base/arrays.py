@@ -19,6 +19,10 @@ Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 
+#: lengths whose fifth powers, of which second moments are made, are numbers
+SHORTEST, LONGEST = 1e-60, 1e60
+
+
 def as_floats(value: ArrayLike, name: str, *, shape: tuple[int | None, ...]) -> Floats:
     """Return `value` as a contiguous finite float64 array of the given shape.
 
@@ -178,6 +182,22 @@ def as_positive(value: Any, name: str) -> float:
         As :func:`as_number`.
     """
     return as_number(value, name, above=0.0)
+
+
+def check_lengths(values: ArrayLike, name: str) -> None:
+    """Refuse lengths so small or large that volumes and their second moments are no numbers any more; 0 is none.
+
+    Raises
+    ------
+    InputError
+        If one is not finite, or not between 1e-60 and 1e60.
+    """
+    lengths = np.abs(np.asarray(values, dtype=np.float64)).reshape(-1)
+    wrong = lengths[(lengths != 0) & ~((lengths >= SHORTEST) & (lengths <= LONGEST))]
+    if len(wrong):
+        raise InputError(
+            f"{name} is {wrong[0]:g}: it must be between {SHORTEST:g} and {LONGEST:g}; choose another unit of lengths"
+        )
 
 
 def as_count(value: Any, name: str, *, at_least: int = 0) -> int:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number
+from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number, check_lengths
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.parts import is_one_ball
@@ -227,7 +227,9 @@ def _draw_block(
 ) -> tuple[Integers, Floats]:
     """Draw shapes and diameters of so many grains."""
     shape_id = stream(seed, "shapes", block).choice(len(shapes), size=many, p=shares).astype(np.int64)
-    return shape_id, _diameters(shapes, shape_id, sizes, stream(seed, "sizes", block))
+    diameter = _diameters(shapes, shape_id, sizes, stream(seed, "sizes", block))
+    check_lengths([diameter.min(initial=1.0), diameter.max(initial=1.0)], "diameter of a grain")
+    return shape_id, diameter
 
 
 def _diameters(

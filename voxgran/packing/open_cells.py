@@ -8,8 +8,8 @@ when a wall does. When no cell is open there is no place for the size any more, 
 Cells of boxes along the axes are boxes of any size, from which all that is blocked is cut away exactly
 (:mod:`voxgran.packing.open_boxes`): the room between two faces may be too narrow for cells that are halved.
 
-A class of sizes has cells of its own, for the smallest of its sizes; in a class of several sizes, a larger grain may
-find no place while cells are open.
+A class of sizes has cells of its own, for the smallest of its sizes. In a class of several sizes a larger grain may
+find no place while cells are open: after some throws in vain it is put off (:mod:`voxgran.packing.late_grains`).
 
 References
 ----------
@@ -41,8 +41,8 @@ FIRST_CELLS = 4
 FINEST = 2**45
 #: the lowest 16 bits of a number
 LOW = 0xFFFF
-#: where the tally counts grains that were given up without proof
-UNPROVEN = 5
+#: where the tally counts grains that were given up without proof, and those that were put off
+UNPROVEN, PUT_OFF = 5, 6
 
 
 class Classes(NamedTuple):
@@ -50,7 +50,9 @@ class Classes(NamedTuple):
 
     kind: class of each grain.  half: smallest half extents of each class.  low, span: where its centres may lie.
     base: first cells along the axes.  parts: into how many parts a cell is cut along the axes.  tries: throws after
-    which a grain is given up, 0 where all grains of the class are alike.
+    which a grain is put off, 0 where all grains of the class are alike.
+
+    The last class has no grains of its own: it is that of grains which were put off.
     """
 
     kind: NDArray[np.int32]
@@ -94,7 +96,7 @@ def make_classes(
     dimension : int
         2 or 3.
     tries : int
-        Throws after which a grain is given up in a class of several sizes.
+        Throws after which a grain is put off, in a class of several sizes.
     """
     grains = np.bincount(kind[queue])
     many = len(grains)
@@ -112,9 +114,11 @@ def make_classes(
         most = FIRST_CELLS * max(int(grains[k]), 16)
         wanted *= min(1.0, (most / np.prod(wanted)) ** (1 / dimension))
         base[k, :dimension] = np.maximum(np.ceil(wanted - WHOLE), 1)
-    mixed = (least < largest).any(axis=1)
+    limits = np.where((least < largest).any(axis=1), tries, 0).astype(np.int64)
     parts = np.where(span > 0, 2, 1).astype(np.int64)
-    return Classes(kind, least, low, span, base, parts, np.where(mixed, tries, 0).astype(np.int64))
+    one = np.ones((1, 3), dtype=np.int64)
+    lengths = (np.vstack([array, one]) for array in (least, low, span))
+    return Classes(kind, *lengths, np.vstack([base, one]), np.vstack([parts, one]), np.append(limits, 0))
 
 
 def first_cells(classes: Classes, boxes: bool) -> Open:
@@ -127,17 +131,18 @@ def first_cells(classes: Classes, boxes: bool) -> Open:
     boxes : bool
         Whether the grains are boxes.
     """
+    many = len(classes.base) - 1
     nothing = np.zeros(len(classes.base), dtype=np.int64)
     width = _width(classes, nothing)
     cells: list[NDArray[Any]] = [np.zeros((0, 6)) if boxes else np.zeros((0, width), dtype=np.uint16)]
-    for base, low, span in zip(classes.base, classes.low, classes.span, strict=True):
+    for base, low, span in zip(classes.base[:many], classes.low, classes.span, strict=False):
         place = np.indices(tuple(base.tolist()), dtype=np.uint32).reshape(3, -1).T
         edge = np.broadcast_to(span / base, place.shape)
         if boxes:
             cells.append(np.column_stack([low + place * edge, edge]))
         else:
             cells.append(np.hstack([(place >> 16 * k & LOW).astype(np.uint16) for k in range(width // 3)]))
-    bounds = np.cumsum([len(cell) for cell in cells]).astype(np.int64)
+    bounds = np.cumsum([*(len(cell) for cell in cells), 0]).astype(np.int64)
     return Open(np.concatenate(cells), bounds, nothing, nothing.copy())
 
 
@@ -166,7 +171,8 @@ def cut_cells(bed: Bed, cells: Cells, room: Room, classes: Classes, known: Open,
         shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], classes.parts[kind])
         near = np.zeros((NEAR, 6))
         many = int(_look_at_parts(bed, cells, room, known.cell[begin:end], *shape, near, kept))
-        cell = _parts_in_place(known.cell, begin, kept, many, classes.parts[kind], _width(classes, depth))
+        width = max(_width(classes, depth), known.cell.shape[1])
+        cell = _parts_in_place(known.cell, begin, kept, many, classes.parts[kind], width)
     bounds = known.bounds.copy()
     bounds[kind + 1 :] += many - (end - begin)
     return Open(cell, bounds, misses, depth)
@@ -225,6 +231,7 @@ def throw_into_cells(
     edge: Floats,
     volume: Floats,
     last_cut: Integers,
+    late: int,
     queue: NDArray[np.int32],
     tally: Integers,
     key: Words,
@@ -247,10 +254,12 @@ def throw_into_cells(
         Volumes of open boxes, each with those before it in its class.
     last_cut : (k,) ndarray of int
         How often the cells of each class can be cut.
+    late : int
+        The class of all grains, where these were put off; -1: each has its own.
     queue : (m,) ndarray of int
         Grains as they come.
     tally : ndarray of int
-        Turn, tries of the grain, placed, moved, refused, given up without proof.
+        Turn, tries of the grain, placed, moved, refused, given up without proof, put off.
     key : (2,) ndarray of uint64
         Of the random stream.
     first, last : int
@@ -266,14 +275,15 @@ def throw_into_cells(
     attempt = first
     while attempt < last and tally[TURN] < len(queue):
         g = queue[tally[TURN]]
-        kind = classes.kind[g]
+        kind = classes.kind[g] if late < 0 else late
         begin, many = known.bounds[kind], known.bounds[kind + 1] - known.bounds[kind]
         worn = known.misses[kind] >= PATIENCE * many and many > 0
         if worn and known.depth[kind] < last_cut[kind]:
             return attempt, kind
-        given_up = worn or (classes.tries[kind] > 0 and tally[TRIED] >= classes.tries[kind])
-        if many == 0 or given_up:
-            tally[UNPROVEN] += many > 0
+        tired = many > 0 and classes.tries[kind] > 0 and tally[TRIED] >= classes.tries[kind]
+        if many == 0 or worn or tired:
+            tally[UNPROVEN] += worn
+            tally[PUT_OFF] += tired and not worn
             tally[TURN] += 1
             tally[TRIED] = 0
             continue
@@ -318,7 +328,7 @@ def _throw(bed, cells, room, low, cell, volume, begin, many, edge, key, attempt,
 @bare_kernel
 def _numbers(cell, k):  # type: ignore[no-untyped-def]
     """Return the numbers of a cell along the axes."""
-    i, j, n = 0, 0, 0
+    i, j, n = np.int64(0), np.int64(0), np.int64(0)
     for word in range(cell.shape[1] - 3, -1, -3):
         i = (i << 16) + np.int64(cell[k, word])
         j = (j << 16) + np.int64(cell[k, word + 1])

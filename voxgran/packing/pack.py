@@ -16,6 +16,7 @@ from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.progress import OnStep
 from voxgran.containers.model import Container
+from voxgran.packing.asked import check_asked, check_drive
 from voxgran.packing.grains import Grains, draw_grains, size_distance
 from voxgran.packing.method import PackingMethod, State, method_registry
 from voxgran.packing.model import Packing
@@ -111,8 +112,9 @@ def pack(
     UnknownNameError
         If the method or a parameter is unknown.
     InputError
-        If a value breaks a rule, the grains have more volume than the container, equal balls are asked for a solid
-        fraction beyond that of the densest lattice, or the method packs no open surfaces.
+        If an argument is of another type, a value breaks a rule, a length is not between 1e-60 and 1e60, the grains
+        have more volume than the container, equal balls are asked for a solid fraction beyond that of the densest
+        lattice, or the method packs no open surfaces.
     GrainTooLargeError
         If no grain can fit.
     CheckpointError
@@ -146,6 +148,7 @@ def pack(
     used = 1 if threads is None else min(as_count(threads, "threads", at_least=1), 1)
     if time_limit is not None:
         as_number(time_limit, "time_limit", at_least=0.0)
+    check_drive(checkpoint, on_step, recorder)
     how = Drive(checkpoint, resume, on_step, time_limit=time_limit, recorder=recorder)
     state = drive(task.method, task.problem, how)
     packing = task.method.finish(task.problem, state)
@@ -181,7 +184,7 @@ def prepare_task(
     """
     chosen = method_registry().get(method)
     settings: Any = from_mapping(chosen.parameters, parameters, f"method {method!r}")
-    given = (shapes,) if isinstance(shapes, Shape) else tuple(shapes)
+    given = check_asked(shapes, container, sizes, start)
     if start is not None:
         check_start(start, container.dimension)
     _refuse_unfit(chosen, given if start is None else (*given, *start.shapes), container)

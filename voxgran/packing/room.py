@@ -103,8 +103,10 @@ def is_between(room: Room, x: float, y: float, z: float, hx: float, hy: float, h
 def is_barred(room: Room, x: float, y: float, z: float, ex: float, ey: float, ez: float, radius: float) -> bool:
     """Tell whether no point of a box can be the centre of a ball that the container holds.
 
-    The box has its middle at (x, y, z) and half extents (ex, ey, ez), and lies where flat walls allow the ball.
+    The box has its middle at (x, y, z) and half extents (ex, ey, ez).
     """
+    if _is_beyond(room, 0, x, ex, radius) or _is_beyond(room, 1, y, ey, radius) or _is_beyond(room, 2, z, ez, radius):
+        return True
     if room.kind in (ROUND, BALL):
         dx = max(abs(x - room.middle[0]) - ex, 0.0)
         dy = max(abs(y - room.middle[1]) - ey, 0.0)
@@ -114,6 +116,15 @@ def is_barred(room: Room, x: float, y: float, z: float, ex: float, ey: float, ez
         # a depth changes by no more than the way
         return _depth(room, x, y, z) + math.sqrt(ex * ex + ey * ey + ez * ez) < radius
     return False
+
+
+@bare_kernel
+def _is_beyond(room, axis, x, ex, radius):  # type: ignore[no-untyped-def]
+    """Tell whether all places from x - ex to x + ex are too near to a flat wall for a ball."""
+    if room.walled[axis] == 0:
+        return False
+    low, high = room.lower[axis] + radius, room.lower[axis] + room.lengths[axis] - radius
+    return x + ex < low - room.slack or x - ex > high + room.slack
 
 
 @bare_kernel

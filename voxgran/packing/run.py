@@ -166,7 +166,7 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
     if problem.start is not None:
         arrays += [problem.start.position, problem.start.orientation]
     for array in arrays:
-        digest.update(np.ascontiguousarray(array))
+        digest.update(np.ascontiguousarray(array).data)
     return digest.hexdigest()
 
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.config import from_mapping
+from voxgran._base.arrays import check_lengths
+from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.registry import Registry
 from voxgran._base.seeds import stream
@@ -80,7 +81,7 @@ def make_shape(family: str, *, seed: int = 0, **parameters: Any) -> Shape:
     UnknownNameError
         If the family or a parameter is not known.
     InputError
-        If a parameter breaks a rule.
+        If a parameter breaks a rule, or a length is not between 1e-60 and 1e60.
 
     Examples
     --------
@@ -90,7 +91,18 @@ def make_shape(family: str, *, seed: int = 0, **parameters: Any) -> Shape:
     """
     entry = families().get(family)
     values: Any = from_mapping(entry.parameters, parameters, family)
+    for name, value in to_mapping(values).items():
+        if isinstance(value, int | float | list | tuple) and not isinstance(value, bool):
+            _check_numbers(value, f"{family} {name}")
     return entry.make(values, stream(seed, f"shape {family}"))
+
+
+def _check_numbers(value: Any, name: str) -> None:
+    """Check a number, or those of a list of any depth, as lengths; what else it holds is passed over."""
+    for part in value if isinstance(value, list | tuple) else ():
+        _check_numbers(part, name)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        check_lengths(value, name)
 
 
 def sized(geometry: Geometry, diameter: float | None, *, name: str) -> Shape:

@@ -158,7 +158,6 @@ def finish(problem: Problem, state: State) -> Packing:
         scale=problem.diameter[grains] * problem.unit_length / own[shape_id],
         shape_id=shape_id,
         orientation=_orientations(problem, grains),
-        provenance={"gradation_distance": _distance(problem, grains)},
         stop_reason=state.stop_reason or "interrupted",
     )
     asked: AdvancingFront = problem.parameters
@@ -268,17 +267,6 @@ def _orientations(problem: Problem, grains: Integers) -> Floats | None:
     if problem.start is not None:
         turns[:n] = problem.start.orientation
     return normalized(turns[grains])
-
-
-def _distance(problem: Problem, grains: Integers) -> float:
-    """Return the Kolmogorov-Smirnov distance of the sizes of placed grains from those of all that were asked for."""
-    n = 0 if problem.start is None else problem.start.count
-    asked, placed = np.sort(problem.diameter[n:]), np.sort(problem.diameter[grains[n:]])
-    if not len(placed):
-        return 0.0
-    shares: Any = np.searchsorted(placed, asked, side="right") / len(placed)
-    wanted: Any = np.searchsorted(asked, asked, side="right") / len(asked)
-    return float(np.abs(shares - wanted).max())
 
 
 registration = PackingMethod(

@@ -29,6 +29,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from voxgran._base.arrays import Integers, as_count
 from voxgran._base.config import parameter, to_mapping
@@ -37,11 +38,14 @@ from voxgran._base.seeds import philox_key
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.parts import is_one_ball
 from voxgran.packing.bits import Words
-from voxgran.packing.candidates import DROP, NEXT, SCAN, Coordinates, add_candidates
+from voxgran.packing.candidates import DROP, NEXT, SCAN, TURN, Coordinates, add_candidates
 from voxgran.packing.graded_cells import Bed, link_all
+from voxgran.packing.late_grains import aim, left_out, open_late
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.open_cells import (
+    PUT_OFF,
+    UNPROVEN,
     Open,
     all_edges,
     cut_cells,
@@ -56,7 +60,9 @@ from voxgran.packing.start import Start
 from voxgran.packing.verify import verify
 
 #: what the kernels count, in their order
-TALLY = ("turn", "tried", "placed", "moved", "refused", "unproven")
+TALLY = ("turn", "tried", "placed", "moved", "refused", "unproven", "put_off", "late")
+#: where it counts how many of those that were put off had their turn
+LATE = 7
 #: which scheme follows after sorting
 UNSORTED = {"4a": "classic", "4b": "1", "4c": "2", "4d": "3"}
 #: throws per grain that a saturated run is thought to take at the most: no bound is known, the mean is below 40
@@ -83,7 +89,8 @@ class Rsa:
     )
     tries: int = parameter(
         1000,
-        doc="coordinates that are drawn; until saturated: throws in vain, in classes of several sizes",
+        doc="coordinates that are drawn; until saturated: throws in vain after which a grain is put off, where there "
+        "are more than 32 sizes",
         unit="per grain",
     )
     retain: Literal["scan", "next"] = parameter(
@@ -152,7 +159,7 @@ def prepare(problem: Problem) -> State:
         _enter_start(problem, state, problem.start)
     setting = make_setting(problem)
     if setting.classes is not None:
-        arrays.update(first_cells(setting.classes, setting.boxes)._asdict())
+        arrays.update(first_cells(setting.classes, setting.boxes)._asdict(), late=setting.queue[:0].copy())
     else:
         arrays["used"] = np.zeros(many if problem.parameters.retaining == SCAN else 0, dtype=np.int8)
         arrays["pointer"] = np.zeros(int(setting.kind.max(initial=-1)) + 1, dtype=np.int64)
@@ -178,7 +185,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         run = (setting.queue, tally, key, state.done, last)
         state.done = int(add_candidates(bed, setting.cells, setting.room, setting.rules, known, *run))
         if state.done < last:
-            tally[TALLY.index("turn")] = len(setting.queue)
+            tally[TURN] = len(setting.queue)
     state.counters.update(zip(TALLY, tally.tolist(), strict=True))
     _look(problem, state, setting)
     return state
@@ -264,7 +271,9 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
 
 def _keep(problem: Problem, state: State, setting: Setting) -> None:
     """Keep a setting, with the grains that are in linked into its cells, in the order in which they entered."""
-    entering = np.concatenate([np.arange(problem.count - newcomers(problem), dtype=np.int32), setting.queue])
+    late = state.arrays.get("late", setting.queue[:0])
+    first = np.arange(problem.count - newcomers(problem), dtype=np.int32)
+    entering = np.concatenate([first, setting.queue[~np.isin(setting.queue, late)], late])
     link_all(_bed_of(state, setting), setting.cells, setting.room, entering)
     state.derived["setting"] = setting
 
@@ -276,20 +285,66 @@ def _bed_of(state: State, setting: Setting) -> Bed:
 
 
 def _throw(state: State, setting: Setting, bed: Bed, tally: Integers, key: Words, last: int) -> None:
-    """Throw grains into the open cells up to attempt `last`, and cut cells when it is time."""
+    """Throw grains into the open cells up to attempt `last`; those that were put off come after all others."""
+    classes, room = setting.classes, setting.room
+    assert classes is not None
+    _turns(state, setting, bed, setting.queue, tally, key, last, late=False)
+    if tally[TURN] == len(setting.queue) and tally[PUT_OFF] and not len(state.arrays["late"]):
+        late = left_out(bed, setting.queue)
+        if tally[UNPROVEN] or not len(late):
+            tally[UNPROVEN] += tally[PUT_OFF]
+            tally[PUT_OFF] = 0
+        else:
+            state.arrays["late"] = late
+            aim(bed, room, classes, late, 0)
+            state.arrays.update(open_late(bed, room, classes, _open_of(state), late, 0)._asdict())
+    late, done = state.arrays["late"], True
+    while done and tally[LATE] < len(late):
+        turn, own = int(tally[LATE]), tally.copy()
+        aim(bed, room, classes, late, turn)
+        own[TURN] = turn
+        _turns(state, setting, bed, late[: turn + 1], own, key, last, late=True)
+        done = own[TURN] > turn
+        tally[TURN + 1 :] = own[TURN + 1 :]
+        if done and not bed.entered[late[turn]]:
+            # a place was not found before cells came to their finest; or there is none, for no larger grain either
+            tally[UNPROVEN] += tally[UNPROVEN] and len(late) - turn - 1
+            tally[LATE] = len(late)
+        elif done:
+            tally[LATE] = turn + 1
+            if turn + 1 < len(late):
+                aim(bed, room, classes, late, turn + 1)
+                state.arrays.update(open_late(bed, room, classes, _open_of(state), late, turn + 1)._asdict())
+
+
+def _turns(
+    state: State,
+    setting: Setting,
+    bed: Bed,
+    queue: NDArray[np.int32],
+    tally: Integers,
+    key: Words,
+    last: int,
+    *,
+    late: bool,
+) -> None:
+    """Throw the grains of a queue, and cut cells when it is time."""
     classes = setting.classes
     assert classes is not None
-    known = Open(*(state.arrays[name] for name in Open._fields))
-    where, run = (bed, setting.cells, setting.room, classes), (setting.queue, tally, key)
-    finest = deepest_cut(classes, setting.boxes)
+    where, own = (bed, setting.cells, setting.room, classes), len(classes.base) - 1 if late else -1
     while True:
-        sizes = all_edges(classes, known), volumes_up_to(classes, known)
-        state.done, kind = throw_into_cells(*where, known, *sizes, finest, *run, state.done, last)
+        known = _open_of(state)
+        sizes = all_edges(classes, known), volumes_up_to(classes, known), deepest_cut(classes, setting.boxes)
+        state.done, kind = throw_into_cells(*where, known, *sizes, own, queue, tally, key, state.done, last)
         if kind < 0:
-            break
-        known = cut_cells(*where, known, kind)
-        # at once, so that the cells before are not kept
-        state.arrays.update(known._asdict())
+            return
+        # kept at once, so that the cells before are not kept too
+        state.arrays.update(cut_cells(*where, known, kind)._asdict())
+
+
+def _open_of(state: State) -> Open:
+    """Return the open cells as kernels take them."""
+    return Open(*(state.arrays[name] for name in Open._fields))
 
 
 def _look(problem: Problem, state: State, setting: Setting) -> None:
@@ -297,7 +352,9 @@ def _look(problem: Problem, state: State, setting: Setting) -> None:
     counters = state.counters
     if counters["placed"] == problem.count:
         state.stop_reason = "count"
-    elif counters["turn"] == len(setting.queue):
+    elif counters["turn"] == len(setting.queue) and (
+        not counters["put_off"] or 0 < len(state.arrays["late"]) == counters["late"]
+    ):
         closed = setting.classes is not None and counters["unproven"] == 0
         # that there is no room for bounding balls does not prove that there is none for the true shapes
         reason = "saturated" if _treated_as(problem) != "bounding balls" else "full"
@@ -316,7 +373,8 @@ def _treated_as(problem: Problem) -> str:
 
 def _proof(problem: Problem, state: State) -> dict[str, Any]:
     """Return what is known of the room that is left."""
-    many = np.diff(state.arrays["bounds"])
+    # the last class is that of grains which were put off
+    many = np.diff(state.arrays["bounds"])[:-1]
     return {
         "of": _treated_as(problem),
         "proven": state.stop_reason == "saturated",

@@ -1,0 +1,66 @@
+"""What `pack` and `make_shape` are given: other types and lengths that cannot be are refused in one sentence."""
+
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError
+
+SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"shapes": "sphere"}, "shapes is 'sphere': it must be a Shape"),
+        ({"shapes": ["sphere"]}, "shapes is .'sphere'.: it must be a Shape"),
+        ({"shapes": None}, "shapes is None"),
+        ({"shapes": 3}, "shapes is 3"),
+        ({"container": (4, 4, 4)}, "container is .4, 4, 4.: it must be a container"),
+        ({"container": None}, "container is None"),
+        ({"sizes": 3}, "sizes is 3: it must be a size distribution"),
+        ({"start": 3}, "start is 3: it must be a Packing"),
+        ({"checkpoint": 3}, "checkpoint is 3: it must be the path"),
+        ({"on_step": 3}, "on_step is 3: it must be a function"),
+        ({"recorder": 3}, "recorder is 3: it must have the methods"),
+    ],
+)
+def test_other_types_are_refused(changed, words):
+    given = {"shapes": SPHERE, "container": BOX, "method": "rsa", "count": 2, **changed}
+    with pytest.raises(InputError, match=words):
+        vg.pack(given.pop("shapes"), given.pop("container"), **given)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-160, 1e-61, 1e61, 1e120, 1e300])
+@pytest.mark.filterwarnings("error")
+def test_lengths_beyond_all_units_are_refused(size):
+    room = vg.Box((4 * size,) * 3)
+    for shape, container, more in (
+        (SPHERE.scaled(size), room, {}),
+        (SPHERE.scaled(size), BOX, {}),
+        (SPHERE, room, {"count": 2}),
+        (SPHERE, room, {"count": 2, "sizes": vg.sizes.fixed(size)}),
+        (SPHERE, BOX, {"count": 2, "sizes": vg.sizes.fixed(size)}),
+        (SPHERE, BOX, {"sizes": vg.sizes.fixed(size)}),
+    ):
+        with pytest.raises(InputError, match="must be between 1e-60 and 1e\\+60; choose another unit of lengths"):
+            vg.pack(shape, container, method="rsa", **more)
+    corners = ((0, 0), (size, 0), (size, size), (0, size))
+    for family, parameters in (
+        ("sphere", {"diameter": size}),
+        ("cylinder", {"diameter": size}),
+        ("solid_union", {"diameter": size}),
+        ("box", {"lengths": (1, 1, size)}),
+        ("polygon", {"vertices": corners}),
+    ):
+        with pytest.raises(InputError, match="must be between 1e-60 and 1e\\+60"):
+            vg.make_shape(family, **parameters)
+
+
+@pytest.mark.parametrize("size", [1e-59, 1e59])
+@pytest.mark.filterwarnings("error")
+def test_lengths_just_within_are_taken(size):
+    packing = vg.pack(vg.make_shape("sphere", diameter=size), vg.Box((4 * size,) * 3), method="rsa", count=9, seed=1)
+    usual = vg.pack(SPHERE, BOX, method="rsa", count=9, seed=1)
+    assert packing.position / size == pytest.approx(usual.position, rel=1e-12)
+    assert packing.solid_fraction == pytest.approx(usual.solid_fraction)
+    assert vg.verify(packing).ok
