@@ -11,7 +11,7 @@ from voxgran._base.kernels import bare_kernel
 from voxgran.packing.ball_cells import BITS, HERE, BallCells, cell_range
 from voxgran.packing.front import MISSED, MISSING, PLACED, RANKED, SIZE, Bed, Front, Rules, attempt_once, push, rank
 from voxgran.packing.front_room import MESH, ROUND, UPRIGHT, FrontRoom, is_inside
-from voxgran.packing.tangent import PLANE, SIDE, foot_of_balls, place_at
+from voxgran.packing.tangent import ABOVE, BENEATH, PLANE, SIDE, foot_of_balls, place_at
 
 #: overlap that does not count here, in radii: the visit decides
 LENIENT = 1e-9
@@ -202,6 +202,10 @@ def _at_walls(balls, room, rules, scratch, ball, many, found):  # type: ignore[n
                 continue
             if second != wall and _is_wall_near(balls, room, rules.pocket, second, ball):
                 found = _try_at(balls, room, rules, scratch, ball, many, here, wall, second, -1, found)
+    if room.kind == UPRIGHT and rules.dense and 2.0 * (room.radius - rules.pocket) <= balls[ball, 3] + rules.pocket:
+        # in so narrow a tube no two balls pass each other
+        found = _try_at(balls, room, rules, scratch, ball, many, here, SIDE, ABOVE, -1, found)
+        found = _try_at(balls, room, rules, scratch, ball, many, here, SIDE, BENEATH, -1, found)
     return found
 
 
