@@ -44,7 +44,8 @@ for panel, (name, packing) in zip(figure.subplots(1, 4), stages.items(), strict=
     panel.axis("off")
 growth = grown.provenance["growth"]
 print(
-    f"hulls made and grown in {seconds:.1f} s by {growth['mean_factor']:.3f} on average, {growth['largest_factor']:.2f} "
-    f"at the most; touching {growth['touching']:.3f}; gradation moved by {growth['gradation_distance']:.3f}"
+    f"hulls made and grown in {seconds:.1f} s by {growth['mean_factor']:.3f} on average, "
+    f"{growth['largest_factor']:.2f} at the most; touching {growth['touching']:.3f}; "
+    f"gradation moved by {growth['gradation_distance']:.3f}"
 )
 figure.savefig(folder / "hulls_in_spheres.png", dpi=110)

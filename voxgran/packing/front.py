@@ -15,7 +15,8 @@ from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.ball_cells import BITS, HERE, IMAGES, BallCells, is_free, link, unlink
 from voxgran.packing.front_room import FrontRoom, is_inside, pulled_in
-from voxgran.packing.tangent import PLANE, center_of, place_at
+from voxgran.packing.mesh_pockets import place_in
+from voxgran.packing.tangent import PLANE, center_of
 
 #: which place of the front is next
 RANDOM, NEAREST, LOWEST = 0, 1, 2
@@ -159,7 +160,7 @@ def _find_grain(bed, cells, room, rules, tally, a, b, c):  # type: ignore[no-unt
         if r == before:
             continue
         before = r
-        found, x, y, z = place_at(bed.balls, room.lengths, a, b, c, r)
+        found, x, y, z = place_in(bed.balls, room, a, b, c, r)
         if not found or not is_inside(room, x, y, z, r):
             continue
         if is_free(cells, bed.balls, x, y, z, r, room.slack):

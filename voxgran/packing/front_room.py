@@ -173,9 +173,28 @@ def _mesh_distance(room: FrontRoom, x: float, y: float, z: float, r: float) -> f
         return known + way
     if known - way > -r:
         return known - way
-    px, py, pz = x + mesh.shift[0], y + mesh.shift[1], z + mesh.shift[2]
+    return wall_of_mesh(room, x, y, z)[0]
+
+
+@bare_kernel
+def wall_of_mesh(room: FrontRoom, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Return the distance of a point from the wall of a mesh, negative inside, and the nearest point of the wall."""
+    mesh = room.mesh
+    sx, sy, sz = mesh.shift[0], mesh.shift[1], mesh.shift[2]
+    px, py, pz = x + sx, y + sy, z + sz
     square, triangle, feature, qx, qy, qz = search_triangles(
         mesh.corners, mesh.low, mesh.high, mesh.start, px, py, pz, np.inf, mesh.stack
     )
     behind = is_behind(mesh.normals, triangle, feature, px - qx, py - qy, pz - qz)
-    return -math.sqrt(square) if behind else math.sqrt(square)
+    return -math.sqrt(square) if behind else math.sqrt(square), qx - sx, qy - sy, qz - sz
+
+
+@bare_kernel
+def is_near_mesh(room: FrontRoom, x: float, y: float, z: float, reach: float) -> bool:
+    """Tell whether a point may be within reach of the wall of a mesh, by the map of clearances."""
+    mesh = room.mesh
+    i = min(max(int(x / mesh.cell), 0), mesh.clearance.shape[0] - 1)
+    j = min(max(int(y / mesh.cell), 0), mesh.clearance.shape[1] - 1)
+    k = min(max(int(z / mesh.cell), 0), mesh.clearance.shape[2] - 1)
+    dx, dy, dz = x - (i + 0.5) * mesh.cell, y - (j + 0.5) * mesh.cell, z - (k + 0.5) * mesh.cell
+    return mesh.clearance[i, j, k] + math.sqrt(dx * dx + dy * dy + dz * dz) >= -reach

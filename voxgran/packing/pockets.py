@@ -10,8 +10,9 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.ball_cells import BITS, HERE, BallCells, cell_range
 from voxgran.packing.front import MISSED, MISSING, PLACED, RANKED, SIZE, Bed, Front, Rules, attempt_once, push, rank
-from voxgran.packing.front_room import MESH, ROUND, UPRIGHT, FrontRoom, is_inside
-from voxgran.packing.tangent import PLANE, SIDE, foot_of_balls, place_at
+from voxgran.packing.front_room import MESH, ROUND, UPRIGHT, FrontRoom, is_inside, is_near_mesh
+from voxgran.packing.mesh_pockets import WALL, place_in
+from voxgran.packing.tangent import ABOVE, BENEATH, PLANE, SIDE, foot_of_balls
 
 #: overlap that does not count here, in radii: the visit decides
 LENIENT = 1e-9
@@ -178,6 +179,8 @@ def _at_walls(balls, room, rules, scratch, ball, many, found):  # type: ignore[n
     The faces of a loose front are between balls: there the plane of disks is the only wall.
     """
     here = (ball << BITS) + HERE
+    if room.kind == MESH:
+        return _at_mesh(balls, room, rules, scratch, ball, many, found)
     low, high = (SIDE, 0) if rules.dense else (PLANE, PLANE + 1)
     if room.kind == ROUND:
         # from inside a sphere is a ball of negative radius: the last row
@@ -202,13 +205,30 @@ def _at_walls(balls, room, rules, scratch, ball, many, found):  # type: ignore[n
                 continue
             if second != wall and _is_wall_near(balls, room, rules.pocket, second, ball):
                 found = _try_at(balls, room, rules, scratch, ball, many, here, wall, second, -1, found)
+    if room.kind == UPRIGHT and rules.dense and 2.0 * (room.radius - rules.pocket) <= balls[ball, 3] + rules.pocket:
+        # in so narrow a tube no two balls pass each other
+        found = _try_at(balls, room, rules, scratch, ball, many, here, SIDE, ABOVE, -1, found)
+        found = _try_at(balls, room, rules, scratch, ball, many, here, SIDE, BENEATH, -1, found)
+    return found
+
+
+@bare_kernel
+def _at_mesh(balls, room, rules, scratch, ball, many, found):  # type: ignore[no-untyped-def]
+    """Write the pockets between a ball, another one and the wall of a mesh; return how many there are then."""
+    here, reach = (ball << BITS) + HERE, balls[ball, 3] + 2.0 * rules.pocket
+    if not rules.dense or not is_near_mesh(room, balls[ball, 0], balls[ball, 1], balls[ball, 2], reach):
+        return found
+    for u in range(many):
+        if scratch.ref[u] >= 0:
+            found = _try_at(balls, room, rules, scratch, ball, many, here, scratch.ref[u], WALL, u, found)
+            found = _try_at(balls, room, rules, scratch, ball, many, scratch.ref[u], here, WALL, u, found)
     return found
 
 
 @bare_kernel
 def _try_at(balls, room, rules, scratch, ball, many, a, b, c, u, found):  # type: ignore[no-untyped-def]
     """Write a pocket at a wall, if there is one and neighbour u is alone in it; return how many there are then."""
-    touch, x, y, z = place_at(balls, room.lengths, a, b, c, rules.pocket)
+    touch, x, y, z = place_in(balls, room, a, b, c, rules.pocket)
     dx, dy, dz = x - balls[ball, 0], y - balls[ball, 1], z - balls[ball, 2]
     if not touch or _blocked(scratch.near, many, u, u, dx, dy, dz, rules.pocket, 0) >= 0:
         return found

@@ -14,6 +14,8 @@ from voxgran.packing.ball_cells import BITS, HERE, IMAGES
 #: walls are negative numbers: -1 - 2 * axis for a low one, -2 - 2 * axis for a high one, the plane of disks, and the
 #: side of an upright cylinder
 PLANE, SIDE = -7, -8
+#: after the side of a cylinder: across from a ball, above it and beneath it
+ABOVE, BENEATH = -9, -10
 #: largest difference of a distance from the sum of the radii, in radii of the new ball and in distances
 NEAR, ROUNDING = 1e-13, 1e-15
 #: steps of Newton, and halvings of an angle, at most
@@ -132,6 +134,8 @@ def place_at(balls: Floats, lengths: Floats, a: int, b: int, c: int, r: float) -
     ax, ay, az = center_of(balls, lengths, a)
     d1 = balls[a >> BITS, 3] + r
     if b < 0:
+        if c in (ABOVE, BENEATH):
+            return _across_from(lengths, ax, ay, az, d1, r, 1.0 if c == ABOVE else -1.0)
         if SIDE in (b, c):
             return _at_side_and_flat(
                 lengths, ax, ay, az, d1, min(b, c) + max(b, c) - SIDE, r, 1.0 if c == SIDE else -1.0
@@ -195,6 +199,18 @@ def _at_two_walls(lengths, ax, ay, az, d, first, second, r):  # type: ignore[no-
     up = math.sqrt(height) if one < two else -math.sqrt(height)
     free = 3 - one - two
     return True, x + (up if free == 0 else 0.0), y + (up if free == 1 else 0.0), z + (up if free == 2 else 0.0)
+
+
+@bare_kernel
+def _across_from(lengths, ax, ay, az, d, r, up):  # type: ignore[no-untyped-def]
+    """Return whether a ball in a tube can touch a ball and the side across from it, and its center."""
+    off, out = math.hypot(ax - 0.5 * lengths[0], ay - 0.5 * lengths[0]), 0.5 * lengths[0] - r
+    height = (d - off - out) * (d + off + out)
+    if height < 0.0 or out < -ROUNDING * lengths[0]:
+        return False, 0.0, 0.0, 0.0
+    part = out / off if off > 0.0 else 0.0
+    x, y = 0.5 * lengths[0] - part * (ax - 0.5 * lengths[0]), 0.5 * lengths[0] - part * (ay - 0.5 * lengths[0])
+    return True, x if off > 0.0 else x + out, y, az + up * math.sqrt(height)
 
 
 @bare_kernel

@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull, cKDTree
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran.packing.methods.advancing_front import ASIDE
+from voxgran.packing.pack import prepare_task
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 WIDE = vg.Box((30, 30, 30))
@@ -324,3 +325,60 @@ def test_slabs_and_tubes_in_which_no_three_touch_are_filled(container, least):
     assert packing.count >= least
     assert packing.stop_reason == "full"
     assert vg.verify(packing).ok
+
+
+@pytest.mark.parametrize(
+    ("shape", "container", "least"),
+    [
+        (SPHERE, vg.Box((8, 8, 1)), 50),
+        (SPHERE, vg.Box((8, 8, 1), "xy"), 55),
+        (SPHERE, vg.Box((1, 1, 12), "z"), 12),
+        (SPHERE, vg.Cylinder(0.5, 12), 12),
+        (SPHERE, vg.Cylinder(0.8, 12), 14),
+        (SPHERE, vg.Box((1.05, 1.7, 30), "xz"), 50),
+        (SPHERE, vg.Box((1.2, 1.2, 1.2), "xyz"), 2),
+        (DISK, vg.Rectangle((12, 1)), 11),
+    ],
+)
+def test_a_loose_front_that_cannot_begin_fills_slabs_and_tubes(shape, container, least):
+    """Where no three balls find room that touch each other, walls stand in for balls."""
+    packing = pack(shape, container, order="lowest")
+    assert packing.provenance["counters"]["narrow"] == 1
+    assert packing.count >= least
+    assert packing.stop_reason == "full"
+    assert vg.verify(packing).ok
+
+
+def test_wide_containers_and_grains_that_all_fit_are_not_narrow():
+    assert pack(SPHERE, vg.Box((4, 4, 4))).provenance["counters"]["narrow"] == 0
+    assert pack(SPHERE, vg.Box((8, 8, 1)), count=1).provenance["counters"]["narrow"] == 0
+    assert pack(SPHERE, vg.Box((8, 8, 1)), mode="dense").provenance["counters"]["narrow"] == 0
+
+
+def test_balls_in_a_tube_lie_across_from_each_other():
+    """Each is as much higher than the one below as a rod from side to side of the tube leaves."""
+    tube = vg.Cylinder(0.8, 12)
+    for mode in ("loose", "dense"):
+        packing = pack(SPHERE, tube, order="lowest", mode=mode)
+        # the first one stands in the middle
+        there = packing.position[np.argsort(packing.position[:, 2])][2:]
+        assert np.diff(there[:, 2]) == pytest.approx(math.sqrt(1 - 0.6**2), abs=1e-12)
+        assert np.hypot(*(there[:, :2] - tube.origin[:2]).T) == pytest.approx(0.3, abs=1e-12)
+        assert len(there) == 12
+    graded = pack(SPHERE, vg.Cylinder(0.7, 20), order="lowest", sizes=vg.sizes.uniform(0.8, 1.2))
+    assert vg.verify(graded).ok
+    assert graded.count > 20
+
+
+def test_chunks_do_not_matter_where_walls_stand_in():
+    found, asked = [], {"count": None, "solid_fraction": None, "sizes": None, "weights": None, "weights_by": "number"}
+    for chunk in (1, 7, 1000):
+        task = prepare_task(SPHERE, vg.Box((4, 3, 1)), method="advancing_front", seed=0, parameters={}, **asked)
+        state = task.method.prepare(task.problem)
+        while not state.stop_reason:
+            state = task.method.advance(task.problem, state, chunk)
+            if chunk == 7:
+                state.derived = {}
+        found.append((state.done, state.counters, state.arrays["balls"].tobytes()))
+    assert found[0][0] > 1000
+    assert all(one == found[0] for one in found)

@@ -2,7 +2,8 @@
 
 Three balls that touch each other begin; the face between them, seen from both sides, is the first front. A face is
 chosen, a ball is put where it touches the three, and the face makes way for the three new ones. Where no ball fits the
-face is closed. Nothing is moved and nothing is tried at random: seconds for millions of balls.
+face is closed. Nothing is moved and nothing is tried at random: seconds for millions of balls. In slabs and tubes so
+narrow that no three balls find room that touch each other, walls stand in for balls.
 
 References
 ----------
@@ -105,7 +106,7 @@ def prepare(problem: Problem) -> State:
         "key": np.zeros(FIRST),
         "touched": np.zeros((FIRST, 3), dtype=np.int32),
     }
-    state = State(arrays, dict.fromkeys(TALLY, 0), 0, _most_attempts(problem))
+    state = State(arrays, dict.fromkeys((*TALLY, "narrow"), 0), 0, _most_attempts(problem))
     if problem.start is not None:
         _enter_start(problem, state, problem.start)
     _look(problem, state)
@@ -190,7 +191,9 @@ def _setting(problem: Problem, state: State) -> _Setting:
         pocket = float(np.quantile(radius, POCKET)) if len(radius) else 1.0
         goal = room.center + np.array(ASIDE) * pocket
         first = room.center if problem.start is None else np.zeros(0)
-        rules = Rules(asked.mode == "dense", ORDERS[asked.order], asked.tries, goal, PATIENCE, first, pocket)
+        dense = asked.mode == "dense" or state.counters["narrow"] == 1
+        order = LOWEST if dense and asked.order == "random" else ORDERS[asked.order]
+        rules = Rules(dense, order, asked.tries, goal, PATIENCE, first, pocket)
         state.derived["setting"] = _Setting(radius, room, cells, rules)
         numbers, points = np.zeros(FEW, dtype=np.int64), np.zeros((FEW, 5))
         state.derived["scratch"] = numbers, points, np.zeros(FEW), np.zeros((FEW, 3), dtype=np.int64)
@@ -227,8 +230,22 @@ def _look(problem: Problem, state: State) -> bool:
     if state.counters["placed"] == problem.count:
         state.stop_reason = "count"
     elif state.counters["missed_in_a_row"] >= PATIENCE:
-        state.stop_reason = "full"
+        if _is_narrow(problem, state):
+            # all balls are looked at again, and walls with them
+            state.counters.update(narrow=1, missed_in_a_row=0, ranked=0)
+            state.total = state.done + _most_attempts(problem)
+            state.derived.clear()
+        else:
+            state.stop_reason = "full"
     return bool(state.stop_reason)
+
+
+def _is_narrow(problem: Problem, state: State) -> bool:
+    """Tell whether a loose front never began: in such a slab or tube walls have to stand in for balls."""
+    if problem.parameters.mode == "dense" or state.counters["narrow"]:
+        return False
+    n = 0 if problem.start is None else problem.start.count
+    return state.counters["placed"] - n < problem.dimension
 
 
 def _make_room(state: State, missing: int) -> None:
@@ -253,7 +270,7 @@ def _longer(array: Any) -> Any:
 
 def _most_attempts(problem: Problem) -> int:
     """Return how many places are visited at the most, beginnings apart from the last aside."""
-    return (12 if problem.parameters.mode == "dense" else 4) * problem.count + PATIENCE
+    return 12 * problem.count + 2 * PATIENCE
 
 
 def _orientations(problem: Problem, grains: Integers) -> Floats | None:
