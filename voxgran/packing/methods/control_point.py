@@ -292,7 +292,14 @@ def finish(problem: Problem, state: State) -> Packing:
 
 
 def cost(problem: Problem) -> Cost:
-    """Return what a run takes."""
+    """Return what a run takes.
+
+    Raises
+    ------
+    InputError
+        If open surfaces are to be compared by signed distances or to settle.
+    """
+    check_surfaces(problem)
     finishing = (PART_SWEEPS if _needs_parting(problem) else 0) + problem.parameters.settling
     return Cost(
         memory=memory_needed(problem),
