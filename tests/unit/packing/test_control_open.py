@@ -10,8 +10,9 @@ from scipy.spatial import cKDTree
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import random_rotations, rotation_matrices
-from voxgran.contacts.open_surfaces import touch_open
+from voxgran.contacts.triangles import nearest_points
 from voxgran.packing.control_setting import KEPT, WAY
+from voxgran.packing.pack import prepare_task
 from voxgran.points.control import edge_points, sample_controls
 
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
@@ -36,14 +37,12 @@ def poses_apart(generator, points, keep):
     return turn, high * way
 
 
-def crosses_on_the_way(shapes, begin, end):
+def crosses_on_the_way(shapes, begin, end, parts=40):
     """Tell whether the first surface, its points led straight from one pose to another, meets the second one."""
-    for share in np.linspace(0.0, 1.0, 41):
-        moved = shapes[0].geometry.triangles @ ((1 - share) * begin[0] + share * end[0]).T
-        moved = moved + (1 - share) * begin[1] + share * end[1]
-        surface = vg.Shape.from_surface(moved.reshape(-1, 3), np.arange(moved.size // 3).reshape(-1, 3))
-        offset = np.array(surface.offset)
-        if touch_open(shapes[1].geometry, surface.geometry, matrix=np.eye(3), offset=offset, reach=0.0).gap <= 0.0:
+    one, other = (shape.geometry.tree for shape in shapes)
+    for share in np.linspace(0.0, 1.0, parts + 1):
+        matrix, offset = ((1 - share) * first + share * last for first, last in zip(begin, end, strict=True))
+        if nearest_points(other, one, matrix=matrix, offset=offset, reach=1e-6)[0] <= 1e-12:
             return True
     return False
 
@@ -75,11 +74,40 @@ def moves(seed, length, count):
 def test_no_step_leads_through_a_surface():
     """Whatever the two poses, if both are allowed and no farther apart than a step, nothing crosses between them."""
     assert pytest.approx(2 * math.sqrt(KEPT**2 - 1)) == WAY
-    assert not any(crosses_on_the_way(*move) for move in moves(seed=1, length=WAY, count=40))
+    assert not any(crosses_on_the_way(*move) for move in moves(seed=1, length=WAY, count=250))
 
 
 def test_longer_steps_would():
     assert any(crosses_on_the_way(*move) for move in moves(seed=2, length=12.0, count=40))
+
+
+def test_no_move_of_a_walk_leads_through_a_surface():
+    """Each accepted move of a crowded bed, with the longest steps, led straight from pose to pose past all others."""
+    settings = {"contact": "points", "spacing": 0.25, "step": 10.0, "feed": "at_once", "gravity": "none"}
+    task = prepare_task(
+        SHEETS, vg.Box((2.1, 2.1, 2.1)), method="control_point", count=6, solid_fraction=None, sizes=None,
+        weights=None, weights_by="number", seed=5, parameters=settings,
+    )  # fmt: skip
+    method, problem, moved = task.method, task.problem, 0
+    state = method.advance(problem, method.prepare(problem), 3000)
+    assert state.counters["placed"] == 6
+    for _ in range(2000):
+        before = [state.arrays[name].copy() for name in ("position", "orientation")]
+        state = method.advance(problem, state, 1)
+        after = [state.arrays[name] for name in ("position", "orientation")]
+        changed = np.flatnonzero((before[0] != after[0]).any(axis=1))
+        for g in changed.tolist():
+            turns = [rotation_matrices(orientation[g : g + 1])[0] for orientation in (before[1], after[1])]
+            for j in range(6):
+                back = rotation_matrices(after[1][j : j + 1])[0].T
+                begin, end = (
+                    (back @ turn, back @ (place[g] - after[0][j]))
+                    for turn, place in zip(turns, (before[0], after[0]), strict=True)
+                )
+                pair = tuple(problem.shapes[problem.shape_id[k]] for k in (g, j))
+                assert j == g or not crosses_on_the_way(pair, begin, end, 6)
+            moved += 1
+    assert moved > 50
 
 
 @pytest.mark.parametrize("prisoner", ["sphere", "sheet"])
@@ -138,6 +166,16 @@ def test_small_sheets_stay_out_of_large_solids():
     assert vg.verify(found).ok
 
 
+def test_a_sheet_keeps_clear_of_its_own_images():
+    narrow = vg.Box((1.3, 1.3, 4), periodic="xy")
+    found = vg.pack(vg.make_shape("sheet", lengths=(1.0, 0.6)), narrow, count=3, seed=1, **QUICK)
+    assert found.count == 3
+    assert vg.verify(found).ok
+    bent = vg.make_shape("sheet", lengths=(1.5, 0.6), roll=60)
+    wide = vg.verify(vg.Packing.of([bent], narrow, position=[[0.6, 0.6, 2]]))
+    assert [(pair.i, pair.j) for pair in wide.pairs] == [(0, 0)]
+
+
 def test_surfaces_keep_the_distance_that_is_asked_for():
     found = vg.pack(SHEETS, vg.Box((3, 3, 5)), count=8, distance=0.1, seed=1, **QUICK)
     assert found.contacts(0.5).gap.min() > 0.1
@@ -189,6 +227,13 @@ def test_files_measures_and_reports_of_surfaces_alone(tmp_path):
 def test_what_surfaces_cannot_do_is_refused(parameters, words):
     with pytest.raises(InputError, match=words):
         vg.pack(SHEETS[0], vg.Box((3, 3, 3)), **{"count": 3} | QUICK | parameters)
+
+
+def test_a_plan_refuses_signed_distances_of_surfaces():
+    shape, box, packing = {"family": "sheet"}, {"kind": "box", "lengths": [3, 3, 3]}, {"method": "control_point"}
+    scene = vg.Scene.from_mapping({"shape": [shape], "container": box, "packing": packing | {"count": 3}})
+    with pytest.raises(InputError, match="use contact 'points'"):
+        scene.plan()
 
 
 def test_a_scene_with_a_sheet_from_a_file(tmp_path):

@@ -308,7 +308,14 @@ def finish(problem: Problem, state: State) -> Packing:
 
 
 def cost(problem: Problem) -> Cost:
-    """Return what a run takes."""
+    """Return what a run takes.
+
+    Raises
+    ------
+    InputError
+        If open surfaces are to be compared by signed distances or to settle.
+    """
+    check_surfaces(problem)
     return Cost(
         memory=memory_needed(problem),
         attempts=most_attempts(problem, problem.count) + _finishing(problem).sweeps * problem.count,
