@@ -80,18 +80,39 @@ def test_no_numbers_repeat_in_a_long_sorted_run():
 MILLION = """
 import math, resource, sys
 import voxgran as vg
-length = (1e6 * math.pi / 6 / 0.28) ** (1 / 3)
-vg.pack(vg.make_shape("sphere"), vg.Box((5, 5, 5)), method="rsa", count=9)
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-packing = vg.pack(vg.make_shape("sphere"), vg.Box((length,) * 3, "xyz"), method="rsa", count=1_000_000, tries=200)
-after = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-print(packing.count, (after - before) * 1024 / packing.count)
+
+def peak():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+name, share, count, options = sys.argv[1], float(sys.argv[2]), int(sys.argv[3]), eval(sys.argv[4])
+shape = vg.make_shape(name)
+def pack(many):
+    edge = (many * shape.volume / share) ** (1 / shape.dimension)
+    room = vg.Rectangle((edge,) * 2, "xy") if name == "disk" else vg.Box((edge,) * 3, "xyz")
+    # with proof no count is given: candidates fill the container
+    return vg.pack(shape, room, method="rsa", **({} if "until" in options else {"count": many}), **options)
+pack(300)
+before = peak()
+packing = pack(count)
+print(packing.count, (peak() - before) / packing.count, packing.stop_reason)
 """
 
 
 @pytest.mark.slow
-def test_a_million_balls_take_300_bytes_each():
-    run = subprocess.run([sys.executable, "-W", "ignore", "-c", MILLION], capture_output=True, text=True, check=True)
-    count, each = run.stdout.split()
+@pytest.mark.parametrize(
+    ("name", "share", "options"),
+    [
+        ("sphere", 0.28, {"tries": 200}),
+        ("sphere", 0.3841, {"until": "saturated"}),
+        ("disk", 0.5471, {"until": "saturated"}),
+    ],
+)
+def test_a_million_take_300_bytes_each(name, share, options):
+    """Whole packings, with what a proof takes; the first run compiles, which takes memory of its own."""
+    for many in (1000, 1_000_000):
+        command = [sys.executable, "-W", "ignore", "-c", MILLION, name, str(share), str(many), repr(options)]
+        run = subprocess.run(command, capture_output=True, text=True, check=True)
+    count, each, reason = run.stdout.split()
     assert int(count) > 980_000
     assert float(each) < 300
+    assert reason == "saturated" or "until" not in options

@@ -168,5 +168,9 @@ def checked_arrays(
         raise InputError(
             f"position of grain {worst} has z = {points[worst, 2]:g}: grains in 2D lie in the plane; use z = 0"
         )
-    turns = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)) if orientation is None else orientation
-    return tuple(shapes), index, scales.copy(), points.copy(), as_quaternions(np.reshape(turns, (n, 4)))
+    if orientation is None:
+        turns = np.zeros((n, 4))
+        turns[:, 0] = 1.0
+    else:
+        turns = as_quaternions(np.reshape(orientation, (n, 4)))
+    return tuple(shapes), index, scales.copy(), points.copy(), turns

@@ -1,4 +1,8 @@
-"""The room that a container leaves to balls: its walls as kernels take them, in coordinates from its lower corner."""
+"""The room that a container leaves to the balls of an advancing front, in coordinates from its lower corner.
+
+Beyond :mod:`voxgran.packing.room`: where the container is widest, places that keep off walls, and for closed meshes a
+coarse map of clearances, which answers far from the walls.
+"""
 
 import math
 from typing import NamedTuple
@@ -7,34 +11,13 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.tree import STACK, grow_tree, is_behind, search_triangles
 from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
-from voxgran.containers.sphere import Sphere
+from voxgran.packing.room import FLAT, ROUND, UPRIGHT, MeshWalls, frame_of, mesh_distance, walls_of
 from voxgran.shapes.mesh import Mesh
 
-FLAT, UPRIGHT, ROUND, MESH = 0, 1, 2, 3
 #: most cells of the map of clearances along an axis
 MOST_CELLS = 64
-
-
-class MeshWalls(NamedTuple):
-    """The walls of a closed mesh.
-
-    corners ... normals: its tree, about `shift`.  clearance: distance of the centers of cells of width `cell` from the
-    walls, negative inside.  stack: room for searches.
-    """
-
-    corners: Floats
-    low: Floats
-    high: Floats
-    start: Integers
-    normals: Floats
-    shift: Floats
-    clearance: Floats
-    cell: float
-    stack: Integers
 
 
 class FrontRoom(NamedTuple):
@@ -42,7 +25,8 @@ class FrontRoom(NamedTuple):
 
     kind: FLAT, UPRIGHT (a cylinder), ROUND (a sphere) or MESH.  lengths: of the bounds.  periodic, walled: which axes
     are, as 0 or 1.  center: where the room is widest.  radius: of a cylinder or a sphere.  slack: lengths up to here
-    are rounding.
+    are rounding.  mesh: the walls of a mesh.  clearance: distance of the centers of cells of width `cell` from them,
+    negative inside.
     """
 
     kind: int
@@ -54,6 +38,8 @@ class FrontRoom(NamedTuple):
     radius: float
     slack: float
     mesh: MeshWalls
+    clearance: Floats
+    cell: float
 
 
 def front_room_of(container: Container, smallest: float) -> FrontRoom:
@@ -70,45 +56,28 @@ def front_room_of(container: Container, smallest: float) -> FrontRoom:
     -------
     FrontRoom
     """
-    lower, upper = container.bounds
-    lengths = np.array(upper - lower)
-    periodic = np.array(container.periodic, dtype=np.int64)
-    walled = np.where(np.arange(3) < container.dimension, 1 - periodic, 0).astype(np.int64)
+    frame = frame_of(container)
+    lengths, walls = frame.lengths, walls_of(container, frame.lower)
     slack = 1e-12 * smallest + 8 * float(np.spacing(lengths.max()))
-    none = MeshWalls(
-        *(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2), np.int64), np.zeros((0, 7, 3))),
-        *(np.zeros(3), np.zeros((0, 0, 0)), 1.0, np.zeros(0, dtype=np.int64)),
-    )
-    head = (container.dimension, lengths, periodic, walled)
+    center, clearance, cell = lengths / 2, np.zeros((0, 0, 0)), 1.0
     if isinstance(container, ClosedMesh):
-        walls = _walls_of_mesh(container, lengths, smallest)
-        return FrontRoom(MESH, *head, _widest(walls), 0.0, slack, walls)
-    if isinstance(container, Cylinder):
-        return FrontRoom(UPRIGHT, *head, lengths / 2, float(container.radius), slack, none)
-    if isinstance(container, Sphere):
-        return FrontRoom(ROUND, *head, lengths / 2, float(container.radius), slack, none)
-    return FrontRoom(FLAT, *head, lengths / 2, 0.0, slack, none)
+        clearance, cell = _clearances(container, walls, lengths, smallest)
+        # the center of the cell that is farthest from the walls
+        widest = np.unravel_index(int(np.argmin(clearance)), clearance.shape)
+        center = (np.array(widest, dtype=np.float64) + 0.5) * cell
+    axes = (lengths, frame.periodic, frame.walled)
+    return FrontRoom(
+        *(frame.kind, container.dimension, *axes, center, frame.radius, slack, walls, clearance, cell),
+    )
 
 
-def _walls_of_mesh(container: ClosedMesh, lengths: Floats, smallest: float) -> MeshWalls:
-    """Return the tree of a mesh, and the map of its clearances."""
-    geometry = container.shape.geometry
-    assert isinstance(geometry, Mesh)
-    tree = grow_tree(geometry.vertices, geometry.faces)
-    shift = container.bounds[0] - np.array(container.shape.offset)
+def _clearances(container: ClosedMesh, walls: MeshWalls, lengths: Floats, smallest: float) -> tuple[Floats, float]:
+    """Return the map of clearances and the width of its cells."""
+    assert isinstance(container.shape.geometry, Mesh)
     cell = float(max(smallest, lengths.max() / MOST_CELLS))
     count = np.ceil(lengths / cell).astype(np.int64)
     points: Floats = (np.indices(count.tolist()).reshape(3, -1).T + 0.5) * cell
-    clearance = tree.signed_distance(points + shift).reshape(count)
-    # copies that may be written, as the arrays of other containers may: kernels are compiled once
-    arrays = (tree.corners.copy(), tree.low.copy(), tree.high.copy(), tree.start.copy(), tree.normals.copy())
-    return MeshWalls(*arrays, shift, clearance, cell, np.zeros(STACK, dtype=np.int64))
-
-
-def _widest(walls: MeshWalls) -> Floats:
-    """Return the center of the cell that is farthest from the walls."""
-    cell = np.unravel_index(int(np.argmin(walls.clearance)), walls.clearance.shape)
-    return (np.array(cell, dtype=np.float64) + 0.5) * walls.cell
+    return container.shape.geometry.tree.signed_distance(points + walls.shift).reshape(count), cell
 
 
 @bare_kernel
@@ -162,39 +131,26 @@ def _mesh_distance(room: FrontRoom, x: float, y: float, z: float, r: float) -> f
 
     A distance changes by no more than the way: far from where a ball touches, the map of clearances tells.
     """
-    mesh = room.mesh
-    i = min(max(int(x / mesh.cell), 0), mesh.clearance.shape[0] - 1)
-    j = min(max(int(y / mesh.cell), 0), mesh.clearance.shape[1] - 1)
-    k = min(max(int(z / mesh.cell), 0), mesh.clearance.shape[2] - 1)
-    known = mesh.clearance[i, j, k]
-    dx, dy, dz = x - (i + 0.5) * mesh.cell, y - (j + 0.5) * mesh.cell, z - (k + 0.5) * mesh.cell
+    cell, last = room.cell, room.clearance.shape
+    i = min(max(int(x / cell), 0), last[0] - 1)
+    j = min(max(int(y / cell), 0), last[1] - 1)
+    k = min(max(int(z / cell), 0), last[2] - 1)
+    known = room.clearance[i, j, k]
+    dx, dy, dz = x - (i + 0.5) * cell, y - (j + 0.5) * cell, z - (k + 0.5) * cell
     way = math.sqrt(dx * dx + dy * dy + dz * dz)
     if known + way < -r:
         return known + way
     if known - way > -r:
         return known - way
-    return wall_of_mesh(room, x, y, z)[0]
-
-
-@bare_kernel
-def wall_of_mesh(room: FrontRoom, x: float, y: float, z: float) -> tuple[float, float, float, float]:
-    """Return the distance of a point from the wall of a mesh, negative inside, and the nearest point of the wall."""
-    mesh = room.mesh
-    sx, sy, sz = mesh.shift[0], mesh.shift[1], mesh.shift[2]
-    px, py, pz = x + sx, y + sy, z + sz
-    square, triangle, feature, qx, qy, qz = search_triangles(
-        mesh.corners, mesh.low, mesh.high, mesh.start, px, py, pz, np.inf, mesh.stack
-    )
-    behind = is_behind(mesh.normals, triangle, feature, px - qx, py - qy, pz - qz)
-    return -math.sqrt(square) if behind else math.sqrt(square), qx - sx, qy - sy, qz - sz
+    return mesh_distance(room.mesh, x, y, z)
 
 
 @bare_kernel
 def is_near_mesh(room: FrontRoom, x: float, y: float, z: float, reach: float) -> bool:
     """Tell whether a point may be within reach of the wall of a mesh, by the map of clearances."""
-    mesh = room.mesh
-    i = min(max(int(x / mesh.cell), 0), mesh.clearance.shape[0] - 1)
-    j = min(max(int(y / mesh.cell), 0), mesh.clearance.shape[1] - 1)
-    k = min(max(int(z / mesh.cell), 0), mesh.clearance.shape[2] - 1)
-    dx, dy, dz = x - (i + 0.5) * mesh.cell, y - (j + 0.5) * mesh.cell, z - (k + 0.5) * mesh.cell
-    return mesh.clearance[i, j, k] + math.sqrt(dx * dx + dy * dy + dz * dz) >= -reach
+    cell, last = room.cell, room.clearance.shape
+    i = min(max(int(x / cell), 0), last[0] - 1)
+    j = min(max(int(y / cell), 0), last[1] - 1)
+    k = min(max(int(z / cell), 0), last[2] - 1)
+    dx, dy, dz = x - (i + 0.5) * cell, y - (j + 0.5) * cell, z - (k + 0.5) * cell
+    return room.clearance[i, j, k] + math.sqrt(dx * dx + dy * dy + dz * dz) >= -reach

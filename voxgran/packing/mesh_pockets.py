@@ -9,7 +9,8 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.ball_cells import BITS
-from voxgran.packing.front_room import FrontRoom, wall_of_mesh
+from voxgran.packing.front_room import FrontRoom
+from voxgran.packing.room import wall_of_mesh
 from voxgran.packing.tangent import ON_A_LINE, center_of, place_at
 
 #: the wall of a mesh, among the walls of :mod:`voxgran.packing.tangent`
@@ -43,7 +44,7 @@ def _at_mesh(balls, room, a, b, r):  # type: ignore[no-untyped-def]
         return nothing
     wide, long = math.sqrt(height), math.sqrt(uu)
     x, y, z = ax + along * ux, ay + along * uy, az + along * uz
-    away, qx, qy, qz = wall_of_mesh(room, x, y, z)
+    away, qx, qy, qz = wall_of_mesh(room.mesh, x, y, z)
     if abs(away + r) > wide:
         # a distance changes by no more than the way
         return nothing
@@ -65,8 +66,8 @@ def _at_mesh(balls, room, a, b, r):  # type: ignore[no-untyped-def]
 def _turn_to_wall(room, x, y, z, ex, ey, ez, fx, fy, fz, r):  # type: ignore[no-untyped-def]
     """Return at which angle of a circle, from 0 to half a turn, a ball touches the wall; -1 where it does not."""
     low, high = 0.0, math.pi
-    beyond = wall_of_mesh(room, x + ex, y + ey, z + ez)[0] + r
-    within = wall_of_mesh(room, x - ex, y - ey, z - ez)[0] + r
+    beyond = wall_of_mesh(room.mesh, x + ex, y + ey, z + ez)[0] + r
+    within = wall_of_mesh(room.mesh, x - ex, y - ey, z - ez)[0] + r
     if beyond < 0.0 or within > 0.0:
         return -1.0
     near, last = 0.5 * room.slack, 0
@@ -75,7 +76,7 @@ def _turn_to_wall(room, x, y, z, ex, ey, ez, fx, fy, fz, r):  # type: ignore[no-
         part = 0.5 if look % 3 == 2 else beyond / max(beyond - within, 1e-300)
         turn = low + part * (high - low)
         c, s = math.cos(turn), math.sin(turn)
-        told = wall_of_mesh(room, x + c * ex + s * fx, y + c * ey + s * fy, z + c * ez + s * fz)[0] + r
+        told = wall_of_mesh(room.mesh, x + c * ex + s * fx, y + c * ey + s * fy, z + c * ez + s * fz)[0] + r
         if abs(told) <= near:
             return turn
         if told > 0.0:

@@ -117,8 +117,8 @@ def make_classes(
     limits = np.where((least < largest).any(axis=1), tries, 0).astype(np.int64)
     parts = np.where(span > 0, 2, 1).astype(np.int64)
     one = np.ones((1, 3), dtype=np.int64)
-    lengths = (np.vstack([array, one]) for array in (least, low, span))
-    return Classes(kind, *lengths, np.vstack([base, one]), np.vstack([parts, one]), np.append(limits, 0))
+    least, low, span = (np.vstack([array, one]) for array in (least, low, span))
+    return Classes(kind, least, low, span, np.vstack([base, one]), np.vstack([parts, one]), np.append(limits, 0))
 
 
 def first_cells(classes: Classes, boxes: bool) -> Open:

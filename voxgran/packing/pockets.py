@@ -10,8 +10,9 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.ball_cells import BITS, HERE, BallCells, cell_range
 from voxgran.packing.front import MISSED, MISSING, PLACED, RANKED, SIZE, Bed, Front, Rules, attempt_once, push, rank
-from voxgran.packing.front_room import MESH, ROUND, UPRIGHT, FrontRoom, is_inside, is_near_mesh
+from voxgran.packing.front_room import FrontRoom, is_inside, is_near_mesh
 from voxgran.packing.mesh_pockets import WALL, place_in
+from voxgran.packing.room import MESH, ROUND, UPRIGHT
 from voxgran.packing.tangent import ABOVE, BENEATH, PLANE, SIDE, foot_of_balls
 
 #: overlap that does not count here, in radii: the visit decides

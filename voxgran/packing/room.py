@@ -3,6 +3,8 @@
 Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright. In a
 closed mesh the distance of a centre from the surface is exact (:mod:`voxgran._base.tree`), so that a ball that is
 held protrudes by no more than rounding.
+
+What the advancing front asks beyond that, in coordinates of its own, is in :mod:`voxgran.packing.front_room`.
 """
 
 import math
@@ -12,24 +14,49 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.tree import is_behind, nearest_triangle
+from voxgran._base.tree import STACK, is_behind, search_triangles
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
 from voxgran.containers.sphere import Sphere
 from voxgran.shapes.mesh import Mesh
 
-#: kinds of containers
-FLAT, ROUND, CLOSED, BALL = 0, 1, 2, 3
+#: kinds of containers: flat walls only, a cylinder, a sphere, a closed mesh
+FLAT, UPRIGHT, ROUND, MESH = 0, 1, 2, 3
 #: a grain that reaches beyond a wall by this share of the container, or less, does so by rounding
 ROUNDING = 1e-15
 
 
-class Room(NamedTuple):
-    """The container: bounds, which axes have walls and which are periodic (2D: z has neither), a round wall, a mesh.
+class Frame(NamedTuple):
+    """What every container has: its kind, bounds, which axes have walls and which are periodic (2D: z neither).
 
-    `middle` is a point of the axis of a cylinder, the centre of a sphere or the centroid of a mesh; `slack` is what
-    rounding does.
+    radius: of a cylinder or a sphere.
+    """
+
+    kind: int
+    lower: Floats
+    lengths: Floats
+    walled: Integers
+    periodic: Integers
+    radius: float
+
+
+class MeshWalls(NamedTuple):
+    """The walls of a closed mesh: its tree, about `shift`, and room for searches; of other containers nothing."""
+
+    corners: Floats
+    low: Floats
+    high: Floats
+    start: Integers
+    normals: Floats
+    shift: Floats
+    stack: Integers
+
+
+class Room(NamedTuple):
+    """The container: its frame, a point of the axis of a cylinder or the centre of a sphere, and the walls of a mesh.
+
+    `slack` is what rounding does.
     """
 
     kind: int
@@ -40,36 +67,54 @@ class Room(NamedTuple):
     radius: float
     middle: Floats
     slack: float
-    corners: Floats
-    low: Floats
-    high: Floats
-    start: Integers
-    normals: Floats
+    mesh: MeshWalls
+
+
+def frame_of(container: Container) -> Frame:
+    """Return what every container has."""
+    lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
+    periodic = np.array(container.periodic, dtype=np.int64)
+    walled = np.where(np.arange(3) < container.dimension, 1 - periodic, 0).astype(np.int64)
+    kind, radius = FLAT, 0.0
+    if isinstance(container, Cylinder | Sphere):
+        kind, radius = UPRIGHT if isinstance(container, Cylinder) else ROUND, float(container.radius)
+    elif isinstance(container, ClosedMesh):
+        kind = MESH
+    return Frame(kind, lower, upper - lower, walled, periodic, radius)
+
+
+def walls_of(container: Container, origin: Floats) -> MeshWalls:
+    """Return the walls of a closed mesh for places that are counted from an origin; of other containers none.
+
+    Parameters
+    ----------
+    container : Container
+        The container.
+    origin : (3,) ndarray of float
+        Where places are counted from.
+    """
+    if not isinstance(container, ClosedMesh):
+        return MeshWalls(
+            *(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64)),
+            *(np.zeros((0, 7, 3)), np.zeros(3), np.zeros(0, dtype=np.int64)),
+        )
+    assert isinstance(container.shape.geometry, Mesh)
+    tree = container.shape.geometry.tree
+    # copies that may be written, as the arrays of other containers may: kernels are compiled once
+    corners, low, high = tree.corners.copy(), tree.low.copy(), tree.high.copy()
+    shift = origin - np.array(container.shape.offset, dtype=np.float64)
+    stack = np.zeros(STACK, dtype=np.int64)
+    return MeshWalls(corners, low, high, tree.start.copy(), tree.normals.copy(), shift, stack)
 
 
 def room_of(container: Container) -> Room:
     """Return a container as kernels take it."""
-    lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
-    axes = np.arange(3) < container.dimension
-    periodic = np.array(container.periodic, dtype=np.int64)
-    walled = np.where(axes, 1 - periodic, 0).astype(np.int64)
-    lengths = np.where(axes, upper - lower, 1.0)
-    kind, radius, middle = FLAT, 0.0, (lower + upper) / 2
-    tree: tuple[Floats, Floats, Floats, Integers, Floats] = (
-        *(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3))),
-        *(np.zeros((0, 2), dtype=np.int64), np.zeros((0, 7, 3))),
-    )
-    if isinstance(container, Cylinder):
-        kind, radius = ROUND, float(container.radius)
-    elif isinstance(container, Sphere):
-        kind, radius = BALL, float(container.radius)
-    elif isinstance(container, ClosedMesh):
-        assert isinstance(container.shape.geometry, Mesh)
-        grown = container.shape.geometry.tree
-        kind, middle = CLOSED, np.array(container.shape.offset, dtype=np.float64)
-        tree = (*grown.arrays, grown.normals)
-    slack = ROUNDING * float(lengths.max() + np.abs(lower).max())
-    return Room(kind, lower, lengths, walled, periodic, radius, middle, slack, *tree)
+    frame = frame_of(container)
+    lengths = np.where(np.arange(3) < container.dimension, frame.lengths, 1.0)
+    slack = ROUNDING * float(lengths.max() + np.abs(frame.lower).max())
+    middle = np.mean(container.bounds, axis=0)
+    walls = walls_of(container, np.zeros(3))
+    return Room(*frame._replace(lengths=lengths), middle, slack, walls)
 
 
 @bare_kernel
@@ -80,11 +125,11 @@ def is_held(room: Room, x: float, y: float, z: float, hx: float, hy: float, hz: 
     """
     if not is_between(room, x, y, z, hx, hy, hz):
         return False
-    if room.kind in (ROUND, BALL):
-        dx, dy, dz = x - room.middle[0], y - room.middle[1], z - room.middle[2] if room.kind == BALL else 0.0
+    if room.kind in (UPRIGHT, ROUND):
+        dx, dy, dz = x - room.middle[0], y - room.middle[1], z - room.middle[2] if room.kind == ROUND else 0.0
         return math.sqrt(dx * dx + dy * dy + dz * dz) + hx <= room.radius + room.slack
-    if room.kind == CLOSED:
-        return _depth(room, x, y, z) >= hx
+    if room.kind == MESH:
+        return -mesh_distance(room.mesh, x, y, z) >= hx
     return True
 
 
@@ -107,14 +152,14 @@ def is_barred(room: Room, x: float, y: float, z: float, ex: float, ey: float, ez
     """
     if _is_beyond(room, 0, x, ex, radius) or _is_beyond(room, 1, y, ey, radius) or _is_beyond(room, 2, z, ez, radius):
         return True
-    if room.kind in (ROUND, BALL):
+    if room.kind in (UPRIGHT, ROUND):
         dx = max(abs(x - room.middle[0]) - ex, 0.0)
         dy = max(abs(y - room.middle[1]) - ey, 0.0)
-        dz = max(abs(z - room.middle[2]) - ez, 0.0) if room.kind == BALL else 0.0
+        dz = max(abs(z - room.middle[2]) - ez, 0.0) if room.kind == ROUND else 0.0
         return math.sqrt(dx * dx + dy * dy + dz * dz) + radius > room.radius + room.slack
-    if room.kind == CLOSED:
+    if room.kind == MESH:
         # a depth changes by no more than the way
-        return _depth(room, x, y, z) + math.sqrt(ex * ex + ey * ey + ez * ez) < radius
+        return math.sqrt(ex * ex + ey * ey + ez * ez) - mesh_distance(room.mesh, x, y, z) < radius
     return False
 
 
@@ -128,11 +173,18 @@ def _is_beyond(room, axis, x, ex, radius):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _depth(room, x, y, z):  # type: ignore[no-untyped-def]
-    """Return how deep a point lies inside a closed mesh; negative outside."""
-    qx, qy, qz = x - room.middle[0], y - room.middle[1], z - room.middle[2]
-    square, k, feature, px, py, pz = nearest_triangle(
-        room.corners, room.low, room.high, room.start, qx, qy, qz, math.inf
+def mesh_distance(mesh: MeshWalls, x: float, y: float, z: float) -> float:
+    """Return the distance of a point from the surface of a closed mesh, negative inside."""
+    return wall_of_mesh(mesh, x, y, z)[0]
+
+
+@bare_kernel
+def wall_of_mesh(mesh: MeshWalls, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Return the distance of a point from the surface of a closed mesh, negative inside, and its nearest point."""
+    sx, sy, sz = mesh.shift[0], mesh.shift[1], mesh.shift[2]
+    px, py, pz = x + sx, y + sy, z + sz
+    square, triangle, feature, qx, qy, qz = search_triangles(
+        mesh.corners, mesh.low, mesh.high, mesh.start, px, py, pz, np.inf, mesh.stack
     )
-    inside = is_behind(room.normals, k, feature, qx - px, qy - py, qz - pz)
-    return math.sqrt(square) if inside else -math.sqrt(square)
+    behind = is_behind(mesh.normals, triangle, feature, px - qx, py - qy, pz - qz)
+    return -math.sqrt(square) if behind else math.sqrt(square), qx - sx, qy - sy, qz - sz

@@ -68,7 +68,7 @@ UNSORTED = {"4a": "classic", "4b": "1", "4c": "2", "4d": "3"}
 #: throws per grain that a saturated run is thought to take at the most: no bound is known, the mean is below 40
 THROWS = 200
 #: bytes of a grain, and of its open cells (measured)
-BYTES_PER_GRAIN, BYTES_OF_CELLS = 250, 250
+BYTES_PER_GRAIN, BYTES_OF_CELLS = 250, 50
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
