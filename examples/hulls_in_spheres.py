@@ -15,7 +15,7 @@ import voxgran as vg
 from voxgran.report.scenes import picture_cut
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/hulls_in_spheres")
-side = float(sys.argv[2]) if len(sys.argv) > 2 else 5.0
+side = float(sys.argv[2]) if len(sys.argv) > 2 else 4.0
 sweeps = int(sys.argv[3]) if len(sys.argv) > 3 else 60
 
 box = vg.Box((side, side, side))
