@@ -3,7 +3,7 @@
 Two triangles are convex; the least overlap of both along eleven directions, their normals and the products of their
 edges, is how far one must be moved (separating axes, as in :mod:`voxgran.shapes.crossing`). Where surfaces cross along
 an edge, each triangle only touches, and no pair of them tells; then one surface is moved a little, six ways: what
-crosses after every one of these moves crosses by at least that much, and what only touched comes free by one of them.
+crosses after every one of these moves counts as that deep, and what only touched comes free by one of them.
 """
 
 import math
@@ -39,7 +39,7 @@ def crossing_depth(one: TriangleTree, other: TriangleTree, *, matrix: Floats, of
     Returns
     -------
     depth : float
-        A lower bound of how far one must be moved to part them, in the unit of `one`; 0 where they only touch.
+        How far one must be moved at least to part them, in the unit of `one`; 0 where they only touch.
     way : (3,) ndarray of float
         Unit vector along which `other` leaves the deepest triangle of `one`.
     """

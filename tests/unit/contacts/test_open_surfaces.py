@@ -160,6 +160,14 @@ def test_a_sheet_under_a_solid(name, push):
     assert gap_of(FLAT, solid, (0.05, 0.02, below - push)) == pytest.approx(-push, rel=1e-3, abs=1e-9)
 
 
+@pytest.mark.parametrize("shape", [vg.make_shape, meshed], ids=["box", "mesh"])
+@pytest.mark.parametrize("place", [(0.0, 0.0), (0.313, -0.271)])
+def test_a_needle_that_pierces_a_sheet_is_found(shape, place):
+    """The deepest point of the sheet lies in the middle of the needle, on no corner and no edge of either."""
+    needle = shape("box", lengths=(0.01, 0.012, 2.0))
+    assert gap_of(FLAT, needle, (*place, 0.2)) == pytest.approx(-0.005, rel=2e-3)
+
+
 @pytest.mark.parametrize("name", SOLIDS)
 def test_a_sheet_inside_a_solid_is_found(name):
     small = vg.make_shape("sheet", lengths=(0.02, 0.02))
