@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans, Integers
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.lanes import LANES
 
 Words: TypeAlias = NDArray[np.uint64]
@@ -194,7 +194,7 @@ def aligned_words(count: int) -> Words:
     return words[begin : begin + count]
 
 
-@bare_kernel
+@inlined_kernel
 def row_length(deep: int) -> int:
     """Return the words of a row of columns: at least an empty one after the last, and a multiple of eight.
 
@@ -209,7 +209,7 @@ def grain_words(size: Triple) -> int:
     return (size[0] + 2) * ((size[2] + 63) // 64) * row_length(size[1])
 
 
-@bare_kernel
+@inlined_kernel
 def turned_box(low: Integers, size: Integers, turn: Integers) -> tuple[Triple, Triple]:
     """Return lowest voxel and extents of a member after a signed permutation of the axes.
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.seeds import below
 
 
@@ -45,7 +45,7 @@ class Turn(NamedTuple):
     wanted: Integers
 
 
-@bare_kernel
+@inlined_kernel
 def pick_grain(queue: Integers, placed: int, order: Integers, attempt: int, word: int) -> int:
     """Pick a grain: any that has entered, or one of 64 that lie near each other, 256 attempts for each window."""
     if len(order) == 0:
@@ -86,24 +86,24 @@ def guided_direction(hint: Integers, rules: Rules, d: int, pick: int, share: int
 
 
 @bare_kernel
-def upward_share(rules: Rules, attempt: int) -> float:
+def upward_share(shares: Floats, schedule: Integers, attempt: int) -> float:
     """Return the share of upward moves: it dies away within each cycle and from cycle to cycle."""
-    begin, attempts, cycles = rules.schedule[0], rules.schedule[1], rules.schedule[2]
+    begin, attempts, cycles = schedule[0], schedule[1], schedule[2]
     if begin < 0 or attempt - begin >= attempts:
         return 0.0
     along = (attempt - begin) / attempts * cycles
     cycle = np.floor(along)
-    kept = 1.0 - cycle / cycles if rules.shares[5] < 0.0 else rules.shares[5] ** cycle
-    return rules.shares[1] * kept * (1.0 - (along - cycle))
+    kept = 1.0 - cycle / cycles if shares[5] < 0.0 else shares[5] ** cycle
+    return shares[1] * kept * (1.0 - (along - cycle))
 
 
-@bare_kernel
-def pick_direction(share: float, word: int, classes: Integers, down: float, up: float) -> int:
+@inlined_kernel
+def pick_direction(share: float, word: int, classes: Integers, shares: Floats, schedule: Integers, attempt: int) -> int:
     """Pick a direction: its class by the shares, then one of the class; all alike where there is no gravity."""
     if classes[1] == 0:
         return below(word, classes[3])
-    if share < down:
+    if share < shares[0]:
         return below(word, classes[1])
-    if share < down + up:
+    if share < shares[0] + upward_share(shares, schedule, attempt):
         return classes[2] + below(word, classes[3] - classes[2])
     return classes[1] + below(word, classes[2] - classes[1])

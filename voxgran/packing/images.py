@@ -1,7 +1,7 @@
 """Grains on the canvas with their periodic images: where they are, what they meet, and stamping them."""
 
 from voxgran._base.arrays import Integers
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.bits import Field, Triple, Words
 from voxgran.packing.stamps import (
     is_blocked,
@@ -13,7 +13,7 @@ from voxgran.packing.stamps import (
 )
 
 
-@bare_kernel
+@inlined_kernel
 def wrapped(x: int, n: int, periodic: int) -> int:
     """Return a voxel index wrapped into [0, n) where the axis is periodic."""
     if not periodic or 0 <= x < n:
@@ -21,7 +21,7 @@ def wrapped(x: int, n: int, periodic: int) -> int:
     return x - (x // n) * n
 
 
-@bare_kernel
+@inlined_kernel
 def lowest_corner(field: Field, site: Integers, low: Triple) -> Triple:
     """Return the lowest voxel of a grain, wrapped into the container."""
     return (
@@ -31,13 +31,23 @@ def lowest_corner(field: Field, site: Integers, low: Triple) -> Triple:
     )
 
 
-@bare_kernel
+@inlined_kernel
+def stepped(field: Field, corner: Triple, step: Triple) -> Triple:
+    """Return the lowest voxel of a grain after a step, wrapped into the container."""
+    return (
+        wrapped(corner[0] + step[0], field.shape[0], field.periodic[0]),
+        wrapped(corner[1] + step[1], field.shape[1], field.periodic[1]),
+        wrapped(corner[2] + step[2], field.shape[2], field.periodic[2]),
+    )
+
+
+@inlined_kernel
 def copies(field: Field, axis: int, x: int, extent: int) -> int:
     """Return 2 where a grain reaches over the end of a periodic axis, else 1."""
     return 2 if field.periodic[axis] and x + extent > field.shape[axis] else 1
 
 
-@bare_kernel
+@inlined_kernel
 def image_of(field: Field, corner: Triple, ix: int, iy: int, iz: int) -> Triple:
     """Return the canvas voxel of an image of a corner."""
     return (
@@ -56,7 +66,7 @@ def stamp_images(field: Field, bits: Words, at: int, size: Triple, corner: Tripl
                 stamp(field, bits, at, size, image_of(field, corner, ix, iy, iz))
 
 
-@bare_kernel
+@inlined_kernel
 def stamp_step(field: Field, bits: Words, at: int, size: Triple, old: Triple, corner: Triple, step: Triple) -> None:
     """Flip what a grain covers anew and what it leaves by a step from one corner to another, images included."""
     for axis in range(3):
@@ -102,7 +112,7 @@ def is_blocked_anywhere(field: Field, bits: Words, at: int, size: Triple, corner
     return False
 
 
-@bare_kernel
+@inlined_kernel
 def is_step_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> bool:
     """Tell whether a grain on the canvas that steps to a corner would newly cover a taken voxel."""
     for ix in range(copies(field, 0, corner[0], size[0])):

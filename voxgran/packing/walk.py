@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Integers
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Field, Words, grain_words, turned_box, write_turned
@@ -18,7 +18,6 @@ from voxgran.packing.choices import (
     guided_direction,
     pick_direction,
     pick_grain,
-    upward_share,
 )
 from voxgran.packing.images import (
     copies,
@@ -28,6 +27,7 @@ from voxgran.packing.images import (
     lowest_corner,
     stamp_images,
     stamp_step,
+    stepped,
     wrapped,
 )
 from voxgran.packing.pair_tables import PairTables, enlist, has_room, relist
@@ -128,7 +128,20 @@ def make_attempts(
     a row, slept through.
     """
     feeding = rules.schedule[0] < 0
-    for attempt in range(first, last):
+    # nothing but moves and turns, on a canvas
+    plain = not feeding and not len(pairs.at) and not len(turn.hint) and not len(turn.slept)
+    attempt = first - 1
+    while attempt + 1 < last:
+        attempt += 1
+        if plain:
+            attempt = make_moves(
+                field.words, field.stride_x, field.stride_w, field.shape, field.margin, field.periodic,
+                members.low, members.size, members.turns, grains.site, grains.member, grains.turn, grains.bits,
+                grains.at, rules.directions, rules.classes, rules.shares, rules.schedule, queue, turn.order, tally,
+                key, attempt, last,
+            )  # fmt: skip
+            if attempt == last:
+                return last
         r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
         # bits that the choice of a direction does not use
         enters = np.float64(r2 & np.uint64(0xFFFFFFFF)) < rules.shares[3] * 4294967296.0
@@ -149,8 +162,7 @@ def make_attempts(
             moved = _turn(field, members, grains, pairs, g, below(r1, members.bases), below(r2, len(members.turns)))
             tally[3] += moved
         else:
-            up = upward_share(rules, attempt)
-            d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares[0], up)
+            d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares, rules.schedule, attempt)
             if len(turn.hint):
                 d = guided_direction(turn.hint[g], rules, d, r0, r3)
             step = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2])
@@ -161,6 +173,39 @@ def make_attempts(
                 _note_contact(field, members, grains, g, step, moved, turn.hint[g])
         if len(turn.slept):
             _note_rest(field, members, grains, rules, turn, g, attempt)
+    return last
+
+
+@bare_kernel
+def make_moves(
+    words: Words, stride_x: int, stride_w: int, shape: Integers, margin: Integers, periodic: Integers, lows: Integers,
+    sizes: Integers, turns: Integers, site: Integers, member: Integers, turn: Integers, bits: Words, at: Integers,
+    directions: Integers, classes: Integers, shares: Floats, schedule: Integers, queue: Integers, order: Integers,
+    tally: Integers, key: Words, first: int, last: int,
+) -> int:  # fmt: skip
+    """Make attempts as long as they are moves that nothing else hangs on; return the number of the next one.
+
+    What the loop needs and no more: the fewer words lie on the stack, the more of it stays near the processor.
+    """
+    field = Field(words, stride_x, stride_w, shape, margin, periodic)
+    placed = tally[0]
+    for attempt in range(first, last):
+        r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
+        if unit_float(r3) < shares[2]:
+            return attempt
+        g = pick_grain(queue, placed, order, attempt, r0)
+        d = pick_direction(unit_float(r1), r2, classes, shares, schedule, attempt)
+        step = (directions[d, 0], directions[d, 1], directions[d, 2])
+        m = member[g]
+        low, size = turned_box(lows[m], sizes[m], turns[turn[g]])
+        old = lowest_corner(field, site[g], low)
+        new = stepped(field, old, step)
+        tally[2] += 1
+        if not is_step_blocked(field, bits, at[g], size, new, step):
+            stamp_step(field, bits, at[g], size, old, new, step)
+            for axis in range(3):
+                site[g, axis] = new[axis] - low[axis]
+            tally[1] += 1
     return last
 
 
@@ -200,11 +245,7 @@ def _note_contact(field, members, grains, g, step, moved, hint):  # type: ignore
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
     old = lowest_corner(field, grains.site[g], low)
-    new = (
-        wrapped(old[0] + step[0], field.shape[0], field.periodic[0]),
-        wrapped(old[1] + step[1], field.shape[1], field.periodic[1]),
-        wrapped(old[2] + step[2], field.shape[2], field.periodic[2]),
-    )
+    new = stepped(field, old, step)
     many, x, y, z = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     for ix in range(copies(field, 0, new[0], size[0])):
         for iy in range(copies(field, 1, new[1], size[1])):
@@ -294,11 +335,7 @@ def _move(field, members, grains, pairs, g, step):  # type: ignore[no-untyped-de
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
     old = lowest_corner(field, grains.site[g], low)
-    new = (
-        wrapped(old[0] + step[0], field.shape[0], field.periodic[0]),
-        wrapped(old[1] + step[1], field.shape[1], field.periodic[1]),
-        wrapped(old[2] + step[2], field.shape[2], field.periodic[2]),
-    )
+    new = stepped(field, old, step)
     at = grains.at[g]
     if len(pairs.at):
         return _move_in_cells(field, members, grains, pairs, g, (m, t), (low, size, new))
