@@ -106,7 +106,8 @@ def prepare(problem: Problem) -> State:
         "key": np.zeros(FIRST),
         "touched": np.zeros((FIRST, 3), dtype=np.int32),
     }
-    state = State(arrays, dict.fromkeys((*TALLY, "narrow"), 0), 0, _most_attempts(problem))
+    most = _most_attempts(problem, dense=problem.parameters.mode == "dense")
+    state = State(arrays, dict.fromkeys((*TALLY, "narrow"), 0), 0, most)
     if problem.start is not None:
         _enter_start(problem, state, problem.start)
     _look(problem, state)
@@ -167,7 +168,7 @@ def finish(problem: Problem, state: State) -> Packing:
 
 def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
-    return Cost(memory=300 * problem.count + 2**22, attempts=_most_attempts(problem))
+    return Cost(memory=300 * problem.count + 2**22, attempts=_most_attempts(problem, dense=True) + PATIENCE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +234,7 @@ def _look(problem: Problem, state: State) -> bool:
         if _is_narrow(problem, state):
             # all balls are looked at again, and walls with them
             state.counters.update(narrow=1, missed_in_a_row=0, ranked=0)
-            state.total = state.done + _most_attempts(problem)
+            state.total = state.done + _most_attempts(problem, dense=True)
             state.derived.clear()
         else:
             state.stop_reason = "full"
@@ -268,9 +269,9 @@ def _longer(array: Any) -> Any:
     return new
 
 
-def _most_attempts(problem: Problem) -> int:
+def _most_attempts(problem: Problem, *, dense: bool) -> int:
     """Return how many places are visited at the most, beginnings apart from the last aside."""
-    return 12 * problem.count + 2 * PATIENCE
+    return (12 if dense else 4) * problem.count + PATIENCE
 
 
 def _orientations(problem: Problem, grains: Integers) -> Floats | None:
