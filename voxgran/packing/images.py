@@ -66,7 +66,7 @@ def stamp_images(field: Field, bits: Words, at: int, size: Triple, corner: Tripl
                 stamp(field, bits, at, size, image_of(field, corner, ix, iy, iz))
 
 
-@inlined_kernel
+@bare_kernel
 def stamp_step(field: Field, bits: Words, at: int, size: Triple, old: Triple, corner: Triple, step: Triple) -> None:
     """Flip what a grain covers anew and what it leaves by a step from one corner to another, images included."""
     for axis in range(3):
@@ -112,7 +112,7 @@ def is_blocked_anywhere(field: Field, bits: Words, at: int, size: Triple, corner
     return False
 
 
-@inlined_kernel
+@bare_kernel
 def is_step_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> bool:
     """Tell whether a grain on the canvas that steps to a corner would newly cover a taken voxel."""
     for ix in range(copies(field, 0, corner[0], size[0])):

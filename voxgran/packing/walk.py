@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Field, Words, grain_words, turned_box, write_turned
@@ -30,6 +30,7 @@ from voxgran.packing.images import (
     stepped,
     wrapped,
 )
+from voxgran.packing.moves import make_moves
 from voxgran.packing.pair_tables import PairTables, enlist, has_room, relist
 from voxgran.packing.stamps import sum_blocked
 
@@ -173,39 +174,6 @@ def make_attempts(
                 _note_contact(field, members, grains, g, step, moved, turn.hint[g])
         if len(turn.slept):
             _note_rest(field, members, grains, rules, turn, g, attempt)
-    return last
-
-
-@bare_kernel
-def make_moves(
-    words: Words, stride_x: int, stride_w: int, shape: Integers, margin: Integers, periodic: Integers, lows: Integers,
-    sizes: Integers, turns: Integers, site: Integers, member: Integers, turn: Integers, bits: Words, at: Integers,
-    directions: Integers, classes: Integers, shares: Floats, schedule: Integers, queue: Integers, order: Integers,
-    tally: Integers, key: Words, first: int, last: int,
-) -> int:  # fmt: skip
-    """Make attempts as long as they are moves that nothing else hangs on; return the number of the next one.
-
-    What the loop needs and no more: the fewer words lie on the stack, the more of it stays near the processor.
-    """
-    field = Field(words, stride_x, stride_w, shape, margin, periodic)
-    placed = tally[0]
-    for attempt in range(first, last):
-        r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
-        if unit_float(r3) < shares[2]:
-            return attempt
-        g = pick_grain(queue, placed, order, attempt, r0)
-        d = pick_direction(unit_float(r1), r2, classes, shares, schedule, attempt)
-        step = (directions[d, 0], directions[d, 1], directions[d, 2])
-        m = member[g]
-        low, size = turned_box(lows[m], sizes[m], turns[turn[g]])
-        old = lowest_corner(field, site[g], low)
-        new = stepped(field, old, step)
-        tally[2] += 1
-        if not is_step_blocked(field, bits, at[g], size, new, step):
-            stamp_step(field, bits, at[g], size, old, new, step)
-            for axis in range(3):
-                site[g, axis] = new[axis] - low[axis]
-            tally[1] += 1
     return last
 
 
