@@ -27,11 +27,14 @@ class Kernel:
         The plain Python function; `plain` keeps it for tests.
     counted : bool
         Whether it counts who holds the arrays that it is given.
+    inlined : bool
+        Whether its instructions are put where it is called.
     """
 
-    def __init__(self, function: Callable[..., Any], counted: bool = True) -> None:
+    def __init__(self, function: Callable[..., Any], counted: bool = True, inlined: bool = False) -> None:
         self.plain = function
         self._counted = counted
+        self._inlined = inlined
         self._compiled: Callable[..., Any] | None = None
         update_wrapper(self, function)
 
@@ -54,6 +57,7 @@ class Kernel:
             numba.config.CACHE_DIR = str(cache_folder())
             try:
                 options = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": self._counted}
+                options["forceinline"] = self._inlined
                 self._compiled = numba.njit(**options)(self._linked())
             finally:
                 numba.config.CACHE_DIR = before
@@ -102,6 +106,14 @@ def bare_kernel(function: Callable[..., Any]) -> Kernel:
     return Kernel(function, counted=False)
 
 
+def inner_kernel(function: Callable[..., Any]) -> Kernel:
+    """Compile a function like a bare kernel, and put its instructions where it is called (decorator).
+
+    Records of many arrays are copied at each call; this is for kernels that hand them on.
+    """
+    return Kernel(function, counted=False, inlined=True)
+
+
 @cache
 def cache_folder() -> Path:
     """Return the folder of compiled kernels, keyed by a hash of all kernel sources of the package.
@@ -112,7 +124,7 @@ def cache_folder() -> Path:
     digest = hashlib.sha256()
     for path in sorted(Path(__file__).parents[1].rglob("*.py")):
         source = path.read_bytes()
-        if any(mark in source for mark in (b"@kernel", b"@bare_kernel", b"@instruction")):
+        if any(mark in source for mark in (b"@kernel", b"@bare_kernel", b"@inner_kernel", b"@instruction")):
             digest.update(path.name.encode() + b"\0" + source)
     name = f"kernels-{digest.hexdigest()[:16]}"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")

@@ -11,11 +11,12 @@ Grains enter as rain at a rate, in layers that each sink before the next, or any
 gravity: after each attempt per grain it comes down by 1/32 of the median diameter or to the nearest grain, and the walk
 ends no sooner than it lies on the bed.
 
-The points cover the surface. Compared with points, surfaces cannot cross between them. In signed distances a smooth
-surface can bulge between its points by no more than its curvature allows, which is added to the distance, so spheres
-and ellipsoids never overlap; what sharp edges overlap between points, less than half the spacing, is parted exactly
-after the walk. Steps are so short, and thin grains kept so far, that none can pass through another. No voxels are made,
-so grains may have any place and any orientation; the cost of a move grows with the points near a contact only.
+The points cover the surface and, where all are asked for, the inside. Compared with points, surfaces cannot cross
+between them. In signed distances a smooth surface can bulge between its points by no more than its curvature allows,
+which is added to the distance, so spheres and ellipsoids never overlap; what sharp edges overlap between points, less
+than half the spacing, is parted exactly after the walk. Steps are so short, and thin grains kept so far, that none can
+pass through another. No voxels are made, so grains may have any place and any orientation; the cost of a move grows
+with the points near a contact only.
 
 References
 ----------
@@ -58,7 +59,7 @@ from voxgran.packing.gravity import gravity_text, gravity_vector, main_axis
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settle import begin_settling, part_once, settle_sweep, settling_report
+from voxgran.packing.settle import begin_settling, part_once, settle_sweep, settling_report, shake_sweep
 from voxgran.packing.start import Start, refuse_start, upward
 from voxgran.shapes.curvature import largest_curvature
 
@@ -102,6 +103,9 @@ class ControlPoint:
         doc="how grains are compared: control points in the signed distance of the other grain, or points with points, "
         "found in cells or in trees",
     )
+    points: Literal["surface", "all"] = parameter(
+        "surface", doc="where control points lie: on the surface, its edges and corners, or as densely inside as well"
+    )
     ways: Literal["both", "one"] = parameter(
         "both", doc="whether the points of both grains are asked for their signed distance, or the finer ones only"
     )
@@ -137,6 +141,10 @@ class ControlPoint:
         0, doc="most sweeps in which the true shapes settle after the walk and close what is open"
     )
     friction: float = parameter(0.0, doc="coefficient of friction between grains, and at walls, while they settle")
+    shaking: int = parameter(
+        0, doc="sweeps in which each true shape is pulled and turned its own way before all settle; they come on top"
+    )
+    acceleration: float = parameter(0.8, doc="strength of the shaking at its start, in gravities; it dies away evenly")
     lid: bool = parameter(False, doc="whether a lid comes down on the bed, a small step at a time where it finds room")
 
     def __post_init__(self) -> None:
@@ -162,6 +170,8 @@ class ControlPoint:
         as_number(self.overlap, "overlap", at_least=0.0)
         as_count(self.settling, "settling")
         as_number(self.friction, "friction", at_least=0.0)
+        as_count(self.shaking, "shaking")
+        as_number(self.acceleration, "acceleration", above=0.0)
         if self.distance and self.settling:
             raise InputError(
                 f"distance is {self.distance:g} and settling {self.settling}: settling brings true shapes together; "
@@ -176,10 +186,11 @@ class ControlPoint:
             raise InputError(
                 f"ways is 'one' with contact {self.contact!r}: points are compared with points; use 'both'"
             )
-        if self.friction and not self.settling:
-            raise InputError(
-                f"friction is {self.friction:g} and settling 0: it acts while grains settle; set settling, such as 200"
-            )
+        for name, value in (("friction", self.friction), ("shaking", self.shaking)):
+            if value and not self.settling:
+                raise InputError(
+                    f"{name} is {value:g} and settling 0: it acts while grains settle; set settling, such as 200"
+                )
         if self.lid and self.gravity == "none":
             raise InputError("lid is true and gravity 'none': it needs to know where down is; choose a direction")
 
@@ -289,7 +300,8 @@ def finish(problem: Problem, state: State) -> Packing:
 
 def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
-    finishing = (PART_SWEEPS if _needs_parting(problem) else 0) + problem.parameters.settling
+    settings: ControlPoint = problem.parameters
+    finishing = (PART_SWEEPS if _needs_parting(problem) else 0) + settings.shaking + settings.settling
     return Cost(
         memory=memory_needed(problem),
         attempts=most_attempts(problem, problem.count) + finishing * problem.count,
@@ -362,7 +374,7 @@ def _end_walk(problem: Problem, state: State, reason: str) -> None:
     for name in ("position", "orientation"):
         state.arrays[name] = state.arrays[name][placed].copy()
     state.arrays["grains"] = placed
-    sweeps = (PART_SWEEPS if parts else 0) + problem.parameters.settling
+    sweeps = (PART_SWEEPS if parts else 0) + problem.parameters.shaking + problem.parameters.settling
     state.total = state.done + sweeps * max(len(placed), 1)
     if not parts:
         _end_parting(problem, state)
@@ -387,9 +399,13 @@ def _finish_on_true_shapes(problem: Problem, state: State, last: int) -> None:
         return
     settings: ControlPoint = problem.parameters
     gravity, assembly = gravity_vector(problem), _assembly(problem, state)
+    if counters["settling_at"] >= 0 and sweeps < settings.shaking:
+        strength = settings.acceleration * (1.0 - sweeps / settings.shaking)
+        shake_sweep(state, assembly, gravity, strength=strength, friction=settings.friction, seed=problem.seed)
+        return
     if counters["settling_at"] >= 0:
         rests = settle_sweep(state, assembly, gravity, friction=settings.friction)
-        if rests or sweeps + 1 >= settings.settling:
+        if rests or sweeps + 1 >= settings.shaking + settings.settling:
             state.stop_reason = "settled" if placed == problem.count else "full"
         return
     after, counters["left_overlapping"] = part_once(assembly, gravity)
