@@ -2,16 +2,18 @@
 
 import numpy as np
 
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran.packing.apart import TRIES, find_plane
 from voxgran.packing.control_points import meets, recall
 from voxgran.packing.control_records import SDF, Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
 from voxgran.packing.field_contacts import meets_field, recall_field
+from voxgran.packing.poses import row_of_pair, take_row
 
 #: more than rounding does to the distance of two balls that touch, in median diameters
 EXACT = 1e-12
 
 
-@bare_kernel
+@inlined_kernel
 def meets_own_image(
     bed: Bed,
     bodies: Bodies,
@@ -46,7 +48,7 @@ def _images(walls, axis, reach):  # type: ignore[no-untyped-def]
     return np.int64(np.floor(reach / (walls.upper[axis] - walls.lower[axis])))
 
 
-@bare_kernel
+@inlined_kernel
 def meets_any(
     bed: Bed,
     bodies: Bodies,
@@ -60,12 +62,13 @@ def meets_any(
 ) -> bool:
     """Tell whether a grain meets another: first from memory, then by comparing those of whom it does not tell."""
     pending, position = scratch.pending, bed.position
-    trees, fields = bodies.trees, bodies.fields
+    trees, fields, reaches = bodies.trees, bodies.fields, bodies.reaches
     count = _look_around(
-        *(position, bed.orientation, bed.diameter, bed.extent, bed.shape, cells.head, cells.after, cells.lower),
-        *(cells.width, cells.count, walls.lower, walls.upper, walls.periodic, memory.pairs, memory.poses, memory.lists),
-        *(trees.points, fields.head, fields.rows, fields.values, scratch.place, scratch.turn, scratch.relative),
-        *(scratch.shift, pending, g, cells.reach, rules.gap, moved, bodies.contact),
+        *(position, bed.orientation, bed.diameter, bed.extent, bed.span, bed.shape, cells.head, cells.after),
+        *(cells.lower, cells.width, cells.count, walls.lower, walls.upper, walls.periodic, memory.pairs, memory.poses),
+        *(memory.lists, trees.points, fields.head, fields.rows, fields.values, reaches.values, scratch.place),
+        *(scratch.turn, scratch.span, scratch.way, scratch.relative, scratch.shift, pending, g, cells.reach, rules.gap),
+        *(moved, bodies.contact),
     )
     for k in range(count):
         j = pending[k, 0]
@@ -77,7 +80,7 @@ def meets_any(
     return count < 0
 
 
-@bare_kernel
+@inlined_kernel
 def compare(
     bed: Bed,
     bodies: Bodies,
@@ -99,8 +102,8 @@ def compare(
 
 @bare_kernel
 def _look_around(  # type: ignore[no-untyped-def]
-    position, orientation, diameter, extent, shape, head, after, origin, width, cells, lower, upper,
-    periodic, pairs, poses, lists, points, field_head, field_rows, field_values, place, turn, relative,
+    position, orientation, diameter, extent, span, shape, head, after, origin, width, cells, lower, upper, periodic,
+    pairs, poses, lists, points, field_head, field_rows, field_values, reaches, place, turn, own_span, way, relative,
     shift, pending, g, reach, gap, moved, contact,
 ):  # fmt: skip
     """List the neighbours, periodic images included, that a grain must be compared with; -1 where it surely meets
@@ -112,10 +115,10 @@ def _look_around(  # type: ignore[no-untyped-def]
     ay, by = _cell_range(origin[1], width[1], cells[1], periodic[1], place[1], reach)
     az, bz = _cell_range(origin[2], width[2], cells[2], periodic[2], place[2], reach)
     for cx in range(ax, bx + 1):
-        ix = cx // cells[0]
+        ix = 0 if 0 <= cx < cells[0] else cx // cells[0]
         x = place[0] - ix * (upper[0] - lower[0])
         for cy in range(ay, by + 1):
-            iy = cy // cells[1]
+            iy = 0 if 0 <= cy < cells[1] else cy // cells[1]
             y = place[1] - iy * (upper[1] - lower[1])
             for cz in range(az, bz + 1):
                 iz = 0 if 0 <= cz < cells[2] else cz // cells[2]
@@ -123,22 +126,19 @@ def _look_around(  # type: ignore[no-untyped-def]
                 j = head[((cx - ix * cells[0]) * cells[1] + cy - iy * cells[1]) * cells[2] + cz - iz * cells[2]]
                 while j >= 0:
                     dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
-                    near = extent[g, 0] + extent[j, 0] + extent[g, 5] + extent[j, 5] + gap
+                    low = gap + (max(extent[g, 5], extent[j, 5]) if contact == SDF else extent[g, 5] + extent[j, 5])
+                    near = extent[g, 0] + extent[j, 0] + low
                     if j != g and dx * dx + dy * dy + dz * dz <= near * near:
-                        if extent[g, 6] * extent[j, 6] > 0.0:
+                        if extent[g, 8] * extent[j, 8] > 0.0:
                             apart = extent[g, 0] + extent[j, 0] + gap - EXACT
                             if dx * dx + dy * dy + dz * dz < apart * apart:
                                 return -1
                             answer = 0
-                        elif contact == SDF:
-                            answer = recall_field(
-                                *(orientation, diameter, extent, shape, pairs, poses, points, field_head, field_rows),
-                                *(field_values, turn, relative, shift, g, j, gap, dx, dy, dz),
-                            )
                         else:
-                            answer = recall(
-                                *(orientation, diameter, extent, pairs, poses, lists, points, turn, relative, shift),
-                                *(g, j, gap, dx, dy, dz, moved),
+                            answer = _recall(
+                                *(orientation, diameter, extent, span, shape, pairs, poses, lists, points, field_head),
+                                *(field_rows, field_values, reaches, turn, own_span, way, relative, shift, g, j, gap),
+                                *(low, dx, dy, dz, moved, contact),
                             )
                         if answer == 1:
                             return -1
@@ -147,6 +147,54 @@ def _look_around(  # type: ignore[no-untyped-def]
                             found += 1
                     j = after[j]
     return found
+
+
+@inlined_kernel
+def _recall(  # type: ignore[no-untyped-def]
+    orientation, diameter, extent, span, shape, pairs, poses, lists, points, field_head, field_rows, field_values,
+    reaches, turn, own_span, way, relative, shift, g, j, gap, low, dx, dy, dz, moved, contact,
+):  # fmt: skip
+    """Tell whether a grain meets another, 0 no, 1 yes, 2 unknown, from planes between them and from memory."""
+    # fields near edges may tell less than distances, and not any distance
+    wide = low * max(extent[g, 6], extent[j, 6]) if low > 0.0 else low
+    planes = len(reaches) > 0 and low <= extent[g, 7] and low <= extent[j, 7]
+    pair = min(g, j) * len(diameter) + max(g, j)
+    row, side = row_of_pair(len(pairs), pair), 1.0 if g < j else -1.0
+    if planes:
+        if dx + own_span[0] > span[j, 1] + wide or dx + own_span[1] < span[j, 0] - wide:
+            return 0
+        if dy + own_span[2] > span[j, 3] + wide or dy + own_span[3] < span[j, 2] - wide:
+            return 0
+        if dz + own_span[4] > span[j, 5] + wide or dz + own_span[5] < span[j, 4] - wide:
+            return 0
+        way[0], way[1], way[2] = side * poses[row, 13], side * poses[row, 14], side * poses[row, 15]
+        if pairs[row, 0] != pair or (way[0] == 0.0 and way[1] == 0.0 and way[2] == 0.0):
+            apart = max(np.sqrt(dx * dx + dy * dy + dz * dz), 1e-300)
+            way[0], way[1], way[2] = dx / apart, dy / apart, dz / apart
+        way[6] = -np.inf
+        if find_plane(
+            *(reaches, shape[g], diameter[g], turn, shape[j], diameter[j], orientation[j], way, dx, dy, dz, wide, 1)
+        ):
+            return 0
+    if contact == SDF:
+        answer = recall_field(
+            *(orientation, diameter, extent, shape, pairs, poses, points, field_head, field_rows, field_values),
+            *(turn, relative, shift, g, j, gap, dx, dy, dz),
+        )
+    else:
+        answer = recall(
+            *(orientation, diameter, extent, pairs, poses, lists, points, turn, relative, shift, g, j, gap),
+            *(dx, dy, dz, moved),
+        )
+    if answer == 2 and planes:
+        found = find_plane(
+            *(reaches, shape[g], diameter[g], turn, shape[j], diameter[j], orientation[j], way, dx, dy, dz, wide),
+            TRIES,
+        )
+        take_row(pairs, poses, pair)
+        poses[row, 13], poses[row, 14], poses[row, 15] = side * way[3], side * way[4], side * way[5]
+        return 0 if found else 2
+    return answer
 
 
 @bare_kernel

@@ -10,7 +10,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.packing.control_records import POINTS, Bed, Bodies, Memory, Scratch
 from voxgran.packing.point_cells import list_near_in_cells
-from voxgran.packing.poses import invert, moved_since, relate, row_of_pair
+from voxgran.packing.poses import invert, moved_since, relate, row_of_pair, take_row
 from voxgran.packing.trees import list_near, point_distance
 
 #: how much farther than needed points are listed, in diameters
@@ -126,13 +126,11 @@ def list_points(
 @bare_kernel
 def _remember(pairs, poses, lists, pair, relative, shift, slack, found, count):  # type: ignore[no-untyped-def]
     """Note what a comparison found; one that refused (count -1) adds its two points to what was known before."""
-    entry = row_of_pair(len(pairs), pair)
+    entry = take_row(pairs, poses, pair)
     if count < 0:
-        if pairs[entry, 0] != pair:
-            pairs[entry, 0], pairs[entry, 3], poses[entry, 12] = pair, 0, -1.0
         pairs[entry, 1], pairs[entry, 2] = found[0, 0], found[0, 1]
         return
-    pairs[entry, 0], pairs[entry, 1], pairs[entry, 3], poses[entry, 12] = pair, -1, count, slack
+    pairs[entry, 1], pairs[entry, 3], poses[entry, 12] = -1, count, slack
     for m in range(3):
         poses[entry, 9 + m] = shift[m]
         for n in range(3):

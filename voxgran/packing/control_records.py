@@ -5,6 +5,7 @@ from typing import NamedTuple
 from voxgran._base.arrays import Floats, Integers
 from voxgran.packing.fields import Fields
 from voxgran.packing.point_cells import PointCells
+from voxgran.packing.reaches import Reaches
 from voxgran.packing.trees import Trees
 
 #: kinds of walls
@@ -18,7 +19,7 @@ class Bodies(NamedTuple):
 
     `spacing` is twice the covering radius of the control points. The points `hull` with room `margin` around each hold
     the solid in their convex hull. `contact` is the test of contact, `both` whether signed distances are asked both
-    ways; `cells` are those of the points, for the test that needs them.
+    ways; `cells` are those of the points, for the test that needs them; `reaches` tell how far shapes reach.
     """
 
     contact: int
@@ -26,6 +27,7 @@ class Bodies(NamedTuple):
     trees: Trees
     fields: Fields
     cells: PointCells
+    reaches: Reaches
     radius: Floats
     spacing: Floats
     hull: Floats
@@ -36,11 +38,13 @@ class Bodies(NamedTuple):
 
 
 class Bed(NamedTuple):
-    """Where the grains are, how long a step each one tries at the most, and its `extent`.
+    """Where the grains are, how long a step each one tries at the most, its `extent` and its `span`.
 
     The extent of a grain is its bounding radius, half the spacing of its points, volume over surface, the largest
-    curvature of its surface (below 0 where that is not smooth), the error of a smooth surface, how near its points are
-    kept to other surfaces at the most, and 1 where it is a ball that is compared with others by its center, else 0.
+    curvature of its surface (below 0 where that is not smooth), the error of a smooth surface, and how near its points
+    are kept to other surfaces at the most; then stretch and limit of its `Reaches`, and 1 where it is a ball that is
+    compared with others by its center, else 0. The span is how far it reaches down and up along each axis; it is empty
+    where there are no reaches.
     """
 
     position: Floats
@@ -50,6 +54,7 @@ class Bed(NamedTuple):
     shape: Integers
     diameter: Floats
     extent: Floats
+    span: Floats
 
 
 class Walls(NamedTuple):
@@ -72,7 +77,8 @@ class Memory(NamedTuple):
     """What is known of pairs of grains that were compared: tables in which later pairs push out earlier ones.
 
     `pairs` has the number of the pair (-1: none), the two control points that refused it last (-1: none), and how many
-    rows of `lists` are filled; `poses` a relative pose (turn row by row, shift) and a slack. In that pose, all control
+    rows of `lists` are filled; `poses` a relative pose (turn row by row, shift), a slack, and the direction towards
+    the grain of lower number along which the two were farthest apart last (zero: none). In that pose, all control
     points were farther apart than they must be by the slack, those in `lists` excepted. With signed distances `lists`
     is empty, and what refused is one control point and whether it belongs to the second grain.
     """
@@ -90,6 +96,9 @@ class Scratch(NamedTuple):
     place: Floats
     quaternion: Floats
     turn: Floats
+    span: Floats
+    way: Floats
+    plane: Floats
     relative: Floats
     shift: Floats
     stack: Integers

@@ -28,14 +28,15 @@ from voxgran.packing.control_records import (
     Scratch,
     Walls,
 )
-from voxgran.packing.control_walk import link_all
+from voxgran.packing.control_walk import link_all, span_all
 from voxgran.packing.fields import MARGIN, Fields, make_fields
 from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.method import State
 from voxgran.packing.point_cells import make_cells, no_cells
 from voxgran.packing.problem import Problem
+from voxgran.packing.reaches import make_reaches, no_reaches
 from voxgran.packing.trees import make_trees, stack_room
-from voxgran.points.control import sample_controls
+from voxgran.points.control import inner_count, inner_points, sample_controls
 from voxgran.shapes.curvature import largest_curvature
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -64,6 +65,7 @@ class Setting:
 
     bodies: Bodies
     extent: Floats
+    span: Floats
     walls: Walls
     cells: Cells
     memory: Memory
@@ -79,9 +81,11 @@ def setting_of(problem: Problem, state: State) -> Setting:
         extent = _extent(problem, bodies)
         cells = _cells(problem, extent)
         scratch = _scratch(problem, bodies, cells)
-        made = Setting(bodies, extent, _walls(problem), cells, _memory(problem), scratch, key)
+        span = np.zeros((problem.count if len(bodies.reaches.values) else 0, 6))
+        made = Setting(bodies, extent, span, _walls(problem), cells, _memory(problem), scratch, key)
         put_lid(problem, made.walls, float(state.arrays["lid"][0]))
         link_all(bed_of(problem, state, made), made.cells)
+        span_all(bed_of(problem, state, made), bodies, scratch)
         state.derived["setting"] = made
     kept: Setting = state.derived["setting"]
     return kept
@@ -91,7 +95,9 @@ def bed_of(problem: Problem, state: State, setting: Setting) -> Bed:
     """Return the arrays of the state as the kernels take them."""
     arrays = state.arrays
     poses = (arrays["position"], arrays["orientation"], arrays["entered"], arrays["step"])
-    return Bed(*poses, problem.shape_id.astype(np.int64), problem.diameter.astype(np.float64), setting.extent)
+    return Bed(
+        *poses, problem.shape_id.astype(np.int64), problem.diameter.astype(np.float64), setting.extent, setting.span
+    )
 
 
 def put_lid(problem: Problem, walls: Walls, lowered: float) -> None:
@@ -111,6 +117,7 @@ def memory_needed(problem: Problem) -> int:
     for solid in solids:
         # points that keep apart and cover at this spacing; 24 bytes each, as much in the tree, and their probes
         points = 16 + 5 * solid.surface_area / settings.spacing ** (problem.dimension - 1)
+        points += inner_count(solid, spacing=settings.spacing) if settings.points == "all" else 0.0
         faces = len(solid.geometry.faces) if isinstance(solid.geometry, Mesh | Surface) else 5000
         total += points * (24 * 40 + 48) + faces * (72 + 3 * 24)
     if settings.contact == "sdf":
@@ -118,7 +125,7 @@ def memory_needed(problem: Problem) -> int:
         across = 2 * max(shape.bounding_radius for shape in problem.shapes) / (settings.spacing / CELLS_IN_SPACING)
         total += len(problem.shapes) * 4 * (across + 2 * MARGIN + 2) ** 3 + 60 * (across + 2 * MARGIN + 2) ** 3
     listed = LISTED if settings.contact != "sdf" else 0
-    return int(total) + _memory_room(problem) * (listed * 16 + 136)
+    return int(total) + _memory_room(problem) * (listed * 16 + 160)
 
 
 def _memory(problem: Problem) -> Memory:
@@ -126,7 +133,7 @@ def _memory(problem: Problem) -> Memory:
     room = _memory_room(problem)
     listed = LISTED if problem.parameters.contact != "sdf" else 0
     lists = np.zeros((room if listed else 0, listed, 2), dtype=np.int64)
-    return Memory(np.full((room, 4), -1, dtype=np.int64), np.zeros((room, 13)), lists)
+    return Memory(np.full((room, 4), -1, dtype=np.int64), np.zeros((room, 16)), lists)
 
 
 def _memory_room(problem: Problem) -> int:
@@ -140,14 +147,23 @@ def _scratch(problem: Problem, bodies: Bodies, cells: Cells) -> Scratch:
     lengths = (cells.width * cells.count)[list(problem.container.periodic)]
     images = int(np.prod(2 * np.ceil(2 * cells.reach / lengths) + 1))
     return Scratch(
-        *(np.zeros(3), np.zeros(4), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3)),
+        *(
+            np.zeros(3),
+            np.zeros(4),
+            np.zeros((3, 3)),
+            np.zeros(6),
+            np.zeros(7),
+            np.zeros(4),
+            np.zeros((3, 3)),
+            np.zeros(3),
+        ),
         *(np.zeros((room, 2), dtype=np.int64), np.zeros((LISTED, 2), dtype=np.int64)),
         np.zeros((images * problem.count, 4), dtype=np.int64),
     )
 
 
 def _extent(problem: Problem, bodies: Bodies) -> Floats:
-    """Return what is known of each grain, (n, 7): the columns of `Bed.extent`."""
+    """Return what :class:`Bed` holds of each grain besides its pose, (n, 9)."""
     known = len(problem.shapes)
     inner = [shape.volume / shape.surface_area for shape in problem.shapes]
     curvature = [largest_curvature(shape.geometry) for shape in problem.shapes]
@@ -165,10 +181,13 @@ def _extent(problem: Problem, bodies: Bodies) -> Floats:
     room = np.maximum(bulge, half - float(extent[:, 2].min(initial=np.inf)))
     room = np.minimum(room, half + extent[:, 3] + float(extent[:, 3].max(initial=0.0)))
     room = room if problem.parameters.contact == "sdf" else half
+    reaches, stretch, limit = bodies.reaches, np.ones(problem.count), np.zeros(problem.count)
+    if len(reaches.values):
+        stretch, limit = reaches.stretch[problem.shape_id], reaches.limit[problem.shape_id] * problem.diameter
     # balls of a start may touch: they are compared by their centers
     ball = np.array([is_one_ball(shape.geometry) for shape in problem.shapes], dtype=np.float64)[problem.shape_id]
     exact = ball if problem.start is not None else np.zeros(problem.count)
-    return np.ascontiguousarray(np.column_stack([extent[:, :3], bend, extent[:, 3], room, exact]))
+    return np.ascontiguousarray(np.column_stack([extent[:, :3], bend, extent[:, 3], room, stretch, limit, exact]))
 
 
 def _open_ways(problem: Problem, bodies: Bodies, cover: Floats) -> Floats:
@@ -191,7 +210,7 @@ def _point_error(shape: Shape) -> float:
 def _bodies(problem: Problem) -> Bodies:
     """Sample the shapes, and the container where it is a mesh, and plant their trees."""
     settings: ControlPoint = problem.parameters
-    samples = [problem.points(k, settings.spacing) for k in range(len(problem.shapes))]
+    samples: list[Any] = [problem.points(k, settings.spacing) for k in range(len(problem.shapes))]
     solids = list(problem.shapes)
     if isinstance(problem.container, ClosedMesh):
         solids.append(problem.container.shape)
@@ -204,13 +223,20 @@ def _bodies(problem: Problem) -> Bodies:
     hulls, margins = zip(*(_hull(shape) for shape in problem.shapes), strict=True)
     # what holds nothing has no triangles that could tell inside from outside
     triangles = [solid.vertices[solid.faces[: 0 if solid.is_open else None]] for solid in solids]
-    trees = make_trees([np.asarray(points) for points in samples])
+    fields = _fields(problem, samples)
+    controls = [np.asarray(points) for points in samples]
+    if settings.points == "all":
+        for k, solid in enumerate(problem.shapes):
+            controls[k] = np.concatenate([controls[k], inner_points(solid, spacing=settings.spacing)])
+    trees, known = make_trees(controls), controls[: len(problem.shapes)]
+    balls = all(is_one_ball(shape.geometry) for shape in problem.shapes)
     return Bodies(
         TESTS[settings.contact],
         settings.ways == "both",
         trees,
-        _fields(problem, samples),
+        fields,
         make_cells(trees, np.array(spacing)) if settings.contact == "points" else no_cells(),
+        no_reaches() if balls else make_reaches(list(problem.shapes), known, fields),
         np.array([solid.bounding_radius for solid in solids]),
         np.array(spacing),
         *(np.concatenate(hulls), _starts(hulls)),

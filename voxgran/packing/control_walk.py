@@ -10,8 +10,9 @@ from typing import TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import bare_kernel, kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
+from voxgran.packing.apart import write_span
 from voxgran.packing.bits import Words
 from voxgran.packing.control_near import meets_any, meets_own_image
 from voxgran.packing.control_records import Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
@@ -31,6 +32,15 @@ def link_all(bed: Bed, cells: Cells) -> None:
     for g in range(len(bed.placed)):
         if bed.placed[g] == 1:
             _link(cells, g, _cell(cells, bed.position[g]))
+
+
+@bare_kernel
+def span_all(bed: Bed, bodies: Bodies, scratch: Scratch) -> None:
+    """Write how far the grains that have entered reach along the axes."""
+    for g in range(len(bed.span)):
+        if bed.placed[g] == 1:
+            write_matrix(bed.orientation[g], scratch.turn)
+            write_span(bodies.reaches.values, bed.shape[g], bed.diameter[g], scratch.turn, bed.span[g])
 
 
 @bare_kernel
@@ -144,12 +154,14 @@ def _propose_turn(bed, rules, scratch, g, words):  # type: ignore[no-untyped-def
         q[k] /= length
 
 
-@bare_kernel
+@inlined_kernel
 def _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
     """Tell whether a grain, in the pose that is tried, meets a wall or a grain; `moved` bounds how far its points
     came.
     """
     write_matrix(scratch.quaternion, scratch.turn)
+    if len(bed.span) > 0:
+        write_span(bodies.reaches.values, bed.shape[g], bed.diameter[g], scratch.turn, scratch.span)
     if is_outside(bed, bodies, walls, scratch, g, moved):
         return True
     if meets_own_image(bed, bodies, cells, walls, rules, memory, scratch, g, moved):
@@ -207,6 +219,9 @@ def _place(bed, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
         bed.position[g, k] = place[k]
     for k in range(4):
         bed.orientation[g, k] = scratch.quaternion[k]
+    if len(bed.span) > 0:
+        for k in range(6):
+            bed.span[g, k] = scratch.span[k]
 
 
 @bare_kernel

@@ -7,7 +7,7 @@ container is sampled like a grain, and grains keep clear of its points. A lid is
 import numpy as np
 
 from voxgran._base.arrays import Integers
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.control_points import holds, list_points
 from voxgran.packing.control_records import BALL, MESH, ROUND, Bed, Bodies, Scratch, Walls
 from voxgran.packing.poses import write_matrix
@@ -16,7 +16,7 @@ from voxgran.packing.poses import write_matrix
 CLEAR = 1e-9
 
 
-@bare_kernel
+@inlined_kernel
 def is_outside(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, g: int, moved: float) -> bool:
     """Tell whether a grain in the pose that is tried reaches beyond a wall; `moved` bounds how far its points came."""
     if walls.kind == MESH:
@@ -28,7 +28,10 @@ def is_outside(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, g: int,
     margin, begin, end = bodies.margin[s] * size, bodies.hull_start[s], bodies.hull_start[s + 1]
     walled, lower, upper = walls.walled, walls.lower, walls.upper
     place, turn, hull, radius = scratch.place, scratch.turn, bodies.hull, bed.extent[g, 0]
-    if _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, radius, margin):
+    spanned = len(bed.span) > 0
+    if _is_beyond_flat(
+        place, turn, hull, begin, end, size, walled, lower, upper, radius, margin, scratch.span, spanned
+    ):
         return True
     if walls.kind not in (ROUND, BALL):
         return False
@@ -60,11 +63,13 @@ def room_of_lid(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, down: 
 
 
 @bare_kernel
-def _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, radius, margin):  # type: ignore[no-untyped-def]
+def _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, radius, margin, span, spanned):  # type: ignore[no-untyped-def]
     """Tell whether a point of the convex hull lies beyond a flat wall."""
     for axis in range(3):
         x, low, high = place[axis], lower[axis] + margin, upper[axis] - margin
         if walled[axis] == 0 or low + radius < x < high - radius:
+            continue
+        if spanned and low < x + span[2 * axis] and x + span[2 * axis + 1] < high:
             continue
         t, u, v = turn[axis, 0], turn[axis, 1], turn[axis, 2]
         for k in range(begin, end):

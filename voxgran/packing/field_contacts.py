@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.control_points import HORIZON, ROUNDING
 from voxgran.packing.control_records import Bed, Bodies, Memory, Scratch
 from voxgran.packing.fields import STEEP, field_at
-from voxgran.packing.poses import invert, moved_since, relate, row_of_pair
+from voxgran.packing.poses import invert, moved_since, relate, row_of_pair, take_row
+from voxgran.packing.reaches import plane_of
 
 #: columns of the extent of a grain
 RADIUS, HALF_SPACING, HALF_THICKNESS, CURVATURE, SURFACE_ERROR = range(5)
@@ -52,12 +53,14 @@ def find_near(
     scale: float,
     low: float,
     high: float,
+    plane: Floats,
     stack: Integers,
 ) -> tuple[int, float]:
     """Look for a point of tree a that is nearer than `low` to the surface of shape b.
 
     A point p of a lies at ``turn @ p + shift`` in the frame of b, where `turn` is a rotation matrix times `scale`. The
-    first arguments are the fields of `Trees` and `Fields`.
+    first arguments are the fields of `Trees` and `Fields`. Points with ``plane[:3] @ p > plane[3]`` are known to be
+    farther than `high`.
 
     Returns
     -------
@@ -69,14 +72,19 @@ def find_near(
     level, begin, origin = depth[a], first[a], start[a]
     leaves, count = (1 << level) - 1, start[a + 1] - start[a]
     slack, top = high - low, 1
+    ux, uy, uz, beyond = plane[0], plane[1], plane[2], plane[3]
     stack[0, 0] = 0
     while top > 0:
         top -= 1
         node = stack[top, 0]
         if node < leaves:
             one, other = 2 * node + 1, 2 * node + 2
-            near = _least(balls, head, rows, values, begin + one, b, turn, shift, scale)
-            far = _least(balls, head, rows, values, begin + other, b, turn, shift, scale)
+            near, far, at = high, high, begin + one
+            if ux * balls[at, 0] + uy * balls[at, 1] + uz * balls[at, 2] - scale * balls[at, 3] <= beyond:
+                near = _least(balls, head, rows, values, at, b, turn, shift, scale)
+            at += 1
+            if ux * balls[at, 0] + uy * balls[at, 1] + uz * balls[at, 2] - scale * balls[at, 3] <= beyond:
+                far = _least(balls, head, rows, values, at, b, turn, shift, scale)
             if near > far:
                 one, other, near, far = other, one, far, near
             # the nearer one on top
@@ -89,6 +97,8 @@ def find_near(
             continue
         k = node - leaves
         for i in range(origin + ((k * count) >> level), origin + (((k + 1) * count) >> level)):
+            if ux * points[i, 0] + uy * points[i, 1] + uz * points[i, 2] > beyond:
+                continue
             told = _told(points, head, rows, values, i, b, turn, shift)
             if told < low:
                 return i, 0.0
@@ -176,7 +186,7 @@ def recall_field(
     return 0 if moved_since(poses, row, relative, shift, radius) + ROUNDING < poses[row, 12] else 2
 
 
-@bare_kernel
+@inlined_kernel
 def meets_field(
     bed: Bed,
     bodies: Bodies,
@@ -208,12 +218,14 @@ def meets_field(
     # what is learned for later is of no use to grains that move farther than that at once
     room = HORIZON * min(1.0, scale) if moved <= 2.0 * HORIZON else 0.0
     point, slack, back = np.int64(-1), room, False
+    _recall_way(bed, memory, scratch, g, a, b)
     if bodies.both or finer:
         point, slack = _find(bodies, scratch, bed.shape[a], bed.shape[b], scale, low / size_b, room)
     elif _first_is_near(bodies, scratch, bed.shape[a], bed.shape[b], low / size_b):
         return True
     if point < 0:
         invert(relative, shift, scale)
+        _turn_way(relative, scratch.way)
         if bodies.both or not finer:
             back = True
             point, other = _find(
@@ -236,14 +248,59 @@ def meets_field(
     return bool(point >= 0)
 
 
-@bare_kernel
+@inlined_kernel
 def _find(bodies, scratch, s, t, scale, low, room):  # type: ignore[no-untyped-def]
     """Look for a near point of shape s in the field of shape t."""
     trees, fields = bodies.trees, bodies.fields
+    _write_plane(bodies.reaches, scratch.relative, scratch.shift, scratch.way, scratch.plane, t, low + room)
     return find_near(
         *(trees.points, trees.start, trees.balls, trees.first, trees.depth, fields.head, fields.rows, fields.values),
-        *(s, t, scratch.relative, scratch.shift, scale, low, low + room, scratch.stack),
+        *(s, t, scratch.relative, scratch.shift, scale, low, low + room, scratch.plane),
+        scratch.stack,
     )
+
+
+@inlined_kernel
+def _recall_way(bed, memory, scratch, g, a, b):  # type: ignore[no-untyped-def]
+    """Write the direction along which two grains were farthest apart, from b to a, in the frame of b; or zero."""
+    pair = a * len(bed.diameter) + b
+    row, way, q = row_of_pair(len(memory.pairs), pair), scratch.way, bed.orientation[b]
+    if g == b:
+        q = scratch.quaternion
+    x, y, z = memory.poses[row, 13], memory.poses[row, 14], memory.poses[row, 15]
+    if a == b or memory.pairs[row, 0] != pair:
+        x, y, z = 0.0, 0.0, 0.0
+    # the other way round is minus the vector part
+    tx, ty, tz = 2 * (q[3] * y - q[2] * z), 2 * (q[1] * z - q[3] * x), 2 * (q[2] * x - q[1] * y)
+    way[0] = x + q[0] * tx - q[2] * tz + q[3] * ty
+    way[1] = y + q[0] * ty - q[3] * tx + q[1] * tz
+    way[2] = z + q[0] * tz - q[1] * ty + q[2] * tx
+
+
+@inlined_kernel
+def _write_plane(reaches, relative, shift, way, plane, t, high):  # type: ignore[no-untyped-def]
+    """Write the plane of `find_near` across a way that begins at shape t."""
+    x, y, z = way[0], way[1], way[2]
+    plane[0], plane[1], plane[2], plane[3] = 0.0, 0.0, 0.0, np.inf
+    if (x == 0.0 and y == 0.0 and z == 0.0) or high > reaches.limit[t]:
+        return
+    px, py, pz = plane_of(reaches.values, t, x, y, z)
+    wide = high * reaches.stretch[t] if high > 0.0 else high
+    plane[3] = wide + (px - shift[0]) * x + (py - shift[1]) * y + (pz - shift[2]) * z
+    for k in range(3):
+        plane[k] = relative[0, k] * x + relative[1, k] * y + relative[2, k] * z
+
+
+@bare_kernel
+def _turn_way(relative, way):  # type: ignore[no-untyped-def]
+    """Turn a way around and into the frame of the other shape, after the relative pose was."""
+    x, y, z = way[0], way[1], way[2]
+    square = 0.0
+    for k in range(3):
+        way[k] = -(relative[k, 0] * x + relative[k, 1] * y + relative[k, 2] * z)
+        square += way[k] * way[k]
+    for k in range(3):
+        way[k] /= max(np.sqrt(square), 1e-300)
 
 
 @bare_kernel
@@ -266,14 +323,10 @@ def _core_room(bodies, scratch, s, t, scale, gap):  # type: ignore[no-untyped-de
 @bare_kernel
 def _remember_field(memory, pair, relative, shift, point, back, slack):  # type: ignore[no-untyped-def]
     """Note the point that refused a pose beside what was known before, or the slack of a pose that was not refused."""
-    row = row_of_pair(len(memory.pairs), pair)
+    row = take_row(memory.pairs, memory.poses, pair)
     if point >= 0:
-        if memory.pairs[row, 0] != pair:
-            memory.pairs[row, 0], memory.poses[row, 12] = pair, -1.0
         memory.pairs[row, 1], memory.pairs[row, 2] = point, 1 if back else 0
         return
-    if memory.pairs[row, 0] != pair:
-        memory.pairs[row, 0], memory.pairs[row, 1] = pair, -1
     memory.poses[row, 12] = slack
     for m in range(3):
         memory.poses[row, 9 + m] = shift[m]

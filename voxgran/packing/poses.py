@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 
 
@@ -86,3 +86,13 @@ def moved_since(poses: Floats, row: int, relative: Floats, shift: Floats, radius
 def row_of_pair(room: int, pair: int) -> int:
     """Return the entry of a pair in a table whose length is a power of two."""
     return (pair * 2654435761 >> 7) & (room - 1)
+
+
+@bare_kernel
+def take_row(pairs: Integers, poses: Floats, pair: int) -> int:
+    """Return the entry of a pair, with nothing in it where another pair had it."""
+    row = row_of_pair(len(pairs), pair)
+    if pairs[row, 0] != pair:
+        pairs[row, 0], pairs[row, 1], pairs[row, 3], poses[row, 12] = pair, -1, 0, -1.0
+        poses[row, 13], poses[row, 14], poses[row, 15] = 0.0, 0.0, 0.0
+    return row

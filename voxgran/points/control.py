@@ -1,4 +1,4 @@
-"""Control points of a solid: points all over its surface, and along its convex edges and at its corners.
+"""Control points of a solid: points all over its surface, along its convex edges and at its corners, and inside.
 
 Edges and corners are what touches first, and points of the surface alone would miss them by up to half their spacing.
 An open surface has points on its border, too.
@@ -6,10 +6,13 @@ An open surface has points on its border, too.
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
-from voxgran.points.sample import SurfacePoints, sample_surface
+from voxgran._base.arrays import Floats, Integers, as_positive
+from voxgran._base.errors import InputError
+from voxgran.points.sample import MOST_POINTS, SurfacePoints, sample_surface
+from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.surface import Surface
 
 #: angle between the normals of two triangles, in radians, from which on they meet in an edge
 SHARP = np.deg2rad(25.0)
@@ -51,6 +54,55 @@ def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePo
         level = np.linalg.norm(places @ shape.geometry.matrix / np.array(shape.geometry.dimensions), axis=1)
         places /= level[:, None]
     return SurfacePoints.of(places, points.spacing)
+
+
+def inner_points(shape: Shape, *, spacing: float) -> Floats:
+    """Return points inside of a shape, on a body-centered lattice, in two dimensions a triangular one.
+
+    Every place in the shape has such a point within half the spacing, or the surface is as near.
+
+    Parameters
+    ----------
+    shape : Shape
+        Any shape.
+    spacing : float
+        Twice the covering radius of the lattice, in the unit of lengths.
+
+    Returns
+    -------
+    (n, 3) ndarray of float
+        Points, none where the shape is thin or an open surface.
+
+    Raises
+    ------
+    InputError
+        If the spacing is not above 0 or needs more than half a million points.
+    """
+    as_positive(spacing, "spacing")
+    if isinstance(shape.geometry, Surface):
+        return np.zeros((0, 3))
+    if inner_count(shape, spacing=spacing) > MOST_POINTS:
+        raise InputError(
+            f"spacing is {spacing}: it needs more than {MOST_POINTS} points in {shape.name!r}; make it larger"
+        )
+    low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
+    if shape.dimension == 2:
+        across = np.sqrt(0.75) * spacing
+        edges, nodes = np.array([across, np.sqrt(3.0) * across, 1.0]), [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0]]
+    else:
+        edges, nodes = np.full(3, 2.0 / np.sqrt(5.0) * spacing), [[0.0, 0.0, 0.0], [0.5, 0.5, 0.5]]
+    first, last = np.floor(low / edges), np.ceil(high / edges)
+    cells = np.stack(np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(first, last, strict=True)), indexing="ij"), -1)
+    places = np.concatenate([(cells.reshape(-1, 3) + node) * edges for node in nodes])
+    solid = shape.geometry
+    inside = solid.tree.signed_distance(places) < 0.0 if isinstance(solid, Mesh) else solid.contains(places)
+    return np.asarray(places[inside])
+
+
+def inner_count(shape: Shape, *, spacing: float) -> float:
+    """Return about how many :func:`inner_points` there are, from the volume."""
+    dense = 1.25 * np.sqrt(5.0) if shape.dimension == 3 else 8.0 / np.sqrt(27.0)
+    return float(dense * shape.volume / spacing**shape.dimension)
 
 
 def edge_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:

@@ -22,6 +22,7 @@ from voxgran.packing.methods.control_point import registration as control_point
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.poses import write_matrix
 from voxgran.packing.run import Drive, drive
+from voxgran.points.control import inner_points
 from voxgran.shapes.curvature import largest_curvature
 
 
@@ -42,7 +43,7 @@ def task_of(shapes, container, *, count=8, seed=0, sizes=None, **parameters):
 
 def kept_of(problem, setting):
     """Return what a bed has besides the state."""
-    return problem.shape_id.astype(np.int64), problem.diameter, setting.extent
+    return problem.shape_id.astype(np.int64), problem.diameter, setting.extent, setting.span
 
 
 class PlainWalk:
@@ -58,6 +59,9 @@ class PlainWalk:
         self.size, self.shape, self.turns = problem.diameter, problem.shape_id, settings.turns
         samples = [problem.points(k, settings.spacing) for k in range(len(shapes))]
         self.points = [np.asarray(points) for points in samples]
+        if settings.points == "all":
+            inner = [inner_points(shape, spacing=settings.spacing) for shape in shapes]
+            self.points = [np.concatenate(pair) for pair in zip(self.points, inner, strict=True)]
         self.half = [s.spacing / 2 + shape.tessellation_error for s, shape in zip(samples, shapes, strict=True)]
         self.contact, self.fields = settings.contact, state.derived["setting"].bodies.fields
         self.bend = [0.0 if k is None else k for k in (largest_curvature(shape.geometry) for shape in shapes)]
@@ -142,9 +146,9 @@ class PlainWalk:
         return True
 
 
-@pytest.mark.parametrize("contact", ["sdf", "points", "kdtree"])
-def test_walk_is_that_of_a_plain_program(contact):
-    """The same trajectory: 1500 attempts of 7 grains without gravity, with trees and memory and without."""
+@pytest.mark.parametrize(("contact", "points"), [("sdf", "surface"), ("points", "all"), ("kdtree", "surface")])
+def test_walk_is_that_of_a_plain_program(contact, points):
+    """The same trajectory: 1500 attempts of 7 grains without gravity, with trees, planes and memory and without."""
     shapes = [vg.make_shape("ellipsoid", aspect=(1.2, 1.0, 0.8)), vg.make_shape("box", lengths=(1.0, 0.8, 0.6))]
     task = task_of(
         shapes,
@@ -156,6 +160,7 @@ def test_walk_is_that_of_a_plain_program(contact):
         spacing=0.3,
         sweeps=10_000,
         contact=contact,
+        points=points,
     )
     state = control_point.prepare(task.problem)
     while state.counters["fed_at"] < 0:
@@ -289,6 +294,29 @@ def test_containment_is_seen_from_both_sides():
             assert not meets(*arguments, 0.0)
 
 
+def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
+    """A small ball within a large one that came there in no time: no points of the surfaces are near each other."""
+    for contact in ("points", "kdtree"):
+        for points in ("surface", "all"):
+            keywords = {"count": 2, "spacing": 0.2, "contact": contact, "points": points}
+            problem = task_of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), **keywords).problem
+            problem = dataclasses.replace(problem, diameter=np.array([8.0, 1.0]))
+            state = control_point.advance(problem, control_point.prepare(problem), 1)
+            kept = state.derived["setting"]
+            bed = Bed(
+                *(state.arrays[name] for name in ("position", "orientation", "entered", "step")),
+                *kept_of(problem, kept),
+            )
+            kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
+            write_matrix(kept.scratch.quaternion, kept.scratch.turn)
+            for place in ([0.1, 0.2, 0.3], [1.3, -0.7, 0.9]):
+                met = meets(bed, kept.bodies, kept.memory, kept.scratch, 1, 0, 0.0, *place, 0.0)
+                assert met == (points == "all")
+            cost = control_point.cost(problem)
+            assert cost.sampled_shapes == problem.counters["sampled_shapes"] == 1
+            assert sum(array.nbytes for array in (*kept.bodies.trees, *kept.memory)) < cost.memory
+
+
 @pytest.mark.parametrize("ways", ["both", "one"])
 def test_signed_distances_see_containment_both_ways(ways):
     task = task_of([vg.make_shape("sphere"), vg.make_shape("cone")], vg.Box((9, 9, 9)), count=2, spacing=0.2, ways=ways)
@@ -420,6 +448,9 @@ def test_attempts_are_within_the_cost():
         ({"overlap": 0.4}, InputError, "overlap is 0.4: it must be at most"),
         ({"distance": 0.1, "settling": 10}, InputError, "distance is 0.1 and settling 10"),
         ({"friction": 0.5}, InputError, "friction is 0.5"),
+        ({"shaking": 50}, InputError, "shaking is 50 and settling 0"),
+        ({"settling": 9, "shaking": 5, "acceleration": 0.0}, InputError, "acceleration is 0"),
+        ({"points": "inside"}, InputError, "surface"),
     ],
 )
 def test_bad_parameters_are_named(parameters, error, words):
@@ -451,3 +482,21 @@ def test_a_signal_leaves_a_checkpoint_and_resume_gives_the_same_bits(tmp_path):
     for name, array in whole.arrays.items():
         assert resumed.arrays[name].tobytes() == array.tobytes()
     assert resumed.counters == whole.counters
+
+
+def test_shaken_disks_lie_lower_and_apart():
+    """Shaking comes before settling, and the sweeps of both are within the cost; runs of chunks give the same bits."""
+    keywords = {"count": 40, "spacing": 0.2, "sweeps": 300, "cycles": 2, "settling": 40}
+    shape, floor = vg.make_shape("disk"), vg.Rectangle((6, 14), periodic=(True, False))
+    heights = {}
+    for shaking in (0, 30):
+        problem = task_of([shape], floor, shaking=shaking, **keywords).problem
+        state = drive(control_point, problem, Drive(chunk=700))
+        assert state.done <= state.counters["walked"] + control_point.cost(problem).attempts
+        assert state.counters["settling_sweeps"] > shaking
+        packing = control_point.finish(problem, state)
+        assert vg.verify(packing).ok
+        heights[shaking] = packing.position[:, 1].mean()
+    again = drive(control_point, task_of([shape], floor, shaking=30, **keywords).problem, Drive(chunk=10**6))
+    assert again.arrays["position"].tobytes() == state.arrays["position"].tobytes()
+    assert heights[30] < heights[0]

@@ -108,7 +108,7 @@ def test_search_finds_what_looking_at_all_points_finds(name):
     shape, _ = SHAPES[name]
     points = np.asarray(sample_surface(shape, spacing=0.15))
     fields, trees = make_fields([shape], [points], cell=0.04), make_trees([points])
-    stack = np.zeros((stack_room(trees), 2), dtype=np.int64)
+    stack, plane = np.zeros((stack_room(trees), 2), dtype=np.int64), np.array([0.0, 0.0, 0.0, np.inf])
     generator, found = np.random.Generator(np.random.Philox(5)), 0
     for _ in range(200):
         turn = np.linalg.qr(generator.normal(size=(3, 3)))[0]
@@ -116,7 +116,7 @@ def test_search_finds_what_looking_at_all_points_finds(name):
         shift = generator.normal(size=3)
         shift *= (0.4 + 0.9 * generator.random()) / np.linalg.norm(shift)
         told = distances(fields, 0, trees.points @ turn.T + shift)
-        point, slack = find_near(*trees, *fields[:3], 0, 0, turn, shift, 0.7, 0.01, 0.05, stack)
+        point, slack = find_near(*trees, *fields[:3], 0, 0, turn, shift, 0.7, 0.01, 0.05, plane, stack)
         assert (point >= 0) == bool((told < 0.01).any())
         if point >= 0:
             assert told[point] < 0.01

@@ -11,11 +11,12 @@ Grains enter as rain at a rate, in layers that each sink before the next, or any
 gravity: after each attempt per grain it comes down by 1/32 of the median diameter or to the nearest grain, and the walk
 ends no sooner than it lies on the bed.
 
-The points cover the surface. Compared with points, surfaces cannot cross between them. In signed distances a smooth
-surface can bulge between its points by no more than its curvature allows, which is added to the distance, so spheres
-and ellipsoids never overlap; what sharp edges overlap between points, less than half the spacing, is parted exactly
-after the walk. Steps are so short, and thin grains kept so far, that none can pass through another. No voxels are made,
-so grains may have any place and any orientation; the cost of a move grows with the points near a contact only.
+The points cover the surface and, where all are asked for, the inside. Compared with points, surfaces cannot cross
+between them. In signed distances a smooth surface can bulge between its points by no more than its curvature allows,
+which is added to the distance, so spheres and ellipsoids never overlap; what sharp edges overlap between points, less
+than half the spacing, is parted exactly after the walk. Steps are so short, and thin grains kept so far, that none can
+pass through another. No voxels are made, so grains may have any place and any orientation; the cost of a move grows
+with the points near a contact only.
 
 Open surfaces have no inside: they are packed with points against points only, and neither settle nor overlap. In a bed
 with any of them all points keep five percent more, and steps are so short that none leads through a surface.
@@ -100,6 +101,9 @@ class ControlPoint:
         doc="how grains are compared: control points in the signed distance of the other grain, or points with points, "
         "found in cells or in trees",
     )
+    points: Literal["surface", "all"] = parameter(
+        "surface", doc="where control points lie: on the surface, its edges and corners, or as densely inside as well"
+    )
     ways: Literal["both", "one"] = parameter(
         "both", doc="whether the points of both grains are asked for their signed distance, or the finer ones only"
     )
@@ -164,6 +168,8 @@ class ControlPoint:
         as_number(self.overlap, "overlap", at_least=0.0)
         as_count(self.settling, "settling")
         as_number(self.friction, "friction", at_least=0.0)
+        as_count(self.shaking, "shaking")
+        as_number(self.acceleration, "acceleration", above=0.0)
         if self.distance and self.settling:
             raise InputError(
                 f"distance is {self.distance:g} and settling {self.settling}: settling brings true shapes together; "
@@ -178,16 +184,11 @@ class ControlPoint:
             raise InputError(
                 f"ways is 'one' with contact {self.contact!r}: points are compared with points; use 'both'"
             )
-        if self.friction and not self.settling:
-            raise InputError(
-                f"friction is {self.friction:g} and settling 0: it acts while grains settle; set settling, such as 200"
-            )
-        as_count(self.shaking, "shaking")
-        as_number(self.acceleration, "acceleration", above=0.0)
-        if self.shaking and not self.settling:
-            raise InputError(
-                f"shaking is {self.shaking} and settling 0: shaken grains have to settle; set settling, such as 200"
-            )
+        for name, value in (("friction", self.friction), ("shaking", self.shaking)):
+            if value and not self.settling:
+                raise InputError(
+                    f"{name} is {value:g} and settling 0: it acts while grains settle; set settling, such as 200"
+                )
         if self.lid and self.gravity == "none":
             raise InputError("lid is true and gravity 'none': it needs to know where down is; choose a direction")
 
