@@ -14,7 +14,7 @@ from voxgran.packing.projection import project
 from voxgran.packing.touching import find_touching
 
 #: sweeps at the most, iterations of a projection, and the part of the room at which all is well
-SWEEPS, ITERATIONS, CLOSE = 40, 200, 0.02
+SWEEPS, ITERATIONS, CLOSE = 40, 50, 0.02
 
 
 def spread(assembly: Assembly, room: float, up: Floats) -> Assembly:
