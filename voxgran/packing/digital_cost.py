@@ -2,13 +2,23 @@
 
 import numpy as np
 
+from voxgran._base.arrays import Floats
 from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.bits import UNPACKED
-from voxgran.packing.digital_setting import SHARED, bases_of, digital_kinds, mean_width, voxel_size_of
-from voxgran.packing.lattice import container_lattice
+from voxgran.packing.digital_setting import (
+    LAZY,
+    SHARED,
+    bases_of,
+    digital_kinds,
+    mean_width,
+    tables_pay,
+    voxel_size_of,
+)
+from voxgran.packing.lattice import ContainerLattice, container_lattice
 from voxgran.packing.method import Cost
+from voxgran.packing.pair_tables import table_bytes
 from voxgran.packing.problem import Problem
 
 
@@ -34,14 +44,31 @@ def digital_cost(problem: Problem, settle_sweeps: int) -> Cost:
     largest = 2 * float(radius.max(initial=0.0)) / lattice.voxel_size + 4
     margin = np.where(np.array(problem.container.periodic), largest, 1.0)
     canvas = float(np.prod(lattice.shape + 2 * margin + np.array([0, 0, 64]))) / 8
+    tables = _bytes_of_tables(problem, lattice, width, turns)
     # what is free is found voxel by voxel where the walls are not those of the lattice
     even = isinstance(problem.container, Box | Rectangle)
     unpacked = 4 * UNPACKED + (0.0 if even else 2.5 * float(np.prod(lattice.shape)))
     return Cost(
-        memory=int(canvas + unpacked + bank + kept),
+        memory=int((tables or canvas + unpacked) + bank + kept),
         attempts=problem.count * (settings.sweeps + 40 * settle_sweeps + settings.shaking + settings.settling),
         voxelized_shapes=different,
     )
+
+
+def _bytes_of_tables(problem: Problem, lattice: ContainerLattice, width: Floats, turns: int) -> float:
+    """Return what the tables of pairs take where they replace the canvas, made in pieces and joined; else 0."""
+    grains, members = digital_kinds(problem)[1], bases_of(problem)
+    if not len(grains) or members >= LAZY:
+        return 0.0
+    touched = 1.5 * lattice.voxel_size if problem.parameters.cover == "touch" else 0.0
+    filled = problem.volumes * ((width + touched) / width / lattice.voxel_size) ** problem.dimension
+    wide = np.ceil((width[grains] + touched) / lattice.voxel_size).astype(np.int64)
+    tall = wide if problem.dimension == 3 else np.ones_like(wide)
+    size = np.repeat(np.column_stack([wide, wide, tall]), members, axis=0)
+    voxels = float(filled[grains].mean())
+    if not tables_pay(problem, lattice.shape, size=size, low=-(size // 2), voxels=voxels, turns=turns):
+        return 0.0
+    return 2.0 * table_bytes(size, turns)
 
 
 def _different_masks(problem: Problem) -> int:

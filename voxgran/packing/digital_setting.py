@@ -106,7 +106,11 @@ def setting_of(problem: Problem, state: State) -> Setting:
     if "setting" not in state.derived:
         setting = _make(problem)
         state.derived["setting"] = setting
-        tables = _tables_pay(problem, setting)
+        bank, turns, shape = setting.bank, len(setting.turns), setting.lattice.shape
+        known = len(bank.size) > 0 and not (bank.start < 0).any()
+        tables = known and tables_pay(
+            problem, shape, size=bank.size, low=bank.low, voxels=float(bank.voxels.mean()), turns=turns
+        )
         state.derived["pairs"] = (
             make_tables(setting.bank, setting.rotations, setting.turns, setting.lattice.shape, problem.count)
             if tables
@@ -137,22 +141,36 @@ def need_member(setting: Setting, member: int) -> None:
         setting.bank.add(member, setting.mask_of(member))
 
 
-def _tables_pay(problem: Problem, setting: Setting) -> bool:
+def tables_pay(problem: Problem, shape: Integers, *, size: Integers, low: Integers, voxels: float, turns: int) -> bool:
     """Tell whether pairs get tables in place of the occupancy.
 
     They do where grains have as many voxels as a test by columns costs more than some neighbours by bits, the tables
     take little memory, and nothing is asked for that looks at the occupancy itself: walls that are not flat, a lid,
     guided moves, or a start. On a periodic axis no two images of a grain may come near the same neighbour.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is asked for.
+    shape : (3,) ndarray of int
+        Voxels of the container.
+    size, low : (m, 3) ndarray of int
+        Extents and lowest voxels of all members.
+    voxels : float
+        Voxels of a member, on average.
+    turns : int
+        Rotations of the lattice that a member takes.
     """
-    settings, bank = problem.parameters, setting.bank
-    if settings.lid or settings.guided > 0 or problem.start is not None or (bank.start < 0).any() or not len(bank.size):
+    settings = problem.parameters
+    if settings.lid or settings.guided > 0 or problem.start is not None:
         return False
-    if not isinstance(problem.container, Box | Rectangle) or float(bank.voxels.mean()) < TABLE_VOXELS:
+    if not isinstance(problem.container, Box | Rectangle) or voxels < TABLE_VOXELS:
         return False
-    if table_bytes(bank.size, len(setting.turns)) > TABLE_BYTES:
+    # a table has a word at the least; many members are not even multiplied out
+    if 8 * turns * len(size) ** 2 > TABLE_BYTES or table_bytes(size, turns) > TABLE_BYTES:
         return False
-    around = 2 * (int(bank.size.max()) + int(np.abs(bank.low).max()))
-    return bool((setting.lattice.shape >= around)[np.array(problem.container.periodic)].all())
+    around = 2 * (int(size.max()) + int(np.abs(low).max()))
+    return bool((shape >= around)[np.array(problem.container.periodic)].all())
 
 
 def records(state: State, setting: Setting) -> tuple[Field, Members, Grains]:

@@ -1,6 +1,13 @@
-"""Grains that sleep are not looked at: the counters of a run tell."""
+"""What a walk does not look at: sleeping grains, the inside of grains, and all that is far away."""
+
+import numpy as np
+from scipy.ndimage import binary_dilation, binary_erosion
 
 import voxgran as vg
+from voxgran._base.seeds import philox_key
+from voxgran.packing import digital_setting
+from voxgran.packing.bits import pack_columns
+from voxgran.packing.digital_setting import setting_of
 from voxgran.packing.methods.digital import registration as digital
 from voxgran.packing.pack import prepare_task
 
@@ -29,3 +36,88 @@ def test_sleeping_grains_look_at_nothing():
     assert awake["slept_through"] == 0
     assert attempts(asleep) + asleep["slept_through"] == attempts(awake)
     assert attempts(asleep) < 0.7 * attempts(awake)
+
+
+def walking(*, tables=False, wide=4, **options):
+    """Return a bed in its walk, with all grains in."""
+    parameters = {"voxel_size": 1 / 8, "sweeps": 400, "turns": 0.0, "rate": 0.5, "orientations": 1, **options}
+    task = prepare_task(
+        [vg.make_shape("box", lengths=(1.0, 0.8, 0.6))], vg.Box((wide, wide, wide + 1)), method="digital", count=30,
+        solid_fraction=None, sizes=None, weights=None, weights_by="number", seed=2, parameters=parameters,
+    )  # fmt: skip
+    state = digital.prepare(task.problem)
+    while state.counters["fed_at"] < 0:
+        state = digital.advance(task.problem, state, 1)
+    assert state.counters["placed"] == 30
+    assert tables == (len(state.derived["pairs"].at) > 0)
+    return task.problem, state
+
+
+def next_grain(problem, state):
+    """Return whose turn the next attempt is."""
+    word = np.random.Philox(key=philox_key(problem.seed, "digital"), counter=[state.done - 1, 0, 0, 0]).random_raw(4)[0]
+    placed = state.counters["placed"]
+    return int(state.arrays["queue"][len(state.arrays["queue"]) - 1 - ((int(word) >> 32) * placed >> 32)])
+
+
+def far_from(problem, state, grain, canvas, parts):
+    """Return the canvas words of all voxels but those next to a grain that lie in no other grain's inside."""
+    read = np.zeros((*canvas.word_shape[::2], canvas.word_shape[1] * 64), dtype=np.bool_)
+    sites = state.arrays["site"] + canvas.margin
+    read[tuple((parts[grain][0] + sites[grain]).T)] = True
+    for other in range(problem.count):
+        read[tuple((parts[other][1] + sites[other]).T)] = False
+    read[tuple((parts[grain][2] + sites[grain]).T)] = False
+    return ~pack_columns(read).transpose(0, 2, 1).reshape(-1)
+
+
+def test_a_move_hangs_on_nothing_but_the_shell_of_its_grain():
+    """All other bits of the canvas (far away, inside of grains, the grain's own) are random at each attempt."""
+    (problem, state), (_, twin) = walking(), walking()
+    setting, random, parts = setting_of(problem, state), np.random.default_rng(0), []
+    for member in state.arrays["member"].tolist():
+        mask = np.pad(setting.mask_of(member), 1)
+        near, core = binary_dilation(mask, np.ones((3, 3, 3))), binary_erosion(mask, np.ones((3, 3, 3)))
+        assert core.sum() > 50
+        parts.append([np.argwhere(part) - mask.shape[0] // 2 for part in (near & ~mask, core, mask)])
+    before, words = state.counters["moves_accepted"], state.derived["words"]
+    for _ in range(2000):
+        others = far_from(problem, state, next_grain(problem, state), setting.canvas, parts)
+        noise = others & random.integers(0, 2**64, len(others), dtype=np.uint64)
+        words[: len(noise)] ^= noise
+        state = digital.advance(problem, state, 1)
+        words[: len(noise)] ^= noise
+    twin = digital.advance(problem, twin, 2000)
+    assert 100 < state.counters["moves_accepted"] - before < 1900
+    assert state.counters == twin.counters
+    assert np.array_equal(state.arrays["site"], twin.arrays["site"])
+    assert np.array_equal(words, twin.derived["words"])
+
+
+def test_tables_are_asked_of_no_pair_that_is_far_apart(monkeypatch):
+    """Grains beyond the reach have random turns at each attempt, and those beyond the next cell stand on the grain."""
+    monkeypatch.setattr(digital_setting, "TABLE_VOXELS", 0)
+    monkeypatch.setattr(digital_setting, "TABLE_BYTES", 2**31)
+    options = {"tables": True, "orientations": 24, "gravity": "none", "feed": "at_once", "wide": 9}
+    (problem, state), (_, twin) = walking(**options), walking(**options)
+    cells, random = state.derived["pairs"].cells, np.random.default_rng(0)
+    turn, site = state.arrays["turn"], state.arrays["site"]
+    far_turns = far_sites = 0
+    for _ in range(2000):
+        grain = next_grain(problem, state)
+        apart = np.abs(site - site[grain]).max(axis=1)
+        # after the step
+        first, cell, last = (np.clip((site + k) // cells[3], 0, cells[:3] - 1) for k in (-1, 0, 1))
+        turned = np.flatnonzero(apart > cells[3])
+        shifted = np.flatnonzero(((cell < first[grain] - 1) | (cell > last[grain] + 1)).any(axis=1))
+        kept = turn[turned].copy(), site[shifted].copy()
+        turn[turned], site[shifted] = random.integers(0, 24, len(turned)), site[grain]
+        state = digital.advance(problem, state, 1)
+        turn[turned], site[shifted] = kept
+        far_turns, far_sites = far_turns + len(turned), far_sites + len(shifted)
+    twin = digital.advance(problem, twin, 2000)
+    assert far_turns > 20_000
+    assert far_sites > 5_000
+    assert state.counters == twin.counters
+    assert np.array_equal(site, twin.arrays["site"])
+    assert np.array_equal(turn, twin.arrays["turn"])
