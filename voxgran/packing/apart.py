@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.reaches import plane_of
 
 #: directions that are tried one after the other
-TRIES = 4
+TRIES = 3
 
 
 @bare_kernel
@@ -31,7 +31,7 @@ def write_span(values: NDArray[np.float32], s: int, size: float, turn: Floats, s
         span[2 * axis] = size * (px * x + py * y + pz * z)
 
 
-@bare_kernel
+@inlined_kernel
 def find_plane(
     values: NDArray[np.float32],
     s: int,

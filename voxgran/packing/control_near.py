@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.apart import TRIES, find_plane
+from voxgran.packing.close_lists import list_close, strayed
 from voxgran.packing.control_points import meets, recall
 from voxgran.packing.control_records import SDF, Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
 from voxgran.packing.field_contacts import meets_field, recall_field
@@ -63,12 +65,23 @@ def meets_any(
     """Tell whether a grain meets another: first from memory, then by comparing those of whom it does not tell."""
     pending, position = scratch.pending, bed.position
     trees, fields, reaches = bodies.trees, bodies.fields, bodies.reaches
-    count = _look_around(
-        *(position, bed.orientation, bed.diameter, bed.extent, bed.span, bed.shape, cells.head, cells.after),
-        *(cells.lower, cells.width, cells.count, walls.lower, walls.upper, walls.periodic, memory.pairs, memory.poses),
-        *(memory.lists, trees.points, fields.head, fields.rows, fields.values, reaches.values, scratch.place),
-        *(scratch.turn, scratch.span, scratch.way, scratch.relative, scratch.shift, pending, g, cells.reach, rules.gap),
-        *(moved, bodies.contact),
+    lists, slip, close = cells.lists, cells.lists.slip, 0
+    if len(lists.near) > 0 and lists.state[0] == 0:
+        close = strayed(lists.anchor, g, scratch.place, walls.lower, walls.upper, walls.periodic) <= slip * slip
+    if close:
+        count = list_close(
+            *(lists.near, lists.many, position, walls.lower, walls.upper, walls.periodic, scratch.place, g, pending)
+        )
+    else:
+        count = list_in_cells(
+            *(position, cells.head, cells.after, cells.lower, cells.width, cells.count, walls.lower, walls.upper),
+            *(walls.periodic, scratch.place, g, cells.reach + bed.extent[g, 0], pending),
+        )
+    count = _sift(
+        *(position, bed.orientation, bed.diameter, bed.extent, bed.span, bed.shape, walls.lower, walls.upper),
+        *(memory.pairs, memory.poses, memory.lists, trees.points, fields.head, fields.rows, fields.values),
+        *(reaches.values, scratch.place, scratch.turn, scratch.span, scratch.way, scratch.relative, scratch.shift),
+        *(pending, count, g, rules.gap, moved, bodies.contact),
     )
     for k in range(count):
         j = pending[k, 0]
@@ -101,15 +114,22 @@ def compare(
 
 
 @bare_kernel
-def _look_around(  # type: ignore[no-untyped-def]
-    position, orientation, diameter, extent, span, shape, head, after, origin, width, cells, lower, upper, periodic,
-    pairs, poses, lists, points, field_head, field_rows, field_values, reaches, place, turn, own_span, way, relative,
-    shift, pending, g, reach, gap, moved, contact,
-):  # fmt: skip
-    """List the neighbours, periodic images included, that a grain must be compared with; -1 where it surely meets
-    one.
-    """
-    reach += extent[g, 0]
+def list_in_cells(
+    position: Floats,
+    head: Integers,
+    after: Integers,
+    origin: Floats,
+    width: Floats,
+    cells: Integers,
+    lower: Floats,
+    upper: Floats,
+    periodic: Integers,
+    place: Floats,
+    g: int,
+    reach: float,
+    pending: Integers,
+) -> int:
+    """List the neighbours of a grain within a reach, periodic images included, and return how many there are."""
     found = 0
     ax, bx = _cell_range(origin[0], width[0], cells[0], periodic[0], place[0], reach)
     ay, by = _cell_range(origin[1], width[1], cells[1], periodic[1], place[1], reach)
@@ -126,26 +146,46 @@ def _look_around(  # type: ignore[no-untyped-def]
                 j = head[((cx - ix * cells[0]) * cells[1] + cy - iy * cells[1]) * cells[2] + cz - iz * cells[2]]
                 while j >= 0:
                     dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
-                    low = gap + (max(extent[g, 5], extent[j, 5]) if contact == SDF else extent[g, 5] + extent[j, 5])
-                    near = extent[g, 0] + extent[j, 0] + low
-                    if j != g and dx * dx + dy * dy + dz * dz <= near * near:
-                        if extent[g, 8] * extent[j, 8] > 0.0:
-                            apart = extent[g, 0] + extent[j, 0] + gap - EXACT
-                            if dx * dx + dy * dy + dz * dz < apart * apart:
-                                return -1
-                            answer = 0
-                        else:
-                            answer = _recall(
-                                *(orientation, diameter, extent, span, shape, pairs, poses, lists, points, field_head),
-                                *(field_rows, field_values, reaches, turn, own_span, way, relative, shift, g, j, gap),
-                                *(low, dx, dy, dz, moved, contact),
-                            )
-                        if answer == 1:
-                            return -1
-                        if answer == 2:
-                            pending[found, 0], pending[found, 1], pending[found, 2], pending[found, 3] = j, ix, iy, iz
-                            found += 1
+                    if j != g and dx * dx + dy * dy + dz * dz <= reach * reach:
+                        pending[found, 0], pending[found, 1], pending[found, 2], pending[found, 3] = j, ix, iy, iz
+                        found += 1
                     j = after[j]
+    return found
+
+
+@inlined_kernel
+def _sift(  # type: ignore[no-untyped-def]
+    position, orientation, diameter, extent, span, shape, lower, upper, pairs, poses, lists, points, field_head,
+    field_rows, field_values, reaches, place, turn, own_span, way, relative, shift, pending, count, g, gap, moved,
+    contact,
+):  # fmt: skip
+    """Keep of the neighbours those that a grain must be compared with; -1 where it surely meets one."""
+    found = 0
+    for k in range(count):
+        j = pending[k, 0]
+        dx = place[0] - position[j, 0] - pending[k, 1] * (upper[0] - lower[0])
+        dy = place[1] - position[j, 1] - pending[k, 2] * (upper[1] - lower[1])
+        dz = place[2] - position[j, 2] - pending[k, 3] * (upper[2] - lower[2])
+        if extent[g, 8] * extent[j, 8] > 0.0:
+            apart = extent[g, 0] + extent[j, 0] + gap - EXACT
+            if dx * dx + dy * dy + dz * dz < apart * apart:
+                return -1
+            continue
+        low = gap + (max(extent[g, 5], extent[j, 5]) if contact == SDF else extent[g, 5] + extent[j, 5])
+        near = extent[g, 0] + extent[j, 0] + low
+        if dx * dx + dy * dy + dz * dz > near * near:
+            continue
+        answer = _recall(
+            *(orientation, diameter, extent, span, shape, pairs, poses, lists, points, field_head),
+            *(field_rows, field_values, reaches, turn, own_span, way, relative, shift, g, j, gap, low),
+            *(dx, dy, dz, moved, contact),
+        )
+        if answer == 1:
+            return -1
+        if answer == 2:
+            for m in range(4):
+                pending[found, m] = pending[k, m]
+            found += 1
     return found
 
 

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran.packing.close_lists import CloseLists
 from voxgran.packing.fields import Fields
 from voxgran.packing.point_cells import PointCells
 from voxgran.packing.reaches import Reaches
@@ -109,7 +110,8 @@ class Scratch(NamedTuple):
 class Cells(NamedTuple):
     """Linked cells of the centers: the first grain of each cell, the next grain after each grain (-1: none).
 
-    `reach` is the largest bounding radius plus the largest distance at which two grains are refused.
+    `reach` is the largest bounding radius plus the largest distance at which two grains are refused; `lists` are made
+    from the cells.
     """
 
     lower: Floats
@@ -118,6 +120,7 @@ class Cells(NamedTuple):
     head: Integers
     after: Integers
     reach: float
+    lists: CloseLists
 
 
 class Rules(NamedTuple):

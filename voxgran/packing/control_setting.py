@@ -13,6 +13,7 @@ from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.sphere import Sphere
+from voxgran.packing.close_lists import MOST_GRAINS, ROOM, make_lists
 from voxgran.packing.control_records import (
     BALL,
     FLAT,
@@ -125,7 +126,9 @@ def memory_needed(problem: Problem) -> int:
         across = 2 * max(shape.bounding_radius for shape in problem.shapes) / (settings.spacing / CELLS_IN_SPACING)
         total += len(problem.shapes) * 4 * (across + 2 * MARGIN + 2) ** 3 + 60 * (across + 2 * MARGIN + 2) ** 3
     listed = LISTED if settings.contact != "sdf" else 0
-    return int(total) + _memory_room(problem) * (listed * 16 + 160)
+    # where the grain reaches, and its list of near ones
+    near = 4 * ROOM + 32 if problem.count <= MOST_GRAINS else 0
+    return int(total) + _memory_room(problem) * (listed * 16 + 160) + problem.count * (near + 112)
 
 
 def _memory(problem: Problem) -> Memory:
@@ -305,4 +308,6 @@ def _cells(problem: Problem, extent: Floats) -> Cells:
     count = np.maximum(np.floor(span / max(2.0 * float(np.median(extent[:, 0])), least)), 1).astype(np.int64)
     reach = float(extent[:, 0].max() + 2 * extent[:, 5].max()) + problem.length(problem.parameters.distance)
     head = np.full(int(np.prod(count)), -1, dtype=np.int64)
-    return Cells(lower.copy(), span / count, count, head, np.full(problem.count, -1, dtype=np.int64), reach)
+    radius, periodic = float(extent[:, 0].max()), np.array(problem.container.periodic)
+    lists = make_lists(problem.count, (upper - lower)[periodic], radius + reach, radius)
+    return Cells(lower.copy(), span / count, count, head, np.full(problem.count, -1, dtype=np.int64), reach, lists)

@@ -14,7 +14,8 @@ from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.apart import write_span
 from voxgran.packing.bits import Words
-from voxgran.packing.control_near import meets_any, meets_own_image
+from voxgran.packing.close_lists import strayed
+from voxgran.packing.control_near import list_in_cells, meets_any, meets_own_image
 from voxgran.packing.control_records import Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
 from voxgran.packing.control_walls import CLEAR, is_outside
 from voxgran.packing.poses import write_matrix
@@ -44,6 +45,29 @@ def span_all(bed: Bed, bodies: Bodies, scratch: Scratch) -> None:
 
 
 @bare_kernel
+def list_all(bed: Bed, cells: Cells, walls: Walls, scratch: Scratch) -> None:
+    """Make the lists of near grains, or note that they have no room."""
+    lists = cells.lists
+    for g in range(len(lists.near)):
+        if bed.placed[g] == 0:
+            continue
+        for axis in range(3):
+            lists.anchor[g, axis] = bed.position[g, axis]
+        reach = cells.reach + bed.extent[g, 0] + 2.0 * lists.slip
+        count = list_in_cells(
+            *(bed.position, cells.head, cells.after, cells.lower, cells.width, cells.count, walls.lower, walls.upper),
+            *(walls.periodic, bed.position[g], g, reach, scratch.pending),
+        )
+        for k in range(count):
+            if k == lists.near.shape[1]:
+                lists.state[0] = 2
+                return
+            lists.near[g, k] = scratch.pending[k, 0]
+        lists.many[g] = count
+    lists.state[0] = 0
+
+
+@bare_kernel
 def make_attempts(
     bed: Bed,
     bodies: Bodies,
@@ -65,6 +89,8 @@ def make_attempts(
     """
     feeding = rules.schedule[0] < 0
     for attempt in range(first, last):
+        if not feeding and cells.lists.state[0] == 1:
+            list_all(bed, cells, walls, scratch)
         words = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
         more = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
         if feeding and (tally[0] == 0 or unit_float(more[0]) < rules.shares[2]):
@@ -214,6 +240,14 @@ def _place(bed, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
             _link(cells, g, new)
     else:
         _link(cells, g, new)
+    lists = cells.lists
+    if len(lists.near) > 0 and lists.state[0] == 0:
+        # grains that enter are in no list yet
+        if bed.placed[g] == 0:
+            lists.state[0] = 1
+        way = strayed(lists.anchor, g, place, walls.lower, walls.upper, walls.periodic)
+        if way > lists.slip * lists.slip:
+            lists.state[0] = 1
     bed.placed[g] = 1
     for k in range(3):
         bed.position[g, k] = place[k]

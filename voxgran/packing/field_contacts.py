@@ -23,7 +23,7 @@ from voxgran.packing.reaches import plane_of
 RADIUS, HALF_SPACING, HALF_THICKNESS, CURVATURE, SURFACE_ERROR = range(5)
 
 
-@bare_kernel
+@inlined_kernel
 def threshold(extent: Floats, p: int, q: int, gap: float) -> float:
     """Return how near the points of grain p may come to grain q.
 
@@ -106,13 +106,13 @@ def find_near(
     return -1, slack / head[b, STEEP]
 
 
-@bare_kernel
+@inlined_kernel
 def _least(balls, head, rows, values, at, b, turn, shift, scale):  # type: ignore[no-untyped-def]
     """Return what a field tells at least of the places in a ball."""
     return _told(balls, head, rows, values, at, b, turn, shift) - balls[at, 3] * scale * head[b, STEEP]
 
 
-@bare_kernel
+@inlined_kernel
 def _told(points, head, rows, values, i, b, turn, shift):  # type: ignore[no-untyped-def]
     """Return what the field of a shape tells of a point that is turned and shifted."""
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
@@ -137,7 +137,7 @@ def _told_back(points, head, rows, values, i, b, turn, shift, scale):  # type: i
     )
 
 
-@bare_kernel
+@inlined_kernel
 def recall_field(
     orientation: Floats,
     diameter: Floats,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.lazy import load
 from voxgran.contacts.inside import inner_distance
 from voxgran.shapes.mesh import Mesh
@@ -206,7 +206,7 @@ def _tell(head, rows, values, shape, points, told):  # type: ignore[no-untyped-d
         told[k] = field_at(head, rows, values, shape, points[k, 0], points[k, 1], points[k, 2])
 
 
-@bare_kernel
+@inlined_kernel
 def field_at(
     head: Floats, rows: Floats, values: NDArray[np.float32], shape: int, x: float, y: float, z: float
 ) -> float:
@@ -229,7 +229,7 @@ def field_at(
     return least
 
 
-@bare_kernel
+@inlined_kernel
 def _between_nodes(head, values, s, begin, x, y, z):  # type: ignore[no-untyped-def]
     """Return the value between eight nodes, and beyond the lattice what a place is from it at least."""
     cell, ny, nz, nx = head[s, 6], np.int64(head[s, 7]), np.int64(head[s, 8]), np.int64(head[s, 9])

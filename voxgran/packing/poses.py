@@ -3,7 +3,7 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 
 
 @bare_kernel
@@ -15,7 +15,7 @@ def write_matrix(q: Floats, matrix: Floats) -> None:
     matrix[2, 0], matrix[2, 1], matrix[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 
-@bare_kernel
+@inlined_kernel
 def relate(
     orientation: Floats,
     diameter: Floats,
@@ -70,7 +70,7 @@ def invert(relative: Floats, shift: Floats, scale: float) -> None:
             relative[k, m], relative[m, k] = relative[m, k] / (scale * scale), relative[k, m] / (scale * scale)
 
 
-@bare_kernel
+@inlined_kernel
 def moved_since(poses: Floats, row: int, relative: Floats, shift: Floats, radius: float) -> float:
     """Return how far points within a radius have moved at the most since a relative pose was remembered."""
     way, spin = 0.0, 0.0

@@ -31,10 +31,10 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(contact, "APPROACHES", 2)
     monkeypatch.setattr(contact, "GRAINS", 12)
     monkeypatch.setattr(contact, "measure_beds", lambda: [("walk", 1.0, 0.5)])
-    monkeypatch.setattr(contact, "SPACINGS", (0.4,))
+    monkeypatch.setattr(contact, "SPACINGS", {"sphere": (0.4,)})
     monkeypatch.setattr(contact, "ACCURACY_SPACINGS", (0.4, 0.3))
     monkeypatch.setattr(contact, "bodies", lambda: {"sphere": vg.make_shape("sphere")})
-    speed = contact.measure_speed(contact.bodies(), (0.4,))
+    speed = contact.measure_speed(contact.bodies(), {"sphere": (0.4,)})
     assert {row[2] for row in speed} == {*contact.TESTS, "SciPy cKDTree", "numba grid"}
     assert all(row[3] > 0 and 0 < row[4] < 1 for row in speed)
     files = contact.run(tmp_path)

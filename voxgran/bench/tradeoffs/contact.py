@@ -36,8 +36,12 @@ from voxgran.shapes.model import Shape
 SpeedRow: TypeAlias = tuple[str, int, str, float, float]
 #: shape, test, control points, spacing, mean and largest size of the error, largest overlap, microseconds per attempt
 AccuracyRow: TypeAlias = tuple[str, str, int, float, float, float, float, float]
-#: spacings at which a sphere of unit diameter has about 200, 600 and 2000 control points
-SPACINGS = (0.27, 0.16, 0.09)
+#: spacings at which bodies of unit diameter have about 200, 600 and 2000 control points
+SPACINGS: dict[str, tuple[float, ...]] = {
+    "sphere": (0.25, 0.16, 0.093),
+    "box": (0.3, 0.166, 0.098),
+    "eros": (0.62, 0.29, 0.13),
+}
 ACCURACY_SPACINGS = (0.4, 0.28, 0.2, 0.14, 0.1)
 #: tests by name: contact and ways
 TESTS = {
@@ -136,15 +140,15 @@ def _draw_moves(
     return picks, ways * generator.random(attempts)[:, None], axes, halves
 
 
-def measure_speed(shapes: dict[str, Shape], spacings: tuple[float, ...] = SPACINGS) -> list[SpeedRow]:
+def measure_speed(shapes: dict[str, Shape], spacings: dict[str, tuple[float, ...]] = SPACINGS) -> list[SpeedRow]:
     """Time the tests of contact and their peers.
 
     Parameters
     ----------
     shapes : dict of str to Shape
         By name.
-    spacings : tuple of float
-        Of the control points, in diameters.
+    spacings : dict of str to tuple of float
+        Of the control points of each shape, in diameters.
 
     Returns
     -------
@@ -153,7 +157,7 @@ def measure_speed(shapes: dict[str, Shape], spacings: tuple[float, ...] = SPACIN
     """
     rows: list[SpeedRow] = []
     for name, shape in shapes.items():
-        for spacing in spacings:
+        for spacing in spacings[name]:
             for test in TESTS:
                 problem, state = moving_task(shape, spacing, test)
                 known = name, len(problem.points(0, spacing))
@@ -176,7 +180,7 @@ def measure_accuracy(
     speed : list of tuple
         Rows of :func:`measure_speed`, of which the run time is taken where a spacing was timed.
     spacings : tuple of float
-        Of the control points, in diameters.
+        Of the control points, in diameters, besides those of :data:`SPACINGS`.
 
     Returns
     -------
@@ -187,7 +191,7 @@ def measure_accuracy(
     rows: list[AccuracyRow] = []
     for name, shape in shapes.items():
         unit = shape.scaled(1 / shape.diameter)
-        for spacing in spacings:
+        for spacing in sorted({*spacings, *SPACINGS.get(name, ())}):
             for test, (contact, ways) in TESTS.items():
                 pair = Encounter(unit, unit, contact=contact, ways=ways, spacing=spacing)
                 points, gaps = pair.points[0], gaps_at_contact(unit, pair, APPROACHES)
@@ -302,7 +306,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     shapes = bodies()
     speed = measure_speed(shapes)
-    accuracy, loop = measure_accuracy(shapes, speed, tuple(sorted({*ACCURACY_SPACINGS, *SPACINGS}))), calibration()
+    accuracy, loop = measure_accuracy(shapes, speed, ACCURACY_SPACINGS), calibration()
     rates = {row[:3]: row[3] for row in speed}
     rows = [
         "shape,points,program,attempts_per_second,accepted,ratio_to_ckdtree,ratio_to_numba_grid,calibration_seconds"
