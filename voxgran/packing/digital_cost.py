@@ -16,14 +16,15 @@ from voxgran.packing.digital_setting import (
     tables_pay,
     voxel_size_of,
 )
+from voxgran.packing.feeding import most_attempts
 from voxgran.packing.lattice import ContainerLattice, container_lattice
 from voxgran.packing.method import Cost
 from voxgran.packing.pair_tables import table_bytes
 from voxgran.packing.problem import Problem
 
 
-def digital_cost(problem: Problem, settle_sweeps: int) -> Cost:
-    """Return what a run takes; settle_sweeps: sweeps between two looks at whether the bed still sinks."""
+def digital_cost(problem: Problem) -> Cost:
+    """Return what a run takes."""
     settings = problem.parameters
     lattice = container_lattice(problem, voxel_size_of(problem))
     width = np.array([mean_width(shape) for shape in problem.shapes])[problem.shape_id] * problem.diameter
@@ -50,7 +51,7 @@ def digital_cost(problem: Problem, settle_sweeps: int) -> Cost:
     unpacked = 4 * UNPACKED + (0.0 if even else 2.5 * float(np.prod(lattice.shape)))
     return Cost(
         memory=int((tables or canvas + unpacked) + bank + kept),
-        attempts=problem.count * (settings.sweeps + 40 * settle_sweeps + settings.shaking + settings.settling),
+        attempts=most_attempts(problem, problem.count) + problem.count * (settings.shaking + settings.settling),
         voxelized_shapes=different,
     )
 

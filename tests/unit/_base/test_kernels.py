@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 
-from voxgran._base.kernels import Kernel, cache_folder, kernel
+from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel
 from voxgran._base.registry import Registry, unknown
 
 
@@ -26,6 +26,23 @@ def test_kernels_call_kernels():
     assert isinstance(_sum_of_doubles, Kernel)
     assert _sum_of_doubles(np.arange(4.0)) == 12.0
     assert _sum_of_doubles.plain(np.arange(4.0)) == 12.0
+
+
+@inlined_kernel
+def _seventeen_times(x):
+    total = 0.0
+    for _ in range(17):
+        total += x
+    return total
+
+
+@kernel
+def _calls_what_is_inlined(x):
+    return _seventeen_times(x) + 1.0
+
+
+def test_inlined_kernels_give_what_others_give():
+    assert _calls_what_is_inlined(2.0) == _calls_what_is_inlined.plain(2.0) == 35.0
 
 
 def test_decorating_loads_no_numba():

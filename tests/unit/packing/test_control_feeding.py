@@ -6,8 +6,9 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
-from voxgran.packing.control_feeding import LAYER_REFUSALS, LID_STEP
+from voxgran.packing.control_feeding import LID_STEP
 from voxgran.packing.control_walk import GROWTH
+from voxgran.packing.feeding import LAYER_REFUSALS
 from voxgran.packing.methods.control_point import registration as control_point
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.run import Drive, drive

@@ -41,6 +41,7 @@ from voxgran.packing.digital_setting import (
     records,
     setting_of,
 )
+from voxgran.packing.feeding import SETTLE_SWEEPS, feed_share, look_at_queue, most_attempts, patience
 from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
 from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.lattice import packing_of_poses, positions_on
@@ -51,12 +52,8 @@ from voxgran.packing.start import Start, stand_on_lattice
 from voxgran.packing.turns import SORT_SWEEPS, look_at_turns, lower_lid_again, sort_grains, turn_arrays
 from voxgran.packing.walk import enter_near, make_attempts, put
 
-#: sweeps between two looks at whether the bed still sinks
-SETTLE_SWEEPS = 200
 #: mean sinking in voxels per grain over such a look, below which the bed is settled
 SETTLE_VOXELS = 0.02
-#: refusals in a row after which a layer is full
-LAYER_REFUSALS = 300
 #: what the kernel counts, in its order
 TALLY = (
     "placed",
@@ -170,7 +167,6 @@ def prepare(problem: Problem) -> State:
         If gravity points along a periodic axis, no voxel size fits the periodic lengths, or a grain of the start finds
         no place.
     """
-    settings: Digital = problem.parameters
     gravity_vector(problem)
     n = problem.count
     arrays = {
@@ -184,8 +180,7 @@ def prepare(problem: Problem) -> State:
     }
     counters = {**dict.fromkeys(TALLY, 0), "fed_at": -1, "layer_ends": -1, "layer_placed": 0, "lid_lowered": 0}
     counters |= COUNTERS
-    total = n * (settings.sweeps + 40 * SETTLE_SWEEPS)
-    state = State(arrays, counters, 0, total)
+    state = State(arrays, counters, 0, most_attempts(problem, n))
     if n == 0:
         state.stop_reason = "count"
     if problem.start is not None and problem.start.count:
@@ -328,8 +323,8 @@ def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
         setting.classes,
         setting.down,
         settings.feed == "at_once" or not setting.down.any(),
-        np.array([settings.down, settings.up, turns, _feed_share(problem, state), settings.guided, decay]),
-        np.array([counters["fed_at"], attempts, _cycles(problem), _patience(problem)], dtype=np.int64),
+        np.array([settings.down, settings.up, turns, feed_share(problem, state), settings.guided, decay]),
+        np.array([counters["fed_at"], attempts, _cycles(problem), patience(problem)], dtype=np.int64),
     )
     names = ("order", "hint", "calm", "depth", "slept", "stirred", "cells")
     wanted = np.full(1, -1, dtype=np.int64)
@@ -343,22 +338,6 @@ def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
         need_member(setting, int(wanted[0]))
         wanted[0] = -1
     counters.update(zip(TALLY, tally.tolist(), strict=True))
-
-
-def _feed_share(problem: Problem, state: State) -> float:
-    """Return the share of attempts that let a grain enter."""
-    if problem.parameters.feed == "layers":
-        # a layer enters at once, then sinks
-        return 1.0 if state.counters["layer_ends"] < 0 else 0.0
-    return float(problem.parameters.rate)
-
-
-def _patience(problem: Problem) -> int:
-    """Return after how many refusals in a row the container, or a layer, counts as full."""
-    if problem.parameters.feed == "layers":
-        return LAYER_REFUSALS
-    # grains that enter often are refused often, while those before them sink
-    return int(max(2000, 20 * problem.count) * max(1.0, problem.parameters.rate / 0.05))
 
 
 def _look_every(state: State) -> int:
@@ -382,22 +361,9 @@ def _next_event(problem: Problem, state: State) -> int:
 
 
 def _look_at_queue(problem: Problem, state: State, due: int) -> None:
-    """End feeding when all have entered, or when nothing enters any more; begin and end layers."""
-    counters = state.counters
-    full = counters["feeds_refused_in_a_row"] >= _patience(problem)
-    if problem.parameters.feed == "layers" and counters["placed"] < problem.count:
-        if counters["layer_ends"] >= 0 and state.done == due:
-            counters.update(layer_ends=-1, layer_placed=counters["placed"], feeds_refused_in_a_row=0)
-            return
-        if full and counters["layer_ends"] < 0 and counters["placed"] > counters["layer_placed"]:
-            counters["layer_ends"] = state.done + problem.parameters.layer_sweeps * counters["placed"]
-            return
-        full = full and counters["layer_ends"] < 0
-    if counters["placed"] == problem.count or full:
-        counters["fed_at"] = state.done
-        state.total = state.done + counters["placed"] * (problem.parameters.sweeps + 40 * SETTLE_SWEEPS)
-        if counters["placed"] == 0:
-            state.stop_reason = "full"
+    """End feeding when it is time, and then put the grains in order."""
+    look_at_queue(problem, state, due)
+    if state.counters["fed_at"] >= 0:
         sort_grains(problem, state)
 
 
@@ -425,7 +391,7 @@ def _end(problem: Problem, state: State, setting: Setting, reason: str) -> None:
 
 def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
-    return digital_cost(problem, SETTLE_SWEEPS)
+    return digital_cost(problem)
 
 
 registration = PackingMethod(
