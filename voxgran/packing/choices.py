@@ -12,6 +12,8 @@ from voxgran._base.seeds import below
 class Rules(NamedTuple):
     """Directions sorted downward, level, upward; where these classes begin; the shares and the schedule.
 
+    gravity: where down is.  entry: the same where grains enter at the far side, else 0.  at_once: whether all attempts
+    let a grain enter while any waits.
     shares: downward, upward at the start, turns, feeding, guided, what a cycle keeps of the upward share of the one
     before (below 0: it dies away evenly).  schedule: attempt at which feeding ended (-1: not yet), attempts of all
     cycles, number of cycles, refusals in a row after which the container is full.
@@ -20,7 +22,8 @@ class Rules(NamedTuple):
     directions: Integers
     classes: Integers
     gravity: Integers
-    anywhere: bool
+    entry: Integers
+    at_once: bool
     shares: Floats
     schedule: Integers
 

@@ -2,10 +2,6 @@
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.sphere import Sphere
 from voxgran.packing.control_setting import Setting, bed_of, put_lid
 from voxgran.packing.control_walls import room_of_lid
 from voxgran.packing.feeding import SETTLE_SWEEPS
@@ -15,18 +11,6 @@ from voxgran.packing.problem import Problem
 
 #: farthest that the lid comes down after a sweep, in median diameters: a voxel of digital packing
 LID_STEP = 1 / 32
-
-
-def entry_of(problem: Problem, gravity: Floats) -> Integers:
-    """Return the lattice vector against which grains enter, zero where they enter anywhere.
-
-    The top of a mesh, a sphere or a cylinder that lies may have no room for any grain: there they enter anywhere.
-    """
-    container, down = problem.container, main_axis(gravity)
-    lies = isinstance(container, Cylinder) and down[2] == 0
-    if problem.parameters.feed == "at_once" or isinstance(container, ClosedMesh | Sphere) or lies:
-        return np.zeros(3, dtype=np.int64)
-    return down
 
 
 def next_event(problem: Problem, state: State) -> int:

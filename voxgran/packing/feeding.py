@@ -3,6 +3,13 @@
 Digital and control-point packing feed alike.
 """
 
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.sphere import Sphere
+from voxgran.packing.gravity import main_axis
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 
@@ -14,6 +21,18 @@ SETTLE_LOOKS = 40
 LAYER_REFUSALS = 300
 #: share of attempts that let a grain enter, at which a container counts as full after the usual number of refusals
 USUAL_RATE = 0.05
+
+
+def entry_of(problem: Problem, gravity: Floats) -> Integers:
+    """Return the lattice vector against which grains enter, zero where they enter anywhere.
+
+    The top of a mesh, a sphere or a cylinder that lies may have no room for any grain: there they enter anywhere.
+    """
+    container, down = problem.container, main_axis(gravity)
+    lies = isinstance(container, Cylinder) and down[2] == 0
+    if problem.parameters.feed == "at_once" or isinstance(container, ClosedMesh | Sphere) or lies:
+        return np.zeros(3, dtype=np.int64)
+    return down
 
 
 def feed_share(problem: Problem, state: State) -> float:

@@ -212,7 +212,8 @@ def _settle(state: State, finishing: Finishing, assembly: Assembly, *, entered: 
     _rest_lid(state, finishing, after)
     state.counters["settling_sweeps"] += 1
     if rests or sweep + 1 >= finishing.shaking + finishing.settling:
-        state.stop_reason = "settled" if entered else "full"
+        reason = "settled" if rests else "steps"
+        state.stop_reason = reason if entered else "full"
 
 
 def _shake(state: State, finishing: Finishing, assembly: Assembly) -> tuple[Assembly, bool]:

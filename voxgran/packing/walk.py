@@ -146,7 +146,7 @@ def make_attempts(
         r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
         # bits that the choice of a direction does not use
         enters = np.float64(r2 & np.uint64(0xFFFFFFFF)) < rules.shares[3] * 4294967296.0
-        if feeding and (rules.anywhere or tally[0] == 0 or enters):
+        if feeding and (rules.at_once or tally[0] == 0 or enters):
             if _is_missing(members, turn, _fed_member(members, queue, tally, key, attempt, r0)):
                 return attempt
             if _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, r0):
@@ -412,6 +412,6 @@ def _entry(field, rules, axis, extent, word):  # type: ignore[no-untyped-def]
     if room <= 0:
         return -1
     # along the axis where gravity is strongest, at the far side
-    if rules.gravity[axis] != 0 and not rules.anywhere:
-        return n - extent if rules.gravity[axis] < 0 else 0
+    if rules.entry[axis] != 0:
+        return n - extent if rules.entry[axis] < 0 else 0
     return np.int64(below(word, room))

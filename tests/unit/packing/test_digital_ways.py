@@ -256,3 +256,21 @@ def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path):
     assert packing.stop_reason == whole.stop_reason
     assert packing.position.tobytes() == whole.position.tobytes()
     assert packing.provenance["lid_lowered"] == whole.provenance["lid_lowered"]
+
+
+@pytest.mark.parametrize("gravity", ["-x", "+x", "-y", "+y", "-z", "+z"])
+@pytest.mark.parametrize("kind", ["mesh", "sphere", "cylinder", "box"])
+def test_grains_enter_any_container_from_any_side(kind, gravity):
+    """At the top of a mesh, a sphere or a cylinder that lies there may be no room: grains enter where there is."""
+    boxed = vg.Box((3.0, 3.0, 3.1))
+    containers = {
+        "mesh": vg.ClosedMesh(vg.Shape.from_mesh(*boxed.mesh())),
+        "sphere": vg.Sphere(1.9),
+        "cylinder": vg.Cylinder(1.6, 3.3),
+        "box": boxed,
+    }
+    options = {"method": "digital", "count": 6, "sweeps": 20, "cycles": 1, "voxel_size": 0.12, "gravity": gravity}
+    for feed in ("rain", "layers"):
+        packing = vg.pack(vg.make_shape("sphere"), containers[kind], feed=feed, **options)
+        assert packing.count == 6
+        assert vg.verify(packing).ok

@@ -113,3 +113,11 @@ def test_control_points_may_be_shaken_too():
     assert denser.position[:, 2].mean() < poured.position[:, 2].mean()
     with pytest.raises(InputError, match="shaking is 5 and settling 0"):
         vg.pack(vg.make_shape("sphere"), box, method="control_point", count=1, shaking=5)
+
+
+def test_sweeps_that_are_used_up_are_told():
+    box = vg.Box((2.6, 2.6, 14), periodic=(True, True, False))
+    short = vg.pack(vg.make_shape("sphere"), box, count=20, **{**DIGITAL, "settling": 3})
+    assert short.stop_reason == "steps"
+    assert short.provenance["settling"]["sweeps"] == 3
+    assert vg.pack(vg.make_shape("sphere"), box, count=20, **{**DIGITAL, "settling": 400}).stop_reason == "settled"

@@ -43,11 +43,11 @@ from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
 from voxgran.packing.control_checks import check_distance, check_overlap, check_surfaces
-from voxgran.packing.control_feeding import entry_of, lid_rests, lower_lid, next_event
+from voxgran.packing.control_feeding import lid_rests, lower_lid, next_event
 from voxgran.packing.control_records import Rules
 from voxgran.packing.control_setting import Setting, bed_of, memory_needed, setting_of
 from voxgran.packing.control_walk import enter_raised, make_attempts
-from voxgran.packing.feeding import SETTLE_SWEEPS, feed_share, look_at_queue, most_attempts, patience
+from voxgran.packing.feeding import SETTLE_SWEEPS, entry_of, feed_share, look_at_queue, most_attempts, patience
 from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
 from voxgran.packing.gravity import gravity_text, gravity_vector, main_axis
 from voxgran.packing.method import Cost, PackingMethod, State

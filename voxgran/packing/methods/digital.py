@@ -41,7 +41,7 @@ from voxgran.packing.digital_setting import (
     records,
     setting_of,
 )
-from voxgran.packing.feeding import SETTLE_SWEEPS, feed_share, look_at_queue, most_attempts, patience
+from voxgran.packing.feeding import SETTLE_SWEEPS, entry_of, feed_share, look_at_queue, most_attempts, patience
 from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
 from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.lattice import packing_of_poses, positions_on
@@ -322,6 +322,7 @@ def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
         setting.directions,
         setting.classes,
         setting.down,
+        entry_of(problem, setting.gravity),
         settings.feed == "at_once" or not setting.down.any(),
         np.array([settings.down, settings.up, turns, feed_share(problem, state), settings.guided, decay]),
         np.array([counters["fed_at"], attempts, _cycles(problem), patience(problem)], dtype=np.int64),
