@@ -34,7 +34,7 @@ PUBLISHED = {
     "icosahedron": (0.50, 0.59),
 }
 #: coefficients of friction with which dice are poured by each method; None: they are shaken, without friction
-TREATMENTS = {"digital": (0.15, 0.5, 3.0, None), "control_point": (0.5, None)}
+TREATMENTS = {"digital": (0.15, 0.5, 3.0, None), "control_point": (0.5,)}
 #: how each method walks before the true shapes settle, without vibration
 WALKS: dict[str, dict[str, Any]] = {
     "digital": {"voxel_size": 1 / 20, "sweeps": 60, "up": 0.0, "down": 0.7},
