@@ -5,46 +5,13 @@ from functools import cached_property
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, read_only
-from voxgran._base.tree import TriangleTree, grow_tree
+from voxgran._base.arrays import Floats, Integers
+from voxgran.shapes.triangles import Triangles
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh:
-    """A closed surface of triangles, counterclockwise seen from outside.
-
-    Attributes
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, in the unit of lengths.
-    faces : (m, 3) ndarray of int
-        Vertex indices of the triangles.
-    """
-
-    vertices: Floats
-    faces: Integers
-
-    dimension = 3
-
-    def __post_init__(self) -> None:
-        read_only(self.vertices)
-        read_only(self.faces)
-
-    @cached_property
-    def triangles(self) -> Floats:
-        """Corner points of the triangles, (m, 3, 3)."""
-        return read_only(self.vertices[self.faces])
-
-    @cached_property
-    def tree(self) -> TriangleTree:
-        """Box tree of the triangles, for nearest points and signed distances."""
-        return grow_tree(self.vertices, self.faces)
-
-    @cached_property
-    def surface_area(self) -> float:
-        """Sum of the areas of the triangles."""
-        a, b, c = np.moveaxis(self.triangles, 1, 0)
-        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+class Mesh(Triangles):
+    """A closed surface of triangles, counterclockwise seen from outside."""
 
     @property
     def volume(self) -> float:

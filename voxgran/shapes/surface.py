@@ -7,60 +7,28 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran._base.tree import TriangleTree, grow_tree
 from voxgran.shapes.crossing import count_crossings
 from voxgran.shapes.shells import connected, edge_faults
+from voxgran.shapes.triangles import Triangles, areas_of
 
 #: area of a triangle, in the square of its longest edge, up to which it has none
 NO_AREA = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
-    """An open surface of triangles, whose two sides are alike: how its faces are wound does not matter.
-
-    Attributes
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, in the unit of lengths.
-    faces : (m, 3) ndarray of int
-        Vertex indices of the triangles.
-    """
-
-    vertices: Floats
-    faces: Integers
-
-    dimension = 3
-
-    def __post_init__(self) -> None:
-        read_only(self.vertices)
-        read_only(self.faces)
-
-    @cached_property
-    def triangles(self) -> Floats:
-        """Corner points of the triangles, (m, 3, 3)."""
-        return read_only(self.vertices[self.faces])
-
-    @cached_property
-    def tree(self) -> TriangleTree:
-        """Box tree of the triangles, for nearest points; the signs of its distances mean nothing."""
-        return grow_tree(self.vertices, self.faces)
+class Surface(Triangles):
+    """An open surface of triangles, whose two sides are alike: how its faces are wound does not matter."""
 
     @property
     def volume(self) -> float:
         """Volume: 0."""
         return 0.0
 
-    @property
-    def surface_area(self) -> float:
-        """Sum of the areas of the triangles, of one side."""
-        return float(self._areas.sum())
-
     @cached_property
     def centroid(self) -> Floats:
         """Centroid of the area, (3,)."""
         middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
-        share = self._areas / self._areas.sum()
+        share = self.areas / self.areas.sum()
         return np.asarray(middle + share @ (self.triangles - middle).mean(axis=1))
 
     @property
@@ -83,19 +51,14 @@ class Surface:
         corners = self.triangles - self.centroid
         total = corners.sum(axis=1)
         # the integral of x x^T over a triangle is a closed form of its corners
-        second = np.einsum("f,fki,fkj->ij", self._areas, corners, corners)
-        second = (second + np.einsum("f,fi,fj->ij", self._areas, total, total)) / 12
+        second = np.einsum("f,fki,fkj->ij", self.areas, corners, corners)
+        second = (second + np.einsum("f,fi,fj->ij", self.areas, total, total)) / 12
         return read_only(np.trace(second) * np.eye(3) - second)
 
     @property
     def bounding_radius(self) -> float:
         """Largest distance of a vertex from the origin of the frame."""
         return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
-
-    @cached_property
-    def _areas(self) -> Floats:
-        """Areas of the triangles, (m,)."""
-        return areas_of(self.triangles)
 
     def content(self) -> bytes:
         """Return the bytes that the key of the shape is a hash of."""
@@ -116,12 +79,6 @@ class Surface:
     def tessellation(self) -> tuple[Floats, Integers, float]:
         """Return vertices, faces and their largest distance from the true surface: 0."""
         return self.vertices, self.faces, 0.0
-
-
-def areas_of(triangles: Floats) -> Floats:
-    """Return the areas of (m, 3, 3) triangles, (m,)."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
 
 
 def refuse_unfit(vertices: Floats, faces: Integers, name: str) -> None:

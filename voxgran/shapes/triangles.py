@@ -1,0 +1,57 @@
+"""What closed and open surfaces of triangles have in common."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers, read_only
+from voxgran._base.tree import TriangleTree, grow_tree
+
+
+@dataclass(frozen=True, eq=False)
+class Triangles:
+    """Triangles in space.
+
+    Attributes
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points, in the unit of lengths.
+    faces : (m, 3) ndarray of int
+        Vertex indices of the triangles.
+    """
+
+    vertices: Floats
+    faces: Integers
+
+    dimension = 3
+
+    def __post_init__(self) -> None:
+        read_only(self.vertices)
+        read_only(self.faces)
+
+    @cached_property
+    def triangles(self) -> Floats:
+        """Corner points of the triangles, (m, 3, 3)."""
+        return read_only(self.vertices[self.faces])
+
+    @cached_property
+    def tree(self) -> TriangleTree:
+        """Box tree of the triangles, for nearest points; its signs tell sides of closed surfaces only."""
+        return grow_tree(self.vertices, self.faces)
+
+    @cached_property
+    def areas(self) -> Floats:
+        """Areas of the triangles, (m,)."""
+        return areas_of(self.triangles)
+
+    @property
+    def surface_area(self) -> float:
+        """Sum of the areas of the triangles; of an open surface that of one side."""
+        return float(self.areas.sum())
+
+
+def areas_of(triangles: Floats) -> Floats:
+    """Return the areas of (m, 3, 3) triangles, (m,)."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
