@@ -27,7 +27,8 @@ def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Sh
     given = (shapes,) if isinstance(shapes, Shape) else shapes
     if not isinstance(given, Sequence) or not all(isinstance(shape, Shape) for shape in given):
         raise InputError(f"shapes is {_short(shapes)}: it must be a Shape or a list of them; make_shape makes one")
-    if not all(hasattr(type(container), name) for name in ("dimension", "bounds", "signed_distance")):
+    known = all(hasattr(container, name) for name in ("dimension", "bounds", "signed_distance"))
+    if isinstance(container, type) or not known:
         raise InputError(f"container is {_short(container)}: it must be a container; give a Box, or a Rectangle in 2D")
     if sizes is not None and not isinstance(sizes, SizeDistribution):
         raise InputError(f"sizes is {_short(sizes)}: it must be a size distribution; for one size give sizes.fixed")
