@@ -1,9 +1,9 @@
 """Contacts of open surfaces, which have no inside: with each other, and with solids of any kind.
 
 Apart, the gap is the least distance of the triangles from the partner. Two open surfaces overlap where they cross;
-their depth is how far they must at least be moved to part. An open surface overlaps a solid where some point of it lies
-inside, also where it lies inside as a whole; the depth is the largest distance of such a point from the surface of the
-solid, as everywhere.
+their depth is the shortest move found that parts them, an upper bound of the least one. An open surface overlaps a
+solid where some point of it lies inside, also where it lies inside as a whole; the depth is the largest distance of
+such a point from the surface of the solid, as everywhere.
 """
 
 from collections.abc import Callable

@@ -1,9 +1,16 @@
-"""How deep two open surfaces cross: how far the triangles that cross deepest must at least be moved to part.
+"""How far two open surfaces that cross must be moved to part: the least of straight moves in many directions.
 
-Two triangles are convex; the least overlap of both along eleven directions, their normals and the products of their
-edges, is how far one must be moved (separating axes, as in :mod:`voxgran.shapes.crossing`). Where surfaces cross along
-an edge, each triangle only touches, and no pair of them tells; then one surface is moved a little, six ways: what
-crosses after every one of these moves counts as that deep, and what only touched comes free by one of them.
+While one triangle is moved straight past another, both cross during one interval of the way: along each of eleven
+directions, their normals and the products of their edges, they overlap during one (separating axes, as in
+:mod:`voxgran.shapes.crossing`), and they cross where they do so along all. The move goes on to the end of such an
+interval as long as it lies within one; then the surfaces are free, and no shorter move that way frees them. Intervals
+of neighbours abut, so that the way hardly depends on how the surfaces are cut into triangles.
+
+All directions are tried both ways: three perpendicular ones, the normals where the surfaces cross, the mean normals,
+the product of these and the offset of the centroids; then those about the best. So the depth is an upper bound of the
+least move. The first are tilted a little, so that none lies along an edge or in a triangle: surfaces that cross along
+an edge of both only touch there, and cross as soon as they are moved; what only touched comes free at once by one of
+the directions.
 """
 
 import math
@@ -13,21 +20,24 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran._base.tree import TriangleTree
-from voxgran.contacts.triangles import box_gap, pair_bound, turn_triangles
+from voxgran.contacts.triangles import pair_bound, turn_triangles
 
-#: lengths of the small moves, in sizes of the pair, and the depth below which they are made
-MOVES = tuple(10.0**-k for k in range(2, 10))
-SHALLOW = 1e-6
-#: three perpendicular directions along no usual edge, in rows; moves go both ways along each
+#: three perpendicular directions along no usual edge, in rows
 AXES = (
     np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]])
     / 7.0
     @ np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 )
+#: how far each direction is tilted
+TILT = 1e-4 * AXES[0]
+#: lengths of the steps from the best direction to those about it
+STEPS = (0.4, 0.2, 0.1, 0.05)
+#: rounding of where an interval begins, and of where it ends, in sizes of the pair
+BEGIN, END = 1e-10, 1e-12
 
 
 def crossing_depth(one: TriangleTree, other: TriangleTree, *, matrix: Floats, offset: Floats) -> tuple[float, Floats]:
-    """Find how deep two surfaces cross.
+    """Find how far one of two surfaces must be moved to part them.
 
     Parameters
     ----------
@@ -39,79 +49,123 @@ def crossing_depth(one: TriangleTree, other: TriangleTree, *, matrix: Floats, of
     Returns
     -------
     depth : float
-        How far one must be moved at least to part them, in the unit of `one`; 0 where they only touch.
+        Length of the shortest move found that parts them, in the unit of `one`, an upper bound of the least one; 0
+        where they only touch.
     way : (3,) ndarray of float
-        Unit vector along which `other` leaves the deepest triangle of `one`.
+        Unit vector of that move, of `other`.
     """
     turn, size = np.ascontiguousarray(matrix), np.abs(matrix)
-
-    def depth_at(place: Floats) -> tuple[float, Floats]:
-        way = np.zeros(3)
-        return float(_deepest_crossing(*one.arrays, *other.arrays, turn, size, place, way)), way
-
-    depth, way = depth_at(np.ascontiguousarray(offset))
+    place = np.ascontiguousarray(offset)
     extent = one.size + float(np.linalg.norm(matrix, axis=0).max()) * other.size
-    if depth > SHALLOW * extent:
-        return depth, way
-    for move in MOVES:
-        moved = [depth_at(offset + sign * move * extent * axis) for axis in AXES for sign in (-1.0, 1.0)]
-        least = min(found for found, _ in moved)
-        if least > 0.0:
-            return max(depth, min(least, move * extent)), way if way.any() else moved[0][1]
-    return depth, way
+    best, way = math.inf, np.zeros(3)
+
+    def try_all(directions: Floats) -> None:
+        nonlocal best, way
+        for ahead in directions:
+            found = float(_free_along(*one.arrays, *other.arrays, turn, size, place, ahead, best, extent))
+            if found < best:
+                best, way = found, ahead
+
+    try_all(_both_ways(AXES))
+    if best > 0.0:
+        try_all(_both_ways(_directions(one, other, turn, size, place)))
+    for step in STEPS:
+        if best > 0.0:
+            try_all(_about(way, step))
+    return best, way
+
+
+def _directions(one: TriangleTree, other: TriangleTree, matrix: Floats, size: Floats, offset: Floats) -> Floats:
+    """Return normals where surfaces cross, mean normals, their product, and the offset of the centroids, in rows."""
+    crossing = np.zeros((2, 3))
+    _add_normals(*one.arrays, *other.arrays, matrix, size, offset, crossing)
+    mean, other_mean = _mean_normal(one.corners), _mean_normal(other.corners @ matrix.T)
+    between = other.corners.mean(axis=(0, 1)) @ matrix.T + offset - one.corners.mean(axis=(0, 1))
+    return np.array([*crossing, mean, other_mean, np.cross(mean, other_mean), between])
+
+
+def _mean_normal(triangles: Floats) -> Floats:
+    """Return the sum of the normals of (m, 3, 3) triangles, as long as twice their area."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    return np.asarray(np.cross(b - a, c - a).sum(axis=0))
+
+
+def _both_ways(directions: Floats) -> Floats:
+    """Return those that have a length as unit vectors, tilted, each followed by its opposite."""
+    length = np.linalg.norm(directions, axis=1)
+    some = length > END * length.max(initial=0.0)
+    tilted = directions[some] / length[some, None] + TILT
+    tilted /= np.linalg.norm(tilted, axis=1, keepdims=True)
+    return np.stack([tilted, -tilted], axis=1).reshape(-1, 3)
+
+
+def _about(way: Floats, step: float) -> Floats:
+    """Return eight unit vectors about one."""
+    aside = np.cross(way, AXES[np.abs(AXES @ way).argmin()])
+    aside /= np.linalg.norm(aside)
+    angle = np.arange(8) * np.pi / 4
+    turned = way + step * (np.cos(angle)[:, None] * aside + np.sin(angle)[:, None] * np.cross(way, aside))
+    return np.asarray(turned / np.linalg.norm(turned, axis=1, keepdims=True))
 
 
 @kernel
-def _deepest_crossing(  # type: ignore[no-untyped-def]
-    corners, low, high, start, other_corners, other_low, other_high, other_start, matrix, size, offset, way
+def _free_along(  # type: ignore[no-untyped-def]
+    corners,
+    low,
+    high,
+    start,
+    other_corners,
+    other_low,
+    other_high,
+    other_start,
+    matrix,
+    size,
+    offset,
+    way,
+    most,
+    extent,
 ):
-    """Walk both trees where boxes meet; write the direction of the deepest crossing and return its depth."""
-    best = 0.0
+    """Return how far the other surface moves along `way` until nothing crosses, at most `most`."""
     leaves, other_leaves = len(low) // 2, len(other_low) // 2
-    stack, turned, axis = np.zeros((256, 2), dtype=np.int64), np.zeros((16, 3, 3)), np.zeros(3)
-    depth = 1
-    while depth > 0:
-        depth -= 1
-        a, b = stack[depth, 0], stack[depth, 1]
-        if pair_bound(low, high, a, other_low, other_high, b, matrix, size, offset) > 0.0:
-            continue
-        if a >= leaves and b >= other_leaves:
+    stack, turned, place = np.zeros((256, 2), dtype=np.int64), np.zeros((16, 3, 3)), offset.copy()
+    near = BEGIN * extent
+    moved, before = 0.0, -1.0
+    while moved > before:
+        before = moved
+        stack[0, 0], stack[0, 1], depth = 0, 0, 1
+        while depth > 0:
+            depth -= 1
+            a, b = stack[depth, 0], stack[depth, 1]
+            if pair_bound(low, high, a, other_low, other_high, b, matrix, size, place) > near * near:
+                continue
+            if a < leaves or b < other_leaves:
+                split_one = a < leaves and (b >= other_leaves or a <= b)
+                for side in range(2):
+                    stack[depth, 0] = 2 * a + 1 + side if split_one else a
+                    stack[depth, 1] = b if split_one else 2 * b + 1 + side
+                    depth += 1
+                continue
             turn_triangles(other_corners, other_start[b, 0], other_start[b, 1], matrix, offset, turned)
             for i in range(start[a, 0], start[a, 1]):
                 for j in range(other_start[b, 1] - other_start[b, 0]):
-                    if box_gap(corners, i, turned, j) > 0.0:
-                        continue
-                    overlap = _overlap(corners, i, turned, j, axis)
-                    if overlap > best:
-                        best = overlap
-                        way[:] = axis
-            continue
-        split_one = a < leaves and (b >= other_leaves or a <= b)
-        for side in range(2):
-            stack[depth, 0] = 2 * a + 1 + side if split_one else a
-            stack[depth, 1] = b if split_one else 2 * b + 1 + side
-            depth += 1
-    return best
+                    end = _end_of_crossing(corners, i, turned, j, way, moved + near)
+                    if end > moved + END * extent:
+                        moved = end
+                        if moved >= most:
+                            return most
+                        for k in range(3):
+                            place[k] = offset[k] + moved * way[k]
+    return moved
 
 
 @kernel
-def _overlap(one, i, other, j, way):  # type: ignore[no-untyped-def]
-    """Return the least overlap of two triangles along eleven directions, 0 where one parts them; write the way."""
-    best = math.inf
+def _end_of_crossing(one, i, other, j, way, moved):  # type: ignore[no-untyped-def]
+    """Return how far triangle j moves until it leaves triangle i, or -1 where both do not cross after `moved`."""
+    last = math.inf
     for k in range(11):
-        if k == 9:
-            e, f = _edge(one, i, 0), _edge(one, i, 1)
-        elif k == 10:
-            e, f = _edge(other, j, 0), _edge(other, j, 1)
-        else:
-            e, f = _edge(one, i, k // 3), _edge(other, j, k % 3)
-        x, y, z = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
-        length = math.sqrt(x * x + y * y + z * z)
-        spans = math.sqrt((e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2]))
-        # the product of parallel edges is rounding
-        if length <= 1e-14 * spans:
+        x, y, z = _direction(one, i, other, j, k)
+        if x == 0.0 and y == 0.0 and z == 0.0:
             continue
-        x, y, z = x / length, y / length, z / length
         low_one = high_one = 0.0
         low_two, high_two = math.inf, -math.inf
         for c in range(3):
@@ -127,14 +181,34 @@ def _overlap(one, i, other, j, way):  # type: ignore[no-untyped-def]
             )
             low_one, high_one = min(low_one, s), max(high_one, s)
             low_two, high_two = min(low_two, t), max(high_two, t)
-        ahead, back = high_one - low_two, high_two - low_one
-        if min(ahead, back) <= 0.0:
-            return 0.0
-        if min(ahead, back) < best:
-            best = min(ahead, back)
-            sign = 1.0 if ahead <= back else -1.0
-            way[0], way[1], way[2] = sign * x, sign * y, sign * z
-    return best
+        speed = x * way[0] + y * way[1] + z * way[2]
+        # they overlap while back < speed * moved < ahead
+        back, ahead = low_one - high_two, high_one - low_two
+        if speed < 0.0:
+            back, ahead, speed = -ahead, -back, -speed
+        if back >= speed * moved or ahead <= 0.0:
+            return -1.0
+        if ahead < speed * last:
+            last = ahead / speed
+    return last
+
+
+@kernel
+def _direction(one, i, other, j, k):  # type: ignore[no-untyped-def]
+    """Return direction k that may part two triangles: product of two edges, or a normal; 0 where edges are parallel."""
+    if k == 9:
+        e, f = _edge(one, i, 0), _edge(one, i, 1)
+    elif k == 10:
+        e, f = _edge(other, j, 0), _edge(other, j, 1)
+    else:
+        e, f = _edge(one, i, k // 3), _edge(other, j, k % 3)
+    x, y, z = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
+    length = math.sqrt(x * x + y * y + z * z)
+    spans = math.sqrt((e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2]))
+    # the product of parallel edges is rounding
+    if length <= 1e-14 * spans:
+        return 0.0, 0.0, 0.0
+    return x / length, y / length, z / length
 
 
 @kernel
@@ -146,3 +220,32 @@ def _edge(triangles, i, k):  # type: ignore[no-untyped-def]
         triangles[i, m, 1] - triangles[i, k, 1],
         triangles[i, m, 2] - triangles[i, k, 2],
     )
+
+
+@kernel
+def _add_normals(  # type: ignore[no-untyped-def]
+    corners, low, high, start, other_corners, other_low, other_high, other_start, matrix, size, offset, normals
+):
+    """Add up the normals of the triangles that cross, of each surface."""
+    leaves, other_leaves = len(low) // 2, len(other_low) // 2
+    stack, turned, still, depth = np.zeros((256, 2), dtype=np.int64), np.zeros((16, 3, 3)), np.zeros(3), 1
+    while depth > 0:
+        depth -= 1
+        a, b = stack[depth, 0], stack[depth, 1]
+        if pair_bound(low, high, a, other_low, other_high, b, matrix, size, offset) > 0.0:
+            continue
+        if a < leaves or b < other_leaves:
+            split_one = a < leaves and (b >= other_leaves or a <= b)
+            for side in range(2):
+                stack[depth, 0] = 2 * a + 1 + side if split_one else a
+                stack[depth, 1] = b if split_one else 2 * b + 1 + side
+                depth += 1
+            continue
+        turn_triangles(other_corners, other_start[b, 0], other_start[b, 1], matrix, offset, turned)
+        for i in range(start[a, 0], start[a, 1]):
+            for j in range(other_start[b, 1] - other_start[b, 0]):
+                if _end_of_crossing(corners, i, turned, j, still, 1.0) > 0.0:
+                    for n in range(2):
+                        normal = _direction(corners, i, turned, j, 9 + n)
+                        for k in range(3):
+                            normals[n, k] += normal[k]

@@ -141,7 +141,10 @@ def _room_at_walls(grains: Assembly, reach: float, clear: float) -> tuple[Floats
             if not container.periodic[axis]:
                 x = grains.position[:, axis]
                 for space, extent in ((x - lower[axis], -low[:, axis]), (upper[axis] - x, high[:, axis])):
-                    room = np.minimum(room, (space - clear) / extent - 1.0)
+                    # a flat sheet through the center does not come nearer as it grows
+                    nears = extent > 0.0
+                    share = np.divide(space - clear, extent, out=np.full(grains.count, np.inf), where=nears)
+                    room = np.minimum(room, share - 1.0)
                     gap = np.minimum(gap, space - extent)
         return room, gap
     near = np.flatnonzero(-container.signed_distance(grains.position) - radius <= reach)

@@ -29,7 +29,8 @@ class Overlap:
     image : tuple of int
         The partner is grain j shifted by `image` times the lengths of the container.
     depth : float
-        Largest distance to the surface of one of any point of the other inside it, in mean diameters.
+        Largest distance to the surface of one of any point of the other inside it, in mean diameters; of two open
+        surfaces that cross, the shortest straight move found that parts them, an upper bound of the least one.
     """
 
     i: int
@@ -134,7 +135,8 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
     -----
     Meshes are compared by manifold3d in double precision wherever they are not proven to be apart; all other
     geometries are compared in closed form or by their support functions. Nothing is tessellated. Open surfaces overlap
-    where their triangles cross, by how far these must at least be moved to part, and solids where they reach inside.
+    where their triangles cross, by the shortest straight move found that parts them, which hardly depends on how they
+    are cut into triangles and is an upper bound of the least one; and solids where they reach inside.
     """
     limit = as_number(tolerance, "tolerance", at_least=0.0)
     checked_arrays(

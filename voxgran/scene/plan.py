@@ -1,6 +1,7 @@
 """Plan: what a run would compute, skip and cost, before anything is computed."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from voxgran._base.errors import TooLargeError
 from voxgran._base.machine import memory_limit
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.model import Scene, ShapeEntry
+from voxgran.shapes.diagnose import merged, refuse_open
 from voxgran.shapes.family import families
 from voxgran.shapes.files import read_surface
 from voxgran.shapes.mesh import Mesh
@@ -93,6 +95,8 @@ def make_plan(scene: Scene) -> Plan:
     ------
     InputError
         If the scene breaks a rule that shows only now, such as grains that cannot fit.
+    DirtyMeshError
+        If the mesh of a solid has open edges; nothing else of it is looked at.
     TooLargeError
         If it does not fit in memory.
     """
@@ -146,10 +150,13 @@ def task_of(scene: Scene, shapes: tuple[Shape, ...]) -> Task:
 
 
 def _stand_in(entry: ShapeEntry) -> Shape:
-    """Return a shape that costs as much as the real one: meshes unchecked, random solids as an ellipsoid."""
+    """Return a shape that costs as much as the real one: meshes checked for holes, random solids as an ellipsoid."""
     if entry.source == "file":
         points, faces = read_surface(entry.name)
         kind = Surface if entry.parameters.get("surface") else Mesh
+        if kind is Mesh and not entry.parameters.get("repair"):
+            points, faces = merged(points, faces)
+            refuse_open(points, faces, Path(entry.name).name)
         return Shape.of(kind(points, faces), name=entry.name)
     family = families().get(entry.name)
     if family.random and not family.is_open:

@@ -150,6 +150,28 @@ def refuse_dirty(vertices: Floats, faces: Integers, name: str) -> None:
         raise DirtyMeshError(wrong[0])
 
 
+def refuse_open(vertices: Floats, faces: Integers, name: str) -> None:
+    """Raise where a triangle mesh has open edges, as :func:`refuse_dirty` does; nothing else is looked at.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points, merged.
+    faces : (m, 3) ndarray of int
+        Triangles.
+    name : str
+        What the message calls it.
+
+    Raises
+    ------
+    DirtyMeshError
+        If it has open edges.
+    """
+    open_edges = int(edge_faults(faces, len(vertices))[0])
+    if open_edges:
+        raise DirtyMeshError(Diagnosis(faces=len(faces), open_edges=open_edges).sentences(name)[0])
+
+
 def merged(vertices: Floats, faces: Integers, *, weld: float = WELD) -> tuple[Floats, Integers]:
     """Return the mesh with coincident vertices made one and unused ones left out.
 

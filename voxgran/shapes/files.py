@@ -62,8 +62,11 @@ def load_shape(
     DirtyMeshError
         If its surface does not bound exactly one solid, or cannot be mended with certainty; or is no open surface.
     InputError
-        If it is to be mended and to stay open.
+        If `repair` or `surface` is neither True nor False, or it is to be mended and to stay open.
     """
+    for key, value in (("repair", repair), ("surface", surface)):
+        if not isinstance(value, bool):
+            raise InputError(f"{key} is {value!r}: it must be True or False")
     if repair and surface:
         raise InputError(
             "repair and surface are both true: repair closes a surface, and surface keeps it open; use one"

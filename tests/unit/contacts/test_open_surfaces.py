@@ -11,6 +11,7 @@ from voxgran._base.rotation import random_rotations
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.walls import escape_depths
+from voxgran.shapes.families.sheet import lattice_faces
 from voxgran.shapes.spheres import Spheres
 
 TURN = [math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0]  # a quarter about y
@@ -88,17 +89,61 @@ def test_what_crosses_is_found_as_numpy_and_vtk_find_it():
     assert 75 < sum(found) < 225
 
 
-def test_the_depth_of_a_crossing_is_no_more_than_what_parts_the_two():
+def test_the_depth_of_a_crossing_parts_the_two_and_no_random_way_is_shorter():
     generator, looked = np.random.default_rng(2), 0
     for assembly in random_pairs(40, seed=3, spread=1.0):
-        depth = -find_contacts(assembly, 5.0).gap[0]
+        found = find_contacts(assembly, 5.0)
+        depth = -found.gap[0]
         if depth <= 0:
             continue
         one, other = placed(assembly, 0), placed(assembly, 1)
+        assert not cross(one, other + 1.000001 * depth * found.normal[0])
         for way in generator.normal(size=(8, 3)):
             assert cross(one, other + 0.99 * depth * way / np.linalg.norm(way))
         looked += 1
     assert looked > 10
+
+
+def square(cells):
+    x, y = np.meshgrid(np.arange(cells + 1) / cells, np.arange(cells + 1) / cells)
+    faces = lattice_faces(cells, cells)
+    return vg.Shape.from_surface(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]), faces)
+
+
+@pytest.mark.parametrize("cells", [1, 2, 10, 40])
+@pytest.mark.parametrize(
+    ("turn", "way", "depth"),
+    [
+        (TURN, (0.0, 0.0, 0.0), 0.5),
+        (TURN, (0.13, -0.1, 0.2), 0.3),
+        ([0.92, 0.31, 0.1, -0.216564], (0.0, 0.0, 0.0), None),
+    ],
+)
+def test_the_depth_of_a_crossing_does_not_depend_on_the_triangles(cells, turn, way, depth):
+    turn = np.array(turn) / np.linalg.norm(turn)
+    place = np.array([3.0, 3.0, 3.0])
+    coarse, fine = (
+        vg.Packing.of([square(n)], vg.Box((6, 6, 6)), position=[place, place + way], orientation=[[1, 0, 0, 0], turn])
+        for n in (1, cells)
+    )
+    depth = depth or vg.verify(coarse).deepest * coarse.diameters[0]
+    assert depth > 0.1
+    assert vg.verify(fine).deepest * fine.diameters[0] == pytest.approx(depth, rel=0.01)
+
+
+def test_a_shell_pushed_by_a_millionth_into_one_around_it():
+    shell = SHAPES[1]
+    inside = Assembly.of([shell], ROOM, position=[[10, 10, 10]] * 2, scale=[1.0, 0.4])
+    near = find_contacts(inside, 5.0)
+    assert near.gap[0] > 0.01
+    shift = -(near.gap[0] + 1e-6) * near.normal[0]
+    pushed = Assembly.of([shell], ROOM, position=[[10, 10, 10], 10 + shift], scale=[1.0, 0.4])
+    assert 1e-8 < -find_contacts(pushed, 5.0).gap[0] <= 1.00001e-6
+
+
+def test_a_surface_on_its_copy_only_touches():
+    for shape in (SHAPES[0], SHAPES[2]):
+        assert gap_of(shape, shape, (0.0, 0.0, 0.0)) == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("push", [1e-2, 1e-6, 1e-9])

@@ -103,6 +103,13 @@ def test_all_touch_and_none_overlaps(shapes, container):
     assert (again.scale == grown.scale).all()
 
 
+def test_a_flat_sheet_along_a_wall_grows_to_the_walls_across():
+    sheet = vg.make_shape("sheet", lengths=(1.0, 1.0))
+    grown = vg.grow(vg.Packing.of([sheet], vg.Box((3, 4, 5)), position=[(1.5, 2.0, 0.5)]), most=9)
+    assert grown.scale[0] == pytest.approx(3.0, rel=1e-7)
+    assert vg.verify(grown).ok
+
+
 def test_nothing_to_grow_and_wrong_factors():
     empty = vg.Packing.of([SPHERE], vg.Box((3, 3, 3)), position=np.zeros((0, 3)))
     assert vg.grow(empty).provenance["growth"]["mean_factor"] == 1.0

@@ -9,7 +9,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base import machine
-from voxgran._base.errors import TooLargeError
+from voxgran._base.errors import DirtyMeshError, TooLargeError
 
 SCENE = """
 [[shape]]
@@ -155,3 +155,25 @@ def test_the_limit_of_a_control_group_counts(tmp_path, monkeypatch):
         monkeypatch.setattr(machine, "LIMITS", (str(path), str(tmp_path / "none")))
         assert machine.memory_limit() == expected
     assert 1 <= machine.processor_count() <= (os.cpu_count() or 1)
+
+
+def test_an_open_surface_that_is_not_asked_for_is_refused_as_in_the_run(tmp_path):
+    vg.save_shape(vg.make_shape("sheet"), tmp_path / "sheet.stl")
+    path, said = tmp_path / "scene.toml", []
+    text = SCENE.format(
+        shape='file = "sheet.stl"',
+        container=BOX,
+        packing=POINTS + '\ncontact = "points"',
+        vtk="false",
+        statistics="false",
+        report="false",
+    )
+    path.write_text(text)
+    scene = vg.Scene.from_toml(path)
+    for use in (scene.plan, lambda: scene.run(tmp_path / "out")):
+        with pytest.raises(DirtyMeshError, match=r"^sheet\.stl has 4 open edges: ") as caught:
+            use()
+        said.append(str(caught.value))
+    assert said[0] == said[1]
+    path.write_text(text.replace('"sheet.stl"', '"sheet.stl"\nsurface = true'))
+    assert vg.Scene.from_toml(path).plan().grains == 3

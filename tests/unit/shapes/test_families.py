@@ -142,6 +142,14 @@ BAD = [
     ("solid_union", {"kinds": ["torus"]}, "torus"),
     ("solid_union", {"lengths": (0.1, 1.0)}, "0.35 of the largest"),
     ("solid_union", {"lengths": (2.0, 1.0)}, "at most 1"),
+    ("sheet", {"lengths": (1, 1), "aspect": (2, 1)}, "aspect and lengths are both given"),
+    ("sheet", {"lengths": (1, 1), "diameter": 1.0}, "leave one out"),
+    ("sheet", {"roll": -30.0}, r"roll is -30.0: it must be finite and at least 0"),
+    ("sheet", {"roll": 360.0}, "meets itself at 360; give less"),
+    ("random_surface", {"most": 1e6}, "most is 1000000.0: .* at most 64"),
+    ("random_surface", {"waves": 10**13}, "at most 10000; give fewer"),
+    ("random_surface", {"waves": 10**30}, "at most 10000; give fewer"),
+    ("random_surface", {"height": 1e9}, "at most 10"),
 ]
 
 

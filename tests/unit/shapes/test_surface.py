@@ -119,6 +119,15 @@ def test_files(tmp_path, suffix):
         vg.load_shape(path, surface=True, repair=True)
 
 
+@pytest.mark.parametrize("value", ["yes", None, 1])
+def test_surface_and_repair_are_true_or_false(tmp_path, value):
+    path = tmp_path / "sheet.off"
+    vg.save_shape(rectangle(), path)
+    for key in ("surface", "repair"):
+        with pytest.raises(InputError, match=f"^{key} is .*: it must be True or False$"):
+            vg.load_shape(path, **{key: value})
+
+
 @pytest.mark.parametrize(
     "use",
     [

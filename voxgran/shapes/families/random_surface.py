@@ -9,6 +9,7 @@ import numpy as np
 
 from voxgran._base.arrays import as_count, as_number, as_positive
 from voxgran._base.config import parameter
+from voxgran._base.errors import InputError
 from voxgran.shapes.families.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
@@ -16,6 +17,8 @@ from voxgran.shapes.surface import Surface
 
 #: cells along an edge in the length of the shortest wave
 CELLS = 8
+#: bounds: of the height, beyond which rounding makes faces cross, and of what costs time and memory
+HIGHEST, MOST_WAVES, SHORTEST = 10.0, 10_000, 64.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -29,18 +32,21 @@ class RandomSurface:
     """
 
     aspect: tuple[float, float] = parameter((1.0, 1.0), doc="ratio of its edges, along x and y, before it has height")
-    height: float = parameter(0.15, doc="root mean square of its height, in the mean of its edges")
-    waves: int = parameter(6, doc="number of waves")
-    most: float = parameter(1.5, doc="waves along the mean of its edges, at most; each has at least half as many")
+    height: float = parameter(0.15, doc="root mean square of its height, in the mean of its edges; at most 10")
+    waves: int = parameter(6, doc="number of waves; at most 10 000")
+    most: float = parameter(
+        1.5, doc="waves along the mean of its edges, at most; each has at least half as many; up to 64"
+    )
     diameter: float | None = parameter(
         None, doc="equivalent diameter, of a disk of equal area; left out: 1", unit="length"
     )
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        as_number(self.height, "height", at_least=0.0)
-        as_count(self.waves, "waves", at_least=1)
-        as_positive(self.most, "most")
+        as_number(self.height, "height", at_least=0.0, at_most=HIGHEST)
+        if as_count(self.waves, "waves", at_least=1) > MOST_WAVES:
+            raise InputError(f"waves is {self.waves}: it must be at most {MOST_WAVES}; give fewer")
+        as_number(self.most, "most", above=0.0, at_most=SHORTEST)
 
 
 def make(parameters: RandomSurface, generator: np.random.Generator) -> Shape:

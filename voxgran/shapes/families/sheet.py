@@ -22,10 +22,10 @@ class Sheet:
     Raises
     ------
     InputError
-        If the sheet would touch itself.
+        If the angle is negative, or so large that the sheet would touch itself.
     """
 
-    aspect: tuple[float, float] = parameter((1.0, 1.0), doc="ratio of its edges, along x and y")
+    aspect: tuple[float, float] | None = parameter(None, doc="ratio of its edges, along x and y; left out: (1, 1)")
     roll: float = parameter(
         0.0,
         doc="angle through which it is rolled along x, in degrees: 0 flat, 180 half a pipe; its curvature is that "
@@ -40,8 +40,8 @@ class Sheet:
 
     def __post_init__(self) -> None:
         """Refuse what closes."""
-        if not 0.0 <= as_number(self.roll, "roll") < 360.0:
-            raise InputError(f"roll is {self.roll:g} degrees: a sheet meets itself at 360; give 0 to less than 360")
+        if as_number(self.roll, "roll", at_least=0.0) >= 360.0:
+            raise InputError(f"roll is {self.roll:g} degrees: a sheet meets itself at 360; give less")
 
 
 def make(parameters: Sheet, generator: np.random.Generator) -> Shape:
@@ -50,12 +50,14 @@ def make(parameters: Sheet, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If a number is not above 0, or the size is given twice.
+        If a number is not above 0, or the size or the ratio is given twice.
     """
     refuse_both(parameters.diameter, (("lengths", parameters.lengths),))
+    if parameters.aspect is not None and parameters.lengths is not None:
+        raise InputError("aspect and lengths are both given: each makes the ratio of the edges; leave one out")
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
-    length, width = (as_positive(value, "an edge") for value in parameters.lengths or parameters.aspect)
+    length, width = (as_positive(value, "an edge") for value in parameters.lengths or parameters.aspect or (1, 1))
     strips = max(1, int(np.ceil(parameters.roll / STRIP)))
     share = np.arange(strips + 1) / strips - 0.5
     x, z = length * share, np.zeros(strips + 1)
