@@ -282,13 +282,20 @@ def with_provenance(task: Task, state: State, packing: Packing, *, seconds: floa
 
 
 def _misses(task: Task, packing: Packing) -> dict[str, float]:
-    """Return by how much the packing misses what was asked: grains, solid fraction, and gradation by number."""
+    """Return by how much the packing misses what was asked: grains, solid fraction, and gradation by number.
+
+    Where its grains grew at the end, this is told of them before: sizes and solid fraction were asked of those.
+    """
+    growth = packing.provenance.get("growth")
     here = 0 if task.problem.start is None else task.problem.start.count
     missed: dict[str, float] = {"count": task.problem.count - packing.count}
     if task.asked["solid_fraction"] is not None and task.asked["count"] is None:
-        missed["solid_fraction"] = max(0.0, float(task.asked["solid_fraction"]) - packing.solid_fraction)
+        reached = packing.solid_fraction if growth is None else growth["solid_fraction_before"]
+        missed["solid_fraction"] = max(0.0, float(task.asked["solid_fraction"]) - reached)
     missed["gradation"] = 0.0
-    if missed["count"]:
+    if missed["count"] and growth is not None:
+        missed["gradation"] = growth["gradation_missed_before"]
+    elif missed["count"]:
         # grains of the start come first, and nobody asked for their sizes
         drawn, placed = task.problem.diameter[here:], packing.diameters[here:]
         missed["gradation"] = size_distance(drawn * task.problem.unit_length, placed)
