@@ -117,6 +117,8 @@ def pack(
         lattice, or the method packs no open surfaces.
     GrainTooLargeError
         If no grain can fit.
+    TooLargeError
+        If more than 100 million grains are asked for, or more than the method can hold.
     CheckpointError
         If the checkpoint is damaged or belongs to another run.
     OutputError
@@ -148,7 +150,7 @@ def pack(
     used = 1 if threads is None else min(as_count(threads, "threads", at_least=1), 1)
     if time_limit is not None:
         as_number(time_limit, "time_limit", at_least=0.0)
-    check_drive(checkpoint, on_step, recorder)
+    check_drive(checkpoint, resume, on_step, recorder)
     how = Drive(checkpoint, resume, on_step, time_limit=time_limit, recorder=recorder)
     state = drive(task.method, task.problem, how)
     packing = task.method.finish(task.problem, state)
@@ -181,6 +183,8 @@ def prepare_task(
         If a value breaks a rule.
     GrainTooLargeError
         If no grain can fit.
+    TooLargeError
+        If more than 100 million grains are asked for.
     """
     chosen = method_registry().get(method)
     settings: Any = from_mapping(chosen.parameters, parameters, f"method {method!r}")

@@ -147,5 +147,8 @@ def test_nothing_to_grow_and_wrong_factors():
     assert vg.grow(empty).provenance["growth"]["mean_factor"] == 1.0
     with pytest.raises(InputError, match="most"):
         vg.grow(empty, most=0.5)
+    for other in (None, "packing", SPHERE):
+        with pytest.raises(InputError, match=r"packing is .*: it must be a Packing"):
+            vg.grow(other)
     with pytest.raises(InputError, match="grow"):
         vg.pack(SPHERE, vg.Box((3, 3, 3)), method="advancing_front", grow=0.9)
