@@ -108,6 +108,25 @@ def as_faces(value: ArrayLike, vertex_count: int, name: str = "faces") -> Intege
     return faces
 
 
+def as_indices(value: ArrayLike, name: str, *, length: int, below: int) -> Integers:
+    """Return `value` as (length,) int64 indices below `below`, in an array of their own.
+
+    Raises
+    ------
+    InputError
+        As :func:`as_floats`, or if one is no whole number or out of range.
+    """
+    given = isinstance(value, np.ndarray) and value.dtype.kind in "iu" and value.shape == (length,)
+    array = np.asarray(value) if given else as_floats(value, name, shape=(length,))
+    wrong = np.flatnonzero((array < 0) | (array >= below) | (array != np.floor(array)))
+    if len(wrong):
+        raise InputError(
+            f"{name} is {array[wrong[0]]:g} at index {wrong[0]}: every value must be a whole number, at least 0 and "
+            f"below {below}; correct it"
+        )
+    return array.astype(np.int64)
+
+
 def as_quaternions(value: ArrayLike, name: str = "orientation") -> Floats:
     """Return `value` as (n, 4) unit quaternions (w, x, y, z), normalized to round-off.
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_floats, as_points, as_quaternions, read_only
+from voxgran._base.arrays import Floats, Integers, as_floats, as_indices, as_points, as_quaternions, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import rotation_matrices
 from voxgran.containers.model import Container
@@ -76,8 +76,8 @@ class Assembly:
         Raises
         ------
         InputError
-            If an array has the wrong length, a scale is not above 0, a shape index is out of range, the
-            dimension of a shape is not that of the container, or a grain lies off the plane in 2D.
+            If an array has the wrong length, a scale is not above 0, a shape index is no whole number or out of
+            range, the dimension of a shape is not that of the container, or a grain lies off the plane in 2D.
         """
         return cls(*checked_arrays(shapes, container, position, scale, shape_id, orientation), container)
 
@@ -152,11 +152,7 @@ def checked_arrays(
         raise InputError(
             f"scale is {scales.min()} for grain {int(scales.argmin())}: it must be above 0; remove the grain"
         )
-    index = np.zeros(n, np.int64) if shape_id is None else np.array(shape_id, dtype=np.int64).reshape(-1)
-    if len(index) != n or (n and (index.min() < 0 or index.max() >= len(shapes))):
-        raise InputError(
-            f"shape_id has {len(index)} entries up to {index.max(initial=-1)}: give {n} indices below {len(shapes)}"
-        )
+    index = as_indices(np.zeros(n) if shape_id is None else shape_id, "shape_id", length=n, below=len(shapes))
     for shape in shapes:
         if shape.dimension != container.dimension:
             raise InputError(

@@ -1,8 +1,10 @@
-"""What `pack` is given, checked before anything is drawn: its types, and lengths that can be computed with."""
+"""What `pack` and its like are given, checked before anything is drawn: types and lengths."""
 
 import os
 from collections.abc import Sequence
 from typing import Any
+
+import numpy as np
 
 from voxgran._base.arrays import check_lengths
 from voxgran._base.errors import InputError
@@ -24,28 +26,59 @@ def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Sh
     InputError
         If one of them is of another type, or a shape or the container is smaller than 1e-60 or larger than 1e60.
     """
-    given = (shapes,) if isinstance(shapes, Shape) else shapes
-    if not isinstance(given, Sequence) or not all(isinstance(shape, Shape) for shape in given):
-        raise InputError(f"shapes is {_short(shapes)}: it must be a Shape or a list of them; make_shape makes one")
+    given = check_shapes(shapes)
     known = all(hasattr(container, name) for name in ("dimension", "bounds", "signed_distance"))
     if isinstance(container, type) or not known:
         raise InputError(f"container is {_short(container)}: it must be a container; give a Box, or a Rectangle in 2D")
     if sizes is not None and not isinstance(sizes, SizeDistribution):
         raise InputError(f"sizes is {_short(sizes)}: it must be a size distribution; for one size give sizes.fixed")
-    if start is not None and not isinstance(start, Packing):
-        raise InputError(f"start is {_short(start)}: it must be a Packing; load or pack one")
+    if start is not None:
+        check_packing(start, "start")
     for shape in given:
         check_lengths(shape.bounding_radius, f"bounding radius of shape {shape.name!r}")
     check_lengths(container.bounds[1] - container.bounds[0], "length of the container")
+    return given
+
+
+def check_shapes(shapes: Any) -> tuple[Shape, ...]:
+    """Return one shape, or several, as a tuple.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    given = (shapes,) if isinstance(shapes, Shape) else shapes
+    if not isinstance(given, Sequence) or not all(isinstance(shape, Shape) for shape in given):
+        raise InputError(f"shapes is {_short(shapes)}: it must be a Shape or a list of them; make_shape makes one")
     return tuple(given)
 
 
-def check_drive(checkpoint: Any, on_step: Any, recorder: Any) -> None:
+def check_packing(packing: Any, name: str) -> None:
+    """Check that something is a packing.
+
+    Parameters
+    ----------
+    packing : Packing
+        What was given.
+    name : str
+        What the message calls it.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    if not isinstance(packing, Packing):
+        raise InputError(f"{name} is {_short(packing)}: it must be a Packing; load or pack one")
+
+
+def check_drive(checkpoint: Any, resume: Any, on_step: Any, recorder: Any) -> None:
     """Check what a run is driven with.
 
     Parameters
     ----------
-    checkpoint, on_step, recorder
+    checkpoint, resume, on_step, recorder
         As :func:`voxgran.packing.pack.pack` takes them.
 
     Raises
@@ -55,6 +88,8 @@ def check_drive(checkpoint: Any, on_step: Any, recorder: Any) -> None:
     """
     if checkpoint is not None and not isinstance(checkpoint, str | os.PathLike):
         raise InputError(f"checkpoint is {_short(checkpoint)}: it must be the path of a file; change it")
+    if not isinstance(resume, bool | np.bool_):
+        raise InputError(f"resume is {_short(resume)}: it must be True or False; give the file as checkpoint")
     if on_step is not None and not callable(on_step):
         raise InputError(f"on_step is {_short(on_step)}: it must be a function of a step; change it")
     if recorder is not None and not (hasattr(recorder, "due") and hasattr(recorder, "record")):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number, check_lengths
-from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning
+from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError
 from voxgran._base.seeds import stream
 from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.box import Box
@@ -28,6 +28,8 @@ log = logging.getLogger(__name__)
 DENSEST = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
 #: grains that are drawn at a time, and at the most, where no count is given
 BLOCK, MOST_DRAWN = 1024, 10_000_000
+#: grains that can be asked for: at 300 bytes each, 30 GB
+MOST_ASKED = 100_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +97,12 @@ def draw_grains(
         fraction beyond that of the densest lattice, or open surfaces are to be shared out or counted by volume.
     GrainTooLargeError
         If no grain can fit.
+    TooLargeError
+        If more than 100 million grains are asked for.
     """
     wanted = None if count is None else as_count(count, "count")
+    if wanted is not None and wanted > MOST_ASKED:
+        raise TooLargeError(f"count is {wanted}: at most {MOST_ASKED} grains can be packed at a time; pack in parts")
     target = container.volume * (
         1.0 if solid_fraction is None else as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)
     )

@@ -17,6 +17,7 @@ from voxgran.contacts.find import gaps_of_pairs
 from voxgran.contacts.walls import escape_depths, grain_bounds
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
+from voxgran.packing.asked import check_packing
 from voxgran.packing.grains import size_distance
 from voxgran.packing.model import Packing
 
@@ -48,7 +49,7 @@ def grow(packing: Packing, *, most: float = 2.0) -> Packing:
     Raises
     ------
     InputError
-        If the factor is below 1 or not finite.
+        If the packing is of another type, or the factor is below 1 or not finite.
 
     Notes
     -----
@@ -64,6 +65,7 @@ def grow(packing: Packing, *, most: float = 2.0) -> Packing:
     >>> vg.grow(pair).scale.round(6).tolist()
     [1.5, 1.5]
     """
+    check_packing(packing, "packing")
     limit = as_number(most, "most", at_least=1.0)
     factor, touches = _factors(packing, limit)
     grown = replace(packing, scale=packing.scale * factor)

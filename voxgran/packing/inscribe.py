@@ -11,6 +11,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.contacts.parts import is_one_ball
+from voxgran.packing.asked import check_packing, check_shapes
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 
@@ -50,8 +51,8 @@ def inscribe(
     Raises
     ------
     InputError
-        If there are no shapes, one has another dimension, a share is negative or all are 0, or an index is out of
-        range.
+        If an argument is of another type, there are no shapes, one has another dimension, a share is negative or all
+        are 0, or `shape_id` holds something else than n indices of shapes.
 
     Notes
     -----
@@ -68,7 +69,8 @@ def inscribe(
     >>> vg.verify(grains).ok
     True
     """
-    given = (shapes,) if isinstance(shapes, Shape) else tuple(shapes)
+    check_packing(packing, "packing")
+    given = check_shapes(shapes)
     for shape in given:
         if shape.dimension != packing.dimension:
             raise InputError(
@@ -77,14 +79,13 @@ def inscribe(
             )
     n, generator = packing.count, stream(as_count(seed, "seed"), "inscribed")
     drawn = _drawn(generator, len(given), n, weights)
-    chosen = drawn if shape_id is None else np.asarray(shape_id, dtype=np.int64)
     turns = _turns(generator, n, packing.dimension)
     balls = np.array([_ball_around(shape) for shape in given])
     inscribed = Packing.of(
         given,
         packing.container,
         position=packing.position,
-        shape_id=chosen,
+        shape_id=drawn if shape_id is None else shape_id,
         orientation=turns,
         density=packing.density,
         provenance={

@@ -43,6 +43,8 @@ FINEST = 2**45
 LOW = 0xFFFF
 #: where the tally counts grains that were given up without proof, and those that were put off
 UNPROVEN, PUT_OFF = 5, 6
+#: misses of boxes of which the last cut took nothing away: none does before another grain enters
+EXACT = -(2**62)
 
 
 class Classes(NamedTuple):
@@ -69,7 +71,8 @@ class Open(NamedTuple):
 
     cell: place of each, in cells of its class, as words of 16 bits: the three lowest ones and, where numbers need them,
     three higher ones; of boxes lower corner and edges.  bounds: where the classes begin, and the end.  misses: throws
-    in vain since the cells of a class were last cut.  depth: how often they were cut.
+    in vain since the cells of a class were last cut; below 0 where they are boxes that a cut would leave as they are.
+    depth: how often they were cut.
     """
 
     cell: NDArray[Any]
@@ -164,7 +167,10 @@ def cut_cells(bed: Bed, cells: Cells, room: Room, classes: Classes, known: Open,
     misses, depth = known.misses.copy(), known.depth.copy()
     misses[kind], depth[kind] = 0, depth[kind] + 1
     if bed.boxes:
-        after = open_boxes(bed, cells, room, known.cell[begin:end], classes.half[kind])
+        before = known.cell[begin:end]
+        after = open_boxes(bed, cells, room, before, classes.half[kind])
+        # where anything is taken away the volume is less, so some edge is
+        misses[kind] = EXACT if np.array_equal(after[:, 3:], before[:, 3:]) else 0
         many, cell = len(after), np.concatenate([known.cell[:begin], after, known.cell[end:]])
     else:
         kept = np.zeros(end - begin, dtype=np.uint8)
@@ -201,7 +207,9 @@ def _width(classes: Classes, depth: Integers) -> int:
 
 
 def all_edges(classes: Classes, known: Open) -> Floats:
-    """Return the edges of the open cells of each class, (k, 3)."""
+    """Return the edges of the open cells of each class, (k, 3); of boxes, each of which has its own, none, (0, 3)."""
+    if known.cell.dtype != np.uint16:
+        return np.zeros((0, 3))
     return np.asarray(classes.span / (classes.base * classes.parts.astype(np.float64) ** known.depth[:, None]))
 
 
@@ -249,7 +257,7 @@ def throw_into_cells(
     known : Open
         Their open cells.
     edge : (k, 3) ndarray of float
-        Edges of the cells of each class.
+        Edges of the cells of each class, unless they are boxes.
     volume : (m,) ndarray of float
         Volumes of open boxes, each with those before it in its class.
     last_cut : (k,) ndarray of int
@@ -291,6 +299,8 @@ def throw_into_cells(
             tally[PLACED] += 1
             tally[TURN] += 1
             tally[TRIED] = 0
+            for k in range(len(known.misses) if bed.boxes else 0):
+                known.misses[k] = max(known.misses[k], 0)
         else:
             tally[REFUSED] += 1
             tally[TRIED] += 1

@@ -117,6 +117,8 @@ def pack(
         lattice, or the method packs no open surfaces.
     GrainTooLargeError
         If no grain can fit.
+    TooLargeError
+        If more than 100 million grains are asked for, or more than the method can hold.
     CheckpointError
         If the checkpoint is damaged or belongs to another run.
     OutputError
@@ -148,7 +150,7 @@ def pack(
     used = 1 if threads is None else min(as_count(threads, "threads", at_least=1), 1)
     if time_limit is not None:
         as_number(time_limit, "time_limit", at_least=0.0)
-    check_drive(checkpoint, on_step, recorder)
+    check_drive(checkpoint, resume, on_step, recorder)
     how = Drive(checkpoint, resume, on_step, time_limit=time_limit, recorder=recorder)
     state = drive(task.method, task.problem, how)
     packing = task.method.finish(task.problem, state)
@@ -181,6 +183,8 @@ def prepare_task(
         If a value breaks a rule.
     GrainTooLargeError
         If no grain can fit.
+    TooLargeError
+        If more than 100 million grains are asked for.
     """
     chosen = method_registry().get(method)
     settings: Any = from_mapping(chosen.parameters, parameters, f"method {method!r}")
@@ -282,13 +286,20 @@ def with_provenance(task: Task, state: State, packing: Packing, *, seconds: floa
 
 
 def _misses(task: Task, packing: Packing) -> dict[str, float]:
-    """Return by how much the packing misses what was asked: grains, solid fraction, and gradation by number."""
+    """Return by how much the packing misses what was asked: grains, solid fraction, and gradation by number.
+
+    Where its grains grew at the end, this is told of them before: sizes and solid fraction were asked of those.
+    """
+    growth = packing.provenance.get("growth")
     here = 0 if task.problem.start is None else task.problem.start.count
     missed: dict[str, float] = {"count": task.problem.count - packing.count}
     if task.asked["solid_fraction"] is not None and task.asked["count"] is None:
-        missed["solid_fraction"] = max(0.0, float(task.asked["solid_fraction"]) - packing.solid_fraction)
+        reached = packing.solid_fraction if growth is None else growth["solid_fraction_before"]
+        missed["solid_fraction"] = max(0.0, float(task.asked["solid_fraction"]) - reached)
     missed["gradation"] = 0.0
-    if missed["count"]:
+    if missed["count"] and growth is not None:
+        missed["gradation"] = growth["gradation_missed_before"]
+    elif missed["count"]:
         # grains of the start come first, and nobody asked for their sizes
         drawn, placed = task.problem.diameter[here:], packing.diameters[here:]
         missed["gradation"] = size_distance(drawn * task.problem.unit_length, placed)

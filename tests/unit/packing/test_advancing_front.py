@@ -349,6 +349,27 @@ def test_a_loose_front_that_cannot_begin_fills_slabs_and_tubes(shape, container,
     assert vg.verify(packing).ok
 
 
+@pytest.mark.parametrize(
+    ("container", "asked", "count", "narrow"),
+    [
+        (vg.Box((8, 8, 1)), {}, 57, 1),
+        (vg.Box((8, 8, 1)), {"order": "lowest"}, 59, 1),
+        (vg.Cylinder(0.5, 12), {}, 11, 1),
+        (vg.Cylinder(0.5, 12), {"order": "lowest"}, 12, 1),
+        (vg.Box((5, 5, 1.2)), {}, 9, 0),
+        (vg.Box((5, 5, 1.2)), {"mode": "dense"}, 21, 0),
+        (vg.Box((5, 5, 1.0000001)), {"mode": "dense"}, 18, 0),
+        (vg.ClosedMesh(vg.Shape.from_mesh(*vg.Box((5, 5, 1.0000001)).mesh())), {"mode": "dense"}, 15, 0),
+    ],
+    ids=str,
+)
+def test_slabs_and_tubes_hold_what_the_manual_says(container, asked, count, narrow):
+    """docs/front.md."""
+    packing = pack(SPHERE, container, **asked)
+    assert packing.count == count
+    assert packing.provenance["counters"]["narrow"] == narrow
+
+
 def test_wide_containers_and_grains_that_all_fit_are_not_narrow():
     assert pack(SPHERE, vg.Box((4, 4, 4))).provenance["counters"]["narrow"] == 0
     assert pack(SPHERE, vg.Box((8, 8, 1)), count=1).provenance["counters"]["narrow"] == 0

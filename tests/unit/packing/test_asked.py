@@ -3,7 +3,7 @@
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, TooLargeError
 
 SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
 
@@ -20,6 +20,8 @@ SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
         ({"sizes": 3}, "sizes is 3: it must be a size distribution"),
         ({"start": 3}, "start is 3: it must be a Packing"),
         ({"checkpoint": 3}, "checkpoint is 3: it must be the path"),
+        ({"resume": "x"}, "resume is 'x': it must be True or False"),
+        ({"resume": None}, "resume is None"),
         ({"on_step": 3}, "on_step is 3: it must be a function"),
         ({"recorder": 3}, "recorder is 3: it must have the methods"),
     ],
@@ -28,6 +30,12 @@ def test_other_types_are_refused(changed, words):
     given = {"shapes": SPHERE, "container": BOX, "method": "rsa", "count": 2, **changed}
     with pytest.raises(InputError, match=words):
         vg.pack(given.pop("shapes"), given.pop("container"), **given)
+
+
+def test_more_grains_than_can_be_held_are_refused_before_they_are_drawn():
+    for many in (10**8 + 1, 10**12, 10**30):
+        with pytest.raises(TooLargeError, match=f"count is {many}: at most 100000000 grains"):
+            vg.pack(SPHERE, BOX, method="rsa", count=many)
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e-160, 1e-61, 1e61, 1e120, 1e300])

@@ -6,6 +6,8 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.contacts.walls import escape_depths
+from voxgran.packing.methods.advancing_front import registration as front
+from voxgran.packing.pack import prepare_task
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 HULLS = [vg.make_shape("convex_polyhedron", seed=seed, points=8 + seed) for seed in range(6)]
@@ -15,7 +17,8 @@ NEAR = pytest.mark.filterwarnings("ignore:.*grains were placed before")
 def pair(shape, way, scale=(1.0, 1.0), container=None):
     """Two grains so far apart."""
     container = container or vg.Box((20, 20, 20))
-    there = np.array([(10.0, 10, 10), (10.0 + way, 10, 10)])
+    there = np.tile(0.5 * container.bounds[1], (2, 1))
+    there[:, 0] += (-way / 2, way / 2)
     return vg.Packing.of([shape], container, position=there, scale=scale)
 
 
@@ -110,10 +113,49 @@ def test_a_flat_sheet_along_a_wall_grows_to_the_walls_across():
     assert vg.verify(grown).ok
 
 
+@NEAR
+@pytest.mark.parametrize(
+    "asked",
+    [{}, {"count": 100}, {"solid_fraction": 0.3}, {"solid_fraction": 0.9}, {"sizes": vg.sizes.uniform(0.6, 1.0)}],
+    ids=str,
+)
+def test_what_is_missed_is_told_of_the_grains_before_they_grow(asked):
+    how = {"method": "advancing_front", "mode": "dense", "seed": 1, **asked}
+    box, die = vg.Box((4, 4, 4)), vg.make_shape("box")
+    plain, grown = vg.pack(die, box, **how), vg.pack(die, box, grow=1.5, **how)
+    assert grown.solid_fraction > plain.solid_fraction
+    assert grown.provenance["missed"] == plain.provenance["missed"]
+    # a start has its own sizes, of which nobody asked
+    plain, grown = (vg.pack(die, box, start=pair(die, 2.0, container=box), grow=g, **how) for g in (1.0, 1.5))
+    assert grown.provenance["missed"] == plain.provenance["missed"]
+
+
+def test_a_run_that_was_cut_short_does_not_grow():
+    problem = prepare_task(
+        *(HULLS, vg.Box((5, 5, 5))),
+        method="advancing_front",
+        count=40,
+        weights_by="number",
+        seed=0,
+        parameters={"grow": 1.5},
+        **dict.fromkeys(("solid_fraction", "sizes", "weights")),
+    ).problem
+    state = front.advance(problem, front.prepare(problem), 5)
+    state.stop_reason = "interrupted"
+    short = front.finish(problem, state)
+    assert 0 < short.count < 40
+    assert "growth" not in short.provenance
+    whole = front.finish(problem, front.advance(problem, front.prepare(problem), 10_000))
+    assert whole.provenance["growth"]["mean_factor"] > 1.0
+
+
 def test_nothing_to_grow_and_wrong_factors():
     empty = vg.Packing.of([SPHERE], vg.Box((3, 3, 3)), position=np.zeros((0, 3)))
     assert vg.grow(empty).provenance["growth"]["mean_factor"] == 1.0
     with pytest.raises(InputError, match="most"):
         vg.grow(empty, most=0.5)
+    for other in (None, "packing", SPHERE):
+        with pytest.raises(InputError, match=r"packing is .*: it must be a Packing"):
+            vg.grow(other)
     with pytest.raises(InputError, match="grow"):
         vg.pack(SPHERE, vg.Box((3, 3, 3)), method="advancing_front", grow=0.9)

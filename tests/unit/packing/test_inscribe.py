@@ -72,3 +72,38 @@ def test_wrong_input_is_refused():
         vg.inscribe(BALLS, HULLS[:2], shape_id=[0, 1])
     with pytest.raises(InputError, match="shape_id"):
         vg.inscribe(BALLS, HULLS[:2], shape_id=[5] * 60)
+    for shapes in (None, [None], "box"):
+        with pytest.raises(InputError, match=r"shapes is .*: it must be a Shape"):
+            vg.inscribe(BALLS, shapes)
+    with pytest.raises(InputError, match="packing is None: it must be a Packing"):
+        vg.inscribe(None, HULLS)
+
+
+@pytest.mark.parametrize(
+    ("shape_id", "words"),
+    [
+        ("a", "not an array of numbers"),
+        ([[0], [0, 1]], "not an array of numbers"),
+        ([np.nan] * 60, "nan at index"),
+        ([0.7] * 60, "0.7 at index 0: every value must be a whole number"),
+        ([0] * 59 + [-1], "-1 at index 59"),
+        ([0] * 59 + [2], "2 at index 59.* below 2"),
+        ([1e300] * 60, "1e.300 at index 0"),
+        (np.zeros((1, 60), dtype=int), r"shape \(1, 60\): it must have shape \(60,\)"),
+        (np.zeros((1, 60)), r"shape \(1, 60\): it must have shape \(60,\)"),
+        (0, "shape"),
+    ],
+    ids=str,
+)
+def test_only_indices_tell_which_shape_a_grain_has(shape_id, words):
+    with pytest.raises(InputError, match=f"shape_id.*{words}"):
+        vg.inscribe(BALLS, HULLS[:2], shape_id=shape_id)
+    with pytest.raises(InputError, match=f"shape_id.*{words}"):
+        vg.Packing.of([SPHERE] * 2, BOX, position=BALLS.position, shape_id=shape_id)
+
+
+def test_whole_numbers_of_any_type_are_indices():
+    for kind in (np.uint8, np.int32, np.int64, np.float64, list):
+        mine = [0, 1] * 30 if kind is list else np.array([0, 1] * 30, dtype=kind)
+        assert vg.inscribe(BALLS, HULLS[:2], shape_id=mine).shape_id.tolist() == [0, 1] * 30
+        assert isinstance(mine, list) or mine.flags.writeable

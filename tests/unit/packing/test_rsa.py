@@ -340,6 +340,41 @@ def test_boxes_of_any_number_of_sizes_are_proven_where_they_can_be_sorted():
     assert vg.verify(both).ok
 
 
+@pytest.mark.filterwarnings("error:overflow")
+def test_open_boxes_are_cut_no_more_than_they_change():
+    """Two shapes, many sizes: most are as wide as one and as long as the other, and throws are in vain for long."""
+    die, brick = vg.make_shape("box"), vg.make_shape("box", lengths=(1, 0.5, 0.5))
+    options = {"until": "saturated", "aligned": True, "count": 200, "sizes": vg.sizes.uniform(0.3, 0.9)}
+    problem = task_of([die, brick], vg.Box((3, 3, 3), "xyz"), **options).problem
+    state = run_of(problem)
+    packing = rsa.finish(problem, state)
+    assert vg.verify(packing).ok
+    assert packing.stop_reason in ("saturated", "steps")
+    assert state.counters["refused"] > 100 * packing.count
+    # a class is cut to no purpose once at most for each grain that enters
+    assert state.arrays["depth"].max() < packing.count
+    # half way: boxes that a cut would leave as they are hold free places alone
+    half, exact = rsa.prepare(problem), np.zeros(0)
+    while not len(exact):
+        half = rsa.advance(problem, half, 20)
+        known = Open(*(half.arrays[name] for name in Open._fields))
+        exact = np.flatnonzero((known.misses < 0) & (np.diff(known.bounds) > 0))
+    setting, entered = half.derived["setting"], np.flatnonzero(half.arrays["entered"])
+    bed = Bed(half.arrays["position"], setting.half, setting.level, half.arrays["entered"], True)
+    for kind in exact:
+        after = cut_cells(bed, setting.cells, setting.room, setting.classes, known, kind).cell
+        assert after == pytest.approx(known.cell, abs=1e-12)
+        own = known.cell[known.bounds[kind] : known.bounds[kind + 1]]
+        step = np.abs(own[:, None, :3] + own[:, None, 3:] / 2 - half.arrays["position"][entered])
+        step = np.minimum(step, setting.room.lengths - step)
+        assert (step >= setting.classes.half[kind] + setting.half[entered] - 1e-12).any(axis=2).all()
+    for chunk in (997, 7):
+        again = rsa.prepare(problem)
+        while not again.stop_reason:
+            again = rsa.advance(problem, again, chunk)
+        assert all(array.tobytes() == state.arrays[name].tobytes() for name, array in again.arrays.items())
+
+
 def test_aligned_boxes_meet_as_boxes():
     square = vg.make_shape("polygon", vertices=((0, 0), (1, 0), (1, 1), (0, 1)))
     packing = vg.pack(square, vg.Rectangle((14, 12), "x"), method="rsa", until="saturated", aligned=True)

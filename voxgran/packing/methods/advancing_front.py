@@ -13,7 +13,7 @@ domains with disks: an advancing front approach, International Journal for Numer
 Applied Physics 43(6), 2727-2734, doi:10.1063/1.1661585.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -28,6 +28,7 @@ from voxgran.containers.sphere import Sphere
 from voxgran.packing.ball_cells import BITS, BallCells, lay_cells, link_all
 from voxgran.packing.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Bed, Front, Rules
 from voxgran.packing.front_room import FrontRoom, front_room_of
+from voxgran.packing.grains import size_distance
 from voxgran.packing.grow import grow
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
@@ -162,8 +163,21 @@ def finish(problem: Problem, state: State) -> Packing:
         orientation=_orientations(problem, grains),
         stop_reason=state.stop_reason or "interrupted",
     )
+    # a run that was cut short goes on from where it is, with the sizes that were asked
+    return packing if state.stop_reason in ("", "interrupted") else _grown(problem, packing)
+
+
+def _grown(problem: Problem, packing: Packing) -> Packing:
+    """Return the packing with its grains grown, and how far their sizes had been from those asked before they were."""
     asked: AdvancingFront = problem.parameters
-    return grow(packing, most=asked.grow) if asked.grow > 1.0 and state.stop_reason else packing
+    if asked.grow == 1.0:
+        return packing
+    here = 0 if problem.start is None else problem.start.count
+    drawn = problem.diameter[here:] * problem.unit_length
+    missed = size_distance(drawn, packing.diameters[here:])
+    grown = grow(packing, most=asked.grow)
+    growth = {**grown.provenance["growth"], "gradation_missed_before": missed}
+    return replace(grown, provenance={**grown.provenance, "growth": growth})
 
 
 def cost(problem: Problem) -> Cost:
