@@ -34,7 +34,7 @@ PUBLISHED = {
     "icosahedron": (0.50, 0.59),
 }
 #: coefficients of friction with which dice are poured by each method; None: they are shaken, without friction
-TREATMENTS = {"digital": (0.15, 0.5, 3.0, None), "control_point": (0.5,)}
+TREATMENTS = {"digital": (0.15, 0.5, 3.0, None), "control_point": (0.5, None)}
 #: how each method walks before the true shapes settle, without vibration
 WALKS: dict[str, dict[str, Any]] = {
     "digital": {"voxel_size": 1 / 20, "sweeps": 60, "up": 0.0, "down": 0.7},
@@ -120,20 +120,20 @@ def run(folder: Path) -> tuple[Path, ...]:
 
 def _draw(beds: Sequence[Bed], path: Path) -> None:
     """Draw the beds of each method beside what was published."""
-    figure = load("matplotlib.figure").Figure(figsize=(9.2, 4.0), layout="constrained")
+    figure = load("matplotlib.figure").Figure(figsize=(10.4, 4.0), layout="constrained")
+    ways = sorted({(bed.shaken, bed.friction) for bed in beds})
     for panel, method in zip(figure.subplots(1, len(WALKS), sharey=True), WALKS, strict=True):
         panel.plot(list(PUBLISHED), [loose for loose, _ in PUBLISHED.values()], "k_", ms=22, label="loosest, published")
         panel.plot(list(PUBLISHED), [dense for _, dense in PUBLISHED.values()], "k+", ms=14, label="shaken, published")
-        ways = sorted({(bed.shaken, bed.friction) for bed in beds if bed.method == method})
-        for shaken, friction in ways:
+        for k, (shaken, friction) in enumerate(ways):
             some = [bed for bed in beds if (bed.method, bed.shaken, bed.friction) == (method, shaken, friction)]
             label, mark = ("shaken", "s") if shaken else (f"poured, friction {friction:g}", "o")
-            panel.plot([bed.solid for bed in some], [bed.bulk for bed in some], mark, ms=5, label=label)
+            panel.plot([bed.solid for bed in some], [bed.bulk for bed in some], f"C{k}{mark}", ms=5, label=label)
         panel.set_title(method)
         panel.tick_params(axis="x", rotation=20)
         panel.grid(visible=True, alpha=0.3)
-    panel.legend(frameon=False, fontsize=7)
     figure.axes[0].set_ylabel("bulk solid fraction")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside right center", frameon=False, fontsize=8)
     with written_whole(path) as draft:
         figure.savefig(draft, format="svg")
 
