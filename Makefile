@@ -26,6 +26,7 @@ bench: $(STAMP)   ## run time against error of voxelization, distances and packi
 	$(BIN)/voxgran bench distance -o docs/figures
 	$(BIN)/voxgran bench digital -o docs/figures
 	$(BIN)/voxgran bench density -o docs/figures
+	$(BIN)/voxgran bench dice -o docs/figures
 	$(BIN)/voxgran bench contact -o docs/figures
 	$(BIN)/voxgran bench rsa -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
