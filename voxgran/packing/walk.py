@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Integers
-from voxgran._base.kernels import bare_kernel, kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.bits import Field, Words, grain_words, turned_box, write_turned
 from voxgran.packing.choices import (
@@ -297,7 +297,7 @@ def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def
         grains.site[g, axis] = corner[axis] - low[axis]
 
 
-@bare_kernel
+@inlined_kernel
 def _move(field, members, grains, pairs, g, step):  # type: ignore[no-untyped-def]
     """Move a grain by one voxel where nothing is in the way; tell whether it moved."""
     m, t = grains.member[g], grains.turn[g]
@@ -314,7 +314,7 @@ def _move(field, members, grains, pairs, g, step):  # type: ignore[no-untyped-de
     return 1
 
 
-@bare_kernel
+@inlined_kernel
 def _move_in_cells(field, members, grains, pairs, g, pose, box):  # type: ignore[no-untyped-def]
     """Put a grain into a pose and place where the tables of pairs leave room; tell whether they do."""
     low, size, corner = box
