@@ -333,27 +333,28 @@ registration = TradeOff(
 )
 
 
+#: how each body is drawn
+DASHES = {"sphere": "-", "box": "--", "eros": ":"}
+
+
 def _draw(speed: list[SpeedRow], accuracy: list[AccuracyRow], path: Path) -> None:
     """Draw rates against points on the left, errors against spacing in the middle and against time on the right."""
     figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
-    for k, program in enumerate((*TESTS, "SciPy cKDTree", "numba grid")):
-        for shape, style in (("sphere", "-"), ("eros", ":")):
+    programs = (*TESTS, "SciPy cKDTree", "numba grid")
+    for k, program in enumerate(programs):
+        for shape, style in DASHES.items():
             found = [(row[1], row[3]) for row in speed if row[0] == shape and row[2] == program]
+            own = [row for row in accuracy if row[0] == shape and row[1] == program]
+            timed = sorted((row[7], row[4]) for row in own if not np.isnan(row[7]))
             if found:
-                left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=f"{program}, {shape}")
+                left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o")
+            if own:
+                middle.loglog([row[3] for row in own], [row[4] for row in own], f"C{k}{style}")
+            if timed:
+                right.loglog(*zip(*timed, strict=True), f"C{k}{style}", marker="o")
     left.set_xlabel("control points of a grain")
     left.set_ylabel("attempts per second")
-    for k, test in enumerate(TESTS):
-        for shape, style in (("sphere", "-"), ("box", "--"), ("eros", ":")):
-            own = [row for row in accuracy if row[0] == shape and row[1] == test]
-            if own:
-                middle.loglog(
-                    [row[3] for row in own], [row[4] for row in own], f"C{k}{style}", label=f"{test}, {shape}"
-                )
-            timed = sorted((row[7], row[4]) for row in own if not np.isnan(row[7]))
-            if timed:
-                right.loglog(*zip(*timed, strict=True), f"C{k}{style}", marker="o", label=f"{test}, {shape}")
     middle.set_xlabel("spacing of control points, in diameters")
     right.set_xlabel("microseconds per attempt")
     for panel in (middle, right):
@@ -362,8 +363,9 @@ def _draw(speed: list[SpeedRow], accuracy: list[AccuracyRow], path: Path) -> Non
         panel.grid(visible=True, alpha=0.3)
         panel.xaxis.set_minor_formatter(load("matplotlib.ticker").NullFormatter())
     # colors and dashes mean the same in all three
-    for panel in (left, right):
-        if panel.lines:
-            panel.legend(frameon=False, fontsize=6)
+    line = load("matplotlib.lines").Line2D
+    keys = [line([], [], color=f"C{k}", label=program) for k, program in enumerate(programs)]
+    keys += [line([], [], color="black", linestyle=style, label=shape) for shape, style in DASHES.items()]
+    figure.legend(handles=keys, loc="outside right center", frameon=False, fontsize=8)
     with written_whole(path) as draft:
         figure.savefig(draft, format="svg")
