@@ -109,22 +109,20 @@ def _about(way: Floats, step: float) -> Floats:
 
 
 @kernel
+def _push_halves(stack, depth, a, b, leaves, other_leaves):  # type: ignore[no-untyped-def]
+    """Put the two halves of the larger of two boxes on the stack, each with the other box; return its new depth."""
+    split_one = a < leaves and (b >= other_leaves or a <= b)
+    for side in range(2):
+        stack[depth + side, 0] = 2 * a + 1 + side if split_one else a
+        stack[depth + side, 1] = b if split_one else 2 * b + 1 + side
+    return depth + 2
+
+
+@kernel
 def _free_along(  # type: ignore[no-untyped-def]
-    corners,
-    low,
-    high,
-    start,
-    other_corners,
-    other_low,
-    other_high,
-    other_start,
-    matrix,
-    size,
-    offset,
-    way,
-    most,
+    corners, low, high, start, other_corners, other_low, other_high, other_start, matrix, size, offset, way, most,
     extent,
-):
+):  # fmt: skip
     """Return how far the other surface moves along `way` until nothing crosses, at most `most`."""
     leaves, other_leaves = len(low) // 2, len(other_low) // 2
     stack, turned, place = np.zeros((256, 2), dtype=np.int64), np.zeros((16, 3, 3)), offset.copy()
@@ -139,11 +137,7 @@ def _free_along(  # type: ignore[no-untyped-def]
             if pair_bound(low, high, a, other_low, other_high, b, matrix, size, place) > near * near:
                 continue
             if a < leaves or b < other_leaves:
-                split_one = a < leaves and (b >= other_leaves or a <= b)
-                for side in range(2):
-                    stack[depth, 0] = 2 * a + 1 + side if split_one else a
-                    stack[depth, 1] = b if split_one else 2 * b + 1 + side
-                    depth += 1
+                depth = _push_halves(stack, depth, a, b, leaves, other_leaves)
                 continue
             turn_triangles(other_corners, other_start[b, 0], other_start[b, 1], matrix, offset, turned)
             for i in range(start[a, 0], start[a, 1]):
@@ -235,11 +229,7 @@ def _add_normals(  # type: ignore[no-untyped-def]
         if pair_bound(low, high, a, other_low, other_high, b, matrix, size, offset) > 0.0:
             continue
         if a < leaves or b < other_leaves:
-            split_one = a < leaves and (b >= other_leaves or a <= b)
-            for side in range(2):
-                stack[depth, 0] = 2 * a + 1 + side if split_one else a
-                stack[depth, 1] = b if split_one else 2 * b + 1 + side
-                depth += 1
+            depth = _push_halves(stack, depth, a, b, leaves, other_leaves)
             continue
         turn_triangles(other_corners, other_start[b, 0], other_start[b, 1], matrix, offset, turned)
         for i in range(start[a, 0], start[a, 1]):
