@@ -7,12 +7,14 @@ generator state.
 """
 
 import zlib
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import as_count
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import instruction, kernel
+from voxgran._base.lazy import load
 
 
 def stream(seed: int, stage: str, *index: int) -> np.random.Generator:
@@ -114,11 +116,14 @@ def shuffled(index: int, size: int, key_0: np.uint64, key_1: np.uint64) -> np.in
             return np.int64(x)
 
 
-@kernel
-def _multiply_high(a: np.uint64, b: np.uint64) -> np.uint64:
+@instruction
+def _multiply_high(_: Any, a: Any, b: Any) -> Any:
     """Return the upper 64 bits of the 128-bit product."""
-    mask, half = np.uint64(0xFFFFFFFF), np.uint64(32)
-    a_low, a_high, b_low, b_high = a & mask, a >> half, b & mask, b >> half
-    middle = a_high * b_low + ((a_low * b_low) >> half)
-    other = a_low * b_high + (middle & mask)
-    return a_high * b_high + (middle >> half) + (other >> half)
+    word = load("numba").types.uint64
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        ir = load("llvmlite.ir")
+        product = builder.mul(*(builder.zext(factor, ir.IntType(128)) for factor in args))
+        return builder.trunc(builder.lshr(product, ir.Constant(ir.IntType(128), 64)), ir.IntType(64))
+
+    return word(a, b), generate

@@ -50,10 +50,10 @@ class Turn(NamedTuple):
 
 @inlined_kernel
 def pick_grain(queue: Integers, placed: int, order: Integers, attempt: int, word: int) -> int:
-    """Pick a grain: any that has entered, or one of 64 that lie near each other, 256 attempts for each window."""
+    """Pick a grain: any that has entered, or one of 64 that lie near each other, 512 attempts for each window."""
     if len(order) == 0:
         return queue[len(queue) - 1 - below(word, placed)]
-    first = (attempt // 256) % ((len(order) + 63) // 64) * 64
+    first = (attempt // 512) % ((len(order) + 63) // 64) * 64
     return order[first + below(word, min(64, len(order) - first))]
 
 

@@ -26,12 +26,13 @@ from voxgran.packing.bits import (
     row_length,
     write_turned,
 )
+from voxgran.packing.digital_records import Grains, Members
 from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.lattice import ContainerLattice, container_lattice, free_voxels
 from voxgran.packing.method import State
 from voxgran.packing.pair_tables import make_tables, no_tables, table_bytes
 from voxgran.packing.problem import Problem
-from voxgran.packing.walk import Grains, Members, put
+from voxgran.packing.walk import put
 from voxgran.shapes.model import Shape
 
 #: voxels of a grain from which on tables of pairs are faster than columns, and the memory that they may take

@@ -4,9 +4,9 @@ from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.bits import Field, Triple, Words
 from voxgran.packing.stamps import (
-    is_blocked,
-    is_low_move_blocked,
-    is_move_blocked,
+    look,
+    look_along,
+    look_along_low,
     stamp,
     stamp_low_move,
     stamp_move,
@@ -99,29 +99,47 @@ def is_outside(field: Field, size: Triple, corner: Triple) -> bool:
     return False
 
 
+@inlined_kernel
+def looked_at(found: int) -> int:
+    """Return how much a look took, from its result: that itself, or the complement where something was in the way."""
+    return found if found >= 0 else ~found
+
+
 @bare_kernel
-def is_blocked_anywhere(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> bool:
-    """Tell whether a grain that is not on the canvas would meet anything at a place or its images."""
+def look_anywhere(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> int:
+    """Look whether a grain that is not on the canvas would meet anything at a place or its images.
+
+    Return the rows of columns that were looked at; where something is in the way, the complement, which is below 0.
+    """
+    rows = 0
     if is_outside(field, size, corner):
-        return True
+        return ~rows
     for ix in range(copies(field, 0, corner[0], size[0])):
         for iy in range(copies(field, 1, corner[1], size[1])):
             for iz in range(copies(field, 2, corner[2], size[2])):
-                if is_blocked(field, bits, at, size, image_of(field, corner, ix, iy, iz)):
-                    return True
-    return False
+                found = look(field, bits, at, size, image_of(field, corner, ix, iy, iz))
+                rows += looked_at(found)
+                if found < 0:
+                    return ~rows
+    return rows
 
 
 @bare_kernel
-def is_step_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> bool:
-    """Tell whether a grain on the canvas that steps to a corner would newly cover a taken voxel."""
+def look_along_step(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> int:
+    """Look whether a grain on the canvas that steps to a corner would newly cover a taken voxel.
+
+    Return what :func:`look_anywhere` returns.
+    """
+    rows = 0
     for ix in range(copies(field, 0, corner[0], size[0])):
         for iy in range(copies(field, 1, corner[1], size[1])):
             for iz in range(copies(field, 2, corner[2], size[2])):
                 image = image_of(field, corner, ix, iy, iz)
                 if size[2] <= 64:
-                    if is_low_move_blocked(field, bits, at, size, image, step):
-                        return True
-                elif is_move_blocked(field, bits, at, size, image, step):
-                    return True
-    return False
+                    found = look_along_low(field, bits, at, size, image, step)
+                else:
+                    found = look_along(field, bits, at, size, image, step)
+                rows += looked_at(found)
+                if found < 0:
+                    return ~rows
+    return rows

@@ -11,8 +11,8 @@ from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.packing.bits import Field, Words, turned_box
 from voxgran.packing.choices import pick_direction, pick_grain
-from voxgran.packing.images import image_of, is_step_blocked, lowest_corner, stamp_step, stepped
-from voxgran.packing.stamps import is_low_move_blocked, stamp_low_move
+from voxgran.packing.images import image_of, look_along_step, looked_at, lowest_corner, stamp_step, stepped
+from voxgran.packing.stamps import look_along_low, stamp_low_move
 
 
 @bare_kernel
@@ -27,10 +27,11 @@ def make_moves(
     The parameters are those of :func:`voxgran.packing.walk.make_attempts`, one by one.
     """
     field = Field(words, stride_x, stride_w, shape, margin, periodic)
-    placed = tally[0]
+    placed, rows = tally[0], 0
     for attempt in range(first, last):
         r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
         if unit_float(r3) < shares[2]:
+            tally[8] += rows
             return attempt
         g = pick_grain(queue, placed, order, attempt, r0)
         d = pick_direction(unit_float(r1), r2, classes, shares, schedule, attempt)
@@ -41,16 +42,21 @@ def make_moves(
         tally[2] += 1
         if size[2] <= 64 and _stays_whole(field, old, size):
             image = image_of(field, new, 0, 0, 0)
-            if is_low_move_blocked(field, bits, at[g], size, image, step):
+            found = look_along_low(field, bits, at[g], size, image, step)
+            rows += looked_at(found)
+            if found < 0:
                 continue
             stamp_low_move(field, bits, at[g], size, image, step)
-        elif is_step_blocked(field, bits, at[g], size, new, step):
-            continue
         else:
+            found = look_along_step(field, bits, at[g], size, new, step)
+            rows += looked_at(found)
+            if found < 0:
+                continue
             stamp_step(field, bits, at[g], size, old, new, step)
         for axis in range(3):
             site[g, axis] = new[axis] - low[axis]
         tally[1] += 1
+    tally[8] += rows
     return last
 
 

@@ -127,17 +127,18 @@ def _turned(mask: Booleans, low: Integers, size: Integers, turn: Integers) -> tu
 
 
 @bare_kernel
-def meets_others(
+def _look_up_others(
     field: Field, pairs: PairTables, turns: Integers, where: tuple[Integers, Integers, Integers], grain: int,
     pose: tuple[int, int], site: tuple[int, int, int],
-) -> bool:  # fmt: skip
-    """Tell whether a grain as a member in a turn at a site would share a voxel with another.
+) -> int:  # fmt: skip
+    """Return what :func:`look_up` returns.
 
     where: sites, members and turns of all grains.
     """
     sites, member, turn = where
     cells = pairs.cells
     reach = cells[3]
+    pairs_read = 0
     undo = turns[pairs.back[pose[1]]]
     x, y, z = _cell_of(field, cells, 0, site[0]), _cell_of(field, cells, 1, site[1]), _cell_of(field, cells, 2, site[2])
     last_y, last_z = _last(field, cells, 1, y), _last(field, cells, 2, z)
@@ -151,16 +152,12 @@ def meets_others(
                     dx = _nearest(field, 0, sites[other, 0] - site[0])
                     dy = _nearest(field, 1, sites[other, 1] - site[1])
                     dz = _nearest(field, 2, sites[other, 2] - site[2])
-                    if (
-                        abs(dx) < reach
-                        and abs(dy) < reach
-                        and abs(dz) < reach
-                        and other != grain
-                        and _overlap(pairs, undo, pose, (member[other], turn[other]), (dx, dy, dz))
-                    ):
-                        return True
+                    if abs(dx) < reach and abs(dy) < reach and abs(dz) < reach and other != grain:
+                        pairs_read += 1
+                        if _overlap(pairs, undo, pose, (member[other], turn[other]), (dx, dy, dz)):
+                            return ~pairs_read
                     other = pairs.after[other]
-    return False
+    return pairs_read
 
 
 @bare_kernel
@@ -250,12 +247,16 @@ def _number(field, cells, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def has_room(
+def look_up(
     field: Field, pairs: PairTables, turns: Integers, where: tuple[Integers, Integers, Integers], grain: int,
     pose: tuple[int, int], box: tuple[tuple[int, int, int], tuple[int, int, int], tuple[int, int, int]],
-) -> bool:  # fmt: skip
-    """Tell whether a grain as a member in a turn finds room; box: its site, its lowest voxel and its extents."""
+) -> int:  # fmt: skip
+    """Look whether a grain as a member in a turn would reach through a wall or share a voxel with another.
+
+    box: its site, its lowest voxel and its extents.  Return how many pairs were looked up; where something is in the
+    way, the complement, which is below 0.
+    """
     site, corner, size = box
     if is_outside(field, size, corner):
-        return False
-    return not meets_others(field, pairs, turns, where, grain, pose, site)
+        return ~0
+    return _look_up_others(field, pairs, turns, where, grain, pose, site)

@@ -8,7 +8,7 @@ from voxgran._base.arrays import Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.seeds import shuffled
 from voxgran.packing.bits import Field, Triple, Words
-from voxgran.packing.images import is_blocked_anywhere, stamp_images, wrapped
+from voxgran.packing.images import look_anywhere, stamp_images, wrapped
 
 
 class Parts(NamedTuple):
@@ -52,9 +52,8 @@ def find_near(field: Field, parts: Parts, member: int, site: Integers, ways: Int
     for k in range(len(ways)):
         for axis in range(3):
             site[axis] += ways[k, axis]
-        if not is_blocked_anywhere(
-            field, parts.words, parts.at[member], _extent(parts, member), _lowest(field, parts, member, site)
-        ):
+        corner = _lowest(field, parts, member, site)
+        if look_anywhere(field, parts.words, parts.at[member], _extent(parts, member), corner) >= 0:
             return k
         for axis in range(3):
             site[axis] -= ways[k, axis]
@@ -99,7 +98,7 @@ def add_at_random(
         place[1] = rest // lists.places[2] % lists.places[1]
         place[2] = rest % lists.places[2]
         corner = _lowest(field, parts, m, place)
-        if is_blocked_anywhere(field, parts.words, parts.at[m], _extent(parts, m), corner):
+        if look_anywhere(field, parts.words, parts.at[m], _extent(parts, m), corner) < 0:
             tally[2] += 1
             continue
         stamp_images(field, parts.words, parts.at[m], _extent(parts, m), corner)

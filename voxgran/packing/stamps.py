@@ -17,27 +17,32 @@ Four: TypeAlias = tuple[int, int, int, int]
 
 
 @bare_kernel
-def is_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> bool:
-    """Tell whether any voxel of a grain with its lowest voxel at a canvas voxel is taken."""
+def look(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> int:
+    """Look whether a grain with its lowest voxel at a canvas voxel would cover a taken one.
+
+    Return the rows of columns that were looked at; where a voxel is taken, the complement ``~rows``, which is below 0.
+    """
     wide, deep, tall = size
     x, y, z = corner
     count, row = (tall + 63) // 64, row_length(deep)
     shift, none, canvas = np.uint64(z & 63), np.uint64(0), field.words
+    rows = 0
     for k in range(((z & 63) + tall + 63) // 64):
         cell = np.uint64(x * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
         here, next_here = _rows(at, 1, k, count, row)
         under, next_under = _rows(at, 1, k - 1, count, row)
         for _ in range(wide):
+            rows += 1
             for j in range(np.uint64(0), np.uint64(deep), np.uint64(8)):
                 if meets_lanes(bits, here + j, under + j, none, none, canvas, cell + j, shift, none):
-                    return True
+                    return ~rows
             here, under, cell = here + next_here, under + next_under, cell + np.uint64(field.stride_x)
-    return False
+    return rows
 
 
 @bare_kernel
-def is_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> bool:
-    """Tell whether a grain that comes to `corner` by one step would cover a taken voxel anew."""
+def look_along(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> int:
+    """Look whether a grain that comes to `corner` by one step would cover a taken voxel anew; as :func:`look`."""
     wide, deep, tall = size
     x, y, z = corner
     dx, dy, dz = step
@@ -47,6 +52,7 @@ def is_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Tr
     # from the side to which it moves
     first = wide - 1 if dx > 0 else 0
     next_cell = np.uint64(-field.stride_x if dx > 0 else field.stride_x)
+    rows = 0
     for k in range(((z & 63) + tall + 63) // 64):
         cell = np.uint64((x + first) * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
         here, next_here = _rows(at, first + 1, k, count, row)
@@ -57,18 +63,19 @@ def is_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Tr
         if dx > 0:
             next_here, next_under, next_old, next_old_under = -next_here, -next_under, -next_old, -next_old_under
         for _ in range(wide):
+            rows += 1
             for j in range(np.uint64(0), np.uint64(deep), np.uint64(8)):
                 if meets_lanes(bits, here + j, under + j, old + j, old_under + j, canvas, cell + j, shift, old_shift):
-                    return True
+                    return ~rows
             here, under = here + next_here, under + next_under
             old, old_under = old + next_old, old_under + next_old_under
             cell += next_cell
-    return False
+    return rows
 
 
 @inlined_kernel
-def is_low_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> bool:
-    """Tell what :func:`is_move_blocked` tells, of a grain whose columns are one word tall."""
+def look_along_low(field: Field, bits: Words, at: int, size: Triple, corner: Triple, step: Triple) -> int:
+    """Return what :func:`look_along` returns, of a grain whose columns are one word tall."""
     wide, deep, tall = size
     x, y, z = corner
     dx, dy, dz = step
@@ -80,21 +87,23 @@ def is_low_move_blocked(field: Field, bits: Words, at: int, size: Triple, corner
     first = wide - 1 if dx > 0 else 0
     next_row = np.uint64(-row if dx > 0 else row)
     next_cell = np.uint64(-field.stride_x if dx > 0 else field.stride_x)
+    rows = 0
     for k in range(((z & 63) + tall + 63) // 64):
         cell = np.uint64((x + first) * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
         here = np.uint64(at + (first + 1) * row)
         old = np.uint64(at + (first + 1 + dx) * row + dy)
         part, old_part = _part(shift, k), _part(old_shift, k + lag)
         for _ in range(wide):
+            rows += 1
             for j in range(np.uint64(0), even, np.uint64(16)):
                 if _meets_sixteen(bits, here + j, part, old + j, old_part, canvas, cell + j, shift, old_shift):
-                    return True
+                    return ~rows
             if odd and meets_low_lanes(
                 bits, here + even, part, old + even, old_part, canvas, cell + even, shift, old_shift
             ):
-                return True
+                return ~rows
             here, old, cell = here + next_row, old + next_row, cell + next_cell
-    return False
+    return rows
 
 
 @inlined_kernel

@@ -3,8 +3,6 @@
 Attempt number a draws block a of the random stream and nothing else, so that chunks of attempts do not matter.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from voxgran._base.arrays import Integers
@@ -19,11 +17,13 @@ from voxgran.packing.choices import (
     pick_direction,
     pick_grain,
 )
+from voxgran.packing.digital_records import Grains, Members
 from voxgran.packing.images import (
     copies,
     image_of,
-    is_blocked_anywhere,
-    is_step_blocked,
+    look_along_step,
+    look_anywhere,
+    looked_at,
     lowest_corner,
     stamp_images,
     stamp_step,
@@ -31,40 +31,9 @@ from voxgran.packing.images import (
     wrapped,
 )
 from voxgran.packing.moves import make_moves
-from voxgran.packing.pair_tables import PairTables, enlist, has_room, relist
+from voxgran.packing.pair_tables import PairTables, enlist, look_up, relist
+from voxgran.packing.sleeping import note_rest, sleeps
 from voxgran.packing.stamps import sum_blocked
-
-
-class Members(NamedTuple):
-    """The bank as kernels take it; `turns` are signed permutations of the axes.
-
-    kind: of each grain; its members are `bases` from kind * bases on.  at: where each member in each turn begins in the
-    bits that all grains share; empty where each grain has bits of its own.
-    """
-
-    words: Words
-    start: Integers
-    low: Integers
-    size: Integers
-    turns: Integers
-    bases: int
-    kind: Integers
-    at: Integers
-
-
-class Grains(NamedTuple):
-    """Where the grains are: lattice site of the centroid, member of the bank (-1: waiting), turn.
-
-    at: where the bits of each begin now.  own: where its own bits begin, where it has some.
-    """
-
-    site: Integers
-    member: Integers
-    turn: Integers
-    bits: Words
-    at: Integers
-    own: Integers
-    scratch: Words
 
 
 @bare_kernel
@@ -100,7 +69,7 @@ def enter_near(
             wrapped(first[1] + ways[k, 1], field.shape[1], field.periodic[1]),
             wrapped(first[2] + ways[k, 2], field.shape[2], field.periodic[2]),
         )
-        if not is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
+        if look_anywhere(field, grains.bits, grains.at[g], size, corner) >= 0:
             stamp_images(field, grains.bits, grains.at[g], size, corner)
             _place(grains, g, member, turn, corner, low)
             return k
@@ -126,7 +95,7 @@ def make_attempts(
     It ends early when the queue is empty, the container is full, or a member of the bank is needed that has not been
     voxelized: then `turn.wanted` tells which, and that attempt is to be made again. The first entries of the queue
     wait, the others have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in
-    a row, slept through.
+    a row, slept through, rows of columns looked at, pairs looked up.
     """
     feeding = rules.schedule[0] < 0
     # nothing but moves and turns, on a canvas
@@ -153,27 +122,27 @@ def make_attempts(
                 return attempt + 1
             continue
         g = pick_grain(queue, tally[0], turn.order, attempt, r0)
-        if len(turn.slept) and _sleeps(field, members, grains, turn, g, cycle_start(rules, attempt)):
+        if len(turn.slept) and sleeps(field, members, grains, turn, g, cycle_start(rules, attempt)):
             tally[7] += 1
             continue
         if unit_float(r3) < rules.shares[2]:
             if _is_missing(members, turn, members.kind[g] * members.bases + below(r1, members.bases)):
                 return attempt
             tally[4] += 1
-            moved = _turn(field, members, grains, pairs, g, below(r1, members.bases), below(r2, len(members.turns)))
-            tally[3] += moved
+            pose = (below(r1, members.bases), below(r2, len(members.turns)))
+            tally[3] += _turn(field, members, grains, pairs, tally, g, pose)
         else:
             d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares, rules.schedule, attempt)
             if len(turn.hint):
                 d = guided_direction(turn.hint[g], rules, d, r0, r3)
             step = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2])
             tally[2] += 1
-            moved = _move(field, members, grains, pairs, g, step)
+            moved = _move(field, members, grains, pairs, tally, g, step)
             tally[1] += moved
             if len(turn.hint):
                 _note_contact(field, members, grains, g, step, moved, turn.hint[g])
         if len(turn.slept):
-            _note_rest(field, members, grains, rules, turn, g, attempt)
+            note_rest(field, members, grains, rules, turn, g, attempt)
     return last
 
 
@@ -228,67 +197,6 @@ def _note_contact(field, members, grains, g, step, moved, hint):  # type: ignore
 
 
 @bare_kernel
-def _cell_range(field, members, grains, turn, g, axis):  # type: ignore[no-untyped-def]
-    """Return first cell and number of cells along an axis that a grain, one voxel wider on each side, lies in."""
-    m, t = grains.member[g], grains.turn[g]
-    low, size = turned_box(members.low[m], members.size[m], members.turns[t])
-    edge = turn.cells[3]
-    begin = lowest_corner(field, grains.site[g], low)[axis] - 1
-    first = begin // edge
-    return first, (begin + size[axis] + 1) // edge - first + 1
-
-
-@bare_kernel
-def _sleeps(field, members, grains, turn, g, cycle):  # type: ignore[no-untyped-def]
-    """Tell whether a grain sleeps on; it wakes with a new cycle, and when something near it has sunk since."""
-    since = turn.slept[g]
-    if since < 0:
-        return False
-    quiet = since >= cycle
-    if quiet:
-        x, many_x = _cell_range(field, members, grains, turn, g, 0)
-        y, many_y = _cell_range(field, members, grains, turn, g, 1)
-        z, many_z = _cell_range(field, members, grains, turn, g, 2)
-        for i in range(x, x + many_x):
-            for j in range(y, y + many_y):
-                for k in range(z, z + many_z):
-                    quiet = quiet and turn.stirred[_cell(turn, i, j, k)] <= since
-    if not quiet:
-        turn.slept[g], turn.calm[g], turn.depth[g] = -1, 0, -(2**40)
-    return quiet
-
-
-@bare_kernel
-def _cell(turn, i, j, k):  # type: ignore[no-untyped-def]
-    """Return the number of a cell, wrapped."""
-    nx, ny, nz = turn.cells[0], turn.cells[1], turn.cells[2]
-    return ((i - i // nx * nx) * ny + (j - j // ny * ny)) * nz + k - k // nz * nz
-
-
-@bare_kernel
-def _note_rest(field, members, grains, rules, turn, g, attempt):  # type: ignore[no-untyped-def]
-    """Stir the cells of a grain that came lower; put one to sleep that did not in 128 attempts."""
-    site = grains.site[g]
-    depth = site[0] * rules.gravity[0] + site[1] * rules.gravity[1] + site[2] * rules.gravity[2]
-    if depth <= turn.depth[g]:
-        turn.calm[g] += 1
-        if turn.calm[g] >= 128:
-            turn.slept[g] = attempt
-        return
-    first = turn.depth[g] == -(2**40)
-    turn.depth[g], turn.calm[g] = depth, 0
-    if first:
-        return
-    x, many_x = _cell_range(field, members, grains, turn, g, 0)
-    y, many_y = _cell_range(field, members, grains, turn, g, 1)
-    z, many_z = _cell_range(field, members, grains, turn, g, 2)
-    for i in range(x, x + many_x):
-        for j in range(y, y + many_y):
-            for k in range(z, z + many_z):
-                turn.stirred[_cell(turn, i, j, k)] = attempt
-
-
-@bare_kernel
 def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def]
     """Note where a grain is."""
     grains.member[g] = member
@@ -298,7 +206,7 @@ def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def
 
 
 @inlined_kernel
-def _move(field, members, grains, pairs, g, step):  # type: ignore[no-untyped-def]
+def _move(field, members, grains, pairs, tally, g, step):  # type: ignore[no-untyped-def]
     """Move a grain by one voxel where nothing is in the way; tell whether it moved."""
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
@@ -306,8 +214,10 @@ def _move(field, members, grains, pairs, g, step):  # type: ignore[no-untyped-de
     new = stepped(field, old, step)
     at = grains.at[g]
     if len(pairs.at):
-        return _move_in_cells(field, members, grains, pairs, g, (m, t), (low, size, new))
-    if is_step_blocked(field, grains.bits, at, size, new, step):
+        return _move_in_cells(field, members, grains, pairs, tally, g, (m, t), (low, size, new))
+    found = look_along_step(field, grains.bits, at, size, new, step)
+    tally[8] += looked_at(found)
+    if found < 0:
         return 0
     stamp_step(field, grains.bits, at, size, old, new, step)
     _place(grains, g, m, t, new, low)
@@ -315,12 +225,14 @@ def _move(field, members, grains, pairs, g, step):  # type: ignore[no-untyped-de
 
 
 @inlined_kernel
-def _move_in_cells(field, members, grains, pairs, g, pose, box):  # type: ignore[no-untyped-def]
+def _move_in_cells(field, members, grains, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
     """Put a grain into a pose and place where the tables of pairs leave room; tell whether they do."""
     low, size, corner = box
     site = (corner[0] - low[0], corner[1] - low[1], corner[2] - low[2])
     where = (grains.site, grains.member, grains.turn)
-    if not has_room(field, pairs, members.turns, where, g, pose, (site, corner, size)):
+    found = look_up(field, pairs, members.turns, where, g, pose, (site, corner, size))
+    tally[9] += looked_at(found)
+    if found < 0:
         return 0
     if grains.member[g] < 0:
         _place(grains, g, pose[0], pose[1], corner, low)
@@ -333,20 +245,22 @@ def _move_in_cells(field, members, grains, pairs, g, pose, box):  # type: ignore
 
 
 @bare_kernel
-def _turn(field, members, grains, pairs, g, base, turn):  # type: ignore[no-untyped-def]
+def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-untyped-def]
     """Turn a grain about its centroid to another orientation of its bank where it fits; tell whether it turned."""
     m, at = grains.member[g], grains.at[g]
-    new_m = members.kind[g] * members.bases + base
+    new_m, turn = members.kind[g] * members.bases + pose[0], pose[1]
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
     old = lowest_corner(field, grains.site[g], low)
     new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
     new = lowest_corner(field, grains.site[g], new_low)
     if len(pairs.at):
-        return _move_in_cells(field, members, grains, pairs, g, (new_m, turn), (new_low, new_size, new))
+        return _move_in_cells(field, members, grains, pairs, tally, g, (new_m, turn), (new_low, new_size, new))
     stamp_images(field, grains.bits, at, size, old)
     if len(members.at):
         new_at = members.at[new_m * len(members.turns) + turn]
-        if is_blocked_anywhere(field, grains.bits, new_at, new_size, new):
+        found = look_anywhere(field, grains.bits, new_at, new_size, new)
+        tally[8] += looked_at(found)
+        if found < 0:
             stamp_images(field, grains.bits, at, size, old)
             return 0
         grains.at[g] = new_at
@@ -354,7 +268,9 @@ def _turn(field, members, grains, pairs, g, base, turn):  # type: ignore[no-unty
         zeros = grains.own[0]
         start, extent = members.start[new_m], members.size[new_m]
         write_turned(members.words, start, extent, members.turns[turn], grains.scratch, zeros)
-        if is_blocked_anywhere(field, grains.scratch, zeros, new_size, new):
+        found = look_anywhere(field, grains.scratch, zeros, new_size, new)
+        tally[8] += looked_at(found)
+        if found < 0:
             stamp_images(field, grains.bits, at, size, old)
             return 0
         words = grain_words(new_size)
@@ -381,7 +297,7 @@ def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word
         _entry(field, rules, 2, size[2], r3),
     )
     tally[5] += 1
-    if not _enter(field, members, grains, pairs, g, (m, turn), (low, size, corner)):
+    if not _enter(field, members, grains, pairs, tally, g, (m, turn), (low, size, corner)):
         tally[6] += 1
         return tally[6] >= rules.schedule[3]
     queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
@@ -391,13 +307,15 @@ def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word
 
 
 @bare_kernel
-def _enter(field, members, grains, pairs, g, pose, box):  # type: ignore[no-untyped-def]
+def _enter(field, members, grains, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
     """Let a grain enter where it finds room; tell whether it does."""
     low, size, corner = box
     if len(pairs.at):
-        return _move_in_cells(field, members, grains, pairs, g, pose, box) == 1
+        return _move_in_cells(field, members, grains, pairs, tally, g, pose, box) == 1
     grains.at[g] = _load(members, grains, g, pose[0], pose[1])
-    if is_blocked_anywhere(field, grains.bits, grains.at[g], size, corner):
+    found = look_anywhere(field, grains.bits, grains.at[g], size, corner)
+    tally[8] += looked_at(found)
+    if found < 0:
         return False
     stamp_images(field, grains.bits, grains.at[g], size, corner)
     _place(grains, g, pose[0], pose[1], corner, low)

@@ -36,6 +36,26 @@ def test_sleeping_grains_look_at_nothing():
     assert awake["slept_through"] == 0
     assert attempts(asleep) + asleep["slept_through"] == attempts(awake)
     assert attempts(asleep) < 0.7 * attempts(awake)
+    assert asleep["rows_read"] < 0.8 * awake["rows_read"]
+
+
+def test_a_move_looks_at_its_own_rows_and_no_more_in_a_larger_scene():
+    small, large = (counted(many, 12) for many in (3, 9))
+    a, b = (counters["rows_read"] / attempts(counters) for counters in (small, large))
+    # the box of a sphere of 12 voxels, at the most in two words
+    assert 0 < b < 1.03 * a
+    assert a < 2 * 12
+    assert small["pairs_read"] == large["pairs_read"] == 0
+
+
+def test_tables_are_read_of_near_pairs_and_no_more_in_a_larger_scene(monkeypatch):
+    monkeypatch.setattr(digital_setting, "TABLE_VOXELS", 0)
+    small, large = (counted(many, 12) for many in (3, 9))
+    a, b = (counters["pairs_read"] / attempts(counters) for counters in (small, large))
+    # 12 equal spheres have room around one, and few of them come first
+    assert 0 < b < 1.03 * a
+    assert a < 12
+    assert small["rows_read"] == large["rows_read"] == 0
 
 
 def walking(*, tables=False, wide=4, **options):

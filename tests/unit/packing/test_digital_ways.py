@@ -148,7 +148,7 @@ def plain_attempts(problem, state, setting, first, last, *, order=None, patience
         if order is None:
             g = int(state.arrays["queue"][n - 1 - ((r0 >> 32) * n >> 32)])
         else:
-            start = attempt // 256 % -(-n // 64) * 64
+            start = attempt // 512 % -(-n // 64) * 64
             g = int(order[start + ((r0 >> 32) * min(64, n - start) >> 32)])
         if patience is not None and slept[g] >= 0:
             if attempt - fed >= attempts:

@@ -38,6 +38,10 @@ def walked(case, attempts=(30_000,)):
     return state
 
 
+#: what the two do not have in common
+READ = {"rows_read": 0, "pairs_read": 0}
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_walk_is_that_by_columns(case, monkeypatch):
     columns = walked(case)
@@ -48,7 +52,7 @@ def test_walk_is_that_by_columns(case, monkeypatch):
         tables = walked(case, attempts)
         assert len(tables.derived["pairs"].at)
         assert not len(tables.derived["words"])
-        assert tables.counters == columns.counters
+        assert {**tables.counters, **READ} == {**columns.counters, **READ}
         for name in ("site", "member", "turn", "queue"):
             assert np.array_equal(tables.arrays[name], columns.arrays[name])
     assert columns.counters["moves_accepted"] > 1000

@@ -64,6 +64,8 @@ TALLY = (
     "feeds_tried",
     "feeds_refused_in_a_row",
     "slept_through",
+    "rows_read",
+    "pairs_read",
 )
 
 

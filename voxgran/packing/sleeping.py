@@ -1,0 +1,70 @@
+"""Grains of a walk that sleep once they no longer sink, and wake when something near them does."""
+
+from voxgran._base.kernels import bare_kernel
+from voxgran.packing.bits import Field, turned_box
+from voxgran.packing.choices import Rules, Turn
+from voxgran.packing.digital_records import Grains, Members
+from voxgran.packing.images import lowest_corner
+
+
+@bare_kernel
+def _cell_range(field, members, grains, turn, g, axis):  # type: ignore[no-untyped-def]
+    """Return first cell and number of cells along an axis that a grain, one voxel wider on each side, lies in."""
+    m, t = grains.member[g], grains.turn[g]
+    low, size = turned_box(members.low[m], members.size[m], members.turns[t])
+    edge = turn.cells[3]
+    begin = lowest_corner(field, grains.site[g], low)[axis] - 1
+    first = begin // edge
+    return first, (begin + size[axis] + 1) // edge - first + 1
+
+
+@bare_kernel
+def sleeps(field: Field, members: Members, grains: Grains, turn: Turn, g: int, cycle: int) -> bool:
+    """Tell whether a grain sleeps on; it wakes with a new cycle, and when something near it has sunk since."""
+    since = turn.slept[g]
+    if since < 0:
+        return False
+    quiet = since >= cycle
+    if quiet:
+        x, many_x = _cell_range(field, members, grains, turn, g, 0)
+        y, many_y = _cell_range(field, members, grains, turn, g, 1)
+        z, many_z = _cell_range(field, members, grains, turn, g, 2)
+        for i in range(x, x + many_x):
+            for j in range(y, y + many_y):
+                for k in range(z, z + many_z):
+                    quiet = quiet and turn.stirred[_cell(turn, i, j, k)] <= since
+    if not quiet:
+        turn.slept[g], turn.calm[g], turn.depth[g] = -1, 0, -(2**40)
+    return quiet
+
+
+@bare_kernel
+def _cell(turn, i, j, k):  # type: ignore[no-untyped-def]
+    """Return the number of a cell, wrapped."""
+    nx, ny, nz = turn.cells[0], turn.cells[1], turn.cells[2]
+    return ((i - i // nx * nx) * ny + (j - j // ny * ny)) * nz + k - k // nz * nz
+
+
+@bare_kernel
+def note_rest(
+    field: Field, members: Members, grains: Grains, rules: Rules, turn: Turn, g: int, attempt: int
+) -> None:  # fmt: skip
+    """Stir the cells of a grain that came lower; put one to sleep that did not in 128 attempts."""
+    site = grains.site[g]
+    depth = site[0] * rules.gravity[0] + site[1] * rules.gravity[1] + site[2] * rules.gravity[2]
+    if depth <= turn.depth[g]:
+        turn.calm[g] += 1
+        if turn.calm[g] >= 128:
+            turn.slept[g] = attempt
+        return
+    first = turn.depth[g] == -(2**40)
+    turn.depth[g], turn.calm[g] = depth, 0
+    if first:
+        return
+    x, many_x = _cell_range(field, members, grains, turn, g, 0)
+    y, many_y = _cell_range(field, members, grains, turn, g, 1)
+    z, many_z = _cell_range(field, members, grains, turn, g, 2)
+    for i in range(x, x + many_x):
+        for j in range(y, y + many_y):
+            for k in range(z, z + many_z):
+                turn.stirred[_cell(turn, i, j, k)] = attempt
