@@ -50,6 +50,8 @@ if TYPE_CHECKING:
 TESTS = {"sdf": SDF, "points": POINTS, "kdtree": KDTREE}
 #: edges of a cell of a lattice of distances in a spacing: its error is then small beside that of the points
 CELLS_IN_SPACING = 3.0
+#: longest edge of a cell, in diameters: distances on wide cells tell little of places between
+WIDEST_CELL = 0.07
 #: control points that are listed for a pair of near grains, and pairs for which there are lists
 LISTED, MOST_PAIRS = 64, 2**17
 #: factor on what control points keep where there are open surfaces, so that no step carries one through another, and
@@ -123,8 +125,9 @@ def memory_needed(problem: Problem) -> int:
         total += points * (24 * 40 + 48) + faces * (72 + 3 * 24)
     if settings.contact == "sdf":
         # 4 bytes a node, and its place and distance while they are made
-        across = 2 * max(shape.bounding_radius for shape in problem.shapes) / (settings.spacing / CELLS_IN_SPACING)
-        total += len(problem.shapes) * 4 * (across + 2 * MARGIN + 2) ** 3 + 60 * (across + 2 * MARGIN + 2) ** 3
+        widest = 2 * max(shape.bounding_radius for shape in problem.shapes) + settings.spacing
+        across = widest / _cell_edge(settings.spacing) + 2 * MARGIN + 2
+        total += len(problem.shapes) * 4 * across**3 + 60 * across**3
     listed = LISTED if settings.contact != "sdf" else 0
     # where the grain reaches, and its list of near ones
     near = 4 * ROOM + 32 if problem.count <= MOST_GRAINS else 0
@@ -257,8 +260,14 @@ def _fields(problem: Problem, samples: list[Any]) -> Fields:
     reach = problem.length(settings.distance) / least if np.isfinite(least) else 0.0
     points = [np.asarray(sample) for sample in samples]
     depth = problem.length(settings.overlap) / least if np.isfinite(least) else 0.0
-    cell = settings.spacing / CELLS_IN_SPACING
-    return make_fields(list(problem.shapes), points, cell=cell, reach=reach, depth=depth)
+    # points keep off thin grains by half the spacing at the most
+    margin, cell = settings.spacing / 2, _cell_edge(settings.spacing)
+    return make_fields(list(problem.shapes), points, cell=cell, reach=reach, depth=depth, margin=margin)
+
+
+def _cell_edge(spacing: float) -> float:
+    """Return the wanted edge of the cells of fields."""
+    return min(spacing / CELLS_IN_SPACING, WIDEST_CELL)
 
 
 def _hull(shape: Shape) -> tuple[Floats, float]:

@@ -15,7 +15,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.control_points import HORIZON, ROUNDING
 from voxgran.packing.control_records import Bed, Bodies, Memory, Scratch
-from voxgran.packing.fields import STEEP, field_at
+from voxgran.packing.fields import ROUGH, SINGLE, STEEP, field_at
 from voxgran.packing.poses import invert, moved_since, relate, row_of_pair, take_row
 from voxgran.packing.reaches import plane_of
 
@@ -71,7 +71,8 @@ def find_near(
     """
     level, begin, origin = depth[a], first[a], start[a]
     leaves, count = (1 << level) - 1, start[a + 1] - start[a]
-    slack, top = high - low, 1
+    slack, top, steep = high - low, 1, head[b, STEEP]
+    rough = head[b, ROUGH] if high >= 0.0 else np.inf
     ux, uy, uz, beyond = plane[0], plane[1], plane[2], plane[3]
     stack[0, 0] = 0
     while top > 0:
@@ -81,10 +82,10 @@ def find_near(
             one, other = 2 * node + 1, 2 * node + 2
             near, far, at = high, high, begin + one
             if ux * balls[at, 0] + uy * balls[at, 1] + uz * balls[at, 2] - scale * balls[at, 3] <= beyond:
-                near = _least(balls, head, rows, values, at, b, turn, shift, scale)
+                near = _least(balls, head, rows, values, at, b, turn, shift, scale, steep, rough)
             at += 1
             if ux * balls[at, 0] + uy * balls[at, 1] + uz * balls[at, 2] - scale * balls[at, 3] <= beyond:
-                far = _least(balls, head, rows, values, at, b, turn, shift, scale)
+                far = _least(balls, head, rows, values, at, b, turn, shift, scale, steep, rough)
             if near > far:
                 one, other, near, far = other, one, far, near
             # the nearer one on top
@@ -103,13 +104,15 @@ def find_near(
             if told < low:
                 return i, 0.0
             slack = min(slack, told - low)
-    return -1, slack / head[b, STEEP]
+    return -1, slack / steep
 
 
 @inlined_kernel
-def _least(balls, head, rows, values, at, b, turn, shift, scale):  # type: ignore[no-untyped-def]
+def _least(balls, head, rows, values, at, b, turn, shift, scale, steep, rough):  # type: ignore[no-untyped-def]
     """Return what a field tells at least of the places in a ball."""
-    return _told(balls, head, rows, values, at, b, turn, shift) - balls[at, 3] * scale * head[b, STEEP]
+    radius = balls[at, 3] * scale
+    change = min(radius * steep, np.sqrt((radius + SINGLE) ** 2 + rough))
+    return _told(balls, head, rows, values, at, b, turn, shift) - change
 
 
 @inlined_kernel

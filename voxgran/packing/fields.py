@@ -23,14 +23,16 @@ from voxgran.shapes.spheres import Spheres
 
 #: kinds of fields
 BALLS, PLANES, GRID = 0, 1, 2
-#: column of the head with the steepest change
-STEEP = 10
+#: columns of the head with the steepest change, and with what squares of ways gain by interpolation
+STEEP, ROUGH = 10, 11
 #: balls and planes at most; more of them are sampled
 MOST_BALLS, MOST_PLANES = 24, 64
 #: cells along the longest side of a lattice, at most
 MOST_CELLS = 128
 #: cells around a shape
 MARGIN = 2
+#: more than single precision loses of a distance, in diameters
+SINGLE = 1e-6
 
 
 class Fields(NamedTuple):
@@ -38,10 +40,11 @@ class Fields(NamedTuple):
 
     Attributes
     ----------
-    head : (shapes, 11) ndarray of float
+    head : (shapes, 12) ndarray of float
         Kind (BALLS, PLANES or GRID), where the rows of the shape begin and end; of a lattice its first node, the edge
-        of a cell, and how many nodes there are along y, z and x; last, how fast values change along a way at the most,
-        where they are above the least one that is asked for.
+        of a cell, and how many nodes there are along y, z and x; how fast values change along a way at the most, where
+        they are above the least one that is asked for; last, what is to be added to the square of a way so that values
+        above 0 change by no more than the root.
     rows : (n, 4) ndarray of float
         Center and radius of each ball; outward normal and offset of each plane; of a lattice one row, with where its
         values begin.
@@ -63,8 +66,9 @@ class Fields(NamedTuple):
 
 
 def make_fields(
-    shapes: list[Shape], points: list[Floats], *, cell: float, reach: float = 0.0, depth: float = 0.0
-) -> Fields:
+    shapes: list[Shape], points: list[Floats], *, cell: float, reach: float = 0.0, depth: float = 0.0,
+    margin: float = 0.0,
+) -> Fields:  # fmt: skip
     """Return the fields of shapes.
 
     Parameters
@@ -79,20 +83,23 @@ def make_fields(
         Up to which distance from the surface fields have to tell distances; with 0 their sign is enough.
     depth : float
         How far below the surface distances are asked for.
+    margin : float
+        How much farther lattices go on around the shapes at least.
     """
     heads, rows, values, row, value = [], [], [], 0, 0
     for shape in shapes:
         kind, own = _rows_of(shape.geometry, exact=reach > 0.0)
-        first, edge, nodes = _sampled(shape, cell, reach) if kind == GRID else _no_grid()
+        first, edge, nodes = _sampled(shape, cell, reach, margin) if kind == GRID else _no_grid()
         if kind == GRID:
             own = np.array([[value, 0.0, 0.0, 0.0]])
         steep = _steepest(nodes, edge, -depth) if kind == GRID else 1.0
-        heads.append([kind, row, row + len(own), *first, edge, *nodes.shape[1:], nodes.shape[0], steep])
+        rough = _roughness(shape.geometry, edge) if kind == GRID else 0.0
+        heads.append([kind, row, row + len(own), *first, edge, *nodes.shape[1:], nodes.shape[0], steep, rough])
         rows.append(own)
         values.append(nodes.ravel())
         row, value = row + len(own), value + nodes.size
     fields = Fields(
-        np.array(heads, dtype=np.float64).reshape(-1, 11),
+        np.array(heads, dtype=np.float64).reshape(-1, 12),
         np.concatenate([np.zeros((0, 4)), *rows]),
         np.concatenate([np.zeros(0, dtype=np.float32), *values]),
         np.zeros(len(shapes)),
@@ -146,12 +153,12 @@ def _planes_of(geometry: Geometry) -> Floats | None:
     return np.column_stack([normal, (corners @ normal.T).max(axis=0)])
 
 
-def _sampled(shape: Shape, cell: float, reach: float) -> tuple[Floats, float, NDArray[np.float32]]:
+def _sampled(shape: Shape, cell: float, reach: float, margin: float) -> tuple[Floats, float, NDArray[np.float32]]:
     """Return the first node, the edge of a cell and the distances at the nodes of a lattice around a shape."""
     low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
-    cell = max(cell, float((high - low).max() + 2 * reach) / MOST_CELLS)
-    margin = reach + MARGIN * cell
-    nodes = np.ceil((high - low + 2 * margin) / cell).astype(np.int64) + 1
+    cell = max(cell, float((high - low).max() + 2 * (reach + margin)) / MOST_CELLS)
+    around = reach + max(MARGIN * cell, margin)
+    nodes = np.ceil((high - low + 2 * around) / cell).astype(np.int64) + 1
     first = (low + high) / 2 - (nodes - 1) / 2 * cell
     if shape.dimension == 2:
         # two layers that are the same, with the plane of the shape between them
@@ -175,23 +182,34 @@ def _exact_distances(geometry: Geometry, places: Floats, *, outside: bool) -> Fl
 
 
 def _steepest(nodes: NDArray[np.float32], edge: float, least: float) -> float:
-    """Return how fast interpolated values change along a way at the most, in cells that reach above a value."""
-    squares = np.zeros(np.array(nodes.shape) - 1)
-    high = np.full(squares.shape, -np.inf)
+    """Return how fast interpolated values change along a way at the most, in cells that reach above a value.
+
+    Along each axis the slopes across it are linear, so that the steepest place of a cell is one of its corners.
+    """
+    cells = tuple(n - 1 for n in nodes.shape)
+    high = np.full(cells, -np.inf)
     for corner in np.ndindex(2, 2, 2):
-        part = tuple(slice(c, c + n) for c, n in zip(corner, squares.shape, strict=True))
-        high = np.maximum(high, nodes[part])
-    for axis in range(3):
-        slopes = np.abs(np.diff(nodes, axis=axis)) / edge
-        most = np.zeros(squares.shape)
-        for corner in np.ndindex(2, 2):
-            shift = np.insert(corner, axis, 0)
-            part = tuple(slice(c, c + n) for c, n in zip(shift, squares.shape, strict=True))
-            most = np.maximum(most, slopes[part])
-        squares += most**2
-    steepest = float(np.sqrt(squares[high > least].max(initial=1.0)))
+        high = np.maximum(high, nodes[tuple(slice(c, c + n) for c, n in zip(corner, cells, strict=True))])
+    slopes = [np.diff(nodes.astype(np.float64), axis=axis) / edge for axis in range(3)]
+    steepest = 1.0
+    for corner in np.ndindex(2, 2, 2):
+        squares = np.zeros(cells)
+        for axis, slope in enumerate(slopes):
+            start = [0 if k == axis else c for k, c in enumerate(corner)]
+            squares += slope[tuple(slice(c, c + n) for c, n in zip(start, cells, strict=True))] ** 2
+        steepest = max(steepest, float(np.sqrt(squares[high > least].max(initial=1.0))))
     # single precision; and beyond the lattice values change as fast as distances
-    return max(1.0, steepest) * (1.0 + 1e-5)
+    return steepest * (1.0 + 1e-5)
+
+
+def _roughness(geometry: Geometry, edge: float) -> float:
+    """Return what is to be added to the square of a way so that interpolated distances change by no more than the root.
+
+    Interpolation is the mean over nodes drawn along each axis on its own, so that the mean is the place. Two places
+    can draw theirs so that along each axis the difference varies by a quarter of a cell's square at the most, and at
+    nodes distances differ by no more than these are apart. It is infinite where nodes do not hold distances.
+    """
+    return 0.75 * edge**2 if isinstance(geometry, Mesh) else np.inf
 
 
 def _no_grid() -> tuple[Floats, float, NDArray[np.float32]]:

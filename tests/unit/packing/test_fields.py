@@ -6,7 +6,7 @@ import pytest
 import voxgran as vg
 from voxgran.contacts.inside import inner_distance
 from voxgran.packing.field_contacts import find_near
-from voxgran.packing.fields import BALLS, GRID, PLANES, STEEP, distances, make_fields
+from voxgran.packing.fields import BALLS, GRID, PLANES, ROUGH, SINGLE, STEEP, distances, make_fields
 from voxgran.packing.trees import make_trees, stack_room
 from voxgran.points.sample import sample_surface
 from voxgran.shapes.spheres import Spheres
@@ -102,12 +102,14 @@ def test_distances_that_are_asked_for_are_true_near_edges(name):
     assert np.abs(distances(fields, 0, points) - true)[near].max() < 4e-3
 
 
-@pytest.mark.parametrize("name", ["sphere", "box", "ellipsoid", "union"])
-def test_search_finds_what_looking_at_all_points_finds(name):
+@pytest.mark.parametrize(
+    ("name", "cell"), [("sphere", 0.04), ("box", 0.04), ("ellipsoid", 0.04), ("union", 0.04), ("union", 0.3)]
+)
+def test_search_finds_what_looking_at_all_points_finds(name, cell):
     """200 random poses: whether a point is near, and a slack that is no more than the true one."""
     shape, _ = SHAPES[name]
     points = np.asarray(sample_surface(shape, spacing=0.15))
-    fields, trees = make_fields([shape], [points], cell=0.04), make_trees([points])
+    fields, trees = make_fields([shape], [points], cell=cell), make_trees([points])
     stack, plane = np.zeros((stack_room(trees), 2), dtype=np.int64), np.array([0.0, 0.0, 0.0, np.inf])
     generator, found = np.random.Generator(np.random.Philox(5)), 0
     for _ in range(200):
@@ -125,3 +127,26 @@ def test_search_finds_what_looking_at_all_points_finds(name):
             assert slack <= min(told.min() - 0.01, 0.04) + 1e-12
             assert slack * fields.head[0, STEEP] >= min(told.min() - 0.01, 0.04) - 1e-12
     assert 20 < found < 180
+
+
+@pytest.mark.parametrize("cell", [0.3, 0.1, 0.04])
+def test_interpolated_distances_of_meshes_change_by_no_more_than_a_root(cell):
+    """Also between places on the lattice and beyond it, where the steepest slope times the way is more."""
+    shape, _ = SHAPES["union"]
+    fields, one = field_of(shape, cell=cell), places(shape, 40_000, 1.2)
+    lengths = 10.0 ** np.random.Generator(np.random.Philox(2)).uniform(-3, 0, len(one))
+    other = one + lengths[:, None] * places(shape, len(one), 1.0, seed=1)
+    told = [distances(fields, 0, points) for points in (one, other)]
+    way = np.linalg.norm(one - other, axis=1)
+    outside = (told[0] > 0) & (told[1] > 0)
+    assert fields.head[0, ROUGH] == 0.75 * fields.head[0, 6] ** 2
+    bound = np.sqrt(way**2 + fields.head[0, ROUGH])
+    assert (np.abs(told[0] - told[1]) <= bound + SINGLE)[outside].all()
+    assert (bound < fields.head[0, STEEP] * way)[outside].mean() > 0.1
+
+
+def test_bodies_without_exact_distances_have_no_root():
+    for name in ("ellipsoid", "cone"):
+        assert field_of(SHAPES[name][0]).head[0, ROUGH] == np.inf
+    for name in ("sphere", "box"):
+        assert field_of(SHAPES[name][0]).head[0, ROUGH] == 0.0
