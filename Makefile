@@ -5,13 +5,19 @@ STAMP := $(VENV)/.ok
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow lint bench figures clean
+.PHONY: demo test test-packing test-others test-slow lint bench figures clean
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
 
-test: $(STAMP)   ## the tests, without those marked slow
-	$(BIN)/python -m pytest -m "not slow"
+test: $(STAMP)   ## the tests, without those marked slow, in two processes
+	$(MAKE) --no-print-directory --output-sync=target --jobs=2 test-packing test-others
+
+test-packing:
+	$(BIN)/python -m pytest -m "not slow" tests/unit/packing
+
+test-others:
+	$(BIN)/python -m pytest -m "not slow" --ignore=tests/unit/packing
 
 test-slow: $(STAMP)   ## the tests marked slow, with many more random examples
 	$(BIN)/python -m pytest -m slow --hypothesis-profile=thorough
