@@ -197,7 +197,8 @@ def _recall(  # type: ignore[no-untyped-def]
     """Tell whether a grain meets another, 0 no, 1 yes, 2 unknown, from planes between them and from memory."""
     # fields near edges may tell less than distances, and not any distance
     wide = low * max(extent[g, 6], extent[j, 6]) if low > 0.0 else low
-    planes = len(reaches) > 0 and low <= extent[g, 7] and low <= extent[j, 7]
+    # a plane does not tell how deep the cores of grains that may overlap lie in each other
+    planes = len(reaches) > 0 and low <= extent[g, 7] and low <= extent[j, 7] and gap >= 0.0
     pair = min(g, j) * len(diameter) + max(g, j)
     row, side = row_of_pair(len(pairs), pair), 1.0 if g < j else -1.0
     if planes:

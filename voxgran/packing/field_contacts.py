@@ -224,7 +224,9 @@ def meets_field(
     _recall_way(bed, memory, scratch, g, a, b)
     if bodies.both or finer:
         point, slack = _find(bodies, scratch, bed.shape[a], bed.shape[b], scale, low / size_b, room)
-    elif _first_is_near(bodies, scratch, bed.shape[a], bed.shape[b], low / size_b):
+    else:
+        slack = min(slack, _room_of_first(bodies, scratch, bed.shape[a], bed.shape[b], low / size_b))
+    if slack < 0.0:
         return True
     if point < 0:
         invert(relative, shift, scale)
@@ -235,7 +237,10 @@ def meets_field(
                 bodies, scratch, bed.shape[b], bed.shape[a], 1.0 / scale, back_low / size_a, room / scale
             )
             slack = min(slack, scale * other)
-        elif _first_is_near(bodies, scratch, bed.shape[b], bed.shape[a], back_low / size_a):
+        else:
+            other = _room_of_first(bodies, scratch, bed.shape[b], bed.shape[a], back_low / size_a)
+            slack = min(slack, scale * other)
+        if slack < 0.0:
             return True
     if point < 0 and gap < 0.0:
         # points of the surface do not tell of grains whose centers nearly coincide: their cores must keep apart too
@@ -307,11 +312,11 @@ def _turn_way(relative, way):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _first_is_near(bodies, scratch, s, t, low):  # type: ignore[no-untyped-def]
-    """Tell whether the first point of shape s is near shape t."""
-    trees, fields = bodies.trees, bodies.fields
-    first = trees.start[s]
-    return _told(trees.points, fields.head, fields.rows, fields.values, first, t, scratch.relative, scratch.shift) < low
+def _room_of_first(bodies, scratch, s, t, low):  # type: ignore[no-untyped-def]
+    """Return how much farther than it must be the first point of shape s is from shape t; below 0 too near."""
+    trees, fields, first = bodies.trees, bodies.fields, bodies.trees.start[s]
+    told = _told(trees.points, fields.head, fields.rows, fields.values, first, t, scratch.relative, scratch.shift)
+    return (told - low) / fields.head[t, STEEP]
 
 
 @bare_kernel

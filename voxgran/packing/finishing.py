@@ -44,7 +44,9 @@ class Finishing:
     Attributes
     ----------
     parts : bool
-        Whether grains may overlap and have to be parted.
+        Whether grains may overlap, or be too near, and have to be parted.
+    distance : float
+        That surfaces have to keep, in median diameters, where grains are parted and do not settle.
     settling, shaking : int
         Most sweeps of settling, and sweeps of shaking before it.
     acceleration : float
@@ -60,6 +62,7 @@ class Finishing:
     """
 
     parts: bool
+    distance: float
     settling: int
     shaking: int
     acceleration: float
@@ -187,7 +190,9 @@ def under_lid(state: State, finishing: Finishing, assembly: Assembly) -> Assembl
 def _part(state: State, finishing: Finishing, assembly: Assembly) -> None:
     """Make a sweep of parting."""
     sweep = state.counters["parting_sweeps"]
-    after, state.counters["left_overlapping"] = part_once(assembly, finishing.gravity, sweep)
+    after, state.counters["left_overlapping"] = part_once(
+        assembly, finishing.gravity, sweep, distance=finishing.distance
+    )  # fmt: skip
     _keep(state, after)
     state.counters["parting_sweeps"] += 1
     if not state.counters["left_overlapping"] or state.counters["parting_sweeps"] == PART_SWEEPS:

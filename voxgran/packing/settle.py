@@ -21,8 +21,8 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.rotation import normalized, product
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.broad import Pairs
-from voxgran.contacts.find import PairKey, meeting_pairs, pair_keys
+from voxgran.contacts.broad import Pairs, grain_pairs
+from voxgran.contacts.find import PairKey, gaps_of_pairs, meeting_pairs, pair_keys
 from voxgran.contacts.walls import escape_depths
 from voxgran.packing.projection import project
 from voxgran.packing.touching import Touching, closing_of, find_touching, joined, near_walls, places_of
@@ -47,8 +47,10 @@ PART_REACH, PART_ROOM = 0.02, 1e-5
 HALVINGS, RETREATS = 4, 60
 
 
-def part_once(assembly: Assembly, gravity: Floats, sweep: int = 0) -> tuple[Assembly, int]:
-    """Push grains that overlap a little apart, in the least motions that do so to first order.
+def part_once(
+    assembly: Assembly, gravity: Floats, sweep: int = 0, *, distance: float = 0.0
+) -> tuple[Assembly, int]:  # fmt: skip
+    """Push grains that overlap a little, or are too near, apart, in the least motions that do so to first order.
 
     Parameters
     ----------
@@ -58,20 +60,23 @@ def part_once(assembly: Assembly, gravity: Floats, sweep: int = 0) -> tuple[Asse
         Direction of the fall, along which contacts are solved.
     sweep : int
         Sweeps that have not parted them: the more, the more room is asked for.
+    distance : float
+        That the surfaces of grains have to keep, in the unit of lengths; 0: they may touch.
 
     Returns
     -------
     Assembly
-        The grains pushed apart, or as they were where none overlapped.
+        The grains pushed apart, or as they were where none was too near.
     int
-        How many pairs and grains at walls overlapped before.
+        How many pairs were too near, and grains reached through walls, before.
     """
     pairs, outside = _wrong(assembly)
-    many = pairs.count + int(outside.sum())
+    many = (_count_near(assembly, distance) if distance > 0.0 else pairs.count) + int(outside.sum())
     if not many:
         return assembly, 0
     size = float(np.median(assembly.diameters))
-    touching = find_touching(assembly, PART_REACH * size)
+    touching = find_touching(assembly, distance + PART_REACH * size)
+    touching.gap[touching.j >= 0] -= distance
     # at walls stands the tessellation of a grain, which the true surface may pass by its error
     error = np.array([shape.tessellation_error for shape in assembly.shapes])[assembly.shape_id] * assembly.scale
     touching.gap[touching.j < 0] -= error[touching.i[touching.j < 0]]
@@ -248,6 +253,12 @@ def _turned(orientation: Floats, spin: Floats) -> Floats:
     axis = spin / np.maximum(angle, 1e-300)[:, None]
     turn = np.column_stack([np.cos(angle / 2), np.sin(angle / 2)[:, None] * axis])
     return normalized(product(turn, orientation))
+
+
+def _count_near(assembly: Assembly, distance: float) -> int:
+    """Return how many pairs of grains are nearer than a distance."""
+    gap = gaps_of_pairs(assembly, grain_pairs(assembly, distance), distance, deepest=False)[0]
+    return int(np.count_nonzero(gap < distance - ROUND_OFF * float(np.median(assembly.diameters))))
 
 
 def _wrong(assembly: Assembly, flush: Collection[PairKey] = ()) -> tuple[Pairs, Booleans]:

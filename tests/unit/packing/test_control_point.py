@@ -178,12 +178,19 @@ def test_walk_is_that_of_a_plain_program(contact, points):
     assert np.allclose(np.linalg.norm(state.arrays["orientation"], axis=1), 1.0, rtol=0, atol=1e-15)
 
 
-@pytest.mark.parametrize("contact", ["sdf", "points", "kdtree"])
-def test_what_is_remembered_changes_nothing(contact):
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"contact": "sdf"}, {"contact": "sdf", "ways": "one", "spacing": 0.4}, {"contact": "sdf", "overlap": 0.1},
+        {"contact": "sdf", "distance": 0.05}, {"contact": "points"}, {"contact": "kdtree"},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_what_is_remembered_changes_nothing(options):
     """A run that forgets all comparisons every 150 attempts, as a resumed one does, gives the same bits."""
-    shapes = [vg.make_shape("solid_union", seed=2), vg.make_shape("sphere")]
+    shapes = [vg.make_shape("solid_union", seed=2), vg.make_shape("box", aspect=(2, 1, 0.6)), vg.make_shape("sphere")]
     box, keywords = vg.Box((3, 3, 5), (True, True, False)), {"count": 14, "spacing": 0.25, "sweeps": 300, "cycles": 2}
-    keywords["contact"] = contact
+    keywords |= options
     kept, forgot = (task_of(shapes, box, **keywords).problem for _ in range(2))
     one, two = control_point.prepare(kept), control_point.prepare(forgot)
     one = control_point.advance(kept, one, 6000)
@@ -368,6 +375,27 @@ def test_grains_keep_the_distance_that_is_asked_for():
     np.fill_diagonal(gaps, np.inf)
     assert packing.count == 20
     assert 0.3 <= gaps.min() < 0.3 + 2 * 0.31
+
+
+@pytest.mark.parametrize("shape", ["box", "tetrahedron"])
+@pytest.mark.parametrize("distance", [0.01, 0.1])
+def test_grains_with_edges_keep_the_distance_too(shape, distance):
+    """By the least gaps that manifold3d finds: edges come nearer between control points, and are parted again."""
+    manifold = pytest.importorskip("manifold3d")
+    body = vg.make_shape("box", aspect=(2, 1, 0.6)) if shape == "box" else vg.make_shape("platonic", solid=shape)
+    packing = vg.pack(
+        body, vg.Box((3, 3, 6)), method="control_point", count=14, distance=distance, spacing=0.25, sweeps=300, seed=5
+    )
+    solids = [
+        manifold.Manifold(
+            manifold.Mesh64(np.ascontiguousarray(packing.world_vertices(k)), body.faces.astype(np.uint64))
+        )
+        for k in range(packing.count)
+    ]
+    gaps = [one.min_gap(other, 0.5) for k, one in enumerate(solids) for other in solids[:k]]
+    assert packing.count == 14
+    assert min(gaps) >= distance * (1 - 1e-6)
+    assert packing.provenance["parting"]["overlapping"] == 0
 
 
 def test_within_is_what_closed_forms_say():

@@ -368,6 +368,7 @@ def _finishing(problem: Problem) -> Finishing:
     smooth = all(largest_curvature(shape.geometry) is not None for shape in problem.shapes)
     return Finishing(
         parts=settings.contact == "sdf" and not settings.overlap and not smooth,
+        distance=problem.length(settings.distance),
         settling=settings.settling,
         shaking=settings.shaking,
         acceleration=settings.acceleration,

@@ -283,6 +283,7 @@ def _finishing(problem: Problem, setting: Setting) -> Finishing:
     settings: Digital = problem.parameters
     return Finishing(
         parts=settings.settling > 0 and settings.cover != "touch",
+        distance=0.0,
         settling=settings.settling,
         shaking=settings.shaking,
         acceleration=settings.acceleration,
