@@ -45,9 +45,11 @@ def as_floats(value: ArrayLike, name: str, *, shape: tuple[int | None, ...]) -> 
         If it is not numeric, has another shape, or holds NaN or infinity.
     """
     try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
+        array = np.asarray(value, dtype=np.float64, order="C")
     except (TypeError, ValueError):
         raise InputError(f"{name} is not an array of numbers: give an array of shape {_text(shape)}") from None
+    if array.ndim == 0 and len(shape) > 0:
+        raise InputError(f"{name} is {value!r}: it must be an array of shape {_text(shape)}; give one")
     if len(shape) == 0:
         array = array.reshape(()) if array.size == 1 else array
     if array.ndim != len(shape) or any(
