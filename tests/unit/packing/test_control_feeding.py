@@ -290,6 +290,8 @@ def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path):
         ({"rate": 0.0}, "rate is 0"),
         ({"rate": 1.5}, "rate is 1.5"),
         ({"period": 0}, "period is 0"),
+        ({"cycles": 0}, "cycles is 0"),
+        ({"cycles": 8, "period": 50}, "cycles is 8 and period 50: each makes the number of cycles; leave one out"),
         ({"decay": 1.5}, "decay is 1.5"),
         ({"layer_sweeps": 0}, "layer_sweeps is 0"),
         ({"feed": "pour"}, "feed"),
