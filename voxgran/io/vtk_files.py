@@ -19,6 +19,7 @@ from voxgran._base.files import as_path, existing_file, write_text, written_whol
 from voxgran.io.record import Record, from_record, to_record
 from voxgran.io.surfaces import merged_surfaces
 from voxgran.io.vtk_data import attach, attach_texts, detach, numpy_support, poly_data, read_data, write_data
+from voxgran.packing.asked import check_packing
 from voxgran.packing.model import Packing
 from voxgran.shapes.primitive import Primitive
 
@@ -181,6 +182,7 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
     or glyphs); all other grains are one mesh with the grain, its shape and its diameter at each triangle. Contacts
     are lines between the centroids, with gap, normal and contact point.
     """
+    check_packing(packing, "packing")
     target = as_path(path)
     if target.suffix.lower() != ".vtm":
         raise FileFormatError(f"{target} has the suffix {target.suffix!r}: scenes are kept as .vtm; rename it")

@@ -18,6 +18,8 @@ from voxgran.packing.problem import Problem
 SETTLE_SWEEPS = 200
 #: looks at the most after the last cycle
 SETTLE_LOOKS = 40
+#: attempts per grain that are asked for at the most: those of all grains are still numbers of 64 bits
+MOST_SWEEPS = 10**9
 #: refusals in a row after which a layer is full
 LAYER_REFUSALS = 300
 #: share of attempts that let a grain enter, at which a container counts as full after the usual number of refusals
@@ -65,11 +67,11 @@ def check_cycles(cycles: int | None, period: int | None) -> None:
     Raises
     ------
     InputError
-        If one is below 1, or both are given.
+        If one is below 1 or above a billion, or both are given.
     """
     for name, value in (("cycles", cycles), ("period", period)):
         if value is not None:
-            as_count(value, name, at_least=1)
+            as_count(value, name, at_least=1, at_most=MOST_SWEEPS)
     if cycles is not None and period is not None:
         raise InputError(f"cycles is {cycles} and period {period}: each makes the number of cycles; leave one out")
 

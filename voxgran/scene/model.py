@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from voxgran._base.arrays import as_count, as_number, as_positive
+from voxgran._base.arrays import as_count, as_number, as_positive, check_type
 from voxgran._base.config import from_mapping, parameter, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError
 from voxgran._base.files import existing_file
@@ -178,6 +178,7 @@ class Scene:
         InputError
             If a value is missing or breaks a rule.
         """
+        check_type(mapping, Mapping, "scene", "a mapping of sections; for a file use Scene.from_toml")
         for name in mapping:
             if name not in SECTIONS:
                 raise UnknownNameError(unknown("section", name, SECTIONS))

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, check_type
 from voxgran._base.errors import FileFormatError, InputError, OutputError
 from voxgran._base.files import as_path, existing_file, written_whole
 from voxgran._base.lazy import load
@@ -138,8 +138,7 @@ def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = 
     OutputError
         If it cannot be written.
     """
-    if not isinstance(shape, Shape):
-        raise InputError(f"shape is {shape!r}: it must be a Shape; make_shape and load_shape make one")
+    check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     target = as_path(path)
     writer = WRITERS.get(target.suffix.lower())
     if writer is None:

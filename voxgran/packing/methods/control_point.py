@@ -48,6 +48,7 @@ from voxgran.packing.control_records import Rules
 from voxgran.packing.control_setting import Setting, bed_of, memory_needed, setting_of
 from voxgran.packing.control_walk import enter_raised, make_attempts
 from voxgran.packing.feeding import (
+    MOST_SWEEPS,
     SETTLE_SWEEPS,
     check_cycles,
     cycles_of,
@@ -155,9 +156,9 @@ class ControlPoint:
                 "shape; give at most 1, such as 0.12"
             )
         as_number(self.distance, "distance", at_least=0.0)
-        as_count(self.sweeps, "sweeps")
+        as_count(self.sweeps, "sweeps", at_most=MOST_SWEEPS)
         as_number(self.rate, "rate", above=0.0, at_most=1.0)
-        as_count(self.layer_sweeps, "layer_sweeps", at_least=1)
+        as_count(self.layer_sweeps, "layer_sweeps", at_least=1, at_most=MOST_SWEEPS)
         check_cycles(self.cycles, self.period)
         if self.decay is not None:
             as_number(self.decay, "decay", at_least=0.0, at_most=1.0)
@@ -166,9 +167,9 @@ class ControlPoint:
         as_number(self.turns, "turns", at_least=0.0, at_most=1.0)
         as_number(self.step, "step", at_least=SHORTEST_STEP)
         as_number(self.overlap, "overlap", at_least=0.0)
-        as_count(self.settling, "settling")
+        as_count(self.settling, "settling", at_most=MOST_SWEEPS)
         as_number(self.friction, "friction", at_least=0.0)
-        as_count(self.shaking, "shaking")
+        as_count(self.shaking, "shaking", at_most=MOST_SWEEPS)
         as_number(self.acceleration, "acceleration", above=0.0)
         if self.distance and self.settling:
             raise InputError(

@@ -42,6 +42,7 @@ from voxgran.packing.digital_setting import (
     setting_of,
 )
 from voxgran.packing.feeding import (
+    MOST_SWEEPS,
     SETTLE_SWEEPS,
     check_cycles,
     cycles_of,
@@ -53,7 +54,7 @@ from voxgran.packing.feeding import (
 )
 from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
 from voxgran.packing.gravity import gravity_text, gravity_vector
-from voxgran.packing.lattice import packing_of_poses, positions_on
+from voxgran.packing.lattice import MOST_ORIENTATIONS, packing_of_poses, positions_on
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -134,20 +135,20 @@ class Digital:
         """Check the ranges."""
         if self.voxel_size is not None:
             as_positive(self.voxel_size, "voxel_size")
-        as_count(self.sweeps, "sweeps")
-        as_count(self.orientations, "orientations", at_least=1)
+        as_count(self.sweeps, "sweeps", at_most=MOST_SWEEPS)
+        as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
         as_number(self.turns, "turns", at_least=0.0, at_most=1.0)
         as_number(self.down, "down", at_least=0.0, at_most=1.0)
         as_number(self.up, "up", at_least=0.0, at_most=1.0)
         as_number(self.rate, "rate", above=0.0, at_most=1.0)
-        as_count(self.layer_sweeps, "layer_sweeps", at_least=1)
+        as_count(self.layer_sweeps, "layer_sweeps", at_least=1, at_most=MOST_SWEEPS)
         as_number(self.guided, "guided", at_least=0.0, at_most=1.0)
         check_cycles(self.cycles, self.period)
         if self.decay is not None:
             as_number(self.decay, "decay", at_least=0.0, at_most=1.0)
-        as_count(self.settling, "settling")
+        as_count(self.settling, "settling", at_most=MOST_SWEEPS)
         as_number(self.friction, "friction", at_least=0.0)
-        as_count(self.shaking, "shaking")
+        as_count(self.shaking, "shaking", at_most=MOST_SWEEPS)
         as_number(self.acceleration, "acceleration", above=0.0)
         if self.friction and not self.settling:
             raise InputError(

@@ -11,6 +11,9 @@ from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 
+#: corners of a regular polygon at the most
+MOST_CORNERS = 10_000
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Polygon:
@@ -30,8 +33,8 @@ def make(parameters: Polygon, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If there are fewer than three corners, a number is not above 0, the polygon is not simple, or the size or
-        the form is given twice.
+        If there are fewer than three corners or more than 10 000 of a regular polygon, a number is not above 0, the
+        polygon is not simple, or the size or the form is given twice.
     """
     if parameters.vertices is not None:
         if parameters.diameter is not None:
@@ -43,7 +46,9 @@ def make(parameters: Polygon, generator: np.random.Generator) -> Shape:
         return Shape.of(outline, name="polygon")
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
-    count = 6 if parameters.corners is None else as_count(parameters.corners, "corners", at_least=3)
+    count = (
+        6 if parameters.corners is None else as_count(parameters.corners, "corners", at_least=3, at_most=MOST_CORNERS)
+    )
     angles = 2 * np.pi * (np.arange(count) + 0.5) / count
     ring = np.column_stack([np.cos(angles), np.sin(angles)])
     ring[:, 0] *= 1.0 if parameters.stretch is None else as_positive(parameters.stretch, "stretch")
