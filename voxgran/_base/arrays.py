@@ -249,14 +249,14 @@ def as_choice(value: Any, name: str, choices: Sequence[str]) -> str:
     return str(value)
 
 
-def check_type(value: object, wanted: type, name: str, rule: str) -> None:
+def check_type(value: object, wanted: type | tuple[type, ...], name: str, rule: str) -> None:
     """Refuse what is of another type.
 
     Parameters
     ----------
     value : object
         What was given.
-    wanted : type
+    wanted : type or tuple of type
         What it must be an instance of.
     name : str
         What the message calls it.

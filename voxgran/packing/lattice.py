@@ -70,8 +70,8 @@ def container_lattice(problem: Problem, voxel_size: float) -> ContainerLattice:
     lengths = (upper - lower)[: container.dimension]
     if float(np.log2(np.maximum(lengths / voxel_size, 1.0)).sum()) > np.log2(MOST_VOXELS):
         raise TooLargeError(
-            f"voxel_size is {voxel_size * problem.unit_length:.6g}: the container would take more than {MOST_VOXELS} "
-            "voxels; make them larger"
+            f"voxel_size is {voxel_size * problem.unit_length:.6g}: the voxels of the container would take more than "
+            f"{MOST_VOXELS // 2**33} GiB, a bit each; make them larger"
         )
     wraps = [k for k in range(container.dimension) if container.periodic[k]]
     size = _dividing_size(lengths[wraps], voxel_size, problem.unit_length) if wraps else voxel_size
