@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import GrainTooLargeError, InputError
 from voxgran._base.seeds import philox_key
 from voxgran.packing.control_feeding import LID_STEP
 from voxgran.packing.control_walk import GROWTH
@@ -27,7 +27,7 @@ def task_of(shapes, container=BOX, *, count=20, seed=0, **parameters):
         weights=None,
         weights_by="number",
         seed=seed,
-        parameters={"spacing": 0.25, "sweeps": 200, "cycles": 2, **parameters},
+        parameters={"spacing": 0.25, "sweeps": 200, "cycles": None if "period" in parameters else 2, **parameters},
     )
 
 
@@ -329,3 +329,18 @@ def test_a_container_of_an_unknown_kind_is_refused_and_its_mesh_is_not():
     _, packing = run(task_of(vg.make_shape("sphere"), mesh, count=2, lid=True))
     assert packing.count == 2
     assert vg.verify(packing).ok
+
+
+@pytest.mark.parametrize("contact", ["sdf", "points"])
+@pytest.mark.parametrize("feed", ["rain", "at_once"])
+def test_a_ball_as_wide_as_the_container_enters(contact, feed):
+    for size in (1.0, 0.1, 7.3):
+        for room in (vg.Box((size,) * 3), vg.Box((size, size, 2 * size)), vg.Cylinder(size / 2, size)):
+            packing = vg.pack(
+                vg.make_shape("sphere", diameter=size), room, method="control_point", count=1, sweeps=20,
+                contact=contact, feed=feed,
+            )  # fmt: skip
+            assert packing.count == 1
+            assert vg.verify(packing).ok
+            with pytest.raises(GrainTooLargeError):
+                vg.pack(vg.make_shape("sphere", diameter=size * (1 + 1e-9)), room, method="control_point", count=1)

@@ -27,7 +27,7 @@ def task_of(shapes, container=BOX, *, count=30, seed=0, **parameters):
         weights=None,
         weights_by="number",
         seed=seed,
-        parameters={"voxel_size": 0.125, "sweeps": 400, "cycles": 2, **parameters},
+        parameters={"voxel_size": 0.125, "sweeps": 400, "cycles": None if "period" in parameters else 2, **parameters},
     )
 
 
