@@ -45,9 +45,11 @@ def as_floats(value: ArrayLike, name: str, *, shape: tuple[int | None, ...]) -> 
         If it is not numeric, has another shape, or holds NaN or infinity.
     """
     try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
+        array = np.asarray(value, dtype=np.float64, order="C")
     except (TypeError, ValueError):
         raise InputError(f"{name} is not an array of numbers: give an array of shape {_text(shape)}") from None
+    if array.ndim == 0 and len(shape) > 0:
+        raise InputError(f"{name} is {value!r}: it must be an array of shape {_text(shape)}; give one")
     if len(shape) == 0:
         array = array.reshape(()) if array.size == 1 else array
     if array.ndim != len(shape) or any(
@@ -219,16 +221,18 @@ def check_lengths(values: ArrayLike, name: str) -> None:
         )
 
 
-def as_count(value: Any, name: str, *, at_least: int = 0) -> int:
-    """Return `value` as an int not below `at_least`.
+def as_count(value: Any, name: str, *, at_least: int = 0, at_most: int | None = None) -> int:
+    """Return `value` as an int not below `at_least` and, where that is given, not above `at_most`.
 
     Raises
     ------
     InputError
-        If it is not a whole number or too small.
+        If it is not a whole number, too small or too large.
     """
     if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < at_least:
         raise InputError(f"{name} is {value!r}: it must be a whole number, at least {at_least}")
+    if at_most is not None and int(value) > at_most:
+        raise InputError(f"{name} is {value!r}: it must be at most {at_most}; give less")
     return int(value)
 
 
@@ -243,6 +247,35 @@ def as_choice(value: Any, name: str, choices: Sequence[str]) -> str:
     if value not in choices:
         raise InputError(f"{name} is {value!r}: it must be one of {', '.join(choices)}")
     return str(value)
+
+
+def check_type(value: object, wanted: type | tuple[type, ...], name: str, rule: str) -> None:
+    """Refuse what is of another type.
+
+    Parameters
+    ----------
+    value : object
+        What was given.
+    wanted : type or tuple of type
+        What it must be an instance of.
+    name : str
+        What the message calls it.
+    rule : str
+        What it must be, and where to get it, such as ``"a Shape; make_shape and load_shape make one"``.
+
+    Raises
+    ------
+    InputError
+        If it is none.
+    """
+    if not isinstance(value, wanted):
+        raise InputError(f"{name} is {shown(value)}: it must be {rule}")
+
+
+def shown(value: object) -> str:
+    """Return a value as a message shows it: no longer than 60 characters."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:

@@ -12,7 +12,20 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from voxgran._base.errors import MissingFileError, OutputError, OutputExistsError
+from voxgran._base.errors import InputError, MissingFileError, OutputError, OutputExistsError
+
+
+def as_path(path: str | os.PathLike[str]) -> Path:
+    """Return what was given as a path.
+
+    Raises
+    ------
+    InputError
+        If it is neither text nor a path.
+    """
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"path is {path!r}: it must be the path of a file, as text or a Path; change it")
+    return Path(path)
 
 
 def existing_file(path: str | os.PathLike[str]) -> Path:
@@ -20,12 +33,14 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
 
     Raises
     ------
+    InputError
+        If it is no path.
     MissingFileError
         If there is no such file.
     OutputError
         If it is there but cannot be opened.
     """
-    found = Path(path)
+    found = as_path(path)
     if not found.is_file():
         kind = "is a folder" if found.is_dir() else "is not there"
         raise MissingFileError(f"{found} {kind}: a file is needed; check the path")
@@ -59,7 +74,7 @@ def written_whole(path: str | os.PathLike[str], *, overwrite: bool = True) -> It
     OutputError
         If it cannot be written: no space, no permission, no such folder.
     """
-    target = Path(path)
+    target = as_path(path)
     if target.exists() and not overwrite:
         raise OutputExistsError(f"{target} is there already: it is not replaced unasked; ask to overwrite or move it")
     draft = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")

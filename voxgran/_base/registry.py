@@ -52,6 +52,8 @@ class Registry(Generic[T]):
         InputError
             If the file or entry point does not hold a registration of the right class.
         """
+        if not isinstance(name, str):
+            raise UnknownNameError(unknown(self.kind, name, self.names()))
         if name in self._files():
             module = importlib.import_module(f"{self.package}.{name}")
             found = getattr(module, "registration", None)

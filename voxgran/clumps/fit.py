@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import as_count, as_number
+from voxgran._base.arrays import as_count, as_number, check_type
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran.clumps.errors import clump_errors
@@ -96,6 +96,7 @@ def _both(given: Shape | Voxels) -> tuple[Shape, Voxels]:
         shape = _surface_of(given)
         moved = Voxels(given.mask, np.asarray(given.origin) - np.array(shape.offset), given.voxel_size, given.cover)
         return shape, moved
+    check_type(given, Shape, "shape_or_voxels", "a Shape or Voxels; make_shape and load_shape make a shape")
     if given.dimension == 2:
         raise InputError(f"shape {given.name!r} is flat: a clump of spheres needs a solid; use disks in two dimensions")
     given.refuse_open("clumps of spheres")

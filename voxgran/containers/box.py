@@ -1,6 +1,6 @@
 """A box with walls or periodic faces."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -90,7 +90,7 @@ class Box:
         }
 
 
-def periodic_flags(periodic: Sequence[bool] | Sequence[str], dimension: int) -> tuple[bool, bool, bool]:
+def periodic_flags(periodic: Any, dimension: int) -> tuple[bool, bool, bool]:
     """Return three flags from flags or axis names; axes beyond the dimension are not periodic.
 
     Raises
@@ -98,15 +98,18 @@ def periodic_flags(periodic: Sequence[bool] | Sequence[str], dimension: int) -> 
     InputError
         If it is neither `dimension` flags nor names of axes.
     """
-    given = list(periodic)
     names = "xyz"[:dimension]
+    listed = isinstance(periodic, Iterable) and not isinstance(periodic, Mapping)
+    # what is no list counts as one wrong entry
+    given = list(periodic) if listed else [periodic]
     if all(isinstance(item, str) and item in names and len(item) == 1 for item in given):
         flags = [axis in given for axis in names]
     elif len(given) == dimension and all(isinstance(item, bool | np.bool_) for item in given):
         flags = [bool(item) for item in given]
     else:
         raise InputError(
-            f"periodic is {given!r}: give {dimension} times true or false, or names of axes out of {', '.join(names)}"
+            f"periodic is {periodic!r}: it must be {dimension} times true or false, or names of axes out of "
+            f"{', '.join(names)}; change it"
         )
     flags += [False] * (3 - dimension)
     return flags[0], flags[1], flags[2]

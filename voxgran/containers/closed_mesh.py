@@ -26,7 +26,7 @@ class ClosedMesh:
     Raises
     ------
     InputError
-        If the shape is not a mesh.
+        If it is no Shape, or not a mesh.
     """
 
     shape: Shape
@@ -36,6 +36,11 @@ class ClosedMesh:
 
     def __post_init__(self) -> None:
         """Take meshes only."""
+        if not isinstance(self.shape, Shape):
+            raise InputError(
+                f"shape is {self.shape!r}: a closed-mesh container needs a Shape; for a mesh file use "
+                "ClosedMesh.from_file"
+            )
         if not isinstance(self.shape.geometry, Mesh):
             raise InputError(
                 f"shape {self.shape.name!r} is no mesh: a closed-mesh container needs one; load a mesh file"
@@ -60,6 +65,8 @@ class ClosedMesh:
             If it cannot be read.
         DirtyMeshError
             If the surface does not bound exactly one solid.
+        InputError
+            If the path is no path.
         """
         return cls(load_shape(path, unit=unit))
 

@@ -1,7 +1,6 @@
 """Containers from plain mappings, as scene files and saved packings hold them."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from voxgran._base.arrays import as_faces, as_points, as_vector
@@ -50,11 +49,13 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
     UnknownNameError
         If the kind or a key is unknown.
     InputError
-        If a key is missing or a value breaks a rule.
+        If it is no mapping, a key is missing or a value breaks a rule.
     """
+    if not isinstance(mapping, Mapping):
+        raise InputError(f"{where} is {mapping!r}: it must be a mapping with the key kind; give one")
     rest = dict(mapping)
     kind = rest.pop("kind", None)
-    if kind not in KEYS:
+    if not isinstance(kind, str) or kind not in KEYS:
         raise UnknownNameError(unknown(f"{where} kind", kind, KEYS))
     needed, optional = KEYS[kind]
     for key in rest:
@@ -77,7 +78,7 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
 def _make_mesh(rest: Mapping[str, Any], where: str) -> ClosedMesh:
     """Return a closed mesh from a file or from arrays."""
     if "file" in rest:
-        return ClosedMesh.from_file(Path(rest["file"]))
+        return ClosedMesh.from_file(rest["file"])
     if "vertices" not in rest or "faces" not in rest:
         raise InputError(f"{where} file is missing: a mesh container needs a file, or vertices and faces; add it")
     name = str(rest.get("name", "container"))

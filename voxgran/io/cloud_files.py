@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
-from voxgran._base.files import existing_file, written_whole
+from voxgran._base.files import as_path, existing_file, written_whole
 from voxgran._base.lazy import load
 from voxgran.io.cloud_of_packing import cloud_of_packing
 from voxgran.io.pcd_format import pcd_columns
@@ -101,7 +101,7 @@ def save_cloud(
     OutputError
         If it cannot be written.
     """
-    target = Path(path)
+    target = as_path(path)
     suffix = target.suffix.lower()
     if suffix not in (*BINARY, ".xyz"):
         raise InputError(f"{target} ends in {suffix!r}: clouds are written as .ply, .pcd or .xyz; choose one of these")

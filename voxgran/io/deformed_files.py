@@ -1,12 +1,11 @@
 """Grains that have given way, as one VTK file."""
 
 import os
-from pathlib import Path
 
 import numpy as np
 
 from voxgran._base.errors import FileFormatError
-from voxgran._base.files import written_whole
+from voxgran._base.files import as_path, written_whole
 from voxgran.io.vtk_data import attach, poly_data, write_data
 from voxgran.packing.deform import Deformed
 
@@ -36,7 +35,7 @@ def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite
     -----
     Triangles have the array `grain`; contacts are field data, `contact_i`, `contact_j`, `contact_area` and so on.
     """
-    target = Path(path)
+    target = as_path(path)
     if target.suffix.lower() != ".vtp":
         raise FileFormatError(f"{target} has the suffix {target.suffix!r}: surfaces are kept as .vtp; rename it")
     start = np.cumsum([0, *(len(vertices) for vertices in deformed.vertices)])

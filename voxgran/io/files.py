@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.files import existing_file
+from voxgran._base.files import as_path, existing_file
 from voxgran.containers.model import Container
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
 from voxgran.io.particles import packing_of
@@ -14,6 +14,7 @@ from voxgran.io.spheres import save_spheres
 from voxgran.io.tables import read_table
 from voxgran.io.vtk_files import is_own, load_packing, save_packing
 from voxgran.io.vtk_points import READERS, read_vtk_points
+from voxgran.packing.asked import check_packing
 from voxgran.packing.model import Packing
 
 log = logging.getLogger(__name__)
@@ -46,13 +47,14 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Tr
     FileFormatError
         If the suffix is unknown.
     InputError
-        If the packing does not fit the format.
+        If the packing is none or does not fit the format, or the path is no path.
     OutputExistsError
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
     """
-    suffix = Path(path).suffix.lower()
+    check_packing(packing, "packing")
+    suffix = as_path(path).suffix.lower()
     if suffix not in _WRITERS:
         raise FileFormatError(
             f"{path} has the suffix {suffix!r}: packings are kept as {', '.join(_WRITERS)}; choose one of these"

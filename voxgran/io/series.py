@@ -12,7 +12,7 @@ from pathlib import Path
 
 from voxgran._base.arrays import as_count
 from voxgran._base.errors import FileFormatError
-from voxgran._base.files import write_text
+from voxgran._base.files import as_path, write_text
 from voxgran.io.vtk_files import save_packing
 from voxgran.packing.model import Packing
 
@@ -42,7 +42,7 @@ class Series:
     def __init__(
         self, path: str | os.PathLike[str], *, most: int = 20, every: int = 1000, resume: bool = False
     ) -> None:
-        self.path = Path(path)
+        self.path = as_path(path)
         self.folder = self.path.with_suffix("")
         self.most = as_count(most, "most", at_least=2)
         self.every = as_count(every, "every", at_least=1)

@@ -15,10 +15,11 @@ import numpy as np
 
 from voxgran._base.arrays import as_number
 from voxgran._base.errors import FileFormatError, OutputExistsError
-from voxgran._base.files import existing_file, write_text, written_whole
+from voxgran._base.files import as_path, existing_file, write_text, written_whole
 from voxgran.io.record import Record, from_record, to_record
 from voxgran.io.surfaces import merged_surfaces
 from voxgran.io.vtk_data import attach, attach_texts, detach, numpy_support, poly_data, read_data, write_data
+from voxgran.packing.asked import check_packing
 from voxgran.packing.model import Packing
 from voxgran.shapes.primitive import Primitive
 
@@ -181,7 +182,8 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
     or glyphs); all other grains are one mesh with the grain, its shape and its diameter at each triangle. Contacts
     are lines between the centroids, with gap, normal and contact point.
     """
-    target = Path(path)
+    check_packing(packing, "packing")
+    target = as_path(path)
     if target.suffix.lower() != ".vtm":
         raise FileFormatError(f"{target} has the suffix {target.suffix!r}: scenes are kept as .vtm; rename it")
     reach = as_number(gap, "gap", at_least=0.0)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
 from voxgran.measure.accessor import register_accessor
+from voxgran.packing.asked import check_packing
 from voxgran.packing.model import Packing
 
 if TYPE_CHECKING:
@@ -91,6 +92,8 @@ def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTre
 
     Raises
     ------
+    InputError
+        If it is no packing.
     UnknownNameError
         If there is no measure of that name.
 
@@ -103,6 +106,7 @@ def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTre
     >>> int(tree["/grains"].coordination_number[0])
     0
     """
+    check_packing(packing, "packing")
     register_accessor()
     registry = measure_registry()
     if which is None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import check_lengths
+from voxgran._base.arrays import check_lengths, check_type, shown
 from voxgran._base.errors import InputError
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
@@ -29,9 +29,9 @@ def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Sh
     given = check_shapes(shapes)
     known = all(hasattr(container, name) for name in ("dimension", "bounds", "signed_distance"))
     if isinstance(container, type) or not known:
-        raise InputError(f"container is {_short(container)}: it must be a container; give a Box, or a Rectangle in 2D")
+        raise InputError(f"container is {shown(container)}: it must be a container; give a Box, or a Rectangle in 2D")
     if sizes is not None and not isinstance(sizes, SizeDistribution):
-        raise InputError(f"sizes is {_short(sizes)}: it must be a size distribution; for one size give sizes.fixed")
+        raise InputError(f"sizes is {shown(sizes)}: it must be a size distribution; for one size give sizes.fixed")
     if start is not None:
         check_packing(start, "start")
     for shape in given:
@@ -50,7 +50,7 @@ def check_shapes(shapes: Any) -> tuple[Shape, ...]:
     """
     given = (shapes,) if isinstance(shapes, Shape) else shapes
     if not isinstance(given, Sequence) or not all(isinstance(shape, Shape) for shape in given):
-        raise InputError(f"shapes is {_short(shapes)}: it must be a Shape or a list of them; make_shape makes one")
+        raise InputError(f"shapes is {shown(shapes)}: it must be a Shape or a list of them; make_shape makes one")
     return tuple(given)
 
 
@@ -69,8 +69,7 @@ def check_packing(packing: Any, name: str) -> None:
     InputError
         If it is something else.
     """
-    if not isinstance(packing, Packing):
-        raise InputError(f"{name} is {_short(packing)}: it must be a Packing; load or pack one")
+    check_type(packing, Packing, name, "a Packing; load or pack one")
 
 
 def check_drive(checkpoint: Any, resume: Any, on_step: Any, recorder: Any) -> None:
@@ -87,16 +86,10 @@ def check_drive(checkpoint: Any, resume: Any, on_step: Any, recorder: Any) -> No
         If one of them is of another type.
     """
     if checkpoint is not None and not isinstance(checkpoint, str | os.PathLike):
-        raise InputError(f"checkpoint is {_short(checkpoint)}: it must be the path of a file; change it")
+        raise InputError(f"checkpoint is {shown(checkpoint)}: it must be the path of a file; change it")
     if not isinstance(resume, bool | np.bool_):
-        raise InputError(f"resume is {_short(resume)}: it must be True or False; give the file as checkpoint")
+        raise InputError(f"resume is {shown(resume)}: it must be True or False; give the file as checkpoint")
     if on_step is not None and not callable(on_step):
-        raise InputError(f"on_step is {_short(on_step)}: it must be a function of a step; change it")
+        raise InputError(f"on_step is {shown(on_step)}: it must be a function of a step; change it")
     if recorder is not None and not (hasattr(recorder, "due") and hasattr(recorder, "record")):
-        raise InputError(f"recorder is {_short(recorder)}: it must have the methods due and record; give a Series")
-
-
-def _short(value: Any) -> str:
-    """Return a value as a message shows it."""
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+        raise InputError(f"recorder is {shown(recorder)}: it must have the methods due and record; give a Series")

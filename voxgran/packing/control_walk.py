@@ -338,4 +338,8 @@ def _room(bed, bodies, walls, scratch, g, axis):  # type: ignore[no-untyped-def]
             low, high = min(low, x), max(high, x)
         room = bodies.margin[s] * size + CLEAR
         low, high = low - room, high + room
-    return walls.lower[axis] - low, walls.upper[axis] - high
+    low, high = walls.lower[axis] - low, walls.upper[axis] - high
+    if 0.0 < low - high < 3.0 * CLEAR:
+        # as wide as the container
+        low = high = 0.5 * (low + high)
+    return low, high

@@ -14,6 +14,8 @@ from voxgran.packing.poses import write_matrix
 
 #: how far from the top wall a grain enters, and from a grain the lid stops, in median diameters: more than rounding
 CLEAR = 1e-9
+#: how far beyond a wall rounding may put a grain that touches it, in median diameters
+EXACT = 1e-12
 
 
 @inlined_kernel
@@ -36,7 +38,9 @@ def is_outside(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, g: int,
     if walls.kind not in (ROUND, BALL):
         return False
     deep = 1.0 if walls.kind == BALL else 0.0
-    return _is_beyond_round(place, turn, hull, begin, end, size, walls.offset, walls.radius - margin, radius, deep)
+    return _is_beyond_round(
+        place, turn, hull, begin, end, size, walls.offset, walls.radius - margin + EXACT, radius, deep
+    )
 
 
 @bare_kernel
@@ -66,7 +70,7 @@ def room_of_lid(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, down: 
 def _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, radius, margin, span, spanned):  # type: ignore[no-untyped-def]
     """Tell whether a point of the convex hull lies beyond a flat wall."""
     for axis in range(3):
-        x, low, high = place[axis], lower[axis] + margin, upper[axis] - margin
+        x, low, high = place[axis], lower[axis] + margin - EXACT, upper[axis] - margin + EXACT
         if walled[axis] == 0 or low + radius < x < high - radius:
             continue
         if spanned and low < x + span[2 * axis] and x + span[2 * axis + 1] < high:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_positive
+from voxgran._base.arrays import Floats, Integers, as_positive, check_type
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
@@ -137,6 +137,7 @@ def deform(packing: Assembly, *, stiffness: ArrayLike = 1.0, spacing: float = 0.
     >>> print(f"{soft.area[0]:.4f} {soft.volume_error < 1e-9}")
     0.0616 True
     """
+    check_type(packing, Assembly, "packing", "a Packing; load or pack one")
     if packing.dimension != 3:
         raise InputError("the packing is flat: only grains in three dimensions give way; use solids in a box")
     for shape in packing.shapes:

@@ -1,11 +1,12 @@
-"""How grains enter while others walk, by rain, in layers or all at once, and when feeding ends.
+"""How grains enter while others walk, by rain, in layers or all at once, when feeding ends, and the cycles after it.
 
 Digital and control-point packing feed alike.
 """
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, as_count
+from voxgran._base.errors import InputError
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.sphere import Sphere
@@ -17,6 +18,8 @@ from voxgran.packing.problem import Problem
 SETTLE_SWEEPS = 200
 #: looks at the most after the last cycle
 SETTLE_LOOKS = 40
+#: attempts per grain that are asked for at the most: those of all grains are still numbers of 64 bits
+MOST_SWEEPS = 10**9
 #: refusals in a row after which a layer is full
 LAYER_REFUSALS = 300
 #: share of attempts that let a grain enter, at which a container counts as full after the usual number of refusals
@@ -56,6 +59,29 @@ def most_attempts(problem: Problem, grains: int) -> int:
     """Return after how many attempts the bed of so many grains is given up."""
     sweeps: int = problem.parameters.sweeps
     return grains * (sweeps + SETTLE_LOOKS * SETTLE_SWEEPS)
+
+
+def check_cycles(cycles: int | None, period: int | None) -> None:
+    """Check the cycles of vibration, given by their number or by their period.
+
+    Raises
+    ------
+    InputError
+        If one is below 1 or above a billion, or both are given.
+    """
+    for name, value in (("cycles", cycles), ("period", period)):
+        if value is not None:
+            as_count(value, name, at_least=1, at_most=MOST_SWEEPS)
+    if cycles is not None and period is not None:
+        raise InputError(f"cycles is {cycles} and period {period}: each makes the number of cycles; leave one out")
+
+
+def cycles_of(problem: Problem, usual: int) -> int:
+    """Return the number of cycles of vibration, the usual one where neither it nor a period is given."""
+    settings = problem.parameters
+    if settings.period is not None:
+        return max(1, round(settings.sweeps / settings.period))
+    return usual if settings.cycles is None else int(settings.cycles)
 
 
 def look_at_queue(problem: Problem, state: State, due: int) -> None:

@@ -17,6 +17,7 @@ from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
+from voxgran.packing.too_large import can_fit
 from voxgran.shapes.descriptors import principal_extents
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution
@@ -116,11 +117,11 @@ def draw_grains(
         shape_id, diameter, volumes = shape_id[keep], diameter[keep], volumes[keep]
     if solid_fraction is not None:
         _refuse_denser_than_lattice(shapes, container, shape_id, diameter, wanted=solid_fraction)
-    fits = _fits(shapes, container, shape_id, diameter)
+    fits = can_fit(shapes, container, shape_id, diameter)
     if len(fits) and not fits.any():
         raise GrainTooLargeError(
             f"the smallest grain has the diameter {diameter.min():.6g}: none can fit in the container of "
-            f"{_lengths_text(container)}; make the grains smaller or the container larger"
+            f"{_lengths_text(container)}, however it is turned; make the grains smaller or the container larger"
         )
     if wanted is not None and not surplus and volumes[fits].sum() > container.volume:
         raise InputError(
@@ -257,14 +258,6 @@ def _volumes(shapes: Sequence[Shape], shape_id: Integers, diameter: Floats) -> F
     dimension = shapes[0].dimension
     unit = np.array([shape.volume / shape.diameter**dimension for shape in shapes])
     return unit[shape_id] * diameter**dimension
-
-
-def _fits(shapes: Sequence[Shape], container: Container, shape_id: Integers, diameter: Floats) -> Any:
-    """Tell which grains can fit: their sorted extents are not larger than the sorted lengths of the bounds."""
-    dimension = container.dimension
-    lengths = np.sort((container.bounds[1] - container.bounds[0])[:dimension])
-    extents = np.sort(np.array([principal_extents(shape)[:dimension] / shape.diameter for shape in shapes]), axis=1)
-    return (extents[shape_id] * diameter[:, None] <= lengths * (1 + 1e-12)).all(axis=1)
 
 
 def _lengths_text(container: Container) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, TooLargeError
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.model import Container
@@ -19,6 +19,10 @@ from voxgran.voxels.occupy import occupy
 
 #: a count of voxels within this of a whole number is that number
 WHOLE = 1e-9
+#: voxels of a container at the most, one bit each
+MOST_VOXELS = 2**40
+#: orientations in the bank of a grain at the most
+MOST_ORIENTATIONS = 10**6
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,10 +62,17 @@ def container_lattice(problem: Problem, voxel_size: float) -> ContainerLattice:
     ------
     InputError
         If a voxel is larger than the container, or no voxel size down to half of it divides all periodic lengths.
+    TooLargeError
+        If there are more than 2**40 voxels.
     """
     container = problem.container
     lower, upper = container.bounds
     lengths = (upper - lower)[: container.dimension]
+    if float(np.log2(np.maximum(lengths / voxel_size, 1.0)).sum()) > np.log2(MOST_VOXELS):
+        raise TooLargeError(
+            f"voxel_size is {voxel_size * problem.unit_length:.6g}: the voxels of the container would take more than "
+            f"{MOST_VOXELS // 2**33} GiB, a bit each; make them larger"
+        )
     wraps = [k for k in range(container.dimension) if container.periodic[k]]
     size = _dividing_size(lengths[wraps], voxel_size, problem.unit_length) if wraps else voxel_size
     counts = np.ones(3, dtype=np.int64)

@@ -4,6 +4,7 @@ All lengths in here are in the normalized frame, whose unit is the median diamet
 scene in other units give the same numbers. Representations are kept under a byte limit, oldest out first.
 """
 
+import hashlib
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -48,6 +49,9 @@ class Problem:
         Poses of the first grains, which are there from the beginning.
     byte_limit : int
         How many bytes of representations are kept.
+    made : dict of str to set of int
+        Hashes of all representations that were ever made, by what counts them; a checkpoint holds these, so that what
+        is made again after it is not counted again.
     """
 
     shapes: tuple[Shape, ...]
@@ -60,7 +64,7 @@ class Problem:
     original: tuple[Shape, ...]
     start: Start | None = None
     byte_limit: int = 2**26
-    counters: dict[str, int] = field(default_factory=lambda: {"voxelized_shapes": 0, "sampled_shapes": 0})
+    made: dict[str, set[int]] = field(default_factory=lambda: {"voxelized_shapes": set(), "sampled_shapes": set()})
     _kept: "OrderedDict[tuple[Any, ...], Any]" = field(default_factory=OrderedDict)
     _bytes: int = 0
 
@@ -79,6 +83,11 @@ class Problem:
         """True volumes of the grains, (n,)."""
         shapes = np.array([shape.volume for shape in self.shapes])
         return shapes[self.shape_id] * self.diameter**self.dimension
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """How many different solids were turned into voxels, and into points."""
+        return {name: len(keys) for name, keys in self.made.items()}
 
     def length(self, value: float) -> float:
         """Return a length given in the user's unit in median diameters."""
@@ -113,7 +122,7 @@ class Problem:
             tall = 2 * half if self.dimension == 3 else 1
             low = -half * voxel_size
             grid = Grid((low, low, low if tall > 1 else 0.0), voxel_size, (2 * half, 2 * half, tall))
-            self.counters["voxelized_shapes"] += 1
+            self._count("voxelized_shapes", key)
             return occupy(shape, grid, scale=diameter, rotation=orientation, cover=cover)
 
         return self.keep(key, make)
@@ -128,12 +137,18 @@ class Problem:
         spacing : float
             Wanted spacing, in diameters of the shape.
         """
+        key = ("points", shape, spacing)
 
         def make() -> SurfacePoints:
-            self.counters["sampled_shapes"] += 1
+            self._count("sampled_shapes", key)
             return sample_controls(self.shapes[shape], spacing=spacing, seed=self.seed)
 
-        return self.keep(("points", shape, spacing), make)
+        return self.keep(key, make)
+
+    def _count(self, name: str, key: tuple[Any, ...]) -> None:
+        """Count what is made under a key, once."""
+        digest = hashlib.blake2b(repr(key).encode(), digest_size=8).digest()
+        self.made[name].add(int.from_bytes(digest, "little"))
 
     def keep(self, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
         """Return what is kept under a key, made if needed; the oldest leave when the limit is passed."""

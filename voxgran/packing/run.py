@@ -104,8 +104,8 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
     state = method.prepare(problem)
     mark = fingerprint(method, problem)
     if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
-        _restore(state, how.checkpoint, mark)
-    keeper = _Keeper(how.checkpoint, mark)
+        _restore(problem, state, how.checkpoint, mark)
+    keeper = _Keeper(problem, how.checkpoint, mark)
     chunk = how.chunk or 1000
     with _signals() as asked:
         while not state.stop_reason:
@@ -131,8 +131,8 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
 class _Keeper:
     """Writes checkpoints, not too often."""
 
-    def __init__(self, path: str | os.PathLike[str] | None, mark: str) -> None:
-        self.path, self.mark = path, mark
+    def __init__(self, problem: Problem, path: str | os.PathLike[str] | None, mark: str) -> None:
+        self.problem, self.path, self.mark = problem, path, mark
         self.done, self.next = -1, time.monotonic() + CHECKPOINT_SECONDS
         if path is not None:
             remove_drafts(path)
@@ -143,7 +143,7 @@ class _Keeper:
         if self.path is None or not (at_once or began > self.next):
             return
         try:
-            _save(state, self.path, self.mark)
+            _save(self.problem, state, self.path, self.mark)
         except OutputError as error:
             last = f"that after {self.done} attempts is still good" if self.done >= 0 else "there is none"
             raise OutputError(f"{error} (the checkpoint after {state.done} attempts; {last})") from error
@@ -170,7 +170,7 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
     return digest.hexdigest()
 
 
-def _save(state: State, path: str | os.PathLike[str], mark: str) -> None:
+def _save(problem: Problem, state: State, path: str | os.PathLike[str], mark: str) -> None:
     """Write what a checkpoint holds."""
     header: dict[str, Any] = {
         "fingerprint": mark,
@@ -179,18 +179,21 @@ def _save(state: State, path: str | os.PathLike[str], mark: str) -> None:
         "stop_reason": state.stop_reason,
         "counters": state.counters,
     }
-    save_checkpoint(path, header, state.arrays)
+    made = {name: np.array(sorted(keys), dtype=np.uint64) for name, keys in problem.made.items()}
+    save_checkpoint(path, header, {**state.arrays, **made})
     log.info("checkpoint after %d attempts: %s", state.done, path)
 
 
-def _restore(state: State, path: str | os.PathLike[str], mark: str) -> None:
-    """Put a checkpoint into a freshly prepared state."""
+def _restore(problem: Problem, state: State, path: str | os.PathLike[str], mark: str) -> None:
+    """Put a checkpoint into a freshly prepared state, and what was made before it into the problem."""
     header, arrays = load_checkpoint(path)
     if header.get("fingerprint") != mark:
         raise CheckpointError(
             f"{path} belongs to another run (other shapes, sizes, parameters, seed or version): resume with the scene "
             "that wrote it, or start anew without it"
         )
+    for name in problem.made:
+        problem.made[name] |= set(arrays.pop(name).tolist())
     state.arrays = arrays
     state.counters = dict(header["counters"])
     state.done, state.total = int(header["done"]), int(header["total"])

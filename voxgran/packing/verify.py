@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import as_number
+from voxgran._base.arrays import as_number, check_type
 from voxgran.contacts.assembly import Assembly, checked_arrays
 from voxgran.contacts.broad import grain_pairs
 from voxgran.contacts.find import contacts_of_pairs
@@ -138,6 +138,7 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
     where their triangles cross, by the shortest straight move found that parts them, which hardly depends on how they
     are cut into triangles and is an upper bound of the least one; and solids where they reach inside.
     """
+    check_type(packing, Assembly, "packing", "a Packing; load or pack one")
     limit = as_number(tolerance, "tolerance", at_least=0.0)
     checked_arrays(
         *(packing.shapes, packing.container, packing.position),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_count, as_number, as_positive
+from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_count, as_number, as_positive, check_type
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.lazy import load
 from voxgran.points.cloud import Cloud, Frame
@@ -101,6 +101,7 @@ def shape_of_cloud(
     Kazhdan & Hoppe 2013, Screened Poisson surface reconstruction, doi:10.1145/2487228.2487237. Edelsbrunner & Mucke
     1994, Three-dimensional alpha shapes, doi:10.1145/174462.156635.
     """
+    check_type(cloud, Cloud, "cloud", "a Cloud; load_cloud reads one")
     as_choice(method, "method", ("poisson", "alpha"))
     holes = as_number(largest_hole, "largest_hole", above=0.0)
     levels = None if depth is None else as_count(depth, "depth", at_least=2)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_choice, as_count, as_positive
+from voxgran._base.arrays import Floats, as_choice, as_count, as_positive, check_type
 from voxgran._base.errors import InputError
 from voxgran.points.backend_open3d import sample_triangles
 from voxgran.points.covering import covering_radius
@@ -77,6 +77,7 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     MissingLibraryError
         If Open3D cannot be loaded.
     """
+    check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     wanted = as_positive(spacing, "spacing") / shape.diameter
     as_choice(method, "method", ("poisson", "uniform"))
     as_count(seed, "seed")

@@ -18,7 +18,7 @@ import numpy as np
 from voxgran import __version__
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError, OutputExistsError
-from voxgran._base.files import write_text
+from voxgran._base.files import as_path, write_text
 from voxgran._base.lazy import load
 from voxgran.measure.model import measure
 from voxgran.packing.model import Packing
@@ -106,7 +106,7 @@ def write_comparison(
     OutputError
         If it cannot be written; what was there before is untouched.
     """
-    twin = Path(path).with_suffix(".json")
+    twin = as_path(path).with_suffix(".json")
     for place in () if overwrite else (Path(path), twin):
         if place.exists():
             raise OutputExistsError(

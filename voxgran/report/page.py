@@ -17,8 +17,9 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.errors import OutputExistsError
-from voxgran._base.files import write_text, written_whole
+from voxgran._base.files import as_path, write_text, written_whole
 from voxgran._base.lazy import load
+from voxgran.packing.asked import check_packing
 from voxgran.packing.model import Packing
 from voxgran.report import facts, scenes
 from voxgran.report.closeup import picture_contacts
@@ -123,7 +124,8 @@ def write_report(
     MissingLibraryError
         If a library that it needs cannot be loaded.
     """
-    twin = Path(path).with_suffix(".json")
+    check_packing(packing, "packing")
+    twin = as_path(path).with_suffix(".json")
     if not overwrite:
         _refuse_to_replace([Path(path), twin])
     colors = coloring(packing, color_by)

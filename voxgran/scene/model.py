@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from voxgran._base.arrays import as_count, as_number, as_positive
+from voxgran._base.arrays import as_count, as_number, as_positive, check_type, shown
 from voxgran._base.config import from_mapping, parameter, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError
 from voxgran._base.files import existing_file
@@ -178,9 +178,12 @@ class Scene:
         InputError
             If a value is missing or breaks a rule.
         """
+        check_type(mapping, Mapping, "scene", "a mapping of sections; for a file use Scene.from_toml")
         for name in mapping:
             if name not in SECTIONS:
                 raise UnknownNameError(unknown("section", name, SECTIONS))
+            if name != "shape":
+                check_type(mapping[name], Mapping, f"[{name}]", f"a section; write [{name}] above its keys")
         for name in ("shape", "container", "packing"):
             if name not in mapping:
                 raise InputError(f"[{name}] is missing: a scene needs this section; add it")
@@ -320,6 +323,7 @@ def _which(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
             raise UnknownNameError(unknown("[measure] key", key, ("which",)))
     if "which" not in mapping:
         return None
+    check_type(mapping["which"], (list, tuple), "[measure] which", "a list of names, such as ['density']")
     names = tuple(str(name) for name in mapping["which"])
     known = measure_registry().names()
     for name in names:
@@ -339,9 +343,11 @@ def _with_file(mapping: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
     """Return the checked [[shape]] entries."""
     if not isinstance(entries, list) or not entries:
-        raise InputError("[shape] is one table: write [[shape]], once per shape")
+        kind = "one table" if isinstance(entries, Mapping) else shown(entries)
+        raise InputError(f"[shape] is {kind}: write [[shape]], once per shape")
     made = []
     for entry in entries:
+        check_type(entry, Mapping, "[[shape]]", "a section; write [[shape]] above its keys")
         rest = dict(entry)
         share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
         if ("file" in rest) == ("family" in rest):

@@ -124,8 +124,8 @@ def sized(geometry: Geometry, diameter: float | None, *, name: str) -> Shape:
     return shape if isinstance(geometry, Mesh | Surface) or exact == 1.0 else shape.scaled(exact)
 
 
-def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ...]) -> None:
-    """Refuse a size that is given twice or in part.
+def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ...], *, aspect: object) -> None:
+    """Refuse a size that is given twice or in part, and ratios beside lengths.
 
     Parameters
     ----------
@@ -133,11 +133,13 @@ def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ..
         Equivalent diameter, where given.
     dimensions : tuple of (name, value)
         Lengths that give the size as well, None where not given.
+    aspect : object
+        Ratios of the lengths, None where not given.
 
     Raises
     ------
     InputError
-        If both are given, or some lengths but not all.
+        If lengths are given and another of them, or some lengths but not all.
     """
     given = [name for name, value in dimensions if value is not None]
     if given and len(given) < len(dimensions):
@@ -145,3 +147,5 @@ def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ..
         raise InputError(f"{given[0]} is given without {missing}: both make the size; add it")
     if given and diameter is not None:
         raise InputError(f"diameter and {given[0]} are both given: each makes the size; leave one out")
+    if given and aspect is not None:
+        raise InputError(f"aspect and {given[0]} are both given: each makes the ratio of the lengths; leave one out")

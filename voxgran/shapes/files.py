@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, check_type
 from voxgran._base.errors import FileFormatError, InputError, OutputError
-from voxgran._base.files import existing_file, written_whole
+from voxgran._base.files import as_path, existing_file, written_whole
 from voxgran._base.lazy import load
 from voxgran.shapes.mesh_formats import Polygons, read_obj, read_off, read_ply, read_stl
 from voxgran.shapes.model import Shape
@@ -129,6 +129,8 @@ def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = 
 
     Raises
     ------
+    InputError
+        If it is no shape, or the path no path.
     FileFormatError
         If the suffix is not known.
     OutputExistsError
@@ -136,7 +138,8 @@ def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = 
     OutputError
         If it cannot be written.
     """
-    target = Path(path)
+    check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
+    target = as_path(path)
     writer = WRITERS.get(target.suffix.lower())
     if writer is None:
         raise FileFormatError(

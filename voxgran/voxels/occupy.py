@@ -19,6 +19,7 @@ from voxgran._base.arrays import (
     as_positive,
     as_quaternions,
     as_vector,
+    check_type,
 )
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.files import written_whole
@@ -117,6 +118,7 @@ def voxelize(
     True
     """
     as_choice(cover, "cover", COVERS[:2])
+    check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     shape.refuse_open("voxels")
     lattice = lattice_of(shape, voxel_size, grid)
     bits = _occupied(shape, lattice, backend=backend, cover=cover)

@@ -5,6 +5,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box, periodic_flags
 from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
 from voxgran.shapes.mesh import Mesh
 
 
@@ -75,10 +76,23 @@ def test_bad_lengths_are_refused(lengths):
         Box(lengths)
 
 
-@pytest.mark.parametrize("periodic", [(True, False), ["w"], (1, 0, 0), ["xy"]])
+@pytest.mark.parametrize("periodic", [(True, False), ["w"], (1, 0, 0), ["xy"], "left", {"x": False}, 3, True, None])
 def test_bad_periodic_axes_are_refused(periodic):
-    with pytest.raises(InputError, match="periodic"):
+    with pytest.raises(InputError, match=r"periodic is .*: it must be 3 times true or false, or names of axes"):
         Box((1, 1, 1), periodic=periodic)
+
+
+def test_a_rectangle_has_two_axes():
+    with pytest.raises(InputError, match="periodic is 3: it must be 2 times true or false, or names of axes"):
+        Rectangle((1, 1), 3)
+
+
+@pytest.mark.parametrize("given", [4, None])
+def test_one_number_makes_no_corner(given):
+    with pytest.raises(InputError, match=f"lengths is {given}: it must be an array of shape .3,.; give one"):
+        Box(given)
+    with pytest.raises(InputError, match=f"origin is {given}: it must be an array of shape .3,.; give one"):
+        Box((1, 1, 1), origin=given)
 
 
 def test_points_must_be_finite():

@@ -62,6 +62,10 @@ def test_all_kinds_are_listed():
     [
         ({"kind": "bx", "lengths": [1, 1, 1]}, UnknownNameError, "did you mean 'box'"),
         ({}, UnknownNameError, "known are box"),
+        ({"kind": []}, UnknownNameError, "known are box"),
+        (3, InputError, "container. is 3: it must be a mapping"),
+        ({"kind": "mesh", "file": 3}, InputError, "path is 3"),
+        ({"kind": "box", "lengths": [1, 1, 1], "periodic": 3}, InputError, "periodic is 3"),
         ({"kind": "box", "lenghts": [1, 1, 1]}, UnknownNameError, "did you mean 'lengths'"),
         ({"kind": "box"}, InputError, "lengths is missing"),
         ({"kind": "cylinder", "radius": 1}, InputError, "height is missing"),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from voxgran._base.errors import FileFormatError
+from voxgran._base.errors import FileFormatError, InputError
 from voxgran.io.files import load, save
 
 
@@ -18,6 +18,12 @@ def test_every_suffix_makes_a_round_trip(balls, name, tmp_path):
 def test_an_unknown_suffix_names_the_known_ones(balls, tmp_path):
     with pytest.raises(FileFormatError, match=r"suffix '.stl': packings are kept as .vtp, .txt, .xyzr, .csv"):
         save(balls, tmp_path / "p.stl")
+    with pytest.raises(InputError, match="path is 3: it must be the path of a file"):
+        save(balls, 3)
+    with pytest.raises(InputError, match="path is None"):
+        load(None)
+    with pytest.raises(InputError, match="packing is 'balls': it must be a Packing"):
+        save("balls", tmp_path / "p.vtp")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "p.stl").write_bytes(b"\0" * 100)
     with pytest.raises(FileFormatError, match=r"suffix '.stl' and no known content: .* LAMMPS"):

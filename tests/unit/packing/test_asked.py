@@ -3,7 +3,7 @@
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError, TooLargeError
+from voxgran._base.errors import InputError, TooLargeError, UnknownNameError
 
 SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
 
@@ -36,6 +36,43 @@ def test_more_grains_than_can_be_held_are_refused_before_they_are_drawn():
     for many in (10**8 + 1, 10**12, 10**30):
         with pytest.raises(TooLargeError, match=f"count is {many}: at most 100000000 grains"):
             vg.pack(SPHERE, BOX, method="rsa", count=many)
+
+
+@pytest.mark.parametrize(
+    ("method", "parameters", "error", "words"),
+    [
+        (["rsa"], {}, UnknownNameError, "packing method .'rsa'. is unknown"),
+        ("digital", {"sweeps": 10**30}, InputError, "sweeps is 10*: it must be at most 1000000000; give less"),
+        ("digital", {"orientations": 10**12}, InputError, "orientations is 10*: it must be at most 1000000"),
+        ("digital", {"voxel_size": 1e-9}, TooLargeError, "voxel_size is 1e-09: the voxels .* more than 128 GiB"),
+        ("digital_rsa", {"voxel_size": 1e-300}, TooLargeError, "voxel_size is 1e-300"),
+        ("control_point", {"period": 10**30}, InputError, "period is 10*: it must be at most"),
+    ],
+)
+def test_absurd_values_are_refused(method, parameters, error, words):
+    with pytest.raises(error, match=words):
+        vg.pack(SPHERE, BOX, method=method, count=2, **parameters)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: vg.verify(3), "packing is 3: it must be a Packing; load or pack one"),
+        (lambda: vg.measure(3), "packing is 3"),
+        (lambda: vg.deform(3), "packing is 3"),
+        (lambda: vg.write_report(3, "x.html"), "packing is 3"),
+        (lambda: vg.save_scene(3, "x.vtm"), "packing is 3"),
+        (lambda: vg.voxelize(3, voxel_size=1), "shape is 3: it must be a Shape; make_shape and load_shape make one"),
+        (lambda: vg.sample_surface(3, spacing=1), "shape is 3"),
+        (lambda: vg.save_shape(3, "x.stl"), "shape is 3"),
+        (lambda: vg.fit_clump(3), "shape_or_voxels is 3: it must be a Shape or Voxels"),
+        (lambda: vg.shape_of_cloud(3), "cloud is 3: it must be a Cloud; load_cloud reads one"),
+        (lambda: vg.Scene.from_mapping(3), "scene is 3: it must be a mapping of sections"),
+    ],
+)
+def test_what_is_no_packing_and_no_shape_is_refused(call, words):
+    with pytest.raises(InputError, match=words):
+        call()
 
 
 @pytest.mark.parametrize("size", [1e-300, 1e-160, 1e-61, 1e61, 1e120, 1e300])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import GrainTooLargeError, InputError
 from voxgran._base.seeds import philox_key
 from voxgran.packing.control_feeding import LID_STEP
 from voxgran.packing.control_walk import GROWTH
@@ -27,7 +27,7 @@ def task_of(shapes, container=BOX, *, count=20, seed=0, **parameters):
         weights=None,
         weights_by="number",
         seed=seed,
-        parameters={"spacing": 0.25, "sweeps": 200, "cycles": 2, **parameters},
+        parameters={"spacing": 0.25, "sweeps": 200, "cycles": None if "period" in parameters else 2, **parameters},
     )
 
 
@@ -290,6 +290,8 @@ def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path):
         ({"rate": 0.0}, "rate is 0"),
         ({"rate": 1.5}, "rate is 1.5"),
         ({"period": 0}, "period is 0"),
+        ({"cycles": 0}, "cycles is 0"),
+        ({"cycles": 8, "period": 50}, "cycles is 8 and period 50: each makes the number of cycles; leave one out"),
         ({"decay": 1.5}, "decay is 1.5"),
         ({"layer_sweeps": 0}, "layer_sweeps is 0"),
         ({"feed": "pour"}, "feed"),
@@ -327,3 +329,18 @@ def test_a_container_of_an_unknown_kind_is_refused_and_its_mesh_is_not():
     _, packing = run(task_of(vg.make_shape("sphere"), mesh, count=2, lid=True))
     assert packing.count == 2
     assert vg.verify(packing).ok
+
+
+@pytest.mark.parametrize("contact", ["sdf", "points"])
+@pytest.mark.parametrize("feed", ["rain", "at_once"])
+def test_a_ball_as_wide_as_the_container_enters(contact, feed):
+    for size in (1.0, 0.1, 7.3):
+        for room in (vg.Box((size,) * 3), vg.Box((size, size, 2 * size)), vg.Cylinder(size / 2, size)):
+            packing = vg.pack(
+                vg.make_shape("sphere", diameter=size), room, method="control_point", count=1, sweeps=20,
+                contact=contact, feed=feed,
+            )  # fmt: skip
+            assert packing.count == 1
+            assert vg.verify(packing).ok
+            with pytest.raises(GrainTooLargeError):
+                vg.pack(vg.make_shape("sphere", diameter=size * (1 + 1e-9)), room, method="control_point", count=1)

@@ -27,7 +27,7 @@ def task_of(shapes, container=BOX, *, count=30, seed=0, **parameters):
         weights=None,
         weights_by="number",
         seed=seed,
-        parameters={"voxel_size": 0.125, "sweeps": 400, "cycles": 2, **parameters},
+        parameters={"voxel_size": 0.125, "sweeps": 400, "cycles": None if "period" in parameters else 2, **parameters},
     )
 
 
@@ -105,6 +105,7 @@ def test_gravity_in_any_direction_piles_grains_up_there():
         ({"gravity": "none", "schedule": "sleeping"}, "sleeping"),
         ({"rate": 0.0}, "rate"),
         ({"period": 0}, "period"),
+        ({"cycles": 24, "period": 50}, "cycles is 24 and period 50"),
         ({"decay": 1.5}, "decay"),
         ({"guided": -0.1}, "guided"),
         ({"schedule": "sort"}, "schedule"),

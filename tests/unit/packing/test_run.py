@@ -18,9 +18,9 @@ METHODS = vg.packing_methods()
 QUICK = {"digital": {"voxel_size": 0.2, "sweeps": 30}, "control_point": {"spacing": 0.3, "sweeps": 30}}
 
 
-def task_of(method="digital", count=20):
+def task_of(method="digital", count=20, shape=None, **more):
     return prepare_task(
-        [vg.make_shape("sphere")],
+        [shape or vg.make_shape("sphere")],
         vg.Box((5, 5, 8)),
         method=method,
         count=count,
@@ -29,7 +29,7 @@ def task_of(method="digital", count=20):
         weights=None,
         weights_by="number",
         seed=1,
-        parameters=QUICK.get(method, {}),
+        parameters={**QUICK.get(method, {}), **more},
     )
 
 
@@ -54,6 +54,26 @@ def test_the_last_state_is_kept_so_that_a_resume_packs_nothing_again(tmp_path):
     again = drive(task.method, task_of().problem, Drive(path, resume=True, on_step=steps.append))
     assert not steps
     assert again.arrays["site"].tobytes() == ended.arrays["site"].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("method", "share", "more"),
+    [("control_point", 1.0, {}), ("control_point", 0.5, {}), ("digital", 0.5, {"orientations": 24 * 60})],
+)
+def test_a_resumed_run_counts_as_one_that_was_not_interrupted(method, share, more, tmp_path):
+    def task():
+        return task_of(method, shape=vg.make_shape("box", aspect=(1, 1, 1.5)), **more)
+
+    whole, first, again, path = task(), task(), task(), tmp_path / "run.voxgran"
+    ended = drive(whole.method, whole.problem, Drive(chunk=100))
+    state = first.method.prepare(first.problem)
+    while state.done < share * ended.done and not state.stop_reason:
+        state = first.method.advance(first.problem, state, 100)
+    run._save(first.problem, state, path, run.fingerprint(first.method, first.problem))
+    resumed = drive(again.method, again.problem, Drive(path, resume=True, chunk=100))
+    assert resumed.counters == ended.counters
+    assert again.problem.counters == whole.problem.counters
+    assert sum(whole.problem.counters.values()) >= 1
 
 
 def test_a_checkpoint_that_fails_names_the_last_good_one(tmp_path, monkeypatch):
@@ -91,12 +111,12 @@ def test_large_checkpoints_are_written_less_often(tmp_path, monkeypatch):
     clock, written = [0.0], []
     monkeypatch.setattr(run.time, "monotonic", lambda: clock[0])
 
-    def slow(state, path, mark):
+    def slow(problem, state, path, mark):
         written.append(clock[0])
         clock[0] += 4.0
 
     monkeypatch.setattr(run, "_save", slow)
-    keeper = run._Keeper(tmp_path / "run.voxgran", "")
+    keeper = run._Keeper(None, tmp_path / "run.voxgran", "")
     state = type("S", (), {"done": 1})
     for _ in range(400):
         clock[0] += 1.0

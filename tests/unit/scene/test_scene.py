@@ -115,11 +115,28 @@ def test_plan_refuses_what_cannot_fit_in_memory(write):
         ('family = "sphere"', 'file = "none.stl"', MissingFileError, "none.stl"),
         ('family = "sphere"', 'family = "sphere"\nfile = "a.stl"', InputError, "either file or family"),
         ("report = false", "report = false\ndem = ['lamps']", UnknownNameError, "dem"),
+        ('family = "sphere"', 'family = ["sphere"]', UnknownNameError, "shape family .'sphere'. is unknown"),
     ],
 )
 def test_mistakes_are_named(write, old, new, error, words):
     with pytest.raises(error, match=words):
         vg.Scene.from_toml(write(old, new))
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"shape": 3}, r"\[shape\] is 3: write \[\[shape\]\], once per shape"),
+        ({"shape": [3]}, r"\[\[shape\]\] is 3: it must be a section"),
+        ({"container": 4}, r"\[container\] is 4: it must be a section; write \[container\] above its keys"),
+        ({"packing": 5}, r"\[packing\] is 5: it must be a section"),
+        ({"measure": {"which": "density"}}, r"\[measure\] which is 'density': it must be a list of names"),
+    ],
+)
+def test_sections_of_other_types_are_refused(changed, words):
+    box, packing = {"kind": "box", "lengths": [4, 4, 4]}, {"method": "rsa", "count": 2}
+    with pytest.raises(InputError, match=words):
+        vg.Scene.from_mapping({"shape": [{"family": "sphere"}], "container": box, "packing": packing, **changed})
 
 
 def test_grains_that_cannot_fit(write):

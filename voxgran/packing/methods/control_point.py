@@ -47,7 +47,17 @@ from voxgran.packing.control_feeding import lid_rests, lower_lid, next_event
 from voxgran.packing.control_records import Rules
 from voxgran.packing.control_setting import Setting, bed_of, memory_needed, setting_of
 from voxgran.packing.control_walk import enter_raised, make_attempts
-from voxgran.packing.feeding import SETTLE_SWEEPS, entry_of, feed_share, look_at_queue, most_attempts, patience
+from voxgran.packing.feeding import (
+    MOST_SWEEPS,
+    SETTLE_SWEEPS,
+    check_cycles,
+    cycles_of,
+    entry_of,
+    feed_share,
+    look_at_queue,
+    most_attempts,
+    patience,
+)
 from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
 from voxgran.packing.gravity import gravity_text, gravity_vector, main_axis
 from voxgran.packing.method import Cost, PackingMethod, State
@@ -60,6 +70,8 @@ from voxgran.shapes.curvature import largest_curvature
 SETTLE_DEPTH = 0.001
 #: shortest step, in diameters of the grain
 SHORTEST_STEP = 0.002
+#: cycles of vibration where neither their number nor their period is given
+CYCLES = 8
 #: what the kernel counts, in its order
 TALLY = (
     "placed",
@@ -113,7 +125,7 @@ class ControlPoint:
     rate: float = parameter(0.05, doc="share of attempts that let a grain enter, of rain")
     layer_sweeps: int = parameter(40, doc="sweeps in which a layer sinks before the next enters")
     sweeps: int = parameter(4000, doc="attempts per grain after all have entered", unit="attempts per grain")
-    cycles: int = parameter(8, doc="cycles of vibration within the sweeps")
+    cycles: int | None = parameter(None, doc="cycles of vibration within the sweeps; left out: 8")
     period: int | None = parameter(None, doc="sweeps of a cycle, in place of their number", unit="attempts per grain")
     decay: float | None = parameter(
         None, doc="what a cycle keeps of the upward share of the one before; left out: it dies away evenly"
@@ -144,12 +156,10 @@ class ControlPoint:
                 "shape; give at most 1, such as 0.12"
             )
         as_number(self.distance, "distance", at_least=0.0)
-        as_count(self.sweeps, "sweeps")
-        as_count(self.cycles, "cycles", at_least=1)
+        as_count(self.sweeps, "sweeps", at_most=MOST_SWEEPS)
         as_number(self.rate, "rate", above=0.0, at_most=1.0)
-        as_count(self.layer_sweeps, "layer_sweeps", at_least=1)
-        if self.period is not None:
-            as_count(self.period, "period", at_least=1)
+        as_count(self.layer_sweeps, "layer_sweeps", at_least=1, at_most=MOST_SWEEPS)
+        check_cycles(self.cycles, self.period)
         if self.decay is not None:
             as_number(self.decay, "decay", at_least=0.0, at_most=1.0)
         as_number(self.tilt, "tilt", at_least=0.0)
@@ -157,9 +167,9 @@ class ControlPoint:
         as_number(self.turns, "turns", at_least=0.0, at_most=1.0)
         as_number(self.step, "step", at_least=SHORTEST_STEP)
         as_number(self.overlap, "overlap", at_least=0.0)
-        as_count(self.settling, "settling")
+        as_count(self.settling, "settling", at_most=MOST_SWEEPS)
         as_number(self.friction, "friction", at_least=0.0)
-        as_count(self.shaking, "shaking")
+        as_count(self.shaking, "shaking", at_most=MOST_SWEEPS)
         as_number(self.acceleration, "acceleration", above=0.0)
         if self.distance and self.settling:
             raise InputError(
@@ -320,14 +330,13 @@ def _rules(problem: Problem, state: State) -> Rules:
     settings: ControlPoint = problem.parameters
     counters, gravity = state.counters, gravity_vector(problem)
     length = max(settings.sweeps, 1) * max(counters["placed"], 1)
-    cycles = settings.cycles if settings.period is None else max(1, round(settings.sweeps / settings.period))
     decay = -1.0 if settings.decay is None else settings.decay
     return Rules(
         gravity,
         float(settings.tilt),
         entry_of(problem, gravity),
         np.array([settings.up, settings.turns, feed_share(problem, state), decay]),
-        np.array([counters["fed_at"], length, cycles, patience(problem)], dtype=np.int64),
+        np.array([counters["fed_at"], length, cycles_of(problem, CYCLES), patience(problem)], dtype=np.int64),
         problem.length(settings.distance - settings.overlap),
         float(settings.step),
         SHORTEST_STEP,

@@ -41,10 +41,20 @@ from voxgran.packing.digital_setting import (
     records,
     setting_of,
 )
-from voxgran.packing.feeding import SETTLE_SWEEPS, entry_of, feed_share, look_at_queue, most_attempts, patience
+from voxgran.packing.feeding import (
+    MOST_SWEEPS,
+    SETTLE_SWEEPS,
+    check_cycles,
+    cycles_of,
+    entry_of,
+    feed_share,
+    look_at_queue,
+    most_attempts,
+    patience,
+)
 from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
 from voxgran.packing.gravity import gravity_text, gravity_vector
-from voxgran.packing.lattice import packing_of_poses, positions_on
+from voxgran.packing.lattice import MOST_ORIENTATIONS, packing_of_poses, positions_on
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -54,6 +64,8 @@ from voxgran.packing.walk import enter_near, make_attempts, put
 
 #: mean sinking in voxels per grain over such a look, below which the bed is settled
 SETTLE_VOXELS = 0.02
+#: cycles of vibration where neither their number nor their period is given
+CYCLES = 24
 #: what the kernel counts, in its order
 TALLY = (
     "placed",
@@ -76,7 +88,7 @@ class Digital:
     Raises
     ------
     InputError
-        If a number is out of its range, `down` and `up` exceed 1 together, or an option needs another that is not set.
+        If a number is out of its range, `down` and `up` exceed 1 together, or options do not go together.
     """
 
     voxel_size: float | None = parameter(
@@ -94,7 +106,7 @@ class Digital:
     rate: float = parameter(0.05, doc="share of attempts that let a grain enter, of rain")
     layer_sweeps: int = parameter(40, doc="sweeps in which a layer sinks before the next enters")
     sweeps: int = parameter(12000, doc="attempts per grain after all have entered", unit="attempts per grain")
-    cycles: int = parameter(24, doc="cycles of vibration within the sweeps")
+    cycles: int | None = parameter(None, doc="cycles of vibration within the sweeps; left out: 24")
     period: int | None = parameter(None, doc="sweeps of a cycle, in place of their number", unit="attempts per grain")
     decay: float | None = parameter(
         None, doc="what a cycle keeps of the upward share of the one before; left out: it dies away evenly"
@@ -123,22 +135,20 @@ class Digital:
         """Check the ranges."""
         if self.voxel_size is not None:
             as_positive(self.voxel_size, "voxel_size")
-        as_count(self.sweeps, "sweeps")
-        as_count(self.cycles, "cycles", at_least=1)
-        as_count(self.orientations, "orientations", at_least=1)
+        as_count(self.sweeps, "sweeps", at_most=MOST_SWEEPS)
+        as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
         as_number(self.turns, "turns", at_least=0.0, at_most=1.0)
         as_number(self.down, "down", at_least=0.0, at_most=1.0)
         as_number(self.up, "up", at_least=0.0, at_most=1.0)
         as_number(self.rate, "rate", above=0.0, at_most=1.0)
-        as_count(self.layer_sweeps, "layer_sweeps", at_least=1)
+        as_count(self.layer_sweeps, "layer_sweeps", at_least=1, at_most=MOST_SWEEPS)
         as_number(self.guided, "guided", at_least=0.0, at_most=1.0)
-        if self.period is not None:
-            as_count(self.period, "period", at_least=1)
+        check_cycles(self.cycles, self.period)
         if self.decay is not None:
             as_number(self.decay, "decay", at_least=0.0, at_most=1.0)
-        as_count(self.settling, "settling")
+        as_count(self.settling, "settling", at_most=MOST_SWEEPS)
         as_number(self.friction, "friction", at_least=0.0)
-        as_count(self.shaking, "shaking")
+        as_count(self.shaking, "shaking", at_most=MOST_SWEEPS)
         as_number(self.acceleration, "acceleration", above=0.0)
         if self.friction and not self.settling:
             raise InputError(
@@ -308,12 +318,6 @@ def _way_of_lid(problem: Problem, state: State, setting: Setting) -> float:
     return max(0.0, float(upper[axis] - high if setting.down[axis] < 0 else low - lower[axis]))
 
 
-def _cycles(problem: Problem) -> int:
-    """Return the number of cycles of vibration."""
-    settings: Digital = problem.parameters
-    return settings.cycles if settings.period is None else max(1, round(settings.sweeps / settings.period))
-
-
 def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
     """Run the kernel up to attempt `last`, or until the queue is empty or gives up."""
     settings: Digital = problem.parameters
@@ -328,7 +332,7 @@ def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
         entry_of(problem, setting.gravity),
         settings.feed == "at_once" or not setting.down.any(),
         np.array([settings.down, settings.up, turns, feed_share(problem, state), settings.guided, decay]),
-        np.array([counters["fed_at"], attempts, _cycles(problem), patience(problem)], dtype=np.int64),
+        np.array([counters["fed_at"], attempts, cycles_of(problem, CYCLES), patience(problem)], dtype=np.int64),
     )
     names = ("order", "hint", "calm", "depth", "slept", "stirred", "cells")
     wanted = np.full(1, -1, dtype=np.int64)

@@ -23,7 +23,13 @@ from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran.packing.bits import Canvas, Field, Words
 from voxgran.packing.gravity import axis_of
-from voxgran.packing.lattice import ContainerLattice, container_lattice, free_voxels, packing_on_lattice
+from voxgran.packing.lattice import (
+    MOST_ORIENTATIONS,
+    ContainerLattice,
+    container_lattice,
+    free_voxels,
+    packing_on_lattice,
+)
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.oriented import Oriented, base_orientations, kinds_of, orient, stand_start
@@ -85,7 +91,7 @@ class DigitalFill:
         """Check the ranges."""
         if self.voxel_size is not None:
             as_positive(self.voxel_size, "voxel_size")
-        as_count(self.orientations, "orientations", at_least=1)
+        as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
         if self.place == "lowest" and self.gravity == "none":
             raise InputError("gravity is 'none': the lowest place needs a direction; choose one, or another place")
 

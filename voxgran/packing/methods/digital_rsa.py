@@ -21,7 +21,13 @@ from voxgran._base.config import parameter
 from voxgran._base.errors import TooLargeError
 from voxgran._base.seeds import philox_key, stream
 from voxgran.packing.bits import Canvas, Field
-from voxgran.packing.lattice import ContainerLattice, container_lattice, free_voxels, packing_on_lattice
+from voxgran.packing.lattice import (
+    MOST_ORIENTATIONS,
+    ContainerLattice,
+    container_lattice,
+    free_voxels,
+    packing_on_lattice,
+)
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.oriented import Oriented, base_orientations, kinds_of, orient, stand_start
@@ -60,7 +66,7 @@ class DigitalRsa:
         """Check the ranges."""
         if self.voxel_size is not None:
             as_positive(self.voxel_size, "voxel_size")
-        as_count(self.orientations, "orientations", at_least=1)
+        as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
 
 
 def prepare(problem: Problem) -> State:

@@ -355,7 +355,8 @@ def _look(problem: Problem, state: State, setting: Setting) -> None:
     elif counters["turn"] == len(setting.queue) and (
         not counters["put_off"] or 0 < len(state.arrays["late"]) == counters["late"]
     ):
-        closed = setting.classes is not None and counters["unproven"] == 0
+        # where all are wider than the container nothing was tried, and nothing can be
+        closed = not len(setting.queue) or (setting.classes is not None and counters["unproven"] == 0)
         # that there is no room for bounding balls does not prove that there is none for the true shapes
         reason = "saturated" if _treated_as(problem) != "bounding balls" else "full"
         state.stop_reason = reason if closed else "steps"

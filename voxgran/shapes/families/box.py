@@ -15,7 +15,7 @@ from voxgran.shapes.primitive import Primitive
 class Box:
     """Parameters of a box."""
 
-    aspect: tuple[float, float, float] = parameter((1.0, 1.0, 1.0), doc="ratios of its edges")
+    aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of its edges; left out: (1, 1, 1)")
     diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
     lengths: tuple[float, float, float] | None = parameter(
         None, doc="its edges, in place of ratios and diameter", unit="length"
@@ -28,14 +28,14 @@ def make(parameters: Box, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If a number is not above 0, or the size is given twice.
+        If a number is not above 0, or the size or the ratio is given twice.
     """
-    refuse_both(parameters.diameter, (("lengths", parameters.lengths),))
+    refuse_both(parameters.diameter, (("lengths", parameters.lengths),), aspect=parameters.aspect)
     if parameters.lengths is not None:
         return Shape.of(Primitive("box", parameters.lengths), name="box")
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
-    return sized(Primitive("box", parameters.aspect), parameters.diameter, name="box")
+    return sized(Primitive("box", parameters.aspect or (1.0, 1.0, 1.0)), parameters.diameter, name="box")
 
 
 registration = ShapeFamily(name="box", summary="box with three edges", parameters=Box, make=make)

@@ -15,7 +15,7 @@ from voxgran.shapes.primitive import Primitive
 class Cone:
     """Parameters of a cone."""
 
-    aspect: float = parameter(1.0, doc="height over the diameter of its base")
+    aspect: float | None = parameter(None, doc="height over the diameter of its base; left out: 1")
     diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
     radius: float | None = parameter(
         None, doc="radius of its base, with height in place of aspect and diameter", unit="length"
@@ -29,14 +29,15 @@ def make(parameters: Cone, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If a number is not above 0, or the size is given twice or in part.
+        If a number is not above 0, or the size is given twice or in part, or the ratio twice.
     """
-    refuse_both(parameters.diameter, (("radius", parameters.radius), ("height", parameters.height)))
+    lengths = (("radius", parameters.radius), ("height", parameters.height))
+    refuse_both(parameters.diameter, lengths, aspect=parameters.aspect)
     if parameters.radius is not None and parameters.height is not None:
         return Shape.of(Primitive("cone", (parameters.radius, parameters.height)), name="cone")
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
-    ratio = as_positive(parameters.aspect, "aspect")
+    ratio = 1.0 if parameters.aspect is None else as_positive(parameters.aspect, "aspect")
     return sized(Primitive("cone", (0.5, ratio)), parameters.diameter, name="cone")
 
 

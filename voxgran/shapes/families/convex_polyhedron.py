@@ -13,6 +13,9 @@ from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.hull import hull_of
 from voxgran.shapes.model import Shape
 
+#: points of which a hull is made at the most
+MOST_POINTS = 100_000
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ConvexPolyhedron:
@@ -29,9 +32,9 @@ def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If there are fewer than four points or a number is not above 0.
+        If there are fewer than four points or more than 100 000, or a number is not above 0.
     """
-    count = as_count(parameters.points, "points", at_least=4)
+    count = as_count(parameters.points, "points", at_least=4, at_most=MOST_POINTS)
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
     factors = np.array([as_positive(value, "aspect") for value in parameters.aspect])

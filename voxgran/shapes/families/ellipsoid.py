@@ -15,7 +15,7 @@ from voxgran.shapes.primitive import Primitive
 class Ellipsoid:
     """Parameters of an ellipsoid."""
 
-    aspect: tuple[float, float, float] = parameter((1.0, 0.8, 0.6), doc="ratios of its axes")
+    aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of its axes; left out: (1, 0.8, 0.6)")
     diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
     semi_axes: tuple[float, float, float] | None = parameter(
         None, doc="halves of its axes, in place of ratios and diameter", unit="length"
@@ -28,14 +28,15 @@ def make(parameters: Ellipsoid, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If a number is not above 0, or the size is given twice.
+        If a number is not above 0, or the size or the ratio is given twice.
     """
-    refuse_both(parameters.diameter, (("semi_axes", parameters.semi_axes),))
+    refuse_both(parameters.diameter, (("semi_axes", parameters.semi_axes),), aspect=parameters.aspect)
     if parameters.semi_axes is not None:
         return Shape.of(Primitive("ellipsoid", parameters.semi_axes), name="ellipsoid")
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
-    return sized(Primitive("ellipsoid", parameters.aspect), parameters.diameter, name="ellipsoid")
+    ratios = parameters.aspect or (1.0, 0.8, 0.6)
+    return sized(Primitive("ellipsoid", ratios), parameters.diameter, name="ellipsoid")
 
 
 registration = ShapeFamily(name="ellipsoid", summary="ellipsoid with three axes", parameters=Ellipsoid, make=make)

@@ -11,13 +11,16 @@ from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 
+#: corners of a regular polygon at the most
+MOST_CORNERS = 10_000
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Polygon:
     """Parameters of a polygon."""
 
-    corners: int = parameter(6, doc="number of corners of a regular polygon")
-    stretch: float = parameter(1.0, doc="factor on its x, before it is sized")
+    corners: int | None = parameter(None, doc="number of corners of a regular polygon; left out: 6")
+    stretch: float | None = parameter(None, doc="factor on its x, before it is sized; left out: 1")
     diameter: float | None = parameter(None, doc="diameter of the disk of equal area; left out: 1", unit="length")
     vertices: tuple[tuple[float, float], ...] | None = parameter(
         None, doc="its corners, counterclockwise, in place of all else", unit="length"
@@ -30,20 +33,25 @@ def make(parameters: Polygon, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If there are fewer than three corners, a number is not above 0, the polygon is not simple, or the size is
-        given twice.
+        If there are fewer than three corners or more than 10 000 of a regular polygon, a number is not above 0, the
+        polygon is not simple, or the size or the form is given twice.
     """
     if parameters.vertices is not None:
         if parameters.diameter is not None:
             raise InputError("diameter and vertices are both given: each makes the size; leave one out")
+        for name, value in (("corners", parameters.corners), ("stretch", parameters.stretch)):
+            if value is not None:
+                raise InputError(f"{name} and vertices are both given: each makes the form; leave one out")
         outline = Outline("polygon", vertices=np.array(parameters.vertices, dtype=np.float64))
         return Shape.of(outline, name="polygon")
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
-    count = as_count(parameters.corners, "corners", at_least=3)
+    count = (
+        6 if parameters.corners is None else as_count(parameters.corners, "corners", at_least=3, at_most=MOST_CORNERS)
+    )
     angles = 2 * np.pi * (np.arange(count) + 0.5) / count
     ring = np.column_stack([np.cos(angles), np.sin(angles)])
-    ring[:, 0] *= as_positive(parameters.stretch, "stretch")
+    ring[:, 0] *= 1.0 if parameters.stretch is None else as_positive(parameters.stretch, "stretch")
     return sized(Outline("polygon", vertices=ring), parameters.diameter, name="polygon")
 
 

@@ -52,9 +52,7 @@ def make(parameters: Sheet, generator: np.random.Generator) -> Shape:
     InputError
         If a number is not above 0, or the size or the ratio is given twice.
     """
-    refuse_both(parameters.diameter, (("lengths", parameters.lengths),))
-    if parameters.aspect is not None and parameters.lengths is not None:
-        raise InputError("aspect and lengths are both given: each makes the ratio of the edges; leave one out")
+    refuse_both(parameters.diameter, (("lengths", parameters.lengths),), aspect=parameters.aspect)
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
     length, width = (as_positive(value, "an edge") for value in parameters.lengths or parameters.aspect or (1, 1))

@@ -28,6 +28,8 @@ Kind = Literal["box", "cylinder", "cone", "ellipsoid", "sphere"]
 
 #: radius of the ball around the origin that each base solid holds, in its size
 CORE = 0.1
+#: base solids of a grain at the most
+MOST_SOLIDS = 1000
 #: how often the icosahedron is subdivided, and the sides of cylinders and cones
 SUBDIVISIONS, SIDES = 2, 48
 
@@ -54,7 +56,7 @@ class SolidUnion:
     def __post_init__(self) -> None:
         """Refuse what makes no grain."""
         low, high = self.solids if isinstance(self.solids, tuple) else (self.solids, self.solids)
-        as_count(high, "solids", at_least=as_count(low, "solids", at_least=1))
+        as_count(high, "solids", at_least=as_count(low, "solids", at_least=1), at_most=MOST_SOLIDS)
         if not self.kinds:
             raise InputError("kinds is empty: at least one kind of base solid is needed; name one")
         least, most = self.lengths

@@ -1,0 +1,113 @@
+"""Grains that are certainly too large for a container, however they are turned."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.lazy import load
+from voxgran.contacts.parts import is_one_ball
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.model import Container
+from voxgran.containers.sphere import Sphere
+from voxgran.shapes.descriptors import principal_extents
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.surface import Surface
+
+#: what rounding may add to a length
+EXACT = 1 + 1e-12
+
+
+def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, diameter: Floats) -> Booleans:
+    """Tell which grains are not certainly too large.
+
+    Those are too large that have more volume than the container, that hold a ball thicker than the container is along
+    an axis, or that are longer than its longest line. A rod may lie along a diagonal, and one that is longer than a
+    period beside its own images.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        The different shapes.
+    container : Container
+        What shall hold the grains.
+    shape_id : (n,) ndarray of int
+        Which shape each grain has.
+    diameter : (n,) ndarray of float
+        Equivalent diameter of each grain, in the unit of the container.
+
+    Returns
+    -------
+    (n,) ndarray of bool
+    """
+    dimension = container.dimension
+    lengths = (container.bounds[1] - container.bounds[0])[:dimension]
+    extents = np.sort(np.array([principal_extents(shape)[:dimension] / shape.diameter for shape in shapes]), axis=1)
+    # along the axes: the usual case, in which nothing more is asked
+    fits = np.all(extents[shape_id] * diameter[:, None] <= np.sort(lengths) * EXACT, axis=1)
+    open_axes = np.array(container.periodic[:dimension])
+    walled, periodic = lengths[~open_axes].min(initial=math.inf), lengths[open_axes].min(initial=math.inf)
+    longest = math.inf if open_axes.any() else _longest_line(container)
+    for k in np.unique(shape_id[~fits]).tolist():
+        mine = np.flatnonzero(~fits & (shape_id == k))
+        shape, size = shapes[k], diameter[mine] / shapes[k].diameter
+        core, ball = _balls(shape)
+        room = (ball * size <= walled * EXACT) & (core * size <= periodic * EXACT)
+        room &= shape.volume * size**dimension <= container.volume * EXACT
+        room &= _length(shape) * size <= longest * EXACT
+        fits[mine] = room
+    return fits
+
+
+def _longest_line(container: Container) -> float:
+    """Return a length that no line in a container with walls goes beyond."""
+    lengths = (container.bounds[1] - container.bounds[0])[: container.dimension]
+    if isinstance(container, Sphere):
+        return float(lengths[0])
+    if isinstance(container, Cylinder):
+        return float(np.linalg.norm(lengths[1:]))
+    return float(np.linalg.norm(lengths))
+
+
+def _length(shape: Shape) -> float:
+    """Return the distance of two points of a shape that lie far from each other."""
+    if is_one_ball(shape.geometry):
+        return shape.diameter
+    points = shape.vertices
+    far = points[np.linalg.norm(points, axis=1).argmax()]
+    return float(np.linalg.norm(points - far, axis=1).max())
+
+
+def _balls(shape: Shape) -> tuple[float, float]:
+    """Return the diameters of a ball that a shape holds, and of one that its convex hull holds; 0 where none is known.
+
+    Only the first keeps a shape from reaching around itself.
+    """
+    geometry = shape.geometry
+    if isinstance(geometry, Surface):
+        return 0.0, 0.0
+    if is_one_ball(geometry):
+        return shape.diameter, shape.diameter
+    if isinstance(geometry, Primitive):
+        ball = _ball_of_primitive(geometry)
+        return ball, ball
+    # its facets are as far from the centroid as the ball reaches
+    hull = load("scipy.spatial").ConvexHull(shape.vertices[:, : shape.dimension])
+    around = float(-2.0 * hull.equations[:, -1].max())
+    if isinstance(geometry, Spheres):
+        core = 2.0 * float(geometry.radii.max())
+        return core, max(core, around)
+    return 0.0, around
+
+
+def _ball_of_primitive(geometry: Primitive) -> float:
+    """Return the diameter of the largest ball in a box, ellipsoid, cylinder or cone."""
+    first, *rest = geometry.dimensions
+    if geometry.kind == "cylinder":
+        return min(2.0 * first, rest[0])
+    if geometry.kind == "cone":
+        return 2.0 * first * rest[0] / (first + math.hypot(first, rest[0]))
+    return min(geometry.dimensions) * (2.0 if geometry.kind == "ellipsoid" else 1.0)
