@@ -4,6 +4,7 @@ PLY and PCD are read here and written by Open3D: its reader returns memory as it
 some that mix types. LAS is read by laspy where it is there.
 """
 
+import logging
 import os
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -26,6 +27,8 @@ BINARY, TEXT, LASER = (".ply", ".pcd"), (".xyz", ".xyzn", ".txt", ".csv"), (".la
 #: largest number of a grain in files
 LARGEST = 2**31 - 1
 
+log = logging.getLogger(__name__)
+
 
 def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Cloud:
     """Read a point cloud.
@@ -33,9 +36,9 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
     Parameters
     ----------
     path : path-like
-        File in PLY, PCD (not compressed) or LAS format, or a table of text: rows of x y z, with spaces, commas or
-        semicolons between; more columns are taken by their names in a first row (nx, ny, nz, grain), without names only
-        a normal of length 1 and a whole number of the grain.
+        File in PLY, PCD (not compressed; points that are NaN, rays that met nothing, are left out) or LAS format, or a
+        table of text: rows of x y z, with spaces, commas or semicolons between; more columns are taken by their names
+        in a first row (nx, ny, nz, grain), without names only a normal of length 1 and a whole number of the grain.
     unit : str, optional
         Unit of its lengths; it is recorded and nothing is converted.
 
@@ -132,9 +135,14 @@ def _read_ply(path: Path) -> Columns:
 
 
 def _read_pcd(path: Path) -> Columns:
-    """Return the points of a PCD file."""
+    """Return the points of a PCD file; scanners write NaN where a ray met nothing."""
     columns = pcd_columns(path.read_bytes(), str(path))
     points = np.column_stack([columns[axis] for axis in "xyz"])
+    met = ~np.isnan(points).any(axis=1, keepdims=True).ravel()
+    if not met.all():
+        lost, many = int(np.count_nonzero(~met)), len(points)
+        log.warning("%s: %d of %d points are NaN, rays that met nothing; they are left out", path, lost, many)
+        points, columns = points[met], {name: column[met] for name, column in columns.items()}
     normals = None
     if "normal_x" in columns:
         normals = np.column_stack([columns[f"normal_{axis}"] for axis in "xyz"])

@@ -47,6 +47,11 @@ class Cloud:
         What reports call it.
     unit : str or None
         Unit of its lengths where it is known.
+
+    Raises
+    ------
+    InputError
+        If the points are no (n, 3) array of finite numbers, or there is not one normal or grain for each.
     """
 
     points: Floats
@@ -54,6 +59,14 @@ class Cloud:
     grain: Integers | None = None
     name: str = "cloud"
     unit: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check the arrays."""
+        many = len(as_points(self.points, "points"))
+        if self.normals is not None:
+            as_floats(self.normals, "normals", shape=(many, 3))
+        if self.grain is not None:
+            as_floats(self.grain, "grain", shape=(many,))
 
     @classmethod
     def of(

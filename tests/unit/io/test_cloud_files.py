@@ -82,6 +82,13 @@ def test_a_cut_file_is_refused(tmp_path, capfd, suffix):
     assert capfd.readouterr() == ("", "")
 
 
+def test_rays_that_met_nothing_are_left_out_of_pcd_files(tmp_path, caplog):
+    path = tmp_path / "scan.pcd"
+    path.write_text(PCD.format(3).replace("1 2 3\n", "nan nan nan\n1 2 3\n"), encoding="ascii")
+    assert np.array_equal(vg.load_cloud(path).points, [[1, 2, 3], [4, 5, 6]])
+    assert "1 of 3 points are NaN" in caplog.text
+
+
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [

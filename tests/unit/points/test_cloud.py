@@ -244,3 +244,13 @@ def test_scans_in_other_units_are_refused(capfd):
     with pytest.raises(InputError, match="lower distance"):
         vg.register_clouds(cloud, cloud, distance=1e9)
     assert capfd.readouterr().out == ""
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_a_cloud_has_finite_points_however_it_is_made(wrong):
+    points = np.ones((5, 3))
+    points[3, 1] = wrong
+    with pytest.raises(InputError, match="finite"):
+        Cloud(points)
+    with pytest.raises(InputError, match="normals"):
+        Cloud(np.ones((5, 3)), np.ones((4, 3)))

@@ -33,8 +33,8 @@ PUBLISHED = {
     "dodecahedron": (0.51, 0.63),
     "icosahedron": (0.50, 0.59),
 }
-#: coefficients of friction with which dice are poured by each method; None: they are shaken, without friction
-TREATMENTS = {"digital": (0.15, 0.5, 3.0, None), "control_point": (0.5, None)}
+#: coefficients of friction with which dice are poured; None: they are shaken, without friction
+TREATMENTS = (0.15, 0.5, 3.0, None)
 #: how each method walks before the true shapes settle, without vibration
 WALKS: dict[str, dict[str, Any]] = {
     "digital": {"voxel_size": 1 / 20, "sweeps": 60, "up": 0.0, "down": 0.7},
@@ -114,7 +114,7 @@ def write_beds(beds: Sequence[Bed], folder: Path) -> tuple[Path, ...]:
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    beds = [measure_bed(method, solid, way) for method in WALKS for solid in PUBLISHED for way in TREATMENTS[method]]
+    beds = [measure_bed(method, solid, way) for method in WALKS for solid in PUBLISHED for way in TREATMENTS]
     return write_beds(beds, folder)
 
 
