@@ -1,5 +1,7 @@
 """Point clouds: thinning, stray points, normals, bodies, and the way back to a shape."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -244,3 +246,15 @@ def test_scans_in_other_units_are_refused(capfd):
     with pytest.raises(InputError, match="lower distance"):
         vg.register_clouds(cloud, cloud, distance=1e9)
     assert capfd.readouterr().out == ""
+
+
+def test_nothing_is_written_to_the_terminal(capfd):
+    """Open3D warns of a sparse, noisy cloud by hundreds of lines, past its own log."""
+    generator = np.random.default_rng(0)
+    points = generator.normal(size=(300, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    points += 0.05 * generator.normal(size=points.shape)
+    assert vg.shape_of_cloud(vg.Cloud(points), method="poisson").shape.volume == pytest.approx(4 * np.pi / 3, rel=0.2)
+    assert capfd.readouterr() == ("", "")
+    os.write(2, b"afterwards all is heard")
+    assert capfd.readouterr().err == "afterwards all is heard"
