@@ -1,7 +1,11 @@
 """How grains enter while others walk, by rain, in layers or all at once, when feeding ends, and the cycles after it.
 
-Digital and control-point packing feed alike.
+Digital and control-point packing feed alike. Grains that are refused too often in a row do not yet tell that the
+container is full: those below the entry may still be sinking. So nothing enters for some sweeps, and only where those
+hardly sink meanwhile has feeding ended. While grains are fed none of them moves upward, so this does not go on forever.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,7 +14,7 @@ from voxgran._base.errors import InputError
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.sphere import Sphere
-from voxgran.packing.gravity import main_axis
+from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 
@@ -22,6 +26,10 @@ SETTLE_LOOKS = 40
 MOST_SWEEPS = 10**9
 #: refusals in a row after which a layer is full
 LAYER_REFUSALS = 300
+#: sweeps in which grains are watched sinking after too many refusals
+SINK_SWEEPS = 40
+#: mean sinking in median diameters of a grain below the entry in these sweeps, below which the container is full
+SINK_DEPTH = 0.001
 #: share of attempts that let a grain enter, at which a container counts as full after the usual number of refusals
 USUAL_RATE = 0.05
 
@@ -41,10 +49,12 @@ def entry_of(problem: Problem, gravity: Floats) -> Integers:
 def feed_share(problem: Problem, state: State) -> float:
     """Return the share of attempts that let a grain enter."""
     settings = problem.parameters
-    if settings.feed == "layers":
-        # a layer enters at once, then sinks
-        return 1.0 if state.counters["layer_ends"] < 0 else 0.0
-    return 1.0 if settings.feed == "at_once" else float(settings.rate)
+    if settings.feed == "at_once":
+        return 1.0
+    if state.counters["layer_ends"] >= 0:
+        # those that have entered sink
+        return 0.0
+    return 1.0 if settings.feed == "layers" else float(settings.rate)
 
 
 def patience(problem: Problem) -> int:
@@ -84,20 +94,64 @@ def cycles_of(problem: Problem, usual: int) -> int:
     return usual if settings.cycles is None else int(settings.cycles)
 
 
-def look_at_queue(problem: Problem, state: State, due: int) -> None:
-    """End feeding when all have entered, or when nothing enters any more; begin and end layers."""
+def look_at_queue(problem: Problem, state: State, due: int, places: Callable[[], Floats]) -> None:
+    """End feeding when all have entered, or when nothing enters any more; let grains sink between layers.
+
+    They also sink where too many were refused, and feeding goes on after that if those below the entry have sunk.
+
+    due: at which attempt they have sunk.  places: gives the centroids of the grains that have entered.
+    """
     counters = state.counters
-    full = counters["feeds_refused_in_a_row"] >= patience(problem)
-    if problem.parameters.feed == "layers" and counters["placed"] < problem.count:
-        if counters["layer_ends"] >= 0 and state.done == due:
+    layer = problem.parameters.feed == "layers" and counters["placed"] > counters["layer_placed"]
+    if counters["placed"] == problem.count:
+        _end_feeding(problem, state)
+    elif counters["layer_ends"] >= 0:
+        if state.done < due:
+            return
+        if layer or _have_sunk(problem, state, places()):
             counters.update(layer_ends=-1, layer_placed=counters["placed"], feeds_refused_in_a_row=0)
-            return
-        if full and counters["layer_ends"] < 0 and counters["placed"] > counters["layer_placed"]:
-            counters["layer_ends"] = state.done + problem.parameters.layer_sweeps * counters["placed"]
-            return
-        full = full and counters["layer_ends"] < 0
-    if counters["placed"] == problem.count or full:
-        counters["fed_at"] = state.done
-        state.total = state.done + most_attempts(problem, counters["placed"])
-        if counters["placed"] == 0:
-            state.stop_reason = "full"
+        else:
+            _end_feeding(problem, state)
+    elif counters["feeds_refused_in_a_row"] >= patience(problem):
+        if layer or _may_sink(problem, state):
+            sweeps = problem.parameters.layer_sweeps if layer else SINK_SWEEPS
+            counters["layer_ends"] = state.done + sweeps * counters["placed"]
+            state.arrays["brim"][:] = _brim(problem, places())
+        else:
+            _end_feeding(problem, state)
+
+
+def _end_feeding(problem: Problem, state: State) -> None:
+    """Note when feeding ended, and how long the bed may take."""
+    placed = state.counters["placed"]
+    state.counters.update(fed_at=state.done, layer_ends=-1)
+    state.total = state.done + most_attempts(problem, placed)
+    if placed == 0:
+        state.stop_reason = "full"
+
+
+def _may_sink(problem: Problem, state: State) -> bool:
+    """Tell whether grains that sink could make room for others."""
+    falls = bool(gravity_vector(problem).any())
+    return falls and state.counters["placed"] > 0 and problem.parameters.feed != "at_once"
+
+
+def _have_sunk(problem: Problem, state: State, places: Floats) -> bool:
+    """Tell whether the grains that were below the entry have sunk while nothing entered."""
+    before, many = state.arrays["brim"]
+    return bool(before - _brim(problem, places)[0] > SINK_DEPTH * many)
+
+
+def _brim(problem: Problem, places: Floats) -> tuple[float, int]:
+    """Return the sum of the heights of grains that may be in the way of one that enters, and their number.
+
+    Heights begin so far below the entry that none of those below is in the way; where grains enter anywhere, all count.
+    """
+    gravity = gravity_vector(problem)
+    height, entry = -(places @ main_axis(gravity)), entry_of(problem, gravity)
+    if entry.any():
+        radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+        top = float(np.max(-(np.array(problem.container.bounds) @ entry)))
+        height = np.maximum(height - (top - 4.0 * float(radius.max())), 0.0)
+        return float(height.sum()), int(np.count_nonzero(height))
+    return float(height.sum()), len(height)

@@ -17,9 +17,7 @@ def gravity_vector(problem: Problem) -> Floats:
         If it has a part along a periodic axis or out of the plane, or its length is 0.
     """
     asked = problem.parameters.gravity
-    if asked is None:
-        asked = "-z" if problem.dimension == 3 else "-y"
-    if isinstance(asked, str):
+    if asked is None or isinstance(asked, str):
         return axis_of(asked, problem.container).astype(np.float64)
     vector = np.array(asked, dtype=np.float64)
     length = float(np.linalg.norm(vector))
@@ -36,7 +34,7 @@ def gravity_text(problem: Problem) -> str | list[float]:
     """Return where down is, as it is recorded."""
     asked = problem.parameters.gravity
     if asked is None:
-        return "-z" if problem.dimension == 3 else "-y"
+        return _usual_direction(problem.container)
     return asked if isinstance(asked, str) else list(asked)
 
 
@@ -49,8 +47,8 @@ def main_axis(gravity: Floats) -> Integers:
     return down
 
 
-def axis_of(direction: str, container: Container) -> Integers:
-    """Return a direction such as ``"-z"`` as a lattice vector; ``"none"`` is zero.
+def axis_of(asked: str | None, container: Container) -> Integers:
+    """Return a direction such as ``"-z"`` as a lattice vector; ``"none"`` is zero, None the usual one.
 
     Raises
     ------
@@ -58,12 +56,18 @@ def axis_of(direction: str, container: Container) -> Integers:
         If it points along a periodic axis, or out of the plane of a 2D container.
     """
     vector = np.zeros(3, dtype=np.int64)
+    direction = _usual_direction(container) if asked is None else asked
     if direction != "none":
         axis = "xyz".index(direction[1])
         if axis >= container.dimension or container.periodic[axis]:
+            told = repr(direction) if asked else f"not set and thus {direction!r}"
             raise InputError(
-                f"gravity is {direction!r}: it must point along a walled axis of the container; choose another axis, "
-                "or 'none'"
+                f"gravity is {told}: it must point along a walled axis of the container; choose another axis, or 'none'"
             )
         vector[axis] = -1 if direction[0] == "-" else 1
     return vector
+
+
+def _usual_direction(container: Container) -> str:
+    """Return where down is when nothing is said."""
+    return "-z" if container.dimension == 3 else "-y"

@@ -115,7 +115,7 @@ def orient(problem: Problem, first: Integers, base: Floats, voxel_size: float, *
             for matrix, quaternion in zip(rotations, quaternions, strict=True):
                 box, low = _cut(_turned(mask, matrix))
                 key = (box.tobytes(), box.shape, tuple(low.tolist()))
-                if key not in seen and box.size:
+                if key not in seen:
                     seen.add(key)
                     found.append((box, low, kind, product(quaternion[None], pose[None])[0]))
     if problem.start is not None:

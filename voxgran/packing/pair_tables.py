@@ -24,7 +24,8 @@ class PairTables(NamedTuple):
     words: bit columns ``[x, word of z, y]`` of one table after the other.  at, low, size: where the table of members m,
     m' and the rotation r between them begins, its lowest difference and extents, at (m * members + m') * turns + r.
     between: rotation r that leads from turn t to turn t'.  back: the turn that undoes a turn.  members: how many.
-    head, after: grains of each cell as a linked list, -1 at its end.  cells: along each axis, and the edge of one.
+    head, after: grains of each cell as a linked list, from the highest number down, -1 at its end.  cells: along each
+    axis, and the edge of one.
     """
 
     words: Words
@@ -216,10 +217,17 @@ def _component(d, way):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def enlist(field: Field, pairs: PairTables, grain: int, site: Integers) -> None:
-    """Put a grain into its cell."""
+    """Put a grain into its cell, in order of numbers: how many pairs are read then does not depend on the past."""
     cell = _number(field, pairs.cells, site[0], site[1], site[2])
-    pairs.after[grain] = pairs.head[cell]
-    pairs.head[cell] = grain
+    at = pairs.head[cell]
+    if at < grain:
+        pairs.after[grain] = at
+        pairs.head[cell] = grain
+        return
+    while pairs.after[at] > grain:
+        at = pairs.after[at]
+    pairs.after[grain] = pairs.after[at]
+    pairs.after[at] = grain
 
 
 @bare_kernel

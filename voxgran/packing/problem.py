@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.errors import InputError
 from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
@@ -111,6 +112,11 @@ class Problem:
         -------
         (2 k, 2 k, 2 k) ndarray of bool
             In 2D (2 k, 2 k, 1). The centroid is at the middle corner.
+
+        Raises
+        ------
+        InputError
+            If the grain holds no center of a voxel, and those are asked for.
         """
         shape, diameter = self.shapes[self.shape_id[grain]], float(self.diameter[grain])
         if is_one_ball(shape.geometry):
@@ -123,7 +129,14 @@ class Problem:
             low = -half * voxel_size
             grid = Grid((low, low, low if tall > 1 else 0.0), voxel_size, (2 * half, 2 * half, tall))
             self._count("voxelized_shapes", key)
-            return occupy(shape, grid, scale=diameter, rotation=orientation, cover=cover)
+            mask = occupy(shape, grid, scale=diameter, rotation=orientation, cover=cover)
+            if not mask.any():
+                raise InputError(
+                    f"voxel_size is {voxel_size * self.unit_length:.6g}: in some orientation a grain of diameter "
+                    f"{diameter * self.unit_length:.6g} holds no center of a voxel and would take no room; use smaller "
+                    "voxels, or cover 'touch'"
+                )
+            return mask
 
         return self.keep(key, make)
 

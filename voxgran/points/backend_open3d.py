@@ -1,4 +1,8 @@
-"""Open3D's samplers of a triangle mesh, uniform and Poisson-disk, and its one generator of random numbers."""
+"""Open3D's samplers of a triangle mesh, uniform and Poisson-disk, its one generator of random numbers, and quiet."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -45,3 +49,22 @@ def sample_triangles(vertices: Floats, faces: Integers, count: int, *, seed: int
     seed_open3d(seed)
     sampler = mesh.sample_points_poisson_disk if poisson else mesh.sample_points_uniformly
     return np.asarray(sampler(count).points, dtype=np.float64)
+
+
+@contextmanager
+def without_stderr() -> Iterator[None]:
+    """Keep off the standard error what compiled code writes there past all logging, as the Poisson surface does."""
+    try:
+        kept = os.dup(2)
+    except OSError:
+        # it is closed
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)

@@ -9,6 +9,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_count, as_number, as_positive, check_type
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.lazy import load
+from voxgran.points.backend_open3d import without_stderr
 from voxgran.points.cloud import Cloud, Frame
 from voxgran.shapes.diagnose import diagnose
 from voxgran.shapes.model import Shape
@@ -149,7 +150,7 @@ def _poisson(cloud: Cloud, frame: Frame, depth: int | None) -> tuple[Floats, Int
     open3d = load("open3d")
     oriented = cloud if cloud.normals is not None else cloud.with_normals(min(30, len(cloud) - 1))
     levels = depth or max(4, min(DEEPEST, round(math.log(len(cloud), 4))))
-    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
+    with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error), without_stderr():
         made, _ = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
             frame.to_open3d(oriented), depth=levels, n_threads=1
         )

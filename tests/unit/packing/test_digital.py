@@ -190,7 +190,7 @@ def test_bad_parameters_are_named(parameters, error, words):
 
 
 def test_gravity_along_a_periodic_axis_is_refused():
-    with pytest.raises(InputError, match="walled axis"):
+    with pytest.raises(InputError, match=r"not set and thus .-z.: .* walled axis"):
         vg.pack(vg.make_shape("sphere"), vg.Box((4, 4, 4), (False, False, True)), method="digital", count=2)
 
 
@@ -222,3 +222,18 @@ def test_signals_leave_a_checkpoint_and_resume_to_the_same_bits(tmp_path):
         other = task_of([shape], box, **{**arguments, "seed": 5})
         with pytest.raises(CheckpointError, match="another run"):
             drive(digital, other.problem, Drive(checkpoint=path, resume=True))
+
+
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [("digital", {}), ("digital", {"orientations": 2400}), ("digital_fill", {}), ("digital_rsa", {})],
+    ids=str,
+)
+def test_a_grain_without_a_center_of_a_voxel_is_refused(method, options):
+    """Also where it is one of several sizes, and where the orientations are voxelized when they are needed."""
+    told = {"method": method, "voxel_size": 0.125, "cover": "center", **options}
+    for sizes in (None, vg.sizes.discrete([0.15, 0.6], [0.5, 0.5])):
+        with pytest.raises(InputError, match=r"voxel_size is 0.125: .* diameter 0.15 holds no center"):
+            vg.pack(vg.make_shape("sphere", diameter=0.15), vg.Box((2, 2, 2)), count=20, sizes=sizes, **told)
+    packing = vg.pack(vg.make_shape("sphere", diameter=0.25), vg.Box((2, 2, 2)), count=3, **told)
+    assert packing.count == 3

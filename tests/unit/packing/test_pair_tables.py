@@ -48,6 +48,7 @@ def test_walk_is_that_by_columns(case, monkeypatch):
     assert not len(columns.derived["pairs"].at)
     monkeypatch.setattr(digital_setting, "TABLE_VOXELS", 0)
     monkeypatch.setattr(digital_setting, "TABLE_BYTES", 2**31)
+    pairs_read = set()
     for attempts in ((30_000,), (7001, 1, 22_998)):
         tables = walked(case, attempts)
         assert len(tables.derived["pairs"].at)
@@ -55,6 +56,9 @@ def test_walk_is_that_by_columns(case, monkeypatch):
         assert {**tables.counters, **READ} == {**columns.counters, **READ}
         for name in ("site", "member", "turn", "queue"):
             assert np.array_equal(tables.arrays[name], columns.arrays[name])
+        pairs_read.add(tables.counters["pairs_read"])
+    # whether the cells were made again or not
+    assert len(pairs_read) == 1
     assert columns.counters["moves_accepted"] > 1000
 
 

@@ -1,5 +1,7 @@
 """Point clouds: thinning, stray points, normals, bodies, and the way back to a shape."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -254,3 +256,15 @@ def test_a_cloud_has_finite_points_however_it_is_made(wrong):
         Cloud(points)
     with pytest.raises(InputError, match="normals"):
         Cloud(np.ones((5, 3)), np.ones((4, 3)))
+
+
+def test_nothing_is_written_to_the_terminal(capfd):
+    """Open3D warns of a sparse, noisy cloud by hundreds of lines, past its own log."""
+    generator = np.random.default_rng(0)
+    points = generator.normal(size=(300, 3))
+    points /= np.linalg.norm(points, axis=1)[:, None]
+    points += 0.05 * generator.normal(size=points.shape)
+    assert vg.shape_of_cloud(vg.Cloud(points), method="poisson").shape.volume == pytest.approx(4 * np.pi / 3, rel=0.2)
+    assert capfd.readouterr() == ("", "")
+    os.write(2, b"afterwards all is heard")
+    assert capfd.readouterr().err == "afterwards all is heard"

@@ -32,7 +32,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Integers, as_count, as_number, as_positive
+from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
 from voxgran._base.config import parameter, to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized
@@ -221,6 +221,7 @@ def prepare(problem: Problem) -> State:
         "step": np.zeros(n),
         "queue": np.arange(n, dtype=np.int64),
         "height": np.full(1, np.inf),
+        "brim": np.zeros(2),
         "lid": np.zeros(2),
     }
     counters = {**dict.fromkeys(TALLY, 0), "fed_at": -1, "layer_ends": -1, "layer_placed": 0, **COUNTERS}
@@ -248,7 +249,7 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
     state.arrays["queue"] = start.queue(problem.count)
     state.counters["placed"] = start.count
     if start.count == problem.count:
-        look_at_queue(problem, state, -1)
+        look_at_queue(problem, state, -1, lambda: _centroids(state))
 
 
 def _raise_start(problem: Problem, state: State, start: Start) -> None:
@@ -277,7 +278,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         setting, due = setting_of(problem, state), next_event(problem, state)
         _walk(problem, state, setting, min(last, due))
         if state.counters["fed_at"] < 0:
-            look_at_queue(problem, state, due)
+            look_at_queue(problem, state, due, lambda: _centroids(state))
         elif state.done == due:
             if problem.parameters.lid:
                 lower_lid(problem, state, setting)
@@ -359,7 +360,7 @@ def _look_at_bed(problem: Problem, state: State) -> None:
     """Stop when the bed no longer sinks after the last cycle, or when the attempts are used up."""
     arrays, counters = state.arrays, state.counters
     gravity = gravity_vector(problem)
-    height = -float((arrays["position"][arrays["entered"] == 1] @ gravity).sum())
+    height = -float((_centroids(state) @ gravity).sum())
     sunk = float(arrays["height"][0]) - height
     arrays["height"] = np.array([height])
     entered = counters["placed"] == problem.count
@@ -398,6 +399,11 @@ def _placed(state: State) -> Integers:
     if state.counters["ended"] >= 0:
         return state.arrays["grains"]
     return np.flatnonzero(state.arrays["entered"])
+
+
+def _centroids(state: State) -> Floats:
+    """Return where the grains that have entered are, before the walk ends."""
+    return state.arrays["position"][state.arrays["entered"] == 1]
 
 
 def _assembly(problem: Problem, state: State) -> Assembly:

@@ -28,7 +28,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Integers, as_count, as_number, as_positive
+from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import product, quaternions_of
@@ -187,6 +187,7 @@ def prepare(problem: Problem) -> State:
         "turn": np.zeros(n, dtype=np.int64),
         "queue": np.arange(n, dtype=np.int64),
         "height": np.full(1, np.inf),
+        "brim": np.zeros(2),
         "lid": np.zeros(1),
         **turn_arrays(problem),
     }
@@ -220,7 +221,7 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
     state.arrays["queue"] = start.queue(problem.count)
     state.counters["placed"] = start.count
     if start.count == problem.count:
-        _look_at_queue(problem, state, -1)
+        _look_at_queue(problem, state, setting, -1)
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:
@@ -240,7 +241,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         due = _next_event(problem, state)
         _walk(problem, state, setting, min(last, due))
         if state.counters["fed_at"] < 0:
-            _look_at_queue(problem, state, due)
+            _look_at_queue(problem, state, setting, due)
         elif state.done == due:
             look_at_turns(problem, state, setting)
             if (state.done - state.counters["fed_at"]) % _look_every(state) == 0:
@@ -269,6 +270,11 @@ def finish(problem: Problem, state: State) -> Packing:
     )
 
 
+def _centroids(problem: Problem, state: State, setting: Setting) -> Floats:
+    """Return where the grains that have entered are on the lattice, in the normalized frame."""
+    return positions_on(setting.lattice, state.arrays["site"][state.arrays["member"] >= 0], problem.dimension)
+
+
 def _assembly(problem: Problem, state: State, setting: Setting) -> Assembly:
     """Return the grains that have entered, in the normalized frame: where they settled, or on the lattice."""
     placed = np.flatnonzero(state.arrays["member"] >= 0)
@@ -277,7 +283,7 @@ def _assembly(problem: Problem, state: State, setting: Setting) -> Assembly:
     else:
         turns = quaternions_of(setting.rotations[state.arrays["turn"][placed]].astype(np.float64))
         orientation = product(turns, setting.base[state.arrays["member"][placed]])
-        position = positions_on(setting.lattice, state.arrays["site"][placed], problem.dimension)
+        position = _centroids(problem, state, setting)
     return Assembly(
         problem.shapes,
         problem.shape_id[placed],
@@ -368,9 +374,9 @@ def _next_event(problem: Problem, state: State) -> int:
     return counters["fed_at"] + min((into // every + 1) * every, (into // looks + 1) * looks)
 
 
-def _look_at_queue(problem: Problem, state: State, due: int) -> None:
+def _look_at_queue(problem: Problem, state: State, setting: Setting, due: int) -> None:
     """End feeding when it is time, and then put the grains in order."""
-    look_at_queue(problem, state, due)
+    look_at_queue(problem, state, due, lambda: _centroids(problem, state, setting))
     if state.counters["fed_at"] >= 0:
         sort_grains(problem, state)
 

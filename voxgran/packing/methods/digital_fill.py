@@ -22,7 +22,7 @@ from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran.packing.bits import Canvas, Field, Words
-from voxgran.packing.gravity import axis_of
+from voxgran.packing.gravity import axis_of, gravity_text
 from voxgran.packing.lattice import (
     MOST_ORIENTATIONS,
     ContainerLattice,
@@ -159,7 +159,7 @@ def finish(problem: Problem, state: State) -> Packing:
         placed,
         site=state.arrays["site"][placed],
         orientation=setting.oriented.orientation[member],
-        provenance={"parameters": {"gravity": problem.parameters.gravity or _default_gravity(problem)}},
+        provenance={"parameters": {"gravity": gravity_text(problem)}},
         stop_reason=state.stop_reason,
     )
 
@@ -199,16 +199,11 @@ def _voxel_size(problem: Problem) -> float:
     return 1 / 20 if asked is None else problem.length(asked)
 
 
-def _default_gravity(problem: Problem) -> str:
-    """Return where down is when nothing is said."""
-    return "-z" if problem.dimension == 3 else "-y"
-
-
 def _gravity(problem: Problem) -> Integers:
     """Return the direction of gravity as a lattice vector; zero where it does not matter."""
     if problem.parameters.place != "lowest":
         return np.zeros(3, dtype=np.int64)
-    return axis_of(problem.parameters.gravity or _default_gravity(problem), problem.container)
+    return axis_of(problem.parameters.gravity, problem.container)
 
 
 def _setting(problem: Problem, state: State) -> _Setting:
