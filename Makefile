@@ -14,10 +14,10 @@ test: $(STAMP)   ## the tests, without those marked slow, in two processes
 	$(MAKE) --no-print-directory --output-sync=target --jobs=2 test-packing test-others
 
 test-packing:
-	$(BIN)/python -m pytest -m "not slow" tests/unit/packing
+	$(BIN)/python -m pytest -m "not slow" tests/unit/packing tests/methods
 
 test-others:
-	$(BIN)/python -m pytest -m "not slow" --ignore=tests/unit/packing
+	$(BIN)/python -m pytest -m "not slow" --ignore=tests/unit/packing --ignore=tests/methods
 
 test-slow: $(STAMP)   ## the tests marked slow, with many more random examples
 	$(BIN)/python -m pytest -m slow --hypothesis-profile=thorough

@@ -26,18 +26,17 @@ def look(field: Field, bits: Words, at: int, size: Triple, corner: Triple) -> in
     x, y, z = corner
     count, row = (tall + 63) // 64, row_length(deep)
     shift, none, canvas = np.uint64(z & 63), np.uint64(0), field.words
-    rows = 0
-    for k in range(((z & 63) + tall + 63) // 64):
+    words = ((z & 63) + tall + 63) // 64
+    for k in range(words):
         cell = np.uint64(x * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
         here, next_here = _rows(at, 1, k, count, row)
         under, next_under = _rows(at, 1, k - 1, count, row)
-        for _ in range(wide):
-            rows += 1
+        for i in range(wide):
             for j in range(np.uint64(0), np.uint64(deep), np.uint64(8)):
                 if meets_lanes(bits, here + j, under + j, none, none, canvas, cell + j, shift, none):
-                    return ~rows
+                    return ~(k * wide + i + 1)
             here, under, cell = here + next_here, under + next_under, cell + np.uint64(field.stride_x)
-    return rows
+    return words * wide
 
 
 @bare_kernel
@@ -52,8 +51,8 @@ def look_along(field: Field, bits: Words, at: int, size: Triple, corner: Triple,
     # from the side to which it moves
     first = wide - 1 if dx > 0 else 0
     next_cell = np.uint64(-field.stride_x if dx > 0 else field.stride_x)
-    rows = 0
-    for k in range(((z & 63) + tall + 63) // 64):
+    words = ((z & 63) + tall + 63) // 64
+    for k in range(words):
         cell = np.uint64((x + first) * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
         here, next_here = _rows(at, first + 1, k, count, row)
         under, next_under = _rows(at, first + 1, k - 1, count, row)
@@ -62,15 +61,14 @@ def look_along(field: Field, bits: Words, at: int, size: Triple, corner: Triple,
         old_under, next_old_under = _rows(at + dy, first + 1 + dx, k + lag - 1, count, row)
         if dx > 0:
             next_here, next_under, next_old, next_old_under = -next_here, -next_under, -next_old, -next_old_under
-        for _ in range(wide):
-            rows += 1
+        for i in range(wide):
             for j in range(np.uint64(0), np.uint64(deep), np.uint64(8)):
                 if meets_lanes(bits, here + j, under + j, old + j, old_under + j, canvas, cell + j, shift, old_shift):
-                    return ~rows
+                    return ~(k * wide + i + 1)
             here, under = here + next_here, under + next_under
             old, old_under = old + next_old, old_under + next_old_under
             cell += next_cell
-    return rows
+    return words * wide
 
 
 @inlined_kernel
@@ -87,23 +85,22 @@ def look_along_low(field: Field, bits: Words, at: int, size: Triple, corner: Tri
     first = wide - 1 if dx > 0 else 0
     next_row = np.uint64(-row if dx > 0 else row)
     next_cell = np.uint64(-field.stride_x if dx > 0 else field.stride_x)
-    rows = 0
-    for k in range(((z & 63) + tall + 63) // 64):
+    words = ((z & 63) + tall + 63) // 64
+    for k in range(words):
         cell = np.uint64((x + first) * field.stride_x + ((z >> 6) + k) * field.stride_w + y)
         here = np.uint64(at + (first + 1) * row)
         old = np.uint64(at + (first + 1 + dx) * row + dy)
         part, old_part = _part(shift, k), _part(old_shift, k + lag)
-        for _ in range(wide):
-            rows += 1
+        for i in range(wide):
             for j in range(np.uint64(0), even, np.uint64(16)):
                 if _meets_sixteen(bits, here + j, part, old + j, old_part, canvas, cell + j, shift, old_shift):
-                    return ~rows
+                    return ~(k * wide + i + 1)
             if odd and meets_low_lanes(
                 bits, here + even, part, old + even, old_part, canvas, cell + even, shift, old_shift
             ):
-                return ~rows
+                return ~(k * wide + i + 1)
             here, old, cell = here + next_row, old + next_row, cell + next_cell
-    return rows
+    return words * wide
 
 
 @inlined_kernel

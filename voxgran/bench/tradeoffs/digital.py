@@ -39,6 +39,9 @@ DIAMETERS = (12, 20, 40, 57)
 LARGE = 512
 LARGE_DIAMETERS = (12, 20, 40)
 SOLID = 0.3
+#: programs as they are drawn, and how each lattice is
+PROGRAMS = ("voxgran", "voxgran, sorted", "numba fronts", "NumPy")
+DASHES = {EDGE: "-", LARGE: ":"}
 #: least seconds that a program is timed
 SECONDS = 0.6
 #: voxels per diameter of the beds, and sweeps of their walks
@@ -237,10 +240,14 @@ def _draw(moves: list[MoveRow], beds: list[BedRow], path: Path) -> None:
     """Draw rates on the left, density against seconds in the middle and against voxels per diameter on the right."""
     figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
-    for k, program in enumerate(("voxgran", "voxgran, sorted", "numba fronts", "NumPy")):
-        for edge, style in ((EDGE, "-"), (LARGE, ":")):
+    for k, program in enumerate(PROGRAMS):
+        for edge, style in DASHES.items():
             rates = [(row[2], row[4]) for row in moves if row[:2] == (edge, "sphere") and row[3] == program]
-            left.loglog(*zip(*rates, strict=True), f"C{k}{style}", marker="o", label=f"{program}, {edge}³")
+            left.loglog(*zip(*rates, strict=True), f"C{k}{style}", marker="o")
+    # colors tell the program, dashes the lattice
+    line = load("matplotlib.lines").Line2D
+    keys = [line([], [], color=f"C{k}", label=program) for k, program in enumerate(PROGRAMS)]
+    keys += [line([], [], color="black", linestyle=style, label=f"{edge}³") for edge, style in DASHES.items()]
     left.set_xlabel("voxels of a grain")
     left.set_ylabel("attempts per second")
     for k, cells in enumerate(sorted({row[0] for row in beds})):
@@ -256,8 +263,8 @@ def _draw(moves: list[MoveRow], beds: list[BedRow], path: Path) -> None:
         right.plot(*zip(*ends, strict=True), f"k{style}", marker="o", label=stage)
     right.set_xlabel("voxels per diameter")
     right.set_ylabel("bulk solid fraction, true spheres")
-    for panel in (left, middle, right):
+    for panel, handles in ((left, keys), (middle, None), (right, None)):
         panel.grid(visible=True, alpha=0.3)
-        panel.legend(frameon=False, fontsize=7)
+        panel.legend(handles=handles, frameon=False, fontsize=7, ncols=1 if handles is None else 2)
     with written_whole(path) as draft:
         figure.savefig(draft, format="svg")
