@@ -148,8 +148,8 @@ def finishing_report(state: State, assembly: Assembly, gravity: Floats) -> dict[
     Returns
     -------
     dict
-        `parting`: sweeps, and pairs and grains at walls left overlapping. `settling`: sweeps, mean sinking in median
-        diameters, and how much denser the bed is.
+        `parting`: sweeps, and pairs too near and grains beyond walls that are left. `settling`: sweeps, mean sinking in
+        median diameters, and how much denser the bed is.
     """
     counters = state.counters
     report: dict[str, dict[str, float]] = {}

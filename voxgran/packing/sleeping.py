@@ -8,14 +8,13 @@ from voxgran.packing.images import lowest_corner
 
 
 @bare_kernel
-def _cell_range(field, members, grains, turn, g, axis):  # type: ignore[no-untyped-def]
-    """Return first cell and number of cells along an axis that a grain, one voxel wider on each side, lies in."""
+def _cells_around(field, members, grains, turn, g):  # type: ignore[no-untyped-def]
+    """Return the first cell and the one after the last, along each axis, of a grain one voxel wider on each side."""
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
-    edge = turn.cells[3]
-    begin = lowest_corner(field, grains.site[g], low)[axis] - 1
-    first = begin // edge
-    return first, (begin + size[axis] + 1) // edge - first + 1
+    edge, (x, y, z) = turn.cells[3], lowest_corner(field, grains.site[g], low)
+    first = ((x - 1) // edge, (y - 1) // edge, (z - 1) // edge)
+    return first, ((x + size[0]) // edge + 1, (y + size[1]) // edge + 1, (z + size[2]) // edge + 1)
 
 
 @bare_kernel
@@ -26,12 +25,10 @@ def sleeps(field: Field, members: Members, grains: Grains, turn: Turn, g: int, c
         return False
     quiet = since >= cycle
     if quiet:
-        x, many_x = _cell_range(field, members, grains, turn, g, 0)
-        y, many_y = _cell_range(field, members, grains, turn, g, 1)
-        z, many_z = _cell_range(field, members, grains, turn, g, 2)
-        for i in range(x, x + many_x):
-            for j in range(y, y + many_y):
-                for k in range(z, z + many_z):
+        low, high = _cells_around(field, members, grains, turn, g)
+        for i in range(low[0], high[0]):
+            for j in range(low[1], high[1]):
+                for k in range(low[2], high[2]):
                     quiet = quiet and turn.stirred[_cell(turn, i, j, k)] <= since
     if not quiet:
         turn.slept[g], turn.calm[g], turn.depth[g] = -1, 0, -(2**40)
@@ -61,10 +58,8 @@ def note_rest(
     turn.depth[g], turn.calm[g] = depth, 0
     if first:
         return
-    x, many_x = _cell_range(field, members, grains, turn, g, 0)
-    y, many_y = _cell_range(field, members, grains, turn, g, 1)
-    z, many_z = _cell_range(field, members, grains, turn, g, 2)
-    for i in range(x, x + many_x):
-        for j in range(y, y + many_y):
-            for k in range(z, z + many_z):
+    low, high = _cells_around(field, members, grains, turn, g)
+    for i in range(low[0], high[0]):
+        for j in range(low[1], high[1]):
+            for k in range(low[2], high[2]):
                 turn.stirred[_cell(turn, i, j, k)] = attempt
