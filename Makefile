@@ -13,6 +13,7 @@ demo: $(STAMP)   ## pack a small scene, check it, and write files and a report t
 test: $(STAMP)   ## the tests, without those marked slow, in two processes
 	$(MAKE) --no-print-directory --output-sync=target --jobs=2 test-packing test-others
 
+# the two halves of test, about as long; it is test that makes the environment
 test-packing:
 	$(BIN)/python -m pytest -m "not slow" tests/unit/packing tests/methods
 
