@@ -85,15 +85,35 @@ def test_doctor_is_content(capsys):
         (["verify", "none.vtp"], "none.vtp"),
         (["shape", "sphre"], "did you mean 'sphere'"),
         (["shape", "sphere", "--diameter", "-1"], "diameter"),
-        (["shape", "sphere", "--diametre", "1"], "--diametre"),
+        (["shape", "sphere", "--diametre", "1"], "did you mean '--diameter'"),
+        (["shape", "sphere", "more"], "'more' is one argument too many"),
+        (["pack", "scene.toml"], "did you mean 'run'"),
         (["bench", "voxelise"], "did you mean 'voxelize'"),
-        (["plan", "scene.toml", "--jsn"], "--jsn"),
+        (["plan", "scene.toml", "--jsn"], "did you mean '--json'"),
     ],
 )
 def test_mistakes_are_one_line_and_status_2(words, expected, capsys):
     status, line = complaint(capsys, *words)
     assert status == 2
     assert expected in line
+
+
+def test_scenes_and_packings_that_are_mistaken_for_each_other_are_told(scene, tmp_path, capsys):
+    assert "is a scene and no packing" in complaint(capsys, "measure", str(scene))[1]
+    (tmp_path / "bed.vtp").touch()
+    assert "is a packing and no scene" in complaint(capsys, "run", str(tmp_path / "bed.vtp"))[1]
+
+
+def test_a_misspelt_family_key_is_told(scene, capsys):
+    scene.write_text(scene.read_text().replace("family =", "famly ="))
+    assert "did you mean 'family'" in complaint(capsys, "plan", str(scene))[1]
+
+
+def test_messages_name_the_flags_of_the_prompt(tmp_path, capsys):
+    np.save(tmp_path / "image.npy", np.pad(np.ones((5, 5, 5), dtype=np.int64), 2))
+    words = ["labels", str(tmp_path / "image.npy")]
+    assert "--voxel-size is missing" in complaint(capsys, *words)[1]
+    assert "--voxel-size is -1.0" in complaint(capsys, *words, "--voxel-size", "-1")[1]
 
 
 def test_bad_files_are_one_line_and_status_2(tmp_path, capsys):
@@ -174,7 +194,7 @@ def test_a_scan_is_mended_and_told(tmp_path, data_dir, capsys):
     assert json.loads(capsys.readouterr().out)["done"] == ["nothing: the mesh is good as it is"]
     status, line = complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "--largest-hole", "0.01")
     assert status == 2
-    assert "raise largest_hole" in line
+    assert "raise --largest-hole" in line
     assert complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "-o", str(out))[0] == 2
 
 

@@ -8,7 +8,7 @@ that gives the nearest name.
 import dataclasses
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
 
@@ -75,7 +75,7 @@ def parameters_of(cls: type) -> tuple[Parameter, ...]:
     )
 
 
-def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str) -> T:
+def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside: Iterable[str] = ()) -> T:
     """Make a parameter object from a plain mapping.
 
     Parameters
@@ -86,6 +86,8 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str) -> T:
         Keys and values, as TOML, JSON or keyword arguments give them.
     where : str
         How messages name the place, such as ``"[packing]"``.
+    beside : iterable of str
+        Names that are known at this place too and are no parameters of the class; they may be suggested.
 
     Returns
     -------
@@ -101,7 +103,7 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str) -> T:
     known = {entry.name: entry for entry in parameters_of(cls)}
     for key in mapping:
         if key not in known:
-            raise UnknownNameError(unknown(f"{where} key", key, known))
+            raise UnknownNameError(unknown(f"{where} key", key, known, beside=beside))
     for entry in known.values():
         if entry.default is MISSING and entry.name not in mapping:
             raise InputError(f"{where} {entry.name} is missing: it must be given ({entry.doc}); add it")

@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING
 from typing import Any, NoReturn
@@ -30,6 +31,8 @@ class Parser(argparse.ArgumentParser):
 
 Flag = tuple[tuple[str, ...], dict[str, Any]]
 
+#: what a command line holds beside flags of its command
+NO_FLAGS = ("command", "family", "file", "name", "print_completion")
 #: a packing, and what may be said of a file of another program
 PACKING: tuple[Flag, ...] = (
     (("file",), {"help": "a saved packing, or spheres of another program: text, CSV, LAMMPS, VTK points"}),
@@ -178,6 +181,36 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
         sub.add_argument("-v", "--verbose", action="store_true", help="say more on the error stream")
         sub.add_argument("-q", "--quiet", action="store_true", help="no progress")
     return top
+
+
+def parse(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., Any]]]) -> argparse.Namespace:
+    """Return the options of a command line.
+
+    Raises
+    ------
+    UnknownNameError
+        If the command or a flag is unknown; the message gives the nearest one.
+    InputError
+        If something is missing, superfluous or cannot be read.
+    """
+    options, rest = make_parser(words, commands).parse_known_args(words)
+    for word in rest:
+        flag, _, _ = word.partition("=")
+        if flag.startswith("-"):
+            known = (f"--{name.replace('_', '-')}" for name in vars(options) if name not in NO_FLAGS)
+            raise UnknownNameError(unknown(f"flag of {options.command}", flag, known))
+        raise InputError(f"{word!r} is one argument too many; see 'voxgran {options.command} --help'")
+    return options
+
+
+def name_flags(sentence: str, options: argparse.Namespace) -> str:
+    """Return a sentence with the names of arguments, as Python has them, replaced by the flags of the command."""
+    for name in vars(options):
+        flag = f"--{name.replace('_', '-')}"
+        sentence = re.sub(rf"(?<![\w\[-]){name}=True\b", flag, sentence)
+        if "_" in name:
+            sentence = re.sub(rf"(?<![\w-]){name}\b", flag, sentence).replace(f"{flag} is None", f"{flag} is missing")
+    return sentence
 
 
 def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:

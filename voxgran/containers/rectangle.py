@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_floats, as_positive, as_vector
+from voxgran._base.calls import explained
 from voxgran.containers.box import box_distance, periodic_flags
 
 
@@ -26,6 +27,8 @@ class Rectangle:
 
     Raises
     ------
+    CallError
+        If the arguments are others than these.
     InputError
         If a length is not above 0 or `periodic` is neither two flags nor axis names.
     """
@@ -36,6 +39,7 @@ class Rectangle:
     kind: ClassVar[str] = "rectangle"
     dimension: ClassVar[int] = 2
 
+    @explained(hint='Rectangle((4, 6)) or Rectangle((4, 6), periodic="x")')
     def __init__(
         self,
         lengths: ArrayLike,

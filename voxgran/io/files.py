@@ -108,6 +108,10 @@ def load(
         if named:
             raise InputError(f"{named[0]} is given for {found}, which holds its own: leave it out")
         return load_packing(found)
+    if found.suffix.lower() == ".toml":
+        raise FileFormatError(
+            f"{found} is a scene and no packing: 'voxgran run {found}' packs it; give the packing.vtp"
+        )
     if found.suffix.lower() in READERS:
         particles = read_vtk_points(found)
     elif "\0" in head:

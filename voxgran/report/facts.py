@@ -129,7 +129,7 @@ def details(packing: Packing) -> list[Fact]:
     if packing.count:
         low, middle, high = (number(float(v)) for v in np.quantile(packing.diameters, [0.0, 0.5, 1.0]))
         facts.append(Fact("equivalent diameter", f"{low} to {high}, median {middle}"))
-    more = [key for key in ("asked", "placed", "missed", "counters", "threads", "assumed") if record.get(key)]
+    more = [key for key in ("asked", "placed", "missed", "counters", "assumed") if record.get(key)]
     facts += [Fact(key, _pairs(record[key])) for key in more]
     seconds = record.get("timing", {}).get("wall_seconds")
     return [*facts, Fact("wall time", f"{number(float(seconds))} s")] if seconds is not None else facts

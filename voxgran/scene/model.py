@@ -12,7 +12,7 @@ from voxgran._base.config import from_mapping, parameter, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError
 from voxgran._base.files import existing_file
 from voxgran._base.progress import OnStep
-from voxgran._base.registry import unknown
+from voxgran._base.registry import nearest, unknown
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
 from voxgran.io.files import load
@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from voxgran.scene.plan import Plan
     from voxgran.scene.run import SceneResult
 
+#: keys of a [[shape]] from a file, and of any
+FILE_KEYS = ("file", "share", "repair", "surface")
+SHAPE_KEYS = (*FILE_KEYS, "family", "seed")
 SECTIONS = ("scene", "shape", "sizes", "container", "packing", "measure", "output")
 
 
@@ -150,6 +153,8 @@ class Scene:
             If a value is missing or breaks a rule.
         """
         found = existing_file(path)
+        if found.suffix.lower() == ".vtp":
+            raise FileFormatError(f"{found} is a packing and no scene: give the .toml file, or 'voxgran measure' it")
         try:
             mapping = tomllib.loads(found.read_text(encoding="utf-8"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -197,7 +202,8 @@ class Scene:
             raise InputError(f"[packing] has no method: a scene is packed by one; add method, one of {known}")
         count, solid = packing.pop("count", None), packing.pop("solid_fraction", None)
         start = packing.pop("start", None)
-        from_mapping(method_registry().get(method).parameters, packing, "[packing]")
+        beside = ("method", "count", "solid_fraction", "start")
+        from_mapping(method_registry().get(method).parameters, packing, "[packing]", beside=beside)
         return cls(
             general=_general(mapping.get("scene", {})),
             shapes=_shape_entries(mapping["shape"], place),
@@ -351,12 +357,15 @@ def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
         rest = dict(entry)
         share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
         if ("file" in rest) == ("family" in rest):
+            meant = next((key for key in entry if key not in SHAPE_KEYS and nearest(key, ("file", "family"))), None)
+            if meant is not None:
+                raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
             raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
         if "file" in rest:
             path = folder / str(rest.pop("file"))
             for key, value in rest.items():
-                if key not in ("repair", "surface"):
-                    raise UnknownNameError(unknown("[[shape]] key", key, ("file", "share", "repair", "surface")))
+                if key not in FILE_KEYS:
+                    raise UnknownNameError(unknown("[[shape]] key", key, FILE_KEYS))
                 if not isinstance(value, bool):
                     raise InputError(f"[[shape]] {key} is {value!r}: it must be true or false")
             made.append(ShapeEntry("file", str(existing_file(path)), share, rest))

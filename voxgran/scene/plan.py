@@ -63,7 +63,7 @@ class Plan:
     def __str__(self) -> str:
         """Return the plan as a person reads it."""
         lines = [
-            f"grains          {self.grains}, {self.solid_fraction:.3f} of the container's volume",
+            f"grains          {self.grains} drawn; if all find room: {self.solid_fraction:.3f} of the container",
             f"memory          {self.memory / 2**20:.0f} MiB at the peak, estimated",
             f"attempts        {self.attempts:,} at the most",
             f"solids          {self.voxelized_shapes:,} turned into voxels, {self.sampled_shapes:,} into points",

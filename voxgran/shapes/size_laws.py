@@ -171,8 +171,8 @@ class Lognormal(SizeDistribution):
 
     kind: ClassVar[str] = "lognormal"
 
-    median: float = parameter(1.0, doc="median before it is cut off, in its basis", unit="length")
-    sigma: float = parameter(0.2, doc="standard deviation of the natural logarithm of the size")
+    median: float = parameter(doc="median before it is cut off, in its basis", unit="length")
+    sigma: float = parameter(doc="standard deviation of the natural logarithm of the size")
     basis: Literal["number", "volume"] = parameter("number", doc="what the shares are of")
     low: float | None = parameter(None, doc="smallest size; left out: none", unit="length")
     high: float | None = parameter(None, doc="largest size; left out: none", unit="length")

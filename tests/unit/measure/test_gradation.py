@@ -108,7 +108,7 @@ def test_areas_weigh_in_two_dimensions():
 
 
 def test_no_grains_and_nothing_asked():
-    empty = packed([], lognormal())
+    empty = packed([], lognormal(1.0, 0.2))
     assert gradation(empty).sizes.shape == (0,)
     assert gradation(empty).distance == {}
     assert asked_sizes(packed([1.0])) is None
