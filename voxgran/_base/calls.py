@@ -19,6 +19,11 @@ def explained(*, hint: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     ----------
     hint : str
         A call that is right, such as ``"Box((4, 4, 6))"``.
+
+    Raises
+    ------
+    CallError
+        Later, by the decorated function.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
