@@ -11,8 +11,12 @@ import numpy as np
 import pytest
 
 import voxgran.cli.doctor as examination
+from voxgran._base.config import parameters_of
 from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
+from voxgran.clumps.method import clump_registry
+from voxgran.packing.method import method_registry
+from voxgran.shapes.family import families
 
 # small scenes have no bulk to speak of, which is said in a warning
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
@@ -69,6 +73,22 @@ def test_methods_are_listed(capsys):
     text = capsys.readouterr().out
     for word in ("digital", "control_point", "solid_union", "inscribed", "voxel_size", "doi:10.1016"):
         assert word in text
+
+
+@pytest.mark.parametrize("columns", ["80", "200"])
+def test_methods_list_the_allowed_values_of_each_choice(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert main(["methods"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= min(int(columns), 120)
+    text = " ".join(" ".join(lines).split())
+    for registry in (method_registry(), clump_registry(), families()):
+        for item in (item for name in registry.names() for item in parameters_of(registry.get(name).parameters)):
+            assert f"{item.name} {item.doc} ({item.type_text}; " in text
+    for choice in ("'loose', 'dense'; default 'loose'", "'-z', '+z', 'none' or a list of 3", "'4d'; default 'classic'"):
+        assert choice in text
+    assert "None" not in text
+    assert "Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of" in text
 
 
 def test_doctor_is_content(capsys):

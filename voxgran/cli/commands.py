@@ -10,8 +10,8 @@ import voxgran
 from voxgran._base.config import parameters_of
 from voxgran._base.files import write_text
 from voxgran.cli.doctor import doctor
-from voxgran.cli.parser import default_text
-from voxgran.cli.terminal import complain, progress, show, table
+from voxgran.cli.parser import parameter_text
+from voxgran.cli.terminal import complain, entry_line, progress, show, table
 
 
 def init(options: argparse.Namespace) -> None:
@@ -193,7 +193,7 @@ def clump(options: argparse.Namespace) -> None:
 
 
 def methods(options: argparse.Namespace) -> None:
-    """List packing methods, clump methods, shape families and measures with their parameters."""
+    """List packing methods, clump methods, shape families and measures with their parameters and allowed values."""
     from voxgran.clumps.method import clump_registry
     from voxgran.measure.model import measure_registry
     from voxgran.packing.method import method_registry
@@ -212,11 +212,11 @@ def methods(options: argparse.Namespace) -> None:
         print(title)
         for name in registry.names():
             entry = registry.get(name)
-            print(f"  {name:18} {getattr(entry, 'summary', '')}")
-            if source := getattr(entry, "source", ""):
-                print(f"  {'':18} {source}")
+            entry_line(f"  {name}", getattr(entry, "summary", ""))
+            entry_line("", getattr(entry, "source", ""))
             for item in parameters_of(entry.parameters) if hasattr(entry, "parameters") else ():
-                print(f"      {item.name:20} {item.doc} ({default_text(item)})")
+                entry_line(f"      {item.name}", parameter_text(item))
+        print()
 
 
 def bench(options: argparse.Namespace) -> None:

@@ -190,8 +190,7 @@ def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
     if len(named) > 1 and named[0] == "shape":
         for item in parameters_of(families().get(named[1]).parameters):
             flag = "--" + item.name.replace("_", "-")
-            text = f"{item.doc}, {item.type_text} ({default_text(item)})".replace("%", "%%")
-            sub.add_argument(flag, dest=item.name, type=_value, help=text)
+            sub.add_argument(flag, dest=item.name, type=_value, help=parameter_text(item).replace("%", "%%"))
 
 
 def _value(text: str) -> Any:
@@ -202,6 +201,10 @@ def _value(text: str) -> Any:
     return text.split(",") if "," in text else text
 
 
-def default_text(item: Parameter) -> str:
-    """Say what holds when a parameter is left out."""
-    return "must be given" if item.default is MISSING else f"default {item.default!r}"
+def parameter_text(item: Parameter) -> str:
+    """Return the meaning of a parameter, its type or allowed values, and its default in one line."""
+    if item.default is MISSING:
+        rest = "must be given"
+    else:
+        rest = "may be left out" if item.default is None else f"default {item.default!r}"
+    return f"{item.doc} ({item.type_text}; {rest})"
