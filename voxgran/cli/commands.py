@@ -134,11 +134,21 @@ def shape(options: argparse.Namespace) -> None:
 
 def repair(options: argparse.Namespace) -> None:
     """Mend a mesh file and say what was done."""
+    from voxgran.shapes.diagnose import Remedies
     from voxgran.shapes.files import read_surface
+    from voxgran.shapes.repair import repaired
 
     points, faces = read_surface(options.file)
-    name = Path(options.file).stem
-    made = voxgran.repair(points, faces, name=name, largest_hole=options.largest_hole, bodies=options.bodies)
+    remedies = Remedies(
+        keep_open="", choose="choose with --bodies largest or --bodies all", hole="raise --largest-hole"
+    )
+    made = repaired(
+        *(points, faces),
+        name=Path(options.file).stem,
+        largest_hole=options.largest_hole,
+        bodies=options.bodies,
+        remedies=remedies,
+    )
     written = _write_bodies(made.shapes, options) if options.output else []
     numbers: dict[str, Any] = {
         "done": list(made.sentences) or ["nothing: the mesh is good as it is"],
@@ -182,7 +192,14 @@ def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[st
 
 def clump(options: argparse.Namespace) -> None:
     """Fit a clump of spheres to a mesh file and write its spheres."""
-    made = voxgran.fit_clump(voxgran.load_shape(options.file), max_spheres=options.spheres, method=options.method)
+    from voxgran.shapes.diagnose import Remedies
+    from voxgran.shapes.files import shape_of_file
+
+    remedies = Remedies(
+        mend="use 'voxgran repair'", keep_open="", choose="choose with 'voxgran repair --bodies largest'"
+    )
+    body = shape_of_file(options.file, remedies=remedies)
+    made = voxgran.fit_clump(body, max_spheres=options.spheres, method=options.method)
     if options.output:
         rows = [
             "x,y,z,r",
