@@ -68,9 +68,14 @@ def measure(options: argparse.Namespace) -> None:
 def _packing(options: argparse.Namespace) -> Any:
     """Load a packing; say on the error stream what was assumed."""
     packing = voxgran.load(options.file, unit=options.unit, periodic=options.periodic)
-    for subject, sentence in packing.provenance.get("assumed", {}).items():
-        complain(f"assumed {subject}: {sentence}")
+    _say_assumed(packing)
     return packing
+
+
+def _say_assumed(packing: Any, of_what: str = "") -> None:
+    """Say what was assumed of spheres of another program."""
+    for subject, sentence in packing.provenance.get("assumed", {}).items():
+        complain(f"{of_what}assumed {subject}: {sentence}")
 
 
 def report(options: argparse.Namespace) -> None:
@@ -91,12 +96,45 @@ def report(options: argparse.Namespace) -> None:
 
 def compare(options: argparse.Namespace) -> None:
     """Write a page that compares packings."""
+    from voxgran.scene.seeds import packings_of_run
+
     packings: dict[str, list[Any]] = {}
-    for word in options.file:
-        name, mark, file = word.partition("=")
-        packings.setdefault(name if mark else Path(word).stem, []).append(voxgran.load(file if mark else word))
+    for name, path in _named(options.file):
+        given = packings_of_run(path) if Path(path).is_dir() else [voxgran.load(path)]
+        for packing in given:
+            _say_assumed(packing, f"{path}: ")
+        packings.setdefault(name, []).extend(given)
     voxgran.write_comparison(packings, options.output, overwrite=options.overwrite)
     print(options.output)
+
+
+def _named(words: Sequence[str]) -> list[tuple[str, str]]:
+    """Return name and path of each word ``NAME=PATH`` or ``PATH``.
+
+    A path without a name is called after its file, or its folder where that says more; where two would be called the
+    same, each is called by its whole path, so that only a name that was given twice makes a group of both.
+    """
+    found: list[tuple[str, str]] = []
+    for word in words:
+        name, mark, path = word.partition("=")
+        named = bool(mark and name) and not Path(word).exists()
+        found.append((name, path) if named else ("", word))
+    plain = [_called(path) for name, path in found if not name]
+    given = {name for name, _ in found}
+    return [
+        (name or (path if plain.count(_called(path)) > 1 or _called(path) in given else _called(path)), path)
+        for name, path in found
+    ]
+
+
+def _called(path: str) -> str:
+    """Return what a packing is called after its path: its folder where a run has named the file."""
+    from voxgran.scene.run import PACKING
+
+    place = Path(path)
+    if place.is_dir():
+        return place.absolute().name
+    return place.absolute().parent.name if place.name == PACKING else place.stem
 
 
 def labels(options: argparse.Namespace) -> None:

@@ -62,7 +62,11 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     "compare": (
         (
             ("file",),
-            {"nargs": "+", "help": "packings; NAME=FILE names one, and the same name again adds a packing to it"},
+            {
+                "nargs": "+",
+                "help": "packings, or folders that 'voxgran run' wrote, with one packing or one for each seed; "
+                "NAME=PATH names a group, and the same name again adds packings to it",
+            },
         ),
         (("-o", "--output"), {"default": "comparison.html", "help": "HTML file; the numbers go beside it as JSON"}),
     ),
@@ -119,7 +123,7 @@ EXAMPLES: dict[str, str] = {
     "verify": "voxgran verify out/packing.vtp",
     "measure": "voxgran measure out/packing.vtp --which density --which coordination -o statistics.nc",
     "report": "voxgran report out/packing.vtp -o report.html",
-    "compare": "voxgran compare digital=a/packing.vtp digital=b/packing.vtp points=c/packing.vtp -o comparison.html",
+    "compare": "voxgran compare digital=out/digital points=out/points -o comparison.html",
     "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --largest-hole 0.1",
