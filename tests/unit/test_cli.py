@@ -10,12 +10,18 @@ import time
 import numpy as np
 import pytest
 
+import voxgran as vg
 import voxgran.cli.doctor as examination
+from voxgran._base.config import parameters_of
+from voxgran._base.seeds import stream
 from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
+from voxgran.clumps.method import clump_registry
+from voxgran.packing.method import method_registry
+from voxgran.shapes.family import families
 
 # small scenes have no bulk to speak of, which is said in a warning
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = pytest.mark.filterwarnings("ignore:.*the bulk holds")
 
 
 @pytest.fixture
@@ -69,6 +75,22 @@ def test_methods_are_listed(capsys):
     text = capsys.readouterr().out
     for word in ("digital", "control_point", "solid_union", "inscribed", "voxel_size", "doi:10.1016"):
         assert word in text
+
+
+@pytest.mark.parametrize("columns", ["80", "200"])
+def test_methods_list_the_allowed_values_of_each_choice(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert main(["methods"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= min(int(columns), 120)
+    text = " ".join(" ".join(lines).split())
+    for registry in (method_registry(), clump_registry(), families()):
+        for item in (item for name in registry.names() for item in parameters_of(registry.get(name).parameters)):
+            assert f"{item.name} {item.doc} ({item.type_text}; " in text
+    for choice in ("'loose', 'dense'; default 'loose'", "'-z', '+z', 'none' or a list of 3", "'4d'; default 'classic'"):
+        assert choice in text
+    assert "None" not in text
+    assert "Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of" in text
 
 
 def test_doctor_is_content(capsys):
@@ -194,7 +216,10 @@ def test_a_scan_is_mended_and_told(tmp_path, data_dir, capsys):
     assert json.loads(capsys.readouterr().out)["done"] == ["nothing: the mesh is good as it is"]
     status, line = complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "--largest-hole", "0.01")
     assert status == 2
-    assert "raise --largest-hole" in line
+    assert line.endswith("; raise --largest-hole")
+    status, line = complaint(capsys, "clump", str(data_dir / "bunny_dirty.ply"))
+    assert status == 2
+    assert line.endswith("open edges: a grain must be a closed surface; use 'voxgran repair'")
     assert complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "-o", str(out))[0] == 2
 
 
@@ -231,6 +256,58 @@ def test_a_label_image_becomes_a_packing_and_two_are_compared(tmp_path, capsys):
     assert "other" in out.read_text()
     capsys.readouterr()
     assert complaint(capsys, "labels", str(tmp_path / "scan.npy"))[0] == 2
+
+
+def saved(path, *, seed):
+    """Write a small packing of balls and return its path."""
+    generator, balls = stream(seed, "cli"), vg.make_shape("sphere")
+    packing = vg.Packing.of(
+        *([balls], vg.Box((6, 6, 6))),
+        position=generator.uniform(1, 5, (8, 3)),
+        scale=generator.uniform(0.3, 0.6, 8),
+        provenance={"seed": seed},
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    vg.save(packing, path)
+    return str(path)
+
+
+@pytest.mark.filterwarnings("default:.*the bulk holds")
+def test_folders_of_runs_are_compared(tmp_path, capsys):
+    for seed in range(3):
+        saved(tmp_path / "loose" / f"seed_{seed}" / "packing.vtp", seed=seed)
+    for folder, seed in (("dense", 7), ("other", 8)):
+        saved(tmp_path / folder / "packing.vtp", seed=seed)
+    out, twin = tmp_path / "c.html", tmp_path / "c.json"
+    words = [str(tmp_path / "loose"), str(tmp_path / "dense" / "packing.vtp"), f"b={tmp_path / 'other'}"]
+    assert main(["compare", *words, "-o", str(out)]) == 0
+    groups = json.loads(twin.read_text())["groups"]
+    assert [(group["name"], group["packings"]) for group in groups] == [("loose", 3), ("dense", 1), ("b", 1)]
+    assert "warning: loose, seed 2: the bulk holds" in capsys.readouterr().err
+    # the same name makes a group of both only where it was given
+    words = [f"b={tmp_path / 'dense'}", f"b={tmp_path / 'other'}", str(tmp_path / "loose")]
+    assert main(["compare", *words, "-o", str(out), "--overwrite"]) == 0
+    groups = json.loads(twin.read_text())["groups"]
+    assert [(group["name"], group["packings"]) for group in groups] == [("b", 2), ("loose", 3)]
+    before = out.read_bytes()
+    same = [str(saved(tmp_path / name / "x.vtp", seed=9 + k)) for k, name in enumerate("ab")]
+    assert main(["compare", *same, "-o", str(tmp_path / "d.html")]) == 0
+    assert [group["name"] for group in json.loads((tmp_path / "d.json").read_text())["groups"]] == same
+    capsys.readouterr()
+    (tmp_path / "nothing").mkdir()
+    for wrong, said in (("nothing", "holds no packing"), ("none", "is not there")):
+        status, line = complaint(capsys, "compare", words[0], str(tmp_path / wrong), "-o", str(out), "--overwrite")
+        assert status == 2
+        assert said in line
+    assert out.read_bytes() == before
+
+
+def test_what_is_assumed_of_spheres_is_said_of_each_file(tmp_path, capsys):
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.csv").write_text("x,y,z,diameter\n1,1,1,1\n2.5,1,1,1\n")
+    words = [str(tmp_path / "a.csv"), str(tmp_path / "b.csv"), "-o", str(tmp_path / "c.html")]
+    assert main(["compare", *words]) == 0
+    assert f"{tmp_path / 'b.csv'}: assumed container" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])

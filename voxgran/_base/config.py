@@ -40,7 +40,10 @@ class Parameter:
 
     @property
     def type_text(self) -> str:
-        """The type as a person writes it: ``number``, ``text``, ``a or b``."""
+        """The type as a person writes it, such as ``a number`` or ``one of 'a', 'b'``, without ``left out``."""
+        kinds = typing.get_args(self.type)
+        if typing.get_origin(self.type) in (typing.Union, types.UnionType):
+            return " or ".join(_describe(kind) for kind in kinds if kind is not type(None))
         return _describe(self.type)
 
 

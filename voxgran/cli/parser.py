@@ -65,7 +65,11 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     "compare": (
         (
             ("file",),
-            {"nargs": "+", "help": "packings; NAME=FILE names one, and the same name again adds a packing to it"},
+            {
+                "nargs": "+",
+                "help": "packings, or folders that 'voxgran run' wrote, with one packing or one for each seed; "
+                "NAME=PATH names a group, and the same name again adds packings to it",
+            },
         ),
         (("-o", "--output"), {"default": "comparison.html", "help": "HTML file; the numbers go beside it as JSON"}),
     ),
@@ -122,7 +126,7 @@ EXAMPLES: dict[str, str] = {
     "verify": "voxgran verify out/packing.vtp",
     "measure": "voxgran measure out/packing.vtp --which density --which coordination -o statistics.nc",
     "report": "voxgran report out/packing.vtp -o report.html",
-    "compare": "voxgran compare digital=a/packing.vtp digital=b/packing.vtp points=c/packing.vtp -o comparison.html",
+    "compare": "voxgran compare digital=out/digital points=out/points -o comparison.html",
     "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --largest-hole 0.1",
@@ -223,8 +227,7 @@ def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
     if len(named) > 1 and named[0] == "shape":
         for item in parameters_of(families().get(named[1]).parameters):
             flag = "--" + item.name.replace("_", "-")
-            text = f"{item.doc}, {item.type_text} ({default_text(item)})".replace("%", "%%")
-            sub.add_argument(flag, dest=item.name, type=_value, help=text)
+            sub.add_argument(flag, dest=item.name, type=_value, help=parameter_text(item).replace("%", "%%"))
 
 
 def _value(text: str) -> Any:
@@ -235,6 +238,10 @@ def _value(text: str) -> Any:
     return text.split(",") if "," in text else text
 
 
-def default_text(item: Parameter) -> str:
-    """Say what holds when a parameter is left out."""
-    return "must be given" if item.default is MISSING else f"default {item.default!r}"
+def parameter_text(item: Parameter) -> str:
+    """Return the meaning of a parameter, its type or allowed values, and its default in one line."""
+    if item.default is MISSING:
+        rest = "must be given"
+    else:
+        rest = "may be left out" if item.default is None else f"default {item.default!r}"
+    return f"{item.doc} ({item.type_text}; {rest})"

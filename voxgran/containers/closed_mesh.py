@@ -9,9 +9,17 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.errors import InputError
-from voxgran.shapes.files import load_shape
+from voxgran.shapes.diagnose import Remedies
+from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+
+#: what can be done about a file that is not one closed solid
+MENDING = Remedies(
+    mend="use vg.repair, or 'voxgran repair' at the prompt",
+    keep_open="",
+    choose="choose with vg.repair, or 'voxgran repair', and its bodies",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +76,7 @@ class ClosedMesh:
         InputError
             If the path is no path.
         """
-        return cls(load_shape(path, unit=unit))
+        return cls(shape_of_file(path, unit=unit, remedies=MENDING))
 
     @property
     def volume(self) -> float:

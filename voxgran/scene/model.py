@@ -18,8 +18,9 @@ from voxgran.containers.model import Container
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
+from voxgran.shapes.diagnose import Remedies
 from voxgran.shapes.family import families, make_shape
-from voxgran.shapes.files import load_shape
+from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
@@ -30,6 +31,13 @@ if TYPE_CHECKING:
 #: keys of a [[shape]] from a file, and of any
 FILE_KEYS = ("file", "share", "repair", "surface")
 SHAPE_KEYS = (*FILE_KEYS, "family", "seed")
+#: what a scene can do about a mesh that is not one closed solid
+REMEDIES = Remedies(
+    mend="set repair = true in its [[shape]]",
+    keep_open="set surface = true",
+    choose="choose with 'voxgran repair --bodies largest'",
+    hole="close it with 'voxgran repair' and a larger --largest-hole",
+)
 SECTIONS = ("scene", "shape", "sizes", "container", "packing", "measure", "output")
 
 
@@ -81,7 +89,7 @@ class ShapeEntry:
     def make(self) -> Shape:
         """Return the shape."""
         if self.source == "file":
-            return load_shape(self.name, **self.parameters)
+            return shape_of_file(self.name, remedies=REMEDIES, **self.parameters)
         return make_shape(self.name, **self.parameters)
 
 

@@ -23,8 +23,9 @@ with any of them all points keep five percent more, and steps are so short that 
 
 References
 ----------
-Sajjadi & Khalili 2015, Control points in packing of particles of arbitrary shape, section 5-2: surfaces as control
-points, moved at random under gravity and compared by nearest neighbours
+Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of
+Discontinuous Materials, section 5-2: surfaces as control points, moved at random under gravity and compared by nearest
+neighbours
 """
 
 from dataclasses import dataclass
@@ -420,7 +421,8 @@ def _assembly(problem: Problem, state: State) -> Assembly:
 registration = PackingMethod(
     name="control_point",
     summary="grains as control points on their surfaces, moved and turned by small random steps under gravity",
-    source="Sajjadi & Khalili 2015, Control points in packing of particles of arbitrary shape, section 5-2",
+    source="Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element "
+    "Analysis of Discontinuous Materials, section 5-2",
     parameters=ControlPoint,
     prepare=prepare,
     advance=advance,
