@@ -10,9 +10,11 @@ from voxgran._base.arrays import Floats, as_count, as_floats
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran._base.units import NO_UNIT
 from voxgran.contacts.parts import is_one_ball
 from voxgran.packing.asked import check_packing, check_shapes
 from voxgran.packing.model import Packing
+from voxgran.packing.one_unit import in_one_unit
 from voxgran.shapes.model import Shape
 
 #: steps of the search for the smallest ball around a shape
@@ -70,7 +72,10 @@ def inscribe(
     True
     """
     check_packing(packing, "packing")
-    given = check_shapes(shapes)
+    given, _, unit = in_one_unit(check_shapes(shapes), packing.container, packing.unit)
+    if packing.unit == NO_UNIT:
+        # only the forms are taken from the shapes, all sizes from the balls
+        given, unit = tuple(replace(shape, unit=None) for shape in given), NO_UNIT
     for shape in given:
         if shape.dimension != packing.dimension:
             raise InputError(
@@ -94,7 +99,10 @@ def inscribe(
             "inscribed": {"seed": seed, "solid_fraction_of_balls": packing.solid_fraction},
         },
         stop_reason=packing.stop_reason,
-        unit=packing.unit,
+        unit=unit,
+        gravity=packing.gravity,
+        contact_gap=packing.contact_gap,
+        asked_sizes=packing.asked_sizes,
     )
     # what is in the ball of a shape of size 1 is brought into the ball of the grain
     scale = packing.bounding_radii / balls[inscribed.shape_id, 3]

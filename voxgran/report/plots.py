@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, as_floats
-from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
 from voxgran.shapes.descriptors import principal_extents
-from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 #: stands for the colour of the page's text until the page is written
 _INK = "#0a0b0c"
@@ -88,7 +86,7 @@ def svg_of(
 
 
 def plot_gradation(axes: Any, packing: Packing) -> Any:
-    """Draw which share by volume passes which size: as placed, and as asked where the provenance tells.
+    """Draw which share by volume passes which size: as placed, and as asked where a distribution was.
 
     Parameters
     ----------
@@ -111,7 +109,7 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
     plot_passing(axes, diameters, packing.volumes, color=PLACED, label="placed, equivalent diameter")
     if packing.count and np.abs(ratio - 1).max() > 0.01 and packing.dimension == 3:
         plot_passing(axes, middle, packing.volumes, color=OTHER, label="placed, intermediate axis")
-    asked = asked_sizes(packing)
+    asked = packing.asked_sizes
     if asked is not None and packing.count:
         low, high = min(diameters.min(), middle.min()), max(diameters.max(), middle.max())
         sizes = np.geomspace(0.8 * low, 1.25 * high, 600)
@@ -236,18 +234,6 @@ def plot_passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label
     axes.step(
         np.concatenate([x[:1], x]), np.concatenate([[0.0] * len(x[:1]), y]), where="post", color=color, label=label
     )
-
-
-def asked_sizes(packing: Packing) -> SizeDistribution | None:
-    """Return the distribution that was asked for, where the provenance tells."""
-    asked = packing.provenance.get("asked")
-    mapping = asked.get("sizes") if isinstance(asked, Mapping) else None
-    if not isinstance(mapping, Mapping):
-        return None
-    try:
-        return make_sizes({key: value for key, value in mapping.items() if value is not None})
-    except InputError:  # a record of other hands: what was placed is drawn all the same
-        return None
 
 
 def _unit(unit: str) -> str:

@@ -42,6 +42,8 @@ def packing():
             "missed": {"count": 2},
             "timing": {"wall_seconds": 1.5},
         },
+        contact_gap=0.05,
+        asked_sizes=uniform(0.5, 0.9),
     )
 
 

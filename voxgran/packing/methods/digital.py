@@ -267,6 +267,8 @@ def finish(problem: Problem, state: State) -> Packing:
         provenance=provenance,
         voxel_size=setting.lattice.voxel_size,
         stop_reason=state.stop_reason,
+        gravity=setting.gravity,
+        contact_gap=setting.lattice.voxel_size,
     )
 
 
