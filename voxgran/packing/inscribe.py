@@ -10,11 +10,9 @@ from voxgran._base.arrays import Floats, as_count, as_floats
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran._base.units import NO_UNIT
 from voxgran.contacts.parts import is_one_ball
 from voxgran.packing.asked import check_packing, check_shapes
 from voxgran.packing.model import Packing
-from voxgran.packing.one_unit import in_one_unit
 from voxgran.shapes.model import Shape
 
 #: steps of the search for the smallest ball around a shape
@@ -72,10 +70,9 @@ def inscribe(
     True
     """
     check_packing(packing, "packing")
-    given, _, unit = in_one_unit(check_shapes(shapes), packing.container, packing.unit)
-    if packing.unit == NO_UNIT:
-        # only the forms are taken from the shapes, all sizes from the balls
-        given, unit = tuple(replace(shape, unit=None) for shape in given), NO_UNIT
+    # only forms are taken from the shapes, all sizes from the balls: another unit of theirs does not matter
+    own = (None, packing.unit)
+    given = tuple(shape if shape.unit in own else replace(shape, unit=None) for shape in check_shapes(shapes))
     for shape in given:
         if shape.dimension != packing.dimension:
             raise InputError(
@@ -99,7 +96,7 @@ def inscribe(
             "inscribed": {"seed": seed, "solid_fraction_of_balls": packing.solid_fraction},
         },
         stop_reason=packing.stop_reason,
-        unit=unit,
+        unit=packing.unit,
         gravity=packing.gravity,
         contact_gap=packing.contact_gap,
         asked_sizes=packing.asked_sizes,

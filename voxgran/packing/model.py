@@ -14,7 +14,7 @@ from voxgran.contacts.find import find_contacts
 from voxgran.contacts.model import Contacts
 from voxgran.containers.model import Container
 from voxgran.packing.down import Down, as_down
-from voxgran.packing.one_unit import in_one_unit
+from voxgran.packing.one_unit import converted, in_one_unit
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws import SizeDistribution
 
@@ -158,14 +158,12 @@ class Packing(Assembly):
         if target == self.unit:
             return self
         factor = unit_factor(self.unit, target)
-        # a shape without a unit is in that of the packing
-        stated = (replace(shape, unit=shape.unit or self.unit) for shape in self.shapes)
-        container = self.container
+        shapes, container = converted(self.shapes, self.container, self.unit, target)
         return replace(
             self,
-            shapes=tuple(shape.to_unit(target) for shape in stated),
+            shapes=shapes,
             position=self.position * factor,
-            container=container.to_unit(target) if hasattr(container, "to_unit") else container.scaled(factor),
+            container=container,
             provenance={**self.provenance, "converted": {"from": self.unit, "to": target}},
             unit=target,
             contact_gap=self.contact_gap * factor,

@@ -4,8 +4,9 @@ Whatever has no unit, such as the regular shapes, is taken to be in that unit.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from voxgran._base.units import common_unit
+from voxgran._base.units import common_unit, unit_factor
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.model import Container
 from voxgran.shapes.model import Shape
@@ -38,3 +39,29 @@ def in_one_unit(
     if isinstance(container, ClosedMesh) and container.shape.unit not in (None, chosen):
         container = container.to_unit(chosen)
     return tuple(s if s.unit in (None, chosen) else s.to_unit(chosen) for s in shapes), container, chosen
+
+
+def converted(
+    shapes: Sequence[Shape], container: Container, source: str, target: str
+) -> tuple[tuple[Shape, ...], Container]:
+    """Return shapes and container of a packing with their lengths in another unit.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        In the first unit, also those without a unit.
+    container : Container
+        The same.
+    source, target : str
+        The units.
+
+    Raises
+    ------
+    InputError
+        If only one of them is a unit.
+    """
+    factor = unit_factor(source, target)
+    solids = tuple(replace(shape, unit=source).to_unit(target) for shape in shapes)
+    if isinstance(container, ClosedMesh):
+        return solids, ClosedMesh(replace(container.shape, unit=source).to_unit(target))
+    return solids, container.scaled(factor)

@@ -20,6 +20,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError, OutputExistsError
 from voxgran._base.files import as_path, write_text
 from voxgran._base.lazy import load
+from voxgran._base.units import NO_UNIT
 from voxgran.measure.model import measure
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
@@ -82,8 +83,8 @@ def write_comparison(
     Parameters
     ----------
     packings : mapping of str to Packing or sequence of Packing
-        At least two kinds; the first is what the others are compared with. Several packings of a kind, such as those
-        of several seeds, give it a standard error.
+        At least two kinds; the first is what the others are compared with, in its unit of lengths. Several packings of
+        a kind, such as those of several seeds, give it a standard error.
     path : path-like
         File to write, by custom ``.html``; the numbers go to the file of the same name with the suffix ``.json``.
     which : sequence of str, optional
@@ -98,7 +99,7 @@ def write_comparison(
     Raises
     ------
     InputError
-        If there are fewer than two kinds, or one of them is empty.
+        If there are fewer than two kinds, one of them is empty, or the unit of only some packings is known.
     UnknownNameError
         If there is no measure of that name.
     OutputExistsError
@@ -140,8 +141,18 @@ def _kinds(packings: Mapping[str, Packing | Sequence[Packing]], which: Sequence[
         group = (given,) if isinstance(given, Packing) else tuple(given)
         if not group:
             raise InputError(f"packings {name!r} is empty: give at least one packing")
+        unit = (kinds[0].packings if kinds else group)[0].unit
+        group = tuple(_in_unit(packing, unit, name) for packing in group)
         kinds.append(Kind(name, group, tuple(measure(packing, which=which) for packing in group)))
     return kinds
+
+
+def _in_unit(packing: Packing, unit: str, name: str) -> Packing:
+    """Return a packing in the unit of the first one."""
+    if packing.unit != unit and NO_UNIT in (packing.unit, unit):
+        has, first = (f"in {known}" if known != NO_UNIT else "without a unit" for known in (packing.unit, unit))
+        raise InputError(f"packings {name!r} has lengths {has}, the first one {first}: give both a unit, or neither")
+    return packing.to_unit(unit)
 
 
 def compared(kinds: Sequence[Kind]) -> list[dict[str, Any]]:
@@ -302,7 +313,8 @@ def _draw_sizes(axes: Any, *, kinds: Sequence[Kind]) -> None:
     for kind, ink in zip(kinds, INKS * len(kinds), strict=False):
         packing = kind.packings[0]
         plots.plot_passing(axes, packing.diameters, packing.volumes, color=ink, label=kind.name)
-    axes.set(ylim=(0, 101), xlabel="equivalent diameter", ylabel="passing by volume (%)")
+    unit = plots.unit_text(kinds[0].packings[0].unit)
+    axes.set(ylim=(0, 101), xlabel=f"equivalent diameter{unit}", ylabel="passing by volume (%)")
     axes.legend(loc="best")
 
 
@@ -312,7 +324,8 @@ def _draw(axes: Any, *, kinds: Sequence[Kind], found: Sequence[Any], name: str) 
     for kind, data, ink in zip(kinds, found, INKS * len(kinds), strict=False):
         place = data[name][data[name].dims[0]]
         axes.plot(place.values, data[name].values, color=ink, label=kind.name)
-        axes.set(xlabel=str(place.attrs.get("long_name", place.name)), ylabel=label)
+        unit = plots.unit_text(str(place.attrs.get("units", "1")))
+        axes.set(xlabel=f"{place.attrs.get('long_name', place.name)}{unit}", ylabel=label)
         if place.name == "gap" and (place.values > 0).any():
             axes.set_xscale("symlog", linthresh=float(place.values[place.values > 0].min()), linscale=0.4)
     axes.set_ylim(bottom=0)

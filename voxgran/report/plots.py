@@ -118,7 +118,7 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
         axes.plot(sizes, shares, color=ASKED, linestyle=(0, (4, 2)), label=f"asked, {what}")
     if packing.count and diameters.max() > 4 * diameters.min():
         axes.set_xscale("log")
-    axes.set(ylim=(0, 101), xlabel=f"size{_unit(packing.unit)}", ylabel="passing by volume (%)")
+    axes.set(ylim=(0, 101), xlabel=f"size{unit_text(packing.unit)}", ylabel="passing by volume (%)")
     axes.legend(loc="best")
     return axes
 
@@ -177,7 +177,7 @@ def plot_profile(
         axes.fill_between(x, y - band, y + band, color=PLACED, alpha=0.25, linewidth=0)
     axes.plot(x, y, color=PLACED)
     top = max(np.nanmax(y, initial=0.0), *marks.values(), 0.05)
-    axes.set(xlabel=f"{name}{_unit(unit)}", ylabel="solid fraction", ylim=(0, min(1.08 * top, max(1.02, top))))
+    axes.set(xlabel=f"{name}{unit_text(unit)}", ylabel="solid fraction", ylim=(0, min(1.08 * top, max(1.02, top))))
     return axes
 
 
@@ -214,7 +214,7 @@ def plot_coordination(
     if len(x) and x.max() > 0:
         # gaps span decades and begin at 0
         axes.set_xscale("symlog", linthresh=float(x[x > 0].min()), linscale=0.4)
-    axes.set(xlabel=f"{name}{_unit(unit)}", ylabel="mean coordination number")
+    axes.set(xlabel=f"{name}{unit_text(unit)}", ylabel="mean coordination number")
     axes.set_ylim(0, max(1.08 * float(y.max(initial=0.0)), 1.0))
     return axes
 
@@ -236,6 +236,6 @@ def plot_passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label
     )
 
 
-def _unit(unit: str) -> str:
-    """Return what follows the name on an axis."""
+def unit_text(unit: str) -> str:
+    """Return the unit as it follows the name on an axis: in brackets, empty where there is none."""
     return "" if unit in ("", "1") else f" ({unit})"

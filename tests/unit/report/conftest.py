@@ -11,6 +11,7 @@ from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.sizes import uniform
 from voxgran.shapes.tessellate import unit_box
 
 SHAPES = (

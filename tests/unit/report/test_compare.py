@@ -65,3 +65,32 @@ def test_what_cannot_be_compared_is_refused(groups, tmp_path):
     with pytest.raises(OutputExistsError, match=r"c\.json is there"):
         vg.write_comparison(groups, tmp_path / "c.html", overwrite=False)
     assert (tmp_path / "c.json").read_text() == "mine"
+
+
+def test_packings_of_other_units_are_converted_to_that_of_the_first(groups, tmp_path):
+    few = groups["few"][0]
+    pair = {"mm": few, "metres": few.to_unit("m")}
+    vg.write_comparison(pair, tmp_path / "c.html", which=["density"], pictures=False)
+    rows = {row["name"]: row for row in json.loads((tmp_path / "c.json").read_text())["numbers"]}
+    for name in ("mean_diameter", "solid_fraction", "specific_surface"):
+        entry = rows[name]["kinds"]["metres"]
+        assert entry["mean"] == pytest.approx(rows[name]["kinds"]["mm"]["mean"], rel=1e-12)
+        assert abs(entry["difference"]) < 1e-12
+    units = {name: rows[name]["unit"] for name in ("mean_diameter", "grain_volume", "specific_surface", "porosity")}
+    assert list(units.values()) == ["mm", "mm^3", "mm^-1", "1"]
+    assert "equivalent diameter (mm)" in (tmp_path / "c.html").read_text()
+    vg.write_comparison(dict(reversed(pair.items())), tmp_path / "d.html", which=["density"], pictures=False)
+    rows = {row["name"]: row for row in json.loads((tmp_path / "d.json").read_text())["numbers"]}
+    assert rows["mean_diameter"]["unit"] == "m"
+    assert rows["mean_diameter"]["kinds"]["mm"]["mean"] == pytest.approx(few.diameters.mean() / 1000)
+
+
+@pytest.mark.parametrize(
+    ("first", "words"), [("1", "in mm, the first one without"), ("mm", "without .* first one in mm")]
+)
+def test_packings_with_and_without_a_unit_are_not_compared(first, words, groups, tmp_path):
+    few = groups["few"][0]
+    bare = vg.Packing.of(few.shapes, few.container, position=few.position, scale=few.scale)
+    pair = {"a": bare, "b": few} if first == "1" else {"a": few, "b": [few, bare]}
+    with pytest.raises(InputError, match=f"packings 'b' has lengths {words}"):
+        vg.write_comparison(pair, tmp_path / "c.html", pictures=False)

@@ -129,6 +129,7 @@ def test_names_cannot_break_out_of_the_page(packing, tmp_path):
         position=[[1, 1, 1]],
         provenance={"method": evil, "parameters": {evil: evil}},
     )
+    spoilt = dataclasses.replace(spoilt, unit=evil)
     page = page_of(spoilt, tmp_path / "p.html", pictures=False, title=evil, comparisons={evil: {evil: evil}})
     assert page.all("script") == []
 
