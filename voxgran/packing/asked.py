@@ -122,5 +122,6 @@ def warn_of_units(problem: "Problem") -> None:
             f"{share:.1g} of a container that is {edge * problem.unit_length:g}{unit} wide: if that is a mistake of "
             "units, give sizes and container in the same one",
             PackingWarning,
-            stacklevel=3,
+            # the same place for a plan and for the run after it, so that it is told once
+            stacklevel=2,
         )

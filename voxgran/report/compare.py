@@ -136,7 +136,7 @@ def _kinds(packings: Mapping[str, Packing | Sequence[Packing]], which: Sequence[
     """Measure all packings."""
     if len(packings) < 2:
         raise InputError(f"packings has {len(packings)} entries: a comparison needs at least two; add another")
-    kinds = []
+    kinds: list[Kind] = []
     for name, given in packings.items():
         group = (given,) if isinstance(given, Packing) else tuple(given)
         if not group:

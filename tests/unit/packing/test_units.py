@@ -5,6 +5,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
+from voxgran.packing.approach import Encounter
 
 BALL = vg.make_shape("sphere")
 
@@ -180,3 +181,11 @@ def test_sizes_of_another_unit_than_the_container_are_suspected():
     thrown(BALL, vg.Box((60, 60, 60)), count=1)
     thrown(BALL, vg.Box((1000.0, 1000.0, 1.0)), count=9, sizes=vg.sizes.fixed(1e-2))
     thrown(BALL, vg.Box((1, 1, 1)), count=3000, sizes=vg.sizes.fixed(1e-3))
+
+
+def test_two_grains_that_meet_are_brought_to_one_unit():
+    ways = [
+        Encounter(cube(1.0, unit), cube(edge, other), spacing=0.3).first_contact((1, 0, 0))[0]
+        for unit, edge, other in (("cm", 10.0, "mm"), ("cm", 1.0, None), (None, 1.0, None))
+    ]
+    assert ways == pytest.approx([ways[-1]] * 3)
