@@ -114,6 +114,18 @@ class ClosedMesh:
         x, y, z = (value * factor for value in self.shape.offset)
         return ClosedMesh(Shape(self.shape.geometry.scaled(factor), self.shape.name, (x, y, z), self.shape.unit))
 
+    def to_unit(self, unit: str) -> "ClosedMesh":
+        """Return the container with its lengths in another unit; without a unit they stand as they are.
+
+        Raises
+        ------
+        UnknownNameError
+            If the unit is unknown; the message gives the nearest one.
+        InputError
+            If it is no text, or ``"1"`` where the unit of the mesh is known.
+        """
+        return ClosedMesh(self.shape.to_unit(unit))
+
     def to_mapping(self) -> dict[str, Any]:
         """Return kind, vertices (about the centroid), faces and the place of the centroid as JSON-able values."""
         return {

@@ -89,7 +89,8 @@ def load(
     Returns
     -------
     Packing
-        ``provenance["assumed"]`` says what was taken for granted.
+        ``provenance["assumed"]`` says what was taken for granted. Files of other programs do not tell where gravity
+        acts: it is taken to be downward.
 
     Raises
     ------

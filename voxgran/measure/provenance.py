@@ -43,6 +43,8 @@ def _record(packing: Packing) -> dict[str, Any]:
         "stop_reason": packing.stop_reason,
         "unit": packing.unit,
         "density": packing.density,
+        "gravity": packing.gravity,
+        "contact_gap": packing.contact_gap,
         "container": {"kind": packing.container.kind, "sha256": container},
         "shapes": [{"name": shape.name, "key": shape.key} for shape in packing.shapes],
         "grains": {"count": packing.count, "sha256": arrays.hexdigest()},

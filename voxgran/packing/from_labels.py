@@ -73,7 +73,6 @@ def packing_of_labels(
             "border": border,
             "smoothing": smoothing,
             "periodic": periodic,
-            "gravity": "none",
         },
         "labels": [grain.label for grain in grains],
         "largest_volume_error": float(errors.max()),
@@ -84,5 +83,7 @@ def packing_of_labels(
         position=np.array([grain.position for grain in grains]),
         shape_id=np.arange(len(grains)),
         provenance=record,
-        unit=unit or "1",
+        unit=unit,
+        gravity=None,
+        contact_gap=float(size.max()),
     )

@@ -12,16 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_count, as_number
+from voxgran._base.arrays import as_count, as_number, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.progress import OnStep
+from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.containers.model import Container
-from voxgran.packing.asked import check_asked, check_drive
+from voxgran.packing.asked import check_asked, check_drive, warn_of_units
 from voxgran.packing.grains import Grains, draw_grains, size_distance
 from voxgran.packing.method import PackingMethod, State, method_registry
 from voxgran.packing.model import Packing
+from voxgran.packing.one_unit import in_one_unit
 from voxgran.packing.problem import Problem
 from voxgran.packing.run import Drive, Recorder, drive
 from voxgran.packing.start import Start, check_start
@@ -42,6 +44,7 @@ class Task:
     problem: Problem
     removed: dict[str, float]
     asked: dict[str, Any]
+    sizes: SizeDistribution | None
 
 
 @explained(hint='pack(shapes, Box((4, 4, 4)), method="digital", count=20)')
@@ -57,6 +60,8 @@ def pack(
     weights_by: str = "number",
     seed: int = 0,
     start: Packing | None = None,
+    unit: str | None = None,
+    density: float | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     time_limit: float | None = None,
@@ -94,6 +99,11 @@ def pack(
         have room, at last raised (:mod:`voxgran.packing.start`). They come first in the result. `count` and
         `solid_fraction` are then those of further grains; with neither, there are none. Where `shapes` is empty they
         have those of the start.
+    unit : str, optional
+        Unit of all lengths that have none of their own: container, sizes, parameters, regular shapes. Shapes of other
+        units are converted to it. Left out: that of the start, or else the one of the shapes, where it is known.
+    density : float, optional
+        Density of the material; left out: that of the start, or else 1.
     checkpoint : path-like, optional
         File for checkpoints, written every ten seconds, when the run is asked to stop, and at the end. It holds the
         poses and little more: some hundred bytes a grain, whatever the shapes.
@@ -118,11 +128,11 @@ def pack(
     CallError
         If an argument that must be given is missing.
     UnknownNameError
-        If the method or a parameter is unknown.
+        If the method, a parameter or the unit is unknown.
     InputError
-        If an argument is of another type, a value breaks a rule, a length is not between 1e-60 and 1e60, the grains
-        have more volume than the container, equal balls are asked for a solid fraction beyond that of the densest
-        lattice, or the method packs no open surfaces.
+        If an argument is of another type, a value breaks a rule, shapes have several units and none is given, a length
+        is not between 1e-60 and 1e60, the grains have more volume than the container, equal balls are asked for a solid
+        fraction beyond that of the densest lattice, or the method packs no open surfaces.
     GrainTooLargeError
         If no grain can fit.
     TooLargeError
@@ -158,6 +168,8 @@ def pack(
         weights_by=weights_by,
         seed=seed,
         start=start,
+        unit=unit,
+        density=density,
         parameters=parameters,
     )
     if time_limit is not None:
@@ -183,13 +195,15 @@ def prepare_task(
     seed: int,
     parameters: dict[str, Any],
     start: Packing | None = None,
+    unit: str | None = None,
+    density: float | None = None,
 ) -> Task:
     """Check what was asked, draw the grains and put all into the normalized frame; nothing is packed.
 
     Raises
     ------
     UnknownNameError
-        If the method or a parameter is unknown.
+        If the method, a parameter or the unit is unknown.
     InputError
         If a value breaks a rule.
     GrainTooLargeError
@@ -200,8 +214,13 @@ def prepare_task(
     chosen = method_registry().get(method)
     settings: Any = from_mapping(chosen.parameters, parameters, f"method {method!r}", beside=_arguments())
     given = check_asked(shapes, container, sizes, start)
+    if as_unit(unit) == NO_UNIT and start is not None:
+        unit = start.unit
+    given, container, unit = in_one_unit(given, container, unit)
     if start is not None:
         check_start(start, container.dimension)
+        start = start if start.unit == NO_UNIT else start.to_unit(unit)
+        density = start.density if density is None else density
     _refuse_unfit(chosen, given if start is None else (*given, *start.shapes), container)
     none_asked = start is not None and count is None and solid_fraction is None
     grains = draw_grains(
@@ -230,7 +249,10 @@ def prepare_task(
             diameter=np.concatenate([start.diameters, grains.diameter]),
         )
         given = (*start.shapes, *given)
-    return Task(chosen, _problem(given, container, grains, settings, seed=seed, start=start), grains.removed, asked)
+    problem = _problem(given, container, grains, settings, seed=seed, start=start)
+    problem.unit, problem.density = unit, 1.0 if density is None else as_positive(density, "density")
+    warn_of_units(problem)
+    return Task(chosen, problem, grains.removed, asked, sizes)
 
 
 def _arguments() -> tuple[str, ...]:
@@ -298,7 +320,7 @@ def with_provenance(task: Task, state: State, packing: Packing, *, seconds: floa
         "timing": {"wall_seconds": seconds},
         **packing.provenance,
     }
-    made = replace(packing, provenance=record)
+    made = replace(packing, provenance=record, asked_sizes=task.sizes)
     if packing.stop_reason == "count" and _ended_by_solid_fraction(task) and not missed["solid_fraction"]:
         return replace(made, stop_reason="solid_fraction")
     return made

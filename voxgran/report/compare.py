@@ -45,8 +45,8 @@ def write_comparison(
     Parameters
     ----------
     packings : mapping of str to Packing or sequence of Packing
-        At least two groups; the first is what the others are compared with. Several packings of a group must be
-        independent of each other, such as those of several seeds: they give it a standard error.
+        At least two groups; the first is what the others are compared with, in its unit of lengths. Several packings of
+        a group must be independent of each other, such as those of several seeds: they give it a standard error.
     path : path-like
         File to write, by custom ``.html``; the numbers go to the file of the same name with the suffix ``.json``.
     which : sequence of str, optional
@@ -61,7 +61,8 @@ def write_comparison(
     Raises
     ------
     InputError
-        If there are fewer than two groups, one of them is empty, or holds the same packing twice.
+        If there are fewer than two groups, one of them is empty or holds the same packing twice, or the unit of only
+        some packings is known.
     UnknownNameError
         If there is no measure of that name.
     OutputExistsError
@@ -236,7 +237,8 @@ def _draw_sizes(axes: Any, *, groups: Sequence[Group]) -> None:
         for index, packing in enumerate(group.packings[:DRAWN]):
             label = group.name if index == 0 else None
             plots.plot_passing(axes, packing.diameters, packing.volumes, color=ink, label=label)
-    axes.set(ylim=(0, 101), xlabel="equivalent diameter", ylabel="passing by volume (%)")
+    unit = plots.unit_text(groups[0].packings[0].unit)
+    axes.set(ylim=(0, 101), xlabel=f"equivalent diameter{unit}", ylabel="passing by volume (%)")
     axes.legend(loc="best")
 
 
@@ -248,7 +250,8 @@ def _draw(axes: Any, *, groups: Sequence[Group], found: Sequence[Sequence[Any]],
             place = data[name][data[name].dims[0]]
             line = {"color": ink, "linewidth": 2.0 if len(datasets) == 1 else 1.2}
             axes.plot(place.values, data[name].values, label=group.name if index == 0 else None, **line)
-            axes.set(xlabel=str(place.attrs.get("long_name", place.name)), ylabel=label)
+            unit = plots.unit_text(str(place.attrs.get("units", "1")))
+            axes.set(xlabel=f"{place.attrs.get('long_name', place.name)}{unit}", ylabel=label)
             if place.name == "gap" and (place.values > 0).any():
                 axes.set_xscale("symlog", linthresh=float(place.values[place.values > 0].min()), linscale=0.4)
     axes.set_ylim(bottom=0)

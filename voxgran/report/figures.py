@@ -73,7 +73,7 @@ def size_test(packing: Packing) -> dict[str, float] | None:
         Kolmogorov-Smirnov ``distance`` of the two distributions and its ``p_value``, the probability of a larger one by
         chance (scipy.stats.kstest); None where nothing is known of what was asked.
     """
-    asked = plots.asked_sizes(packing)
+    asked = packing.asked_sizes
     if asked is None or not packing.count:
         return None
 

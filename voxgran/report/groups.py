@@ -9,6 +9,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
+from voxgran._base.units import NO_UNIT
 from voxgran.measure.coordination import coordination_number, usual_gap
 from voxgran.measure.model import measure
 from voxgran.packing.asked import check_packing
@@ -86,7 +87,8 @@ def groups_of(packings: Mapping[str, Packing | Sequence[Packing]], which: Sequen
     Raises
     ------
     InputError
-        If there are fewer than two groups, one of them is empty, holds the same packing twice or something else.
+        If there are fewer than two groups, one of them is empty, holds the same packing twice or something else, or the
+        unit of only some packings is known.
     UnknownNameError
         If there is no measure of that name.
     """
@@ -104,8 +106,18 @@ def groups_of(packings: Mapping[str, Packing | Sequence[Packing]], which: Sequen
                 f"packings {name!r} holds the same packing twice: those of a group must be independent of each other, "
                 "such as those of several seeds; leave one out"
             )
+    unit = next(iter(chosen.values()))[0].unit
+    chosen = {name: tuple(_in_unit(packing, unit, name) for packing in group) for name, group in chosen.items()}
     gap = max(usual_gap(packing) for group in chosen.values() for packing in group)
     return [_group(name, group, which, gap=gap) for name, group in chosen.items()]
+
+
+def _in_unit(packing: Packing, unit: str, name: str) -> Packing:
+    """Return a packing in the unit of the first one."""
+    if packing.unit != unit and NO_UNIT in (packing.unit, unit):
+        has, first = (f"in {known}" if known != NO_UNIT else "without a unit" for known in (packing.unit, unit))
+        raise InputError(f"packings {name!r} has lengths {has}, the first one {first}: give both a unit, or neither")
+    return packing.to_unit(unit)
 
 
 def _group(name: str, packings: tuple[Packing, ...], which: Sequence[str] | None, *, gap: float) -> Group:
@@ -164,7 +176,7 @@ def compared(groups: Sequence[Group]) -> list[dict[str, Any]]:
     rows = []
     for name, attrs in meaning.items():
         first, *others = (numbers.get(name) for numbers in all_numbers)
-        if all(values is None for values in others):
+        if first is None or all(values is None for values in others):
             continue
         entries = {groups[0].name: _entry(first, None)}
         entries |= {

@@ -3,7 +3,7 @@
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,6 +13,7 @@ from voxgran._base.errors import FileFormatError, InputError, UnknownNameError
 from voxgran._base.files import existing_file
 from voxgran._base.progress import OnStep
 from voxgran._base.registry import nearest, unknown
+from voxgran._base.units import as_unit
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
 from voxgran.io.files import load
@@ -47,7 +48,7 @@ class General:
 
     seed: int = parameter(0, doc="seed of all random numbers")
     seeds: int = parameter(1, doc="how many packings to make, with this seed and the next ones")
-    unit: str = parameter("1", doc="unit of every length below; recorded")
+    unit: str = parameter("1", doc="unit of every length below, such as mm")
     density: float = parameter(1.0, doc="density of the material")
 
 
@@ -318,7 +319,7 @@ def _general(mapping: Mapping[str, Any]) -> General:
     as_count(made.seed, "[scene] seed")
     as_count(made.seeds, "[scene] seeds", at_least=1)
     as_positive(made.density, "[scene] density")
-    return made
+    return replace(made, unit=as_unit(made.unit, "[scene] unit"))
 
 
 def _share_by(value: Any) -> str:

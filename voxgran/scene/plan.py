@@ -145,6 +145,8 @@ def task_of(scene: Scene, shapes: tuple[Shape, ...]) -> Task:
         weights_by=scene.share_by,
         seed=scene.general.seed,
         start=scene.begin(),
+        unit=scene.general.unit,
+        density=scene.general.density,
         parameters=dict(scene.parameters),
     )
 

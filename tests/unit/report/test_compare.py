@@ -70,7 +70,8 @@ def test_distances_over_grains_are_tested_by_regrouping_packings_only(groups, tm
 
 def test_coordination_is_counted_up_to_one_gap(groups, tmp_path):
     near = heap(30, 50)
-    far = replace(heap(31, 50), provenance={"parameters": {"spacing": 0.08}})
+    far = heap(31, 50)
+    far = replace(far, contact_gap=0.08 * far.diameters.mean())
     text, twin = written({"near": near, "far": far}, tmp_path, which=["coordination"])
     assert "at a gap of at most 0.08 mean diameters" in text
     for name, packing in (("near", near), ("far", far)):
@@ -196,3 +197,32 @@ def test_packings_without_grains_are_compared(tmp_path):
     text, twin = written({"empty": [empty, empty], "few": heap(1, 3)}, tmp_path)
     assert twin["distributions"] == []
     assert "0 grains, method not known" in text
+
+
+def test_packings_of_other_units_are_converted_to_that_of_the_first(groups, tmp_path):
+    few = groups["few"][0]
+    pair = {"mm": few, "metres": few.to_unit("m")}
+    vg.write_comparison(pair, tmp_path / "c.html", which=["density"], pictures=False)
+    rows = {row["name"]: row for row in json.loads((tmp_path / "c.json").read_text())["numbers"]}
+    for name in ("mean_diameter", "solid_fraction", "specific_surface"):
+        entry = rows[name]["groups"]["metres"]
+        assert entry["mean"] == pytest.approx(rows[name]["groups"]["mm"]["mean"], rel=1e-12)
+        assert abs(entry["difference"]) < 1e-12
+    units = {name: rows[name]["unit"] for name in ("mean_diameter", "grain_volume", "specific_surface", "porosity")}
+    assert list(units.values()) == ["mm", "mm^3", "mm^-1", "1"]
+    assert "equivalent diameter (mm)" in (tmp_path / "c.html").read_text()
+    vg.write_comparison(dict(reversed(pair.items())), tmp_path / "d.html", which=["density"], pictures=False)
+    rows = {row["name"]: row for row in json.loads((tmp_path / "d.json").read_text())["numbers"]}
+    assert rows["mean_diameter"]["unit"] == "m"
+    assert rows["mean_diameter"]["groups"]["mm"]["mean"] == pytest.approx(few.diameters.mean() / 1000)
+
+
+@pytest.mark.parametrize(
+    ("first", "words"), [("1", "in mm, the first one without"), ("mm", "without .* first one in mm")]
+)
+def test_packings_with_and_without_a_unit_are_not_compared(first, words, groups, tmp_path):
+    few = groups["few"][0]
+    bare = vg.Packing.of(few.shapes, few.container, position=few.position, scale=few.scale)
+    pair = {"a": bare, "b": few} if first == "1" else {"a": few, "b": [few, bare]}
+    with pytest.raises(InputError, match=f"packings 'b' has lengths {words}"):
+        vg.write_comparison(pair, tmp_path / "c.html", pictures=False)

@@ -127,9 +127,9 @@ def test_names_cannot_break_out_of_the_page(packing, tmp_path):
         shapes,
         packing.container,
         position=[[1, 1, 1]],
-        unit=evil,
         provenance={"method": evil, "parameters": {evil: evil}},
     )
+    spoilt = dataclasses.replace(spoilt, unit=evil)
     page = page_of(spoilt, tmp_path / "p.html", pictures=False, title=evil, comparisons={evil: {evil: evil}})
     assert page.all("script") == []
 
