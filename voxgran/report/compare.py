@@ -6,6 +6,7 @@ differences are then given without any claim of significance. Distributions over
 Kolmogorov-Smirnov distance, which describes; a probability is given where there are packings enough to permute.
 """
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -74,7 +75,8 @@ def write_comparison(
     -----
     Nothing is called significant where a group has one packing. Numbers that differ by less than 1e-9, relatively, are
     equal. Means are compared by Welch's t-test over packings; distributions over grains by a permutation test over
-    packings, where these are at least four and four, three and four, or two and five.
+    packings, where these are at least four and four, three and four, or two and five. Groups that were packed with
+    the same seeds may share what was drawn at random; both tests are then the more cautious.
     """
     twin = as_path(path).with_suffix(".json")
     for place in () if overwrite else (Path(path), twin):
@@ -171,9 +173,15 @@ def _mean_text(entry: Mapping[str, Any], packings: int) -> str:
     """Write a mean with its standard error, and of how many packings where some have no number."""
     if entry["mean"] is None:
         return "not known"
-    error = "" if entry["standard_error"] is None else f" \u00b1 {entry['standard_error']:.2g}"
     known = "" if entry["known"] == packings else f" ({entry['known']} of {packings})"
-    return _number(entry["mean"]) + error + known
+    mean, error = entry["mean"], entry["standard_error"]
+    if not error:
+        return _number(mean) + known
+    # the mean has as many decimals as two digits of its error
+    decimals = 1 - math.floor(math.log10(error))
+    if 0 <= decimals <= 6:
+        return f"{mean:.{decimals}f} \u00b1 {error:.{decimals}f}{known}".replace("-", "\u2212")
+    return f"{_number(mean)} \u00b1 {error:.2g}{known}"
 
 
 def _difference_text(entry: Mapping[str, Any]) -> str:

@@ -175,15 +175,13 @@ def compared(groups: Sequence[Group]) -> list[dict[str, Any]]:
             numbers["coordination_number"] = np.array(means)
     rows = []
     for name, attrs in meaning.items():
-        first, *others = (numbers.get(name) for numbers in all_numbers)
-        if first is None or all(values is None for values in others):
-            continue
+        first = all_numbers[0][name]
         entries = {groups[0].name: _entry(first, None)}
-        entries |= {
-            group.name: _entry(values, first)
-            for group, values in zip(groups[1:], others, strict=True)
-            if values is not None
-        }
+        for group, numbers in zip(groups[1:], all_numbers[1:], strict=True):
+            if name in numbers:
+                entries[group.name] = _entry(numbers[name], first)
+        if len(entries) < 2:
+            continue
         long_name, unit = str(attrs.get("long_name", name)), str(attrs.get("units", "1"))
         rows.append({"name": name, "long_name": long_name, "unit": unit, "groups": entries})
     return rows

@@ -167,7 +167,6 @@ def test_curves_of_all_packings_are_drawn(groups, tmp_path):
     assert written({"a": [heap(k, 5) for k in range(7)], "b": heap(9, 5)}, tmp_path)[0].count("The first 5 packings")
 
 
-@pytest.mark.filterwarnings("default:.*the bulk holds")
 def test_warnings_name_the_packing(groups, tmp_path):
     with pytest.warns(PackingWarning) as caught:
         written({"few": groups["few"][:2], "one": groups["many"][0]}, tmp_path, which=["density"])
