@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from voxgran.scene.run import SceneResult
 
 #: keys of a [[shape]] from a file, and of any
-FILE_KEYS = ("file", "share", "repair", "surface")
+FILE_KEYS = ("file", "share", "repair", "surface", "unit")
 SHAPE_KEYS = (*FILE_KEYS, "family", "seed")
 #: what a scene can do about a mesh that is not one closed solid
 REMEDIES = Remedies(
@@ -48,7 +48,7 @@ class General:
 
     seed: int = parameter(0, doc="seed of all random numbers")
     seeds: int = parameter(1, doc="how many packings to make, with this seed and the next ones")
-    unit: str = parameter("1", doc="unit of every length below, such as mm")
+    unit: str = parameter("1", doc="unit of every length below that has none of its own")
     density: float = parameter(1.0, doc="density of the material")
 
 
@@ -375,7 +375,9 @@ def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
             for key, value in rest.items():
                 if key not in FILE_KEYS:
                     raise UnknownNameError(unknown("[[shape]] key", key, FILE_KEYS))
-                if not isinstance(value, bool):
+                if key == "unit":
+                    as_unit(value, "[[shape]] unit")
+                elif not isinstance(value, bool):
                     raise InputError(f"[[shape]] {key} is {value!r}: it must be true or false")
             made.append(ShapeEntry("file", str(existing_file(path)), share, rest))
             continue

@@ -155,14 +155,15 @@ def _stand_in(entry: ShapeEntry) -> Shape:
     """Return a shape that costs as much as the real one: meshes checked for holes, random solids as an ellipsoid."""
     if entry.source == "file":
         points, faces = read_surface(entry.name)
+        known = {"name": entry.name, "unit": entry.parameters.get("unit")}
         if entry.parameters.get("surface"):
-            return Shape.of(Surface(points, faces), name=entry.name)
+            return Shape.of(Surface(points, faces), **known)
         if not entry.parameters.get("repair"):
             points, faces = merged(points, faces)
             refuse_open(points, faces, Path(entry.name).name, remedies=REMEDIES)
         mesh = Mesh(points, faces)
         # what is wound in any way may enclose nothing until it is mended
-        return Shape.of(mesh, name=entry.name) if mesh.volume > 0 else entry.make()
+        return Shape.of(mesh, **known) if mesh.volume > 0 else entry.make()
     family = families().get(entry.name)
     if family.random and not family.is_open:
         axes = np.array([1.5, 1.0, 0.8]) / 2

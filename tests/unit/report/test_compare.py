@@ -192,7 +192,7 @@ def test_what_cannot_be_compared_is_refused(groups, tmp_path):
 
 
 def test_packings_without_grains_are_compared(tmp_path):
-    empty = vg.Packing.of([vg.make_shape("sphere")], vg.Box((6, 6, 6)), position=np.zeros((0, 3)))
+    empty = vg.Packing.of([vg.make_shape("sphere")], vg.Box((6, 6, 6)), position=np.zeros((0, 3)), unit="mm")
     text, twin = written({"empty": [empty, empty], "few": heap(1, 3)}, tmp_path)
     assert twin["distributions"] == []
     assert "0 grains, method not known" in text
@@ -222,6 +222,6 @@ def test_packings_of_other_units_are_converted_to_that_of_the_first(groups, tmp_
 def test_packings_with_and_without_a_unit_are_not_compared(first, words, groups, tmp_path):
     few = groups["few"][0]
     bare = vg.Packing.of(few.shapes, few.container, position=few.position, scale=few.scale)
-    pair = {"a": bare, "b": few} if first == "1" else {"a": few, "b": [few, bare]}
+    pair = {"a": bare, "b": few} if first == "1" else {"a": few, "b": [groups["few"][1], bare]}
     with pytest.raises(InputError, match=f"packings 'b' has lengths {words}"):
         vg.write_comparison(pair, tmp_path / "c.html", pictures=False)
