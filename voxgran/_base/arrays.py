@@ -274,7 +274,11 @@ def check_type(value: object, wanted: type | tuple[type, ...], name: str, rule: 
 
 def shown(value: object) -> str:
     """Return a value as a message shows it: no longer than 60 characters."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:
+        # Python writes no whole number of more than 4300 digits
+        text = f"<{type(value).__name__} of more than 4300 digits>"
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 

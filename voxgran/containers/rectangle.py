@@ -1,6 +1,5 @@
 """A rectangle with walls or periodic sides, for packings in two dimensions."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -8,7 +7,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_floats, as_positive, as_vector
-from voxgran.containers.box import box_distance, periodic_flags
+from voxgran._base.axes import Periodic, as_periodic
+from voxgran.containers.box import box_distance
 
 
 @dataclass(frozen=True, init=False)
@@ -19,15 +19,15 @@ class Rectangle:
     ----------
     lengths : (2,) sequence of float
         Sides, in the unit of lengths.
-    periodic : (2,) sequence of bool, or of axis names
-        Which axes are periodic.
+    periodic : str, bool or sequence
+        Which axes are periodic: names such as ``"x"`` or ``["x", "y"]``, two flags, or True for both.
     origin : (2,) sequence of float
         Lower corner.
 
     Raises
     ------
     InputError
-        If a length is not above 0 or `periodic` is neither two flags nor axis names.
+        If a length is not above 0 or `periodic` is none of these.
     """
 
     lengths: tuple[float, float]
@@ -39,7 +39,7 @@ class Rectangle:
     def __init__(
         self,
         lengths: ArrayLike,
-        periodic: Sequence[bool] | Sequence[str] = (False, False),
+        periodic: Periodic = False,
         *,
         origin: ArrayLike = (0.0, 0.0),
     ) -> None:
@@ -47,7 +47,7 @@ class Rectangle:
         x, y = (as_positive(float(value), "length of the rectangle") for value in sides)
         a, b = (float(value) for value in as_vector(origin, "origin", length=2))
         object.__setattr__(self, "lengths", (x, y))
-        object.__setattr__(self, "periodic", periodic_flags(periodic, 2))
+        object.__setattr__(self, "periodic", as_periodic(periodic, 2))
         object.__setattr__(self, "origin", (a, b))
 
     @property

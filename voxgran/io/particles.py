@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, shown
+from voxgran._base.axes import Periodic
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.rotation import quaternions_of
 from voxgran.containers.box import Box
@@ -88,7 +89,7 @@ def packing_of(
     *,
     container: Container | None = None,
     unit: str | None = None,
-    periodic: str | None = None,
+    periodic: Periodic | None = None,
 ) -> Packing:
     """Return the packing of spheres and clumps that another program wrote.
 
@@ -102,8 +103,9 @@ def packing_of(
         What holds them; left out: as the file says, or else the box around the spheres.
     unit : str, optional
         Unit of lengths; left out: as the file says, or else ``"1"``.
-    periodic : str, optional
-        Axes along which the box is periodic, such as ``"xy"``; left out: as the file says, or else none.
+    periodic : str, bool or sequence, optional
+        Axes along which the box is periodic, such as ``"xy"``, as of
+        :class:`voxgran.Box`; left out: as the file says, or else none.
 
     Returns
     -------
@@ -125,7 +127,9 @@ def packing_of(
         assumed.pop("periodic", None)
     if periodic is not None:
         if not isinstance(held, Box):
-            raise InputError(f"periodic is {periodic!r}: a {held.kind} is given as it is; only a box takes axes here")
+            raise InputError(
+                f"periodic is {shown(periodic)}: a {held.kind} is given as it is; only a box takes axes here"
+            )
         held = Box(held.lengths, periodic, origin=held.origin)
         assumed.pop("periodic", None)
     if unit is None and particles.unit is None:

@@ -6,6 +6,7 @@ import os
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.axes import Periodic
 from voxgran._base.errors import InputError
 from voxgran._base.files import existing_file, written_whole
 from voxgran.containers.model import Container
@@ -67,7 +68,7 @@ def load_spheres(
     *,
     container: Container | None = None,
     unit: str | None = None,
-    periodic: str | None = None,
+    periodic: Periodic | None = None,
 ) -> Packing:
     """Read spheres from text.
 
@@ -83,8 +84,9 @@ def load_spheres(
         box around the spheres.
     unit : str, optional
         Unit of the lengths; left out, the one in the comments or in brackets behind a name, or else ``"1"``.
-    periodic : str, optional
-        Axes along which the box is periodic, such as ``"xy"``; left out, as the container says.
+    periodic : str, bool or sequence, optional
+        Axes along which the box is periodic, such as ``"xy"``, as of
+        :class:`voxgran.Box`; left out, as the container says.
 
     Returns
     -------
