@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -270,16 +270,6 @@ def check_type(value: object, wanted: type | tuple[type, ...], name: str, rule: 
     """
     if not isinstance(value, wanted):
         raise InputError(f"{name} is {shown(value)}: it must be {rule}")
-
-
-def shown(value: object) -> str:
-    """Return a value as a message shows it: no longer than 60 characters."""
-    try:
-        text = repr(value)
-    except ValueError:
-        # Python writes no whole number of more than 4300 digits
-        text = f"<{type(value).__name__} of more than 4300 digits>"
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:

@@ -5,8 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import shown
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 
 #: a flag for each of the axes x, y and z
 Flags = tuple[bool, bool, bool]

@@ -7,6 +7,16 @@ value, the rule and the remedy. `exit_code` is what the command line returns: 2 
 from typing import ClassVar
 
 
+def shown(value: object) -> str:
+    """Return a value as a message shows it: no longer than 60 characters."""
+    try:
+        text = repr(value)
+    except ValueError:
+        # Python writes no whole number of more than 4300 digits
+        text = f"<{type(value).__name__} of more than 4300 digits>"
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
 class VoxgranError(Exception):
     """Base of all errors that voxgran raises on purpose."""
 

@@ -30,7 +30,7 @@ _WRITERS: dict[str, Callable[..., None]] = {
 _HEAD = 4096
 
 
-def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write a packing to a file.
 
     Parameters

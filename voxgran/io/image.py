@@ -116,7 +116,7 @@ def save_image(
     *,
     voxel_size: float,
     origin: ArrayLike = (0.0, 0.0, 0.0),
-    overwrite: bool = True,
+    overwrite: bool = False,
 ) -> None:
     """Write an image as a ``.vti`` file, for ParaView.
 

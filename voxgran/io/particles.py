@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, shown
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.axes import Periodic
-from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.errors import FileFormatError, InputError, shown
 from voxgran._base.rotation import quaternions_of
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container

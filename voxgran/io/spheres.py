@@ -20,7 +20,7 @@ from voxgran.shapes.spheres import Spheres
 _ROWS_AT_ONCE = 100_000
 
 
-def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write spheres as text.
 
     Parameters

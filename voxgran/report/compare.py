@@ -10,15 +10,14 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from voxgran import __version__
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import InputError, OutputExistsError
-from voxgran._base.files import as_path, write_text
+from voxgran._base.errors import InputError
+from voxgran._base.files import as_path, refuse_to_replace, write_text
 from voxgran._base.lazy import load
 from voxgran.measure.model import measure
 from voxgran.packing.model import Packing
@@ -75,7 +74,7 @@ def write_comparison(
     which: Sequence[str] | None = None,
     pictures: bool = True,
     title: str = "Comparison of packings",
-    overwrite: bool = True,
+    overwrite: bool = False,
 ) -> None:
     """Write one self-contained page that compares packings, and every number of it as JSON beside it.
 
@@ -107,11 +106,8 @@ def write_comparison(
         If it cannot be written; what was there before is untouched.
     """
     twin = as_path(path).with_suffix(".json")
-    for place in () if overwrite else (Path(path), twin):
-        if place.exists():
-            raise OutputExistsError(
-                f"{place} is there already: it is not replaced unasked; ask to overwrite or move it"
-            )
+    if not overwrite:
+        refuse_to_replace(path, twin)
     kinds = _kinds(packings, which)
     rows, tests = compared(kinds), distributions(kinds)
     text = page_template("comparison.html.j2").render(

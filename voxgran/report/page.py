@@ -8,7 +8,7 @@ import base64
 import io
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
-from voxgran._base.errors import OutputExistsError
-from voxgran._base.files import as_path, write_text, written_whole
+from voxgran._base.files import as_path, refuse_to_replace, write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran.packing.asked import check_packing
 from voxgran.packing.model import Packing
@@ -84,7 +83,7 @@ def write_report(
     comparisons: Mapping[str, Mapping[str, Any]] | None = None,
     color_by: str = "diameter",
     turntable: bool = False,
-    overwrite: bool = True,
+    overwrite: bool = False,
 ) -> None:
     """Write one self-contained HTML page about a packing, and every number of it as JSON beside it.
 
@@ -127,12 +126,12 @@ def write_report(
     check_packing(packing, "packing")
     twin = as_path(path).with_suffix(".json")
     if not overwrite:
-        _refuse_to_replace([Path(path), twin])
+        refuse_to_replace(path, twin)
     colors = coloring(packing, color_by)
     drawn = _draw(packing, color_by) if pictures else Drawn({}, {})
     files = _picture_files(drawn, Path(pictures_folder)) if pictures_folder is not None else {}
     if not overwrite:
-        _refuse_to_replace(list(files))
+        refuse_to_replace(*files)
     figures = figures_of(packing, statistics)
     shapes = facts.shape_rows(packing)
     text = page_template("template.html.j2").render(
@@ -257,15 +256,6 @@ def _picture_files(drawn: Drawn, folder: Path) -> dict[Path, bytes]:
         row = np.hstack([picture for picture, _, _ in views.values()])
         files[folder / f"grain_{index}.png"] = _png(row)
     return files
-
-
-def _refuse_to_replace(places: Sequence[Path]) -> None:
-    """Refuse before anything is written."""
-    for place in places:
-        if place.exists():
-            raise OutputExistsError(
-                f"{place} is there already: it is not replaced unasked; ask to overwrite or move it"
-            )
 
 
 def _subtitle(packing: Packing) -> str:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from voxgran._base.arrays import as_count, as_number, as_positive, check_type, shown
+from voxgran._base.arrays import as_count, as_number, as_positive, check_type
 from voxgran._base.config import from_mapping, parameter, to_mapping
-from voxgran._base.errors import FileFormatError, InputError, UnknownNameError
+from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.progress import OnStep
 from voxgran._base.registry import unknown

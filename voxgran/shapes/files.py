@@ -115,7 +115,7 @@ def read_surface(path: str | os.PathLike[str]) -> tuple[Floats, Integers]:
     return points, faces
 
 
-def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write the tessellation of a shape, in its body frame.
 
     Parameters
