@@ -12,7 +12,7 @@ import pkgutil
 from collections.abc import Iterable
 from typing import Generic, TypeVar
 
-from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.errors import InputError, UnknownNameError, shown
 
 T = TypeVar("T")
 
@@ -81,6 +81,6 @@ class Registry(Generic[T]):
 def unknown(kind: str, name: object, known: Iterable[str]) -> str:
     """Return the sentence that says a name is unknown, with the nearest known one."""
     names = sorted(known)
-    near = difflib.get_close_matches(str(name), names, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(name if isinstance(name, str) else "", names, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}? " if near else ""
-    return f"{kind} {name!r} is unknown: {hint}known are {', '.join(names) or 'none'}"
+    return f"{kind} {shown(name)} is unknown: {hint}known are {', '.join(names) or 'none'}"

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_points, as_positive, as_vector
+from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive, as_vector
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran.shapes.tessellate import unit_box
 
@@ -28,7 +28,7 @@ class Box:
     Raises
     ------
     InputError
-        If a length is not above 0 or `periodic` is none of these.
+        If a length is not between 1e-60 and 1e60, the corner lies beyond, or `periodic` is none of these.
     """
 
     lengths: tuple[float, float, float]
@@ -44,8 +44,8 @@ class Box:
         *,
         origin: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
-        x, y, z = (as_positive(float(value), "length of the box") for value in as_vector(lengths, "lengths"))
-        a, b, c = (float(value) for value in as_vector(origin, "origin"))
+        x, y, z = (as_length(float(value), "length of the box") for value in as_vector(lengths, "lengths"))
+        a, b, c = (float(value) for value in as_place(origin, "origin"))
         object.__setattr__(self, "lengths", (x, y, z))
         object.__setattr__(self, "periodic", as_periodic(periodic))
         object.__setattr__(self, "origin", (a, b, c))
@@ -77,8 +77,16 @@ class Box:
         return (vertices + 0.5) * np.array(self.lengths) + np.array(self.origin), faces
 
     def scaled(self, factor: float) -> "Box":
-        """Return the box with lengths and corner multiplied."""
-        return Box(np.array(self.lengths) * factor, self.periodic, origin=np.array(self.origin) * factor)
+        """Return the box with lengths and corner multiplied.
+
+        Raises
+        ------
+        InputError
+            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any more.
+        """
+        times = as_positive(factor, "factor")
+        lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))
+        return Box(lengths, self.periodic, origin=origin)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values."""

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_floats, as_positive, as_vector
+from voxgran._base.arrays import Floats, Integers, as_floats, as_length, as_place, as_positive, as_vector
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran.containers.box import box_distance
 
@@ -27,7 +27,7 @@ class Rectangle:
     Raises
     ------
     InputError
-        If a length is not above 0 or `periodic` is none of these.
+        If a length is not between 1e-60 and 1e60, the corner lies beyond, or `periodic` is none of these.
     """
 
     lengths: tuple[float, float]
@@ -44,8 +44,8 @@ class Rectangle:
         origin: ArrayLike = (0.0, 0.0),
     ) -> None:
         sides = as_vector(lengths, "lengths", length=2)
-        x, y = (as_positive(float(value), "length of the rectangle") for value in sides)
-        a, b = (float(value) for value in as_vector(origin, "origin", length=2))
+        x, y = (as_length(float(value), "length of the rectangle") for value in sides)
+        a, b = (float(value) for value in as_place(origin, "origin", length=2))
         object.__setattr__(self, "lengths", (x, y))
         object.__setattr__(self, "periodic", as_periodic(periodic, 2))
         object.__setattr__(self, "origin", (a, b))
@@ -80,9 +80,16 @@ class Rectangle:
         return vertices, np.array([[0, 1, 2], [0, 2, 3]])
 
     def scaled(self, factor: float) -> "Rectangle":
-        """Return the rectangle with lengths and corner multiplied."""
-        flags = self.periodic[:2]
-        return Rectangle(np.array(self.lengths) * factor, flags, origin=np.array(self.origin) * factor)
+        """Return the rectangle with lengths and corner multiplied.
+
+        Raises
+        ------
+        InputError
+            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any more.
+        """
+        times = as_positive(factor, "factor")
+        lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))
+        return Rectangle(lengths, self.periodic[:2], origin=origin)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values."""

@@ -39,7 +39,8 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
         Any packing.
     path : path-like
         ``.vtp`` holds all of it, bit for bit, and opens in ParaView; ``.txt``, ``.xyzr`` and ``.csv`` hold spheres as
-        ``x y z r``, clumps with a fifth column.
+        ``x y z r``, clumps with a fifth column, and disks as ``x y r``. A ``.csv`` is a table with the names of the
+        columns in its first line, as pandas reads it, without container and unit.
     overwrite : bool
         Whether a file that is there may be replaced.
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Booleans, Floats, as_number
+from voxgran._base.arrays import Booleans, Floats, as_count
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.kernels import kernel
@@ -86,7 +86,7 @@ def distance_transform(
         raise InputError(
             f"out has shape {out.shape} and type {out.dtype}: it must have shape {taken.shape} and type {wanted[0]}"
         )
-    workers = int(as_number(threads, "threads", at_least=1))
+    workers = as_count(threads, "threads", at_least=1)
     squares = np.empty(taken.shape, dtype=np.int32) if out is None or not squared else out
     _in_blocks(_pass_planes, taken.shape[0], workers, taken, squares, turns[2], turns[1], LONG)
     _in_blocks(_pass_columns, taken.shape[1], workers, squares, turns[0], LONG)

@@ -7,13 +7,14 @@ bodies (union by the lower index, Tarjan 1975, doi:10.1145/321879.321884); so th
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import as_choice
 from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.errors import InputError, shown
 from voxgran._base.kernels import kernel
+from voxgran._base.scalars import whole_number_of
 from voxgran.lattice.distance import as_mask
 
 #: how many axes a step to a neighbour may change
-_RANKS = {"6": 1, "18": 2, "26": 3}
+_RANKS = {6: 1, 18: 2, 26: 3}
 
 
 def connected_components(
@@ -58,7 +59,10 @@ def connected_components(
     >>> vg.connected_components(mask, periodic="z")[1]
     1
     """
-    rank = _RANKS[as_choice(str(connectivity), "connectivity", tuple(_RANKS))]
+    number = whole_number_of(connectivity)
+    if number not in _RANKS:
+        raise InputError(f"connectivity is {shown(connectivity)}: it must be one of 6, 18, 26; change it")
+    rank = _RANKS[number]
     around_x, around_y, around_z = as_periodic(periodic)
     taken = as_mask(mask)
     nx, ny, _ = taken.shape

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
+from voxgran._base.errors import with_article
 from voxgran._base.files import as_path, refuse_to_replace, write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran.packing.asked import check_packing
@@ -174,7 +175,7 @@ def page_template(name: str) -> Any:
 def _draw(packing: Packing, color_by: str) -> Drawn:
     """Render all pictures."""
     plural = "grain" if packing.count == 1 else "grains"
-    what = f"{packing.count} {plural} in a {packing.container.kind}"
+    what = f"{packing.count} {plural} in {with_article(packing.container.kind)}"
     coarse = ""
     most = scenes.picture_faces(packing)
     if any(len(shape.faces) > most for shape in packing.shapes):
@@ -263,7 +264,7 @@ def _subtitle(packing: Packing) -> str:
     names = [row[0] for row in facts.shape_rows(packing)]
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     method = packing.provenance.get("method")
-    return f"{shown or 'no shapes'} in a {packing.container.kind}" + (
+    return f"{shown or 'no shapes'} in {with_article(packing.container.kind)}" + (
         f", packed by the method {method}" if method else ""
     )
 

@@ -205,7 +205,7 @@ class Scene:
             share_by=_share_by(share_by),
             container=make_container(_with_file(mapping["container"], place)),
             method=str(method),
-            count=None if count is None else as_count(count, "[packing] count"),
+            count=None if count is None else as_count(count, "[packing] count", at_most=None),
             solid_fraction=None if solid is None else as_number(solid, "[packing] solid_fraction", above=0, at_most=1),
             start=None if start is None else str(existing_file(place / str(start))),
             parameters=packing,
@@ -301,7 +301,7 @@ class Scene:
 def _general(mapping: Mapping[str, Any]) -> General:
     """Return the checked section [scene]."""
     made = from_mapping(General, mapping, "[scene]")
-    as_count(made.seed, "[scene] seed")
+    as_count(made.seed, "[scene] seed", at_most=None)
     as_count(made.seeds, "[scene] seeds", at_least=1)
     as_positive(made.density, "[scene] density")
     return made
@@ -310,7 +310,7 @@ def _general(mapping: Mapping[str, Any]) -> General:
 def _share_by(value: Any) -> str:
     """Return the checked share_by."""
     if value not in ("number", "volume"):
-        raise InputError(f"[sizes] share_by is {value!r}: it must be 'number' or 'volume'; change it")
+        raise InputError(f"[sizes] share_by is {shown(value)}: it must be 'number' or 'volume'; change it")
     return str(value)
 
 
@@ -358,7 +358,7 @@ def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
                 if key not in ("repair", "surface"):
                     raise UnknownNameError(unknown("[[shape]] key", key, ("file", "share", "repair", "surface")))
                 if not isinstance(value, bool):
-                    raise InputError(f"[[shape]] {key} is {value!r}: it must be true or false")
+                    raise InputError(f"[[shape]] {key} is {shown(value)}: it must be true or false")
             made.append(ShapeEntry("file", str(existing_file(path)), share, rest))
             continue
         family = rest.pop("family")

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, check_type
-from voxgran._base.errors import FileFormatError, InputError, OutputError
+from voxgran._base.errors import FileFormatError, InputError, OutputError, shown
 from voxgran._base.files import as_path, existing_file, written_whole
 from voxgran._base.lazy import load
 from voxgran.shapes.mesh_formats import Polygons, read_obj, read_off, read_ply, read_stl
@@ -66,7 +66,7 @@ def load_shape(
     """
     for key, value in (("repair", repair), ("surface", surface)):
         if not isinstance(value, bool):
-            raise InputError(f"{key} is {value!r}: it must be True or False")
+            raise InputError(f"{key} is {shown(value)}: it must be True or False")
     if repair and surface:
         raise InputError(
             "repair and surface are both true: repair closes a surface, and surface keeps it open; use one"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_positive
+from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
 from voxgran._base.lazy import load
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 BORDER = ("drop", "keep")
+#: widest Gaussian, in voxels: it takes six times that around each grain
+WIDEST = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,7 @@ def load_labels(
     border : {"drop", "keep"}
         What becomes of grains that touch the border of the image, where they are cut.
     smoothing : float
-        Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels.
+        Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels; at most 20.
     periodic : str, bool or sequence
         Axes along which the image repeats, such as ``"xy"``, as of :class:`voxgran.Box`:
         grains go on across these faces, which cut none.
@@ -190,7 +192,7 @@ def labelled_grains(
         As :func:`load_labels`.
     """
     as_choice(border, "border", BORDER)
-    sigma, size = as_positive(smoothing, "smoothing"), np.array(voxel_sizes(voxel_size, image))
+    sigma, size = as_number(smoothing, "smoothing", above=0.0, at_most=WIDEST), np.array(voxel_sizes(voxel_size, image))
     wraps, found = np.array(as_periodic(periodic)), _counted(image)
     cut = ((found.lower == 0) | (found.upper == np.array(image.values.shape)))[:, ~wraps].any(axis=1)
     kept = np.flatnonzero(~cut) if border == "drop" else np.arange(len(found.label))

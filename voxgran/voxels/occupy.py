@@ -15,6 +15,7 @@ from voxgran._base.arrays import (
     Floats,
     Integers,
     as_choice,
+    as_length,
     as_positive,
     as_quaternions,
     as_vector,
@@ -230,9 +231,9 @@ def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, mar
         return grid
     if voxel_size is None:
         raise InputError("voxel_size is missing: give it, or a grid")
-    size = as_positive(voxel_size, "voxel_size")
+    size = as_length(voxel_size, "voxel_size")
     low, high = _bounds(shape)
-    extents = np.maximum((high - low)[: shape.dimension] / size, 1.0)
+    extents = np.maximum((high - low)[: shape.dimension] / size, 1.0) + 2.0 * (margin - 1)
     if not float(np.log2(extents).sum()) < np.log2(MOST_VOXELS):
         raise TooLargeError(
             f"voxel_size is {size}: {shape.name!r} would take more than {MOST_VOXELS} voxels; make them larger"

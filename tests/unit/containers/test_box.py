@@ -78,9 +78,9 @@ def test_a_rectangle_has_two_axes():
 
 @pytest.mark.parametrize("given", [4, None])
 def test_one_number_makes_no_corner(given):
-    with pytest.raises(InputError, match=f"lengths is {given}: it must be an array of shape .3,.; give one"):
+    with pytest.raises(InputError, match=f"lengths is {given}: it must be an array of numbers of shape .3,.; give one"):
         Box(given)
-    with pytest.raises(InputError, match=f"origin is {given}: it must be an array of shape .3,.; give one"):
+    with pytest.raises(InputError, match=f"origin is {given}: it must be an array of numbers of shape .3,.; give one"):
         Box((1, 1, 1), origin=given)
 
 

@@ -145,9 +145,9 @@ def test_the_verdict_is_told(packing, tmp_path):
     assert "The farthest escapes grain depth 2 0.5" in text
     assert "bad" in {attributes.get("class", "").split(" ")[0] for attributes in page.all("dd")}
     sound = Packing.of(packing.shapes[:1], packing.container, position=[[1, 1, 1]])
-    good = page_of(sound, tmp_path / "p.html", pictures=False, verification=verify(sound))
+    good = page_of(sound, tmp_path / "good.html", pictures=False, verification=verify(sound))
     assert "true shapes: no overlap, no escape" in good.texts
-    none = page_of(packing, tmp_path / "p.html", pictures=False)
+    none = page_of(packing, tmp_path / "none.html", pictures=False)
     assert "not run" in none.texts
 
 
