@@ -71,7 +71,7 @@ for panel, (name, (shapes, container, sizes, options)) in zip(panels, CASES.item
         f"residual {np.abs(gap[touching]).max():.0e}  gradation {packing.provenance['missed']['gradation']:.4f}  "
         f"verified {vg.verify(packing).ok}"
     )
-    vg.save(packing, folder / f"{name.replace(' ', '_')}.vtp")
+    vg.save(packing, folder / f"{name.replace(' ', '_')}.vtp", overwrite=True)
     draw = picture_packing if name in ("disks", "rock") else picture_cut
     panel.imshow(draw(packing))
     panel.set_title(f"{name}: {packing.count} grains, {packing.solid_fraction:.3f}")

@@ -62,7 +62,7 @@ print(f"overlapping volume {overlap:.2e} before, {left:.2e} after, {left / overl
 print(f"volume of a grain changed by {soft.volume_error:.0e} at the most")
 print(f"area of a contact {soft.area.mean():.4f} mean, force {soft.force.mean():.2e} mean")
 folder.mkdir(parents=True, exist_ok=True)
-vg.save_deformed(soft, folder / "deformed.vtp")
+vg.save_deformed(soft, folder / "deformed.vtp", overwrite=True)
 
 # a ball and an ellipsoid within the box, as deep in each other as any
 unlike = (packing.shape_id[soft.i] != packing.shape_id[soft.j]) & ~soft.image.any(axis=1)

@@ -38,7 +38,7 @@ for panel, (name, packing) in zip(figure.subplots(1, 4), stages.items(), strict=
         f"{name:10s} grains {packing.count:5d}  solid fraction {packing.solid_fraction:.4f}  "
         f"height {packing.position[:, 2].mean():.3f}  verified {vg.verify(packing).ok}"
     )
-    vg.save(packing, folder / f"{name}.vtp")
+    vg.save(packing, folder / f"{name}.vtp", overwrite=True)
     panel.imshow(picture_cut(packing))
     panel.set_title(f"{name}: {packing.solid_fraction:.3f}")
     panel.axis("off")

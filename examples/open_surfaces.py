@@ -50,5 +50,5 @@ print(f"near pairs {len(near.gap)}  crossing by VTK {crossings}  least gap {near
 specific = packing.surface_areas.sum() / box.volume
 print(f"solid fraction {packing.solid_fraction:.3f}  surface per volume of the box {specific:.3f}")
 folder.mkdir(parents=True, exist_ok=True)
-vg.save(packing, folder / "open_surfaces.vtp")
+vg.save(packing, folder / "open_surfaces.vtp", overwrite=True)
 imsave(folder / "open_surfaces.png", picture_packing(packing, color_by="shape", window=(700, 760)))

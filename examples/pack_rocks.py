@@ -11,6 +11,6 @@ packing = vg.pack(
     rocks, box, method="digital", count=60, sizes=vg.sizes.lognormal(1.0, 0.2), voxel_size=1 / 16, sweeps=4000
 )
 proof = vg.verify(packing)
-vg.save(packing, f"{folder}/packing.vtp")
+vg.save(packing, f"{folder}/packing.vtp", overwrite=True)
 bottom = vg.window_solid_fraction(packing, (0, 0, 0.5), (4, 4, 2.5))
 print(f"grains {packing.count}  verified {proof.ok}  solid fraction between 0.5 and 2.5: {bottom:.4f}")

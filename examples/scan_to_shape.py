@@ -37,8 +37,8 @@ first = first.without_outliers(3.0)
 motion = vg.register_clouds(second, first)
 joined = vg.Cloud.of(np.concatenate([first.points, motion.moved(second).points]), name="eros").clusters()[0]
 made = vg.shape_of_cloud(joined)
-vg.save_cloud(joined, folder / "scan.ply")
-vg.save_shape(made.shape, folder / "eros.stl")
+vg.save_cloud(joined, folder / "scan.ply", overwrite=True)
+vg.save_shape(made.shape, folder / "eros.stl", overwrite=True)
 
 distance = np.abs(vg.load_shape(folder / "eros.stl").volume / eros.volume - 1)
 print(f"registered with a residual of {motion.residual / noise:.2f} noises, {100 * motion.overlap:.0f} % of the points")

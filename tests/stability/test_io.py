@@ -2,6 +2,7 @@
 
 import errno
 import subprocess
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -87,11 +88,13 @@ def writers():
     xarray = pytest.importorskip("xarray")
     noise = stream(2, "noise").random(60_000)
     return {
-        "p.vtp": save,
-        "p.txt": save,
-        "s.vtm": save_scene,
-        "i.vti": lambda p, path: save_image(noise.reshape(60, 100, 10), path, voxel_size=1.0),
-        "s.nc": lambda p, path: save_statistics(xarray.DataTree(xarray.Dataset({"x": ("n", noise)})), path),
+        "p.vtp": partial(save, overwrite=True),
+        "p.txt": partial(save, overwrite=True),
+        "s.vtm": partial(save_scene, overwrite=True),
+        "i.vti": lambda p, path: save_image(noise.reshape(60, 100, 10), path, voxel_size=1.0, overwrite=True),
+        "s.nc": lambda p, path: save_statistics(
+            xarray.DataTree(xarray.Dataset({"x": ("n", noise)})), path, overwrite=True
+        ),
     }
 
 
@@ -119,7 +122,7 @@ def test_a_write_that_fails_leaves_what_was_there(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Path, "open", full)
     with pytest.raises(OutputError, match="No space left on device"):
-        save(Packing.of(packing.shapes[:1], packing.container, position=[]), path)
+        save(Packing.of(packing.shapes[:1], packing.container, position=[]), path, overwrite=True)
     monkeypatch.undo()
     assert path.read_bytes() == before
     assert [found.name for found in tmp_path.iterdir()] == ["p.txt"]

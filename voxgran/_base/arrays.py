@@ -6,13 +6,13 @@ of the stated shape and of type float64 (int64 for indices), and nobody checks a
 
 import math
 from collections.abc import Sequence
-from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
+from voxgran._base.scalars import float_of, number_of, whole_number_of
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -21,6 +21,34 @@ Booleans = NDArray[np.bool_]
 
 #: lengths whose fifth powers, of which second moments are made, are numbers
 SHORTEST, LONGEST = 1e-60, 1e60
+#: largest number that arrays count with
+MOST = 2**63 - 1
+
+
+def float_array(value: Any) -> Floats | None:
+    """Return what was given as a contiguous float64 array of any shape; None where it holds what is no number.
+
+    Numbers are those of :func:`voxgran._base.scalars.number_of`; they may not be finite.
+    """
+    try:
+        # a list may hold what NumPy would take for a number: text, True, None
+        array = np.asarray(value) if hasattr(value, "__array__") else np.asarray(value, dtype=object)
+        if array.dtype.kind == "O":
+            flat = array.ravel().tolist()
+            if not set(map(type, flat)) <= {float, int}:
+                flat = [number_of(item) for item in flat]
+                if None in flat:
+                    return None
+            try:
+                array = np.array(flat, dtype=np.float64).reshape(array.shape)
+            except OverflowError:
+                array = np.array([float_of(item) for item in flat]).reshape(array.shape)
+    except (TypeError, ValueError):
+        return None
+    if array.dtype.kind not in "iuf":
+        return None
+    with np.errstate(over="ignore"):
+        return np.asarray(array, dtype=np.float64, order="C")
 
 
 def as_floats(value: ArrayLike, name: str, *, shape: tuple[int | None, ...]) -> Floats:
@@ -42,16 +70,11 @@ def as_floats(value: ArrayLike, name: str, *, shape: tuple[int | None, ...]) -> 
     Raises
     ------
     InputError
-        If it is not numeric, has another shape, or holds NaN or infinity.
+        If it holds what is no number, such as text or True, has another shape, or holds NaN or infinity.
     """
-    try:
-        array = np.asarray(value, dtype=np.float64, order="C")
-    except (TypeError, ValueError):
-        raise InputError(f"{name} is not an array of numbers: give an array of shape {_text(shape)}") from None
-    if array.ndim == 0 and len(shape) > 0:
-        raise InputError(f"{name} is {value!r}: it must be an array of shape {_text(shape)}; give one")
-    if len(shape) == 0:
-        array = array.reshape(()) if array.size == 1 else array
+    array = float_array(value)
+    if array is None or (array.ndim == 0 and len(shape) > 0):
+        raise InputError(f"{name} is {shown(value)}: it must be an array of numbers of shape {_text(shape)}; give one")
     if array.ndim != len(shape) or any(
         want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
     ):
@@ -93,7 +116,10 @@ def as_faces(value: ArrayLike, vertex_count: int, name: str = "faces") -> Intege
     InputError
         If it is not an (m, 3) array of whole numbers, or an index is out of range.
     """
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is {shown(value)}: it must be an (m, 3) array of whole numbers; give one") from None
     if array.size == 0:
         return np.zeros((0, 3), dtype=np.int64)
     if array.ndim != 2 or array.shape[1] != 3 or not np.issubdtype(array.dtype, np.integer):
@@ -179,9 +205,10 @@ def as_number(
     InputError
         If it is not a number, not finite, or out of bounds.
     """
-    if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{name} is {value!r}: it must be a number")
-    number = float(value)
+    given = number_of(value)
+    if given is None:
+        raise InputError(f"{name} is {shown(value)}: it must be a number")
+    number = float_of(given)
     if math.isfinite(number) and number > above and at_least <= number <= at_most:
         return number
     rules = ["finite"]
@@ -191,7 +218,7 @@ def as_number(
         rules.append(f"at least {at_least:g}")
     if at_most < math.inf:
         rules.append(f"at most {at_most:g}")
-    raise InputError(f"{name} is {value!r}: it must be {' and '.join(rules)}; change it")
+    raise InputError(f"{name} is {shown(value)}: it must be {' and '.join(rules)}; change it")
 
 
 def as_positive(value: Any, name: str) -> float:
@@ -205,15 +232,44 @@ def as_positive(value: Any, name: str) -> float:
     return as_number(value, name, above=0.0)
 
 
+def as_length(value: Any, name: str) -> float:
+    """Return `value` as a float above zero of which volumes and their second moments are numbers too.
+
+    Raises
+    ------
+    InputError
+        As :func:`as_number`, or if it is not between 1e-60 and 1e60.
+    """
+    length = as_positive(value, name)
+    check_lengths(length, name)
+    return length
+
+
+def as_place(value: ArrayLike, name: str, *, length: int = 3) -> Floats:
+    """Return `value` as a vector of coordinates, none of them beyond the largest lengths.
+
+    Raises
+    ------
+    InputError
+        As :func:`as_floats`, or if a coordinate is beyond 1e60.
+    """
+    place = as_vector(value, name, length=length)
+    check_lengths(np.maximum(np.abs(place), SHORTEST), name)
+    return place
+
+
 def check_lengths(values: ArrayLike, name: str) -> None:
     """Refuse lengths so small or large that volumes and their second moments are no numbers any more; 0 is none.
 
     Raises
     ------
     InputError
-        If one is not finite, or not between 1e-60 and 1e60.
+        If one is no number, not finite, or not between 1e-60 and 1e60.
     """
-    lengths = np.abs(np.asarray(values, dtype=np.float64)).reshape(-1)
+    numbers = float_array(values)
+    if numbers is None:
+        raise InputError(f"{name} is {shown(values)}: it must be a number")
+    lengths = np.abs(numbers).reshape(-1)
     wrong = lengths[(lengths != 0) & ~((lengths >= SHORTEST) & (lengths <= LONGEST))]
     if len(wrong):
         raise InputError(
@@ -221,19 +277,20 @@ def check_lengths(values: ArrayLike, name: str) -> None:
         )
 
 
-def as_count(value: Any, name: str, *, at_least: int = 0, at_most: int | None = None) -> int:
-    """Return `value` as an int not below `at_least` and, where that is given, not above `at_most`.
+def as_count(value: Any, name: str, *, at_least: int = 0, at_most: int | None = MOST) -> int:
+    """Return `value` as an int not below `at_least` and not above `at_most`, where None stands for any.
 
     Raises
     ------
     InputError
         If it is not a whole number, too small or too large.
     """
-    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < at_least:
-        raise InputError(f"{name} is {value!r}: it must be a whole number, at least {at_least}")
-    if at_most is not None and int(value) > at_most:
-        raise InputError(f"{name} is {value!r}: it must be at most {at_most}; give less")
-    return int(value)
+    number = whole_number_of(value)
+    if number is None or number < at_least:
+        raise InputError(f"{name} is {shown(value)}: it must be a whole number, at least {at_least}")
+    if at_most is not None and number > at_most:
+        raise InputError(f"{name} is {shown(value)}: it must be at most {at_most}; give less")
+    return number
 
 
 def as_choice(value: Any, name: str, choices: Sequence[str]) -> str:
@@ -244,8 +301,8 @@ def as_choice(value: Any, name: str, choices: Sequence[str]) -> str:
     InputError
         If it is none of them.
     """
-    if value not in choices:
-        raise InputError(f"{name} is {value!r}: it must be one of {', '.join(choices)}")
+    if not isinstance(value, str) or value not in choices:
+        raise InputError(f"{name} is {shown(value)}: it must be one of {', '.join(choices)}")
     return str(value)
 
 
@@ -270,12 +327,6 @@ def check_type(value: object, wanted: type | tuple[type, ...], name: str, rule: 
     """
     if not isinstance(value, wanted):
         raise InputError(f"{name} is {shown(value)}: it must be {rule}")
-
-
-def shown(value: object) -> str:
-    """Return a value as a message shows it: no longer than 60 characters."""
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:

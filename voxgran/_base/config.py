@@ -6,14 +6,16 @@ that gives the nearest name.
 """
 
 import dataclasses
+import math
 import types
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
 
-from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.registry import unknown
+from voxgran._base.scalars import float_of, number_of, unwrapped, whole_number_of
 
 T = TypeVar("T")
 
@@ -133,6 +135,7 @@ def _plain(value: Any) -> Any:
 def _convert(value: Any, wanted: Any, where: str) -> Any:
     """Return the value as the annotation asks, or raise."""
     origin, arguments = typing.get_origin(wanted), typing.get_args(wanted)
+    value = value.tolist() if getattr(value, "ndim", 0) and hasattr(value, "tolist") else unwrapped(value)
     if wanted is Any or (wanted is type(None) and value is None):
         return value
     if origin in (typing.Union, types.UnionType):
@@ -140,7 +143,7 @@ def _convert(value: Any, wanted: Any, where: str) -> Any:
     if origin is typing.Literal:
         if value in arguments:
             return value
-        raise InputError(f"{where} is {value!r}: it must be {_describe(wanted)}")
+        raise InputError(f"{where} is {shown(value)}: it must be {_describe(wanted)}")
     if origin is tuple and isinstance(value, list | tuple):
         if arguments[-1] is Ellipsis:
             return tuple(_convert(item, arguments[0], where) for item in value)
@@ -151,9 +154,9 @@ def _convert(value: Any, wanted: Any, where: str) -> Any:
             return value
         if isinstance(value, Mapping):
             return from_mapping(wanted, value, where)
-    if origin is None and _is_plain(value, wanted):
-        return float(value) if wanted is float else int(value) if wanted is int else value
-    raise InputError(f"{where} is {value!r}: it must be {_describe(wanted)}")
+    if origin is None and (found := _plain_value(value, wanted)) is not None:
+        return found
+    raise InputError(f"{where} is {shown(value)}: it must be {_describe(wanted)}")
 
 
 def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
@@ -165,20 +168,17 @@ def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
             raise
         except InputError:
             continue
-    raise InputError(f"{where} is {value!r}: it must be {' or '.join(_describe(kind) for kind in kinds)}")
+    raise InputError(f"{where} is {shown(value)}: it must be {' or '.join(_describe(kind) for kind in kinds)}")
 
 
-def _is_plain(value: Any, wanted: Any) -> bool:
-    """Tell whether a scalar is of the wanted type; numpy scalars count, bool is no number."""
-    if wanted is bool or wanted is str:
-        return isinstance(value, wanted)
-    if isinstance(value, bool):
-        return False
+def _plain_value(value: Any, wanted: Any) -> Any:
+    """Return a number, flag or text of the wanted type; None where the value is none of that type."""
     if wanted is int:
-        return isinstance(value, int) or (hasattr(value, "__index__") and not hasattr(value, "__len__"))
+        return whole_number_of(value)
     if wanted is float:
-        return isinstance(value, int | float) or (hasattr(value, "__float__") and not hasattr(value, "__len__"))
-    return isinstance(wanted, type) and isinstance(value, wanted)
+        number = number_of(value)
+        return None if number is None or not math.isfinite(number := float_of(number)) else number
+    return value if isinstance(wanted, type) and isinstance(value, wanted) else None
 
 
 def _describe(wanted: Any) -> str:

@@ -7,6 +7,22 @@ value, the rule and the remedy. `exit_code` is what the command line returns: 2 
 from typing import ClassVar
 
 
+def shown(value: object) -> str:
+    """Return a value as a message shows it: on one line, no longer than 60 characters."""
+    try:
+        text = repr(value)
+    except ValueError:
+        # Python writes no whole number of more than 4300 digits
+        text = f"<{type(value).__name__} of more than 4300 digits>"
+    text = " ".join(text.split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def with_article(noun: str) -> str:
+    """Return a noun with its article: ``a box``, ``an ellipsoid``."""
+    return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
+
+
 class VoxgranError(Exception):
     """Base of all errors that voxgran raises on purpose."""
 

@@ -1,18 +1,28 @@
 """Files that are written whole or not at all.
 
 Everything is written beside its place first and moved there at the end, so that neither a full disk nor a kill leaves
-half a file under the final name, and a file that was there before stays until the new one is complete.
+half a file under the final name, and a file that was there before stays until the new one is complete. Only regular
+files and folders are replaced; links are followed, and a device or a pipe is written to.
 """
 
 import contextlib
+import errno
 import glob
+import hashlib
 import os
 import secrets
 import shutil
+import stat
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from voxgran._base.errors import InputError, MissingFileError, OutputError, OutputExistsError
+from voxgran._base.errors import InputError, MissingFileError, OutputError, OutputExistsError, shown
+
+#: streams of this process: what is written there goes behind what was written before
+STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
+#: longest suffix that a draft takes over, in bytes; those of known formats are shorter
+LONGEST_SUFFIX = 32
 
 
 def as_path(path: str | os.PathLike[str]) -> Path:
@@ -21,10 +31,22 @@ def as_path(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     InputError
-        If it is neither text nor a path.
+        If it is neither text nor a path, holds a NUL, or is too long for the file system.
+    OutputError
+        If it leads through a folder that may not be entered, or through links in a circle.
     """
     if not isinstance(path, str | os.PathLike):
-        raise InputError(f"path is {path!r}: it must be the path of a file, as text or a Path; change it")
+        raise InputError(f"path is {shown(path)}: it must be the path of a file, as text or a Path; change it")
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except ValueError as error:
+        raise InputError(f"path is {shown(path)}: that is no name of a file ({error}); change it") from None
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise InputError(f"path is {shown(path)}: it is too long for the file system; shorten it") from None
+        raise OutputError(f"path is {shown(path)}: it cannot be reached ({error.strerror}); change it") from error
     return Path(path)
 
 
@@ -42,13 +64,34 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
     """
     found = as_path(path)
     if not found.is_file():
-        kind = "is a folder" if found.is_dir() else "is not there"
+        kind = "is a folder" if found.is_dir() else "is no regular file" if found.exists() else "is not there"
         raise MissingFileError(f"{found} {kind}: a file is needed; check the path")
     try:
         with found.open("rb"):
             return found
     except OSError as error:
         raise OutputError(f"{found} cannot be read ({error.strerror}): change its permissions") from error
+
+
+def refuse_to_replace(*paths: str | os.PathLike[str]) -> None:
+    """Refuse to write where a file or a folder is, before anything is written.
+
+    Parameters
+    ----------
+    *paths : path-like
+        Where shall be written; devices and pipes lose nothing.
+
+    Raises
+    ------
+    OutputExistsError
+        If there is a file or a folder.
+    """
+    for path in paths:
+        if _kind(as_path(path)) in (stat.S_IFREG, stat.S_IFDIR):
+            raise OutputExistsError(
+                f"{path} is there already: it is not replaced unasked; give overwrite=True, at the prompt --overwrite, "
+                "or another name"
+            )
 
 
 @contextlib.contextmanager
@@ -58,38 +101,48 @@ def written_whole(path: str | os.PathLike[str], *, overwrite: bool = True) -> It
     Parameters
     ----------
     path : path-like
-        Where the file (or the folder) shall end up.
+        Where the file (or the folder) shall end up; links are followed. What was written is sent to a character
+        device or a pipe as it is.
     overwrite : bool
-        Whether what is there may be replaced.
+        Whether a file or a folder that is there may be replaced.
 
     Yields
     ------
     Path
-        A path beside it, with the same suffix, that does not exist yet.
+        A path with the same suffix that does not exist yet.
 
     Raises
     ------
     OutputExistsError
-        If something is there and `overwrite` is false.
+        If a file or a folder is there and `overwrite` is false.
     OutputError
-        If it cannot be written: no space, no permission, no such folder.
+        If it cannot be written: no space, no permission, no such folder, a socket or a disk.
     """
     target = as_path(path)
-    if target.exists() and not overwrite:
-        raise OutputExistsError(f"{target} is there already: it is not replaced unasked; ask to overwrite or move it")
-    draft = target.with_name(f".{target.stem}.{secrets.token_hex(4)}{target.suffix}")
+    if not overwrite:
+        refuse_to_replace(target)
+    draft = None
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        yield draft
-        _sync(draft)
-        _replace(draft, target)
+        if _kind(target) in (None, stat.S_IFREG, stat.S_IFDIR):
+            place = Path(os.path.realpath(target))
+            draft = place.with_name(_draft_name(place, secrets.token_hex(4)))
+            place.parent.mkdir(parents=True, exist_ok=True)
+            yield draft
+            _sync(draft)
+            _replace(draft, place)
+        else:
+            with tempfile.TemporaryDirectory() as folder:
+                whole = Path(folder) / f"draft{target.suffix}"
+                yield whole
+                _send(whole, target)
     except OSError as error:
         if isinstance(error, OutputError | OutputExistsError):
             raise
         reason = error.strerror or str(error)
         raise OutputError(f"{target} cannot be written ({reason}): free space or choose another place") from error
     finally:
-        _remove(draft)
+        if draft is not None:
+            _remove(draft)
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = True) -> None:
@@ -114,9 +167,26 @@ def remove_drafts(path: str | os.PathLike[str]) -> None:
     path : path-like
         The file; no other process may be writing it.
     """
-    target = Path(path)
-    for draft in target.parent.glob(f".{glob.escape(target.stem)}.????????{glob.escape(target.suffix)}"):
+    place = Path(os.path.realpath(as_path(path)))
+    for draft in place.parent.glob(glob.escape(_draft_name(place, "TOKEN")).replace("TOKEN", "?" * 8, 1)):
         _remove(draft)
+
+
+def _kind(path: Path) -> int | None:
+    """Return what lies at a path or at the end of its links, as the ``stat.S_IF`` numbers say; None for nothing."""
+    if str(path) in STREAMS:
+        return stat.S_IFCHR
+    try:
+        return stat.S_IFMT(path.stat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+
+
+def _draft_name(place: Path, token: str) -> str:
+    """Return the name of a draft: short, whatever the name of the file, and of this file alone."""
+    mark = hashlib.sha256(os.fsencode(place.name)).hexdigest()[:8]
+    suffix = place.suffix if len(os.fsencode(place.suffix)) <= LONGEST_SUFFIX else ""
+    return f".{mark}.{token}{suffix}"
 
 
 def _sync(draft: Path) -> None:
@@ -126,15 +196,28 @@ def _sync(draft: Path) -> None:
             os.fsync(file.fileno())
 
 
-def _replace(draft: Path, target: Path) -> None:
+def _replace(draft: Path, place: Path) -> None:
     """Move the draft to its place."""
-    if draft.is_dir() and target.is_dir():
-        old = target.with_name(f".{target.name}.{secrets.token_hex(4)}.old")
-        os.replace(target, old)
-        os.replace(draft, target)
+    if draft.is_dir() and place.is_dir():
+        old = place.with_name(_draft_name(place, secrets.token_hex(4)))
+        os.replace(place, old)
+        os.replace(draft, place)
         shutil.rmtree(old, ignore_errors=True)
     else:
-        os.replace(draft, target)
+        os.replace(draft, place)
+
+
+def _send(whole: Path, target: Path) -> None:
+    """Write a finished file into a stream, a character device or a pipe; nothing else is written to."""
+    kind = _kind(target)
+    if kind not in (stat.S_IFCHR, stat.S_IFIFO):
+        raise OutputError(f"{target} is neither a file nor a stream: it is not written to; name a file")
+    stream = STREAMS.get(str(target))
+    # a pipe that nobody reads would wait for ever: without blocking it is an error
+    number = os.dup(stream) if stream else os.open(target, os.O_WRONLY | getattr(os, "O_NONBLOCK", 0))
+    with os.fdopen(number, "wb") as out, whole.open("rb") as source:
+        os.set_blocking(number, True)
+        shutil.copyfileobj(source, out)
 
 
 def _remove(draft: Path) -> None:

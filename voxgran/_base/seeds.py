@@ -55,8 +55,8 @@ def philox_key(seed: int, stage: str) -> NDArray[np.uint64]:
 
 def _sequence(seed: int, stage: str, *index: int) -> np.random.SeedSequence:
     """Mix seed, stage and indices."""
-    key = (zlib.crc32(stage.encode()), *(as_count(value, "index") for value in index))
-    return np.random.SeedSequence(as_count(seed, "seed"), spawn_key=key)
+    key = (zlib.crc32(stage.encode()), *(as_count(value, "index", at_most=None) for value in index))
+    return np.random.SeedSequence(as_count(seed, "seed", at_most=None), spawn_key=key)
 
 
 @kernel

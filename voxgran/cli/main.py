@@ -36,17 +36,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     with warnings.catch_warnings():
         warnings.showwarning = warn  # type: ignore[assignment]
-        return _run(words)
+        try:
+            return _run(words)
+        finally:
+            _drop_unwritten()
 
 
 def _run(words: list[str]) -> int:
     """Run a command; what it raises becomes a line and an exit status."""
     options = argparse.Namespace()
     try:
-        options = parse(words, COMMANDS)
-        _set_logging(options)
-        _end_softly()
-        return int(COMMANDS[options.command][1](options) or 0)
+        try:
+            options = parse(words, COMMANDS)
+            _set_logging(options)
+            _end_softly()
+            return int(COMMANDS[options.command][1](options) or 0)
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
     except Interrupted as stop:
         complain(f"{stop}")
         _say_how_to_go_on(options, words)
@@ -62,8 +69,20 @@ def _run(words: list[str]) -> int:
         return error.exit_code
     except BrokenPipeError:
         # whoever read the output has gone: there is nobody to tell
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        complain(f"the output cannot be written ({error.strerror or error}): free space or choose another place")
+        return OutputError.exit_code
+
+
+def _drop_unwritten() -> None:
+    """Drop what the streams did not take, which Python would try to write once more at its end, and fail."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            if stream is not None:
+                stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _end_softly() -> None:

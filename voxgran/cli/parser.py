@@ -28,6 +28,10 @@ class Parser(argparse.ArgumentParser):
         """
         raise InputError(f"{message}; see '{self.prog} --help'")
 
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Print help or version; argparse itself passes over an output that takes nothing."""
+        print(message, end="", file=file)
+
 
 Flag = tuple[tuple[str, ...], dict[str, Any]]
 

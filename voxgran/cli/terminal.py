@@ -98,4 +98,6 @@ def warn(message: Warning | str, *_: Any) -> None:
 
 def complain(sentence: str) -> None:
     """Write one line to the error stream."""
-    print(f"voxgran: {' '.join(sentence.split())}", file=sys.stderr)
+    # where the error stream takes nothing there is nobody to tell
+    with contextlib.suppress(OSError):
+        print(f"voxgran: {' '.join(sentence.split())}", file=sys.stderr)

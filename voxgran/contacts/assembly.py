@@ -7,7 +7,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_floats, as_indices, as_points, as_quaternions, read_only
+from voxgran._base.arrays import (
+    Floats,
+    Integers,
+    as_floats,
+    as_indices,
+    as_points,
+    as_quaternions,
+    check_lengths,
+    float_array,
+    read_only,
+)
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import rotation_matrices
 from voxgran.containers.model import Container
@@ -145,13 +155,15 @@ def checked_arrays(
     InputError
         As :meth:`Assembly.of`.
     """
-    points = as_points(np.reshape(position, (0, 3)) if np.size(position) == 0 else position, "position")
+    given = float_array(position)
+    points = np.zeros((0, 3)) if given is not None and not given.size else as_points(position, "position")
     n = len(points)
     scales = np.ones(n) if scale is None else as_floats(scale, "scale", shape=(n,))
     if n and scales.min() <= 0:
         raise InputError(
             f"scale is {scales.min()} for grain {int(scales.argmin())}: it must be above 0; remove the grain"
         )
+    check_lengths(scales, "scale")
     index = as_indices(np.zeros(n) if shape_id is None else shape_id, "shape_id", length=n, below=len(shapes))
     for shape in shapes:
         if shape.dimension != container.dimension:
@@ -168,5 +180,7 @@ def checked_arrays(
         turns = np.zeros((n, 4))
         turns[:, 0] = 1.0
     else:
-        turns = as_quaternions(np.reshape(orientation, (n, 4)))
+        rows = float_array(orientation)
+        flat = rows is not None and rows.size == 4 * n
+        turns = as_quaternions(np.reshape(rows, (n, 4)) if rows is not None and flat else orientation)
     return tuple(shapes), index, scales.copy(), points.copy(), turns

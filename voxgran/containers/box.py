@@ -1,15 +1,15 @@
 """A box with walls or periodic faces."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_points, as_positive, as_vector
+from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive, as_vector
+from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError
 from voxgran.shapes.tessellate import unit_box
 
 
@@ -21,8 +21,8 @@ class Box:
     ----------
     lengths : (3,) sequence of float
         Edges, in the unit of lengths.
-    periodic : (3,) sequence of bool, or of axis names
-        Which axes are periodic: flags, or names such as ``["x", "y"]``.
+    periodic : str, bool or sequence
+        Which axes are periodic: names such as ``"xy"`` or ``["x", "y"]``, three flags, or True for all of them.
     origin : (3,) sequence of float
         Lower corner.
 
@@ -31,7 +31,7 @@ class Box:
     CallError
         If the arguments are others than these.
     InputError
-        If a length is not above 0 or `periodic` is neither three flags nor axis names.
+        If a length is not between 1e-60 and 1e60, the corner lies beyond, or `periodic` is none of these.
     """
 
     lengths: tuple[float, float, float]
@@ -44,14 +44,14 @@ class Box:
     def __init__(
         self,
         lengths: ArrayLike,
-        periodic: Sequence[bool] | Sequence[str] = (False, False, False),
+        periodic: Periodic = False,
         *,
         origin: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
-        x, y, z = (as_positive(float(value), "length of the box") for value in as_vector(lengths, "lengths"))
-        a, b, c = (float(value) for value in as_vector(origin, "origin"))
+        x, y, z = (as_length(float(value), "length of the box") for value in as_vector(lengths, "lengths"))
+        a, b, c = (float(value) for value in as_place(origin, "origin"))
         object.__setattr__(self, "lengths", (x, y, z))
-        object.__setattr__(self, "periodic", periodic_flags(periodic, 3))
+        object.__setattr__(self, "periodic", as_periodic(periodic))
         object.__setattr__(self, "origin", (a, b, c))
 
     @property
@@ -81,8 +81,16 @@ class Box:
         return (vertices + 0.5) * np.array(self.lengths) + np.array(self.origin), faces
 
     def scaled(self, factor: float) -> "Box":
-        """Return the box with lengths and corner multiplied."""
-        return Box(np.array(self.lengths) * factor, self.periodic, origin=np.array(self.origin) * factor)
+        """Return the box with lengths and corner multiplied.
+
+        Raises
+        ------
+        InputError
+            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any more.
+        """
+        times = as_positive(factor, "factor")
+        lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))
+        return Box(lengths, self.periodic, origin=origin)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values."""
@@ -92,31 +100,6 @@ class Box:
             "periodic": list(self.periodic),
             "origin": list(self.origin),
         }
-
-
-def periodic_flags(periodic: Any, dimension: int) -> tuple[bool, bool, bool]:
-    """Return three flags from flags or axis names; axes beyond the dimension are not periodic.
-
-    Raises
-    ------
-    InputError
-        If it is neither `dimension` flags nor names of axes.
-    """
-    names = "xyz"[:dimension]
-    listed = isinstance(periodic, Iterable) and not isinstance(periodic, Mapping)
-    # what is no list counts as one wrong entry
-    given = list(periodic) if listed else [periodic]
-    if all(isinstance(item, str) and item in names and len(item) == 1 for item in given):
-        flags = [axis in given for axis in names]
-    elif len(given) == dimension and all(isinstance(item, bool | np.bool_) for item in given):
-        flags = [bool(item) for item in given]
-    else:
-        raise InputError(
-            f"periodic is {periodic!r}: it must be {dimension} times true or false, or names of axes out of "
-            f"{', '.join(names)}; change it"
-        )
-    flags += [False] * (3 - dimension)
-    return flags[0], flags[1], flags[2]
 
 
 def box_distance(points: Floats, bounds: Floats, walled: Sequence[int]) -> Floats:

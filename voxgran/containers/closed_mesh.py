@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_points
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran.shapes.diagnose import Remedies
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.mesh import Mesh
@@ -46,7 +46,7 @@ class ClosedMesh:
         """Take meshes only."""
         if not isinstance(self.shape, Shape):
             raise InputError(
-                f"shape is {self.shape!r}: a closed-mesh container needs a Shape; for a mesh file use "
+                f"shape is {shown(self.shape)}: a closed-mesh container needs a Shape; for a mesh file use "
                 "ClosedMesh.from_file"
             )
         if not isinstance(self.shape.geometry, Mesh):

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_points, as_positive, as_vector
+from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained
 from voxgran.shapes.tessellate import revolved
 
@@ -30,7 +30,7 @@ class Cylinder:
     CallError
         If the arguments are others than these.
     InputError
-        If radius or height is not above 0.
+        If radius or height is not between 1e-60 and 1e60, or the center lies beyond.
     """
 
     radius: float
@@ -42,9 +42,9 @@ class Cylinder:
 
     @explained(hint="Cylinder(radius=2, height=6)")
     def __init__(self, radius: float, height: float, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        a, b, c = (float(value) for value in as_vector(origin, "origin"))
-        object.__setattr__(self, "radius", as_positive(radius, "radius of the cylinder"))
-        object.__setattr__(self, "height", as_positive(height, "height of the cylinder"))
+        a, b, c = (float(value) for value in as_place(origin, "origin"))
+        object.__setattr__(self, "radius", as_length(radius, "radius of the cylinder"))
+        object.__setattr__(self, "height", as_length(height, "height of the cylinder"))
         object.__setattr__(self, "origin", (a, b, c))
 
     @property
@@ -78,8 +78,15 @@ class Cylinder:
         return vertices + np.array(self.origin), faces
 
     def scaled(self, factor: float) -> "Cylinder":
-        """Return the cylinder with lengths and base multiplied."""
-        return Cylinder(self.radius * factor, self.height * factor, origin=np.array(self.origin) * factor)
+        """Return the cylinder with lengths and base multiplied.
+
+        Raises
+        ------
+        InputError
+            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any more.
+        """
+        times = as_positive(factor, "factor")
+        return Cylinder(self.radius * times, self.height * times, origin=[value * times for value in self.origin])
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values."""

@@ -1,15 +1,15 @@
 """A rectangle with walls or periodic sides, for packings in two dimensions."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_floats, as_positive, as_vector
+from voxgran._base.arrays import Floats, Integers, as_floats, as_length, as_place, as_positive, as_vector
+from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
-from voxgran.containers.box import box_distance, periodic_flags
+from voxgran.containers.box import box_distance
 
 
 @dataclass(frozen=True, init=False)
@@ -20,8 +20,8 @@ class Rectangle:
     ----------
     lengths : (2,) sequence of float
         Sides, in the unit of lengths.
-    periodic : (2,) sequence of bool, or of axis names
-        Which axes are periodic.
+    periodic : str, bool or sequence
+        Which axes are periodic: names such as ``"x"`` or ``["x", "y"]``, two flags, or True for both.
     origin : (2,) sequence of float
         Lower corner.
 
@@ -30,7 +30,7 @@ class Rectangle:
     CallError
         If the arguments are others than these.
     InputError
-        If a length is not above 0 or `periodic` is neither two flags nor axis names.
+        If a length is not between 1e-60 and 1e60, the corner lies beyond, or `periodic` is none of these.
     """
 
     lengths: tuple[float, float]
@@ -43,15 +43,15 @@ class Rectangle:
     def __init__(
         self,
         lengths: ArrayLike,
-        periodic: Sequence[bool] | Sequence[str] = (False, False),
+        periodic: Periodic = False,
         *,
         origin: ArrayLike = (0.0, 0.0),
     ) -> None:
         sides = as_vector(lengths, "lengths", length=2)
-        x, y = (as_positive(float(value), "length of the rectangle") for value in sides)
-        a, b = (float(value) for value in as_vector(origin, "origin", length=2))
+        x, y = (as_length(float(value), "length of the rectangle") for value in sides)
+        a, b = (float(value) for value in as_place(origin, "origin", length=2))
         object.__setattr__(self, "lengths", (x, y))
-        object.__setattr__(self, "periodic", periodic_flags(periodic, 2))
+        object.__setattr__(self, "periodic", as_periodic(periodic, 2))
         object.__setattr__(self, "origin", (a, b))
 
     @property
@@ -84,9 +84,16 @@ class Rectangle:
         return vertices, np.array([[0, 1, 2], [0, 2, 3]])
 
     def scaled(self, factor: float) -> "Rectangle":
-        """Return the rectangle with lengths and corner multiplied."""
-        flags = self.periodic[:2]
-        return Rectangle(np.array(self.lengths) * factor, flags, origin=np.array(self.origin) * factor)
+        """Return the rectangle with lengths and corner multiplied.
+
+        Raises
+        ------
+        InputError
+            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any more.
+        """
+        times = as_positive(factor, "factor")
+        lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))
+        return Rectangle(lengths, self.periodic[:2], origin=origin)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_points, as_positive, as_vector
+from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained
 from voxgran.shapes.tessellate import ball
 
@@ -28,7 +28,7 @@ class Sphere:
     CallError
         If the arguments are others than these.
     InputError
-        If the radius is not above 0.
+        If the radius is not between 1e-60 and 1e60, or the center lies beyond.
     """
 
     radius: float
@@ -39,8 +39,8 @@ class Sphere:
 
     @explained(hint="Sphere(radius=2)")
     def __init__(self, radius: float, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        a, b, c = (float(value) for value in as_vector(origin, "origin"))
-        object.__setattr__(self, "radius", as_positive(radius, "radius of the sphere"))
+        a, b, c = (float(value) for value in as_place(origin, "origin"))
+        object.__setattr__(self, "radius", as_length(radius, "radius of the sphere"))
         object.__setattr__(self, "origin", (a, b, c))
 
     @property
@@ -71,8 +71,15 @@ class Sphere:
         return vertices * self.radius + np.array(self.origin), faces
 
     def scaled(self, factor: float) -> "Sphere":
-        """Return the sphere with radius and center multiplied."""
-        return Sphere(self.radius * factor, origin=np.array(self.origin) * factor)
+        """Return the sphere with radius and center multiplied.
+
+        Raises
+        ------
+        InputError
+            If the factor is not above 0, or the radius is not between 1e-60 and 1e60 any more.
+        """
+        times = as_positive(factor, "factor")
+        return Sphere(self.radius * times, origin=[value * times for value in self.origin])
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values."""

@@ -78,7 +78,7 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
 
 
 def save_cloud(
-    cloud: Cloud | Packing, path: str | os.PathLike[str], *, spacing: float | None = None, overwrite: bool = True
+    cloud: Cloud | Packing, path: str | os.PathLike[str], *, spacing: float | None = None, overwrite: bool = False
 ) -> None:
     """Write a point cloud; of a packing, points on all grains, each with the number of its grain.
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran._base.arrays import as_positive
+from voxgran._base.arrays import as_length
 from voxgran._base.rotation import rotation_matrices
 from voxgran.packing.model import Packing
 from voxgran.points.cloud import Cloud
@@ -32,7 +32,7 @@ def cloud_of_packing(packing: Packing, spacing: float | None = None) -> Cloud:
     """
     sizes = np.array([packing.shapes[k].diameter for k in packing.shape_id.tolist()]) * packing.scale
     wanted = 0.1 * float(np.median(sizes)) if spacing is None and len(sizes) else spacing
-    edge = as_positive(1.0 if wanted is None else wanted, "spacing")
+    edge = as_length(1.0 if wanted is None else wanted, "spacing")
     matrices, points, grains = rotation_matrices(packing.orientation), [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)]
     for k, shape in enumerate(packing.shapes):
         mine = np.flatnonzero(packing.shape_id == k)

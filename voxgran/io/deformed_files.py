@@ -10,7 +10,7 @@ from voxgran.io.vtk_data import attach, poly_data, write_data
 from voxgran.packing.deform import Deformed
 
 
-def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write the surfaces of grains that have given way to one ``.vtp`` file.
 
     Parameters

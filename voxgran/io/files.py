@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from voxgran._base.axes import Periodic
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import as_path, existing_file
 from voxgran.containers.model import Container
@@ -29,7 +30,7 @@ _WRITERS: dict[str, Callable[..., None]] = {
 _HEAD = 4096
 
 
-def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write a packing to a file.
 
     Parameters
@@ -38,7 +39,8 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Tr
         Any packing.
     path : path-like
         ``.vtp`` holds all of it, bit for bit, and opens in ParaView; ``.txt``, ``.xyzr`` and ``.csv`` hold spheres as
-        ``x y z r``, clumps with a fifth column.
+        ``x y z r``, clumps with a fifth column, and disks as ``x y r``. A ``.csv`` is a table with the names of the
+        columns in its first line, as pandas reads it, without container and unit.
     overwrite : bool
         Whether a file that is there may be replaced.
 
@@ -67,7 +69,7 @@ def load(
     *,
     container: Container | None = None,
     unit: str | None = None,
-    periodic: str | None = None,
+    periodic: Periodic | None = None,
     frame: int = -1,
 ) -> Packing:
     """Read a packing from a file, of voxgran or of another program.
@@ -81,8 +83,9 @@ def load(
         What holds the spheres of another program; left out: as the file says, or else the box around them.
     unit : str, optional
         Unit of lengths of such a file; left out: as it says, or else ``"1"``.
-    periodic : str, optional
-        Axes along which their box is periodic, such as ``"xy"``; left out: as the file says, or else none.
+    periodic : str, bool or sequence, optional
+        Axes along which their box is periodic, such as ``"xy"``, as of
+        :class:`voxgran.Box`; left out: as the file says, or else none.
     frame : int
         Which frame of a dump file, from 0; negative: from the end.
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Floats, Integers, as_positive, as_vector
+from voxgran._base.arrays import Floats, Integers, as_length, as_vector
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError
 from voxgran._base.files import written_whole
 from voxgran._base.kernels import kernel
@@ -91,7 +91,7 @@ def image_grid(packing: Packing, voxel_size: float) -> Grid:
     TooLargeError
         If there are more than VOXEL_LIMIT voxels.
     """
-    size = as_positive(voxel_size, "voxel_size")
+    size = as_length(voxel_size, "voxel_size")
     lower, upper = packing.container.bounds
     exact = (upper - lower) / size
     counts = np.where(np.abs(exact - np.rint(exact)) < 1e-9 * np.maximum(exact, 1), np.rint(exact), np.ceil(exact))
@@ -116,7 +116,7 @@ def save_image(
     *,
     voxel_size: float,
     origin: ArrayLike = (0.0, 0.0, 0.0),
-    overwrite: bool = True,
+    overwrite: bool = False,
 ) -> None:
     """Write an image as a ``.vti`` file, for ParaView.
 
@@ -150,7 +150,7 @@ def save_image(
     if array.ndim != 3 or array.dtype.kind not in "biuf":
         raise InputError(f"image has shape {array.shape} and type {array.dtype}: give numbers along x, y and z")
     x, y, z = (float(value) for value in as_vector(origin, "origin"))
-    data = image_data(array, "image", voxel_size=as_positive(voxel_size, "voxel_size"), origin=(x, y, z))
+    data = image_data(array, "image", voxel_size=as_length(voxel_size, "voxel_size"), origin=(x, y, z))
     with written_whole(path, overwrite=overwrite) as draft:
         write_data("vtkXMLImageDataWriter", data, draft)
 

@@ -23,7 +23,7 @@ _COMPRESS_ABOVE = 1000
 _NAME = "tree_name"
 
 
-def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write statistics to a netCDF4 file.
 
     Parameters

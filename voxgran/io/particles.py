@@ -8,14 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, shown
-from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.axes import Periodic
+from voxgran._base.errors import FileFormatError, InputError, shown, with_article
 from voxgran._base.rotation import quaternions_of
 from voxgran._base.units import known_unit
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
@@ -43,6 +46,8 @@ class Particles:
         Density of the material, 1 where the file gives none or several.
     assumed : dict of str to str
         What was taken for granted, by subject.
+    flat : bool
+        Whether they are disks in the plane z = 0.
     """
 
     centers: Floats
@@ -52,6 +57,7 @@ class Particles:
     unit: str | None = None
     density: float = 1.0
     assumed: Mapping[str, str] = field(default_factory=dict)
+    flat: bool = False
 
 
 def refuse_bad_spheres(centers: Floats, radii: Floats, path: Path, *, row: str = "sphere") -> None:
@@ -89,7 +95,7 @@ def packing_of(
     *,
     container: Container | None = None,
     unit: str | None = None,
-    periodic: str | None = None,
+    periodic: Periodic | None = None,
 ) -> Packing:
     """Return the packing of spheres and clumps that another program wrote.
 
@@ -103,8 +109,9 @@ def packing_of(
         What holds them; left out: as the file says, or else the box around the spheres.
     unit : str, optional
         Unit of lengths; left out: as the file says, or else ``"1"``.
-    periodic : str, optional
-        Axes along which the box is periodic, such as ``"xy"``; left out: as the file says, or else none.
+    periodic : str, bool or sequence, optional
+        Axes along which the box is periodic, such as ``"xy"``, as of
+        :class:`voxgran.Box`; left out: as the file says, or else none.
 
     Returns
     -------
@@ -123,11 +130,14 @@ def packing_of(
         assumed["container"] = "the box around the spheres"
         assumed["periodic"] = "nowhere"
     elif container is not None:
-        assumed.pop("periodic", None)
+        for subject in ("periodic", "dimension"):
+            assumed.pop(subject, None)
     if periodic is not None:
-        if not isinstance(held, Box):
-            raise InputError(f"periodic is {periodic!r}: a {held.kind} is given as it is; only a box takes axes here")
-        held = Box(held.lengths, periodic, origin=held.origin)
+        if not isinstance(held, Box | Rectangle):
+            raise InputError(
+                f"periodic is {shown(periodic)}: {with_article(held.kind)} is given as it is; only a box takes axes"
+            )
+        held = type(held)(held.lengths, periodic, origin=held.origin)
         assumed.pop("periodic", None)
     named = known_unit(particles.unit)
     if unit is None and named is None:
@@ -143,13 +153,15 @@ def packing_of(
     )
 
 
-def _box_around(particles: Particles, path: Path) -> Box:
-    """Return the box around spheres."""
+def _box_around(particles: Particles, path: Path) -> Box | Rectangle:
+    """Return the box around spheres, or the rectangle around disks."""
     centers, radii = particles.centers, particles.radii[:, None]
     if not len(centers):
         raise InputError(f"{path} holds no sphere and names no container: give the container")
     lower = (centers - radii).min(axis=0)
     x, y, z = ((centers + radii).max(axis=0) - lower).tolist()
+    if particles.flat:
+        return Rectangle((x, y), origin=tuple(lower.tolist()[:2]))
     return Box((x, y, z), origin=tuple(lower.tolist()))
 
 
@@ -158,9 +170,15 @@ def _ball() -> Shape:
     return Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 
 
+def _disk() -> Shape:
+    """Return the disk of diameter 1."""
+    return Shape.of(Outline("disk", radius=0.5), name="disk")
+
+
 def _balls(particles: Particles) -> dict[str, Any]:
-    """Return shapes and poses of single spheres."""
-    return {"shapes": (_ball(),), "position": particles.centers, "scale": 2 * particles.radii}
+    """Return shapes and poses of single spheres or disks."""
+    shape = _disk() if particles.flat else _ball()
+    return {"shapes": (shape,), "position": particles.centers, "scale": 2 * particles.radii}
 
 
 def _clumps(particles: Particles) -> dict[str, Any]:

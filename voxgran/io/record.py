@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_points
-from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.errors import FileFormatError, InputError, with_article
 from voxgran._base.units import known_unit
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.make import make_container
@@ -195,7 +195,7 @@ def _plain(value: Any) -> Any:
         return value.tolist()
     if isinstance(value, Mapping):
         return dict(value)
-    raise TypeError(f"a {type(value).__name__} is no JSON")
+    raise TypeError(f"{with_article(type(value).__name__)} is no JSON")
 
 
 def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict[str, NDArray[Any]]]:

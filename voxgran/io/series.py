@@ -12,7 +12,7 @@ from pathlib import Path
 
 from voxgran._base.arrays import as_count
 from voxgran._base.errors import FileFormatError
-from voxgran._base.files import as_path, write_text
+from voxgran._base.files import as_path, refuse_to_replace, write_text
 from voxgran.io.vtk_files import save_packing
 from voxgran.packing.model import Packing
 
@@ -29,7 +29,9 @@ class Series:
     every : int
         Attempts between the first snapshots.
     resume : bool
-        Whether to go on with what the file lists; else the file and its snapshots are started anew.
+        Whether to go on with what the file lists; else the series is started anew.
+    overwrite : bool
+        Whether a series that is there may be replaced by a new one: its list and its snapshots.
 
     Raises
     ------
@@ -37,10 +39,18 @@ class Series:
         If `most` is below 2 or `every` below 1.
     FileFormatError
         If the file that is to be continued is damaged.
+    OutputExistsError
+        If the file or snapshots of it are there and neither `resume` nor `overwrite` is set.
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], *, most: int = 20, every: int = 1000, resume: bool = False
+        self,
+        path: str | os.PathLike[str],
+        *,
+        most: int = 20,
+        every: int = 1000,
+        resume: bool = False,
+        overwrite: bool = False,
     ) -> None:
         self.path = as_path(path)
         self.folder = self.path.with_suffix("")
@@ -50,9 +60,12 @@ class Series:
         if resume and self.path.is_file():
             self.times = listed_times(self.path)
             self.every = self.times[0] if self.times else self.every
-        else:
-            for left in self.folder.glob("snapshot_*.vtp"):
-                left.unlink(missing_ok=True)
+            return
+        snapshots = sorted(self.folder.glob("snapshot_*.vtp"))
+        if not (resume or overwrite):
+            refuse_to_replace(self.path, *snapshots)
+        for left in snapshots:
+            left.unlink(missing_ok=True)
 
     def due(self, done: int) -> int:
         """Return after how many attempts the next snapshot is due."""
@@ -73,7 +86,7 @@ class Series:
         OutputError
             If it cannot be written; the list before is untouched.
         """
-        save_packing(packing, self._file(done))
+        save_packing(packing, self._file(done), overwrite=True)
         self.times = sorted({*self.times, done})
         # the end of a run falls between two regular times, and stays
         last, gone = done if done % self.every else 0, []

@@ -1,4 +1,4 @@
-"""Spheres as text, one ``x y z r`` a line: the form that every program for spheres reads."""
+"""Spheres as text, one ``x y z r`` a line, and disks as ``x y r``: the form that every program for spheres reads."""
 
 import json
 import os
@@ -6,36 +6,40 @@ import os
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.errors import InputError
+from voxgran._base.axes import Periodic
+from voxgran._base.errors import InputError, with_article
 from voxgran._base.files import existing_file, written_whole
 from voxgran.containers.model import Container
 from voxgran.io.particles import packing_of
 from voxgran.io.tables import CONTAINER, UNIT, read_table
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
 _ROWS_AT_ONCE = 100_000
 
 
-def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
-    """Write spheres as text.
+def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write spheres, or disks in two dimensions, as text.
 
     Parameters
     ----------
     packing : Packing
-        Grains that are balls, or clumps of spheres. Where there are clumps, a fifth column tells the clump of each
-        sphere, -1 for none, as YADE reads it.
+        Grains that are spheres, clumps of spheres, or disks. Where there are clumps, a fifth column tells the clump of
+        each sphere, -1 for none, as YADE reads it.
     path : path-like
-        File to write; with the suffix ``.csv`` values are parted by commas, else by blanks.
+        File to write. With the suffix ``.csv`` it is a table with the names of the columns in its first line and
+        values parted by commas, as pandas and spreadsheets read it; else values are parted by blanks, and container
+        and unit stand in comments at the top, where :func:`load_spheres` finds them.
     overwrite : bool
         Whether a file that is there may be replaced.
 
     Raises
     ------
     InputError
-        If a grain is neither a ball nor a clump of spheres.
+        If a grain is neither a sphere, nor a clump of spheres, nor a disk.
     OutputExistsError
         If the file is there and `overwrite` is false.
     OutputError
@@ -43,17 +47,20 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
 
     Notes
     -----
-    Numbers have as many digits as read back to the same bits. Unit and container stand in comments at the top,
-    where :func:`load_spheres` finds them.
+    Numbers have as many digits as read back to the same bits. A ``.csv`` has no room for container and unit: give
+    them when it is loaded.
     """
     centers, radii, owner = _owned_spheres(packing)
-    rows, names, form = np.column_stack([centers, radii]), "x y z r", ["%r"] * 4
+    names = ["x", "y", "z", "r"] if packing.dimension == 3 else ["x", "y", "r"]
+    rows, form = np.column_stack([centers[:, : len(names) - 1], radii]), ["%r"] * len(names)
     clump = np.where(np.bincount(owner, minlength=packing.count)[owner] > 1, owner, -1)
     if (clump >= 0).any():
-        rows, names, form = np.column_stack([rows, clump]), "x y z r clumpId", [*form, "%d"]
+        rows, names, form = np.column_stack([rows, clump]), [*names, "clumpId"], [*form, "%d"]
     mark = "," if os.fspath(path).lower().endswith(".csv") else " "
-    head = f"# {names}\n{UNIT}{packing.unit}\n"
-    head += f"{CONTAINER}{json.dumps(packing.container.to_mapping())}\n"
+    head = f"{mark.join(names)}\n"
+    if mark == " ":
+        held = json.dumps(packing.container.to_mapping())
+        head = f"# {head}{UNIT}{packing.unit}\n{CONTAINER}{held}\n"
     with written_whole(path, overwrite=overwrite) as draft, draft.open("w", encoding="utf-8") as file:
         file.write(head)
         for start in range(0, len(rows), _ROWS_AT_ONCE):
@@ -67,7 +74,7 @@ def load_spheres(
     *,
     container: Container | None = None,
     unit: str | None = None,
-    periodic: str | None = None,
+    periodic: Periodic | None = None,
 ) -> Packing:
     """Read spheres from text.
 
@@ -76,15 +83,16 @@ def load_spheres(
     path : path-like
         One sphere a line: x, y, z, r, parted by blanks, tabs, commas or semicolons. Blank lines and what follows a
         ``#`` are skipped. A line of names at the top says what stands where, with ``diameter`` in place of ``r`` if
-        need be, and columns of other names are ignored. A fifth column of whole numbers, as YADE writes it, is the
-        clump of each sphere, below 0 for none.
+        need be, and columns of other names are ignored; without a column ``z`` the rows are disks. A fifth column of
+        whole numbers, as YADE writes it, is the clump of each sphere, below 0 for none.
     container : Container, optional
         What holds the spheres. Left out, it is the one in the comments that :func:`save_spheres` writes, or else the
         box around the spheres.
     unit : str, optional
         Unit of the lengths; left out, the one in the comments or in brackets behind a name, or else ``"1"``.
-    periodic : str, optional
-        Axes along which the box is periodic, such as ``"xy"``; left out, as the container says.
+    periodic : str, bool or sequence, optional
+        Axes along which the box is periodic, such as ``"xy"``, as of
+        :class:`voxgran.Box`; left out, as the container says.
 
     Returns
     -------
@@ -110,7 +118,7 @@ def spheres_of(packing: Packing) -> tuple[Floats, Floats]:
     Parameters
     ----------
     packing : Packing
-        Grains that are balls, or clumps of spheres.
+        Grains that are spheres, clumps of spheres, or disks.
 
     Returns
     -------
@@ -149,7 +157,11 @@ def _spheres_of_shape(shape: Shape, grain: int) -> tuple[Floats, Floats]:
         return geometry.centers, geometry.radii
     if isinstance(geometry, Primitive) and geometry.kind == "sphere":
         return np.zeros((1, 3)), np.array(geometry.dimensions)
-    kind = geometry.kind if isinstance(geometry, Primitive) else type(geometry).__name__.lower()
+    if isinstance(geometry, Outline) and geometry.kind == "disk":
+        return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
+    known = isinstance(geometry, Primitive | Outline)
+    kind = with_article(geometry.kind if known else type(geometry).__name__.lower())
     raise InputError(
-        f"grain {grain} is a {kind}: x y z r holds only spheres; save as .vtp, or pack the clumps of fit_clump instead"
+        f"grain {grain} is {kind}: text holds only spheres, clumps of them and disks; save as .vtp, or pack the clumps "
+        "of fit_clump instead"
     )

@@ -76,7 +76,7 @@ class Layout:
     Attributes
     ----------
     columns : dict of str to int
-        Place of x, y, z, r or d, and clump.
+        Place of x, y, z, r or d, and clump; without z the rows are disks.
     mark : str or None
         What parts values; None for blanks.
     skipped : int
@@ -104,7 +104,7 @@ def read_table(path: Path) -> Particles:
     ----------
     path : Path
         One sphere a line: x, y, z, r, parted by blanks, tabs, commas or semicolons, in this order or as a line of names
-        says. Blank lines and what follows a ``#`` are skipped.
+        says; without a column of z they are disks. Blank lines and what follows a ``#`` are skipped.
 
     Returns
     -------
@@ -114,8 +114,8 @@ def read_table(path: Path) -> Particles:
     Raises
     ------
     FileFormatError
-        If it is no text, a line is no sphere or has more or fewer values than the first one; the message gives its
-        number.
+        If it is no text, there are clumps of disks, or a line is no sphere or has more or fewer values than the first
+        one; the message gives its number.
     """
     try:
         layout = _layout(path)
@@ -124,7 +124,8 @@ def read_table(path: Path) -> Particles:
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path} is no text ({error.reason}): give spheres as lines of x y z r") from error
     if layout is None:
-        return Particles(centers=table[:, :3], radii=table[:, 3], container=container, unit=unit)
+        flat = container is not None and container.dimension == 2
+        return Particles(centers=table[:, :3], radii=table[:, 3], container=container, unit=unit, flat=flat)
     columns, assumed = layout.columns, {}
     radii = table[:, columns["r"]] if "r" in columns else table[:, columns["d"]] / 2
     clump = None
@@ -133,13 +134,22 @@ def read_table(path: Path) -> Particles:
     elif layout.width == 5 and not layout.named and len(table) and (table[:, 4] == np.floor(table[:, 4])).all():
         clump = table[:, 4].astype(np.int64)
         assumed["clumps"] = "the fifth column tells the clump of each sphere"
+    flat = "z" not in columns
+    if flat and clump is not None:
+        raise FileFormatError(f"{path} has no column of z, and clumps: those of disks are not known; leave out clumpId")
+    if flat and container is None:
+        assumed["dimension"] = "two: there is no column of z"
+    places = [columns[name] for name in "xyz" if name in columns]
+    centers = np.zeros((len(table), 3))
+    centers[:, : len(places)] = table[:, places]
     return Particles(
-        centers=table[:, [columns["x"], columns["y"], columns["z"]]],
+        centers=centers,
         radii=radii,
         clump=clump,
         container=container,
         unit=unit or layout.unit,
         assumed=assumed,
+        flat=flat,
     )
 
 
@@ -187,7 +197,7 @@ def _is_number(word: str, mark: str | None) -> bool:
 def _named(path: Path, words: list[str], number: int, mark: str | None) -> Layout:
     """Return the layout that a line of names gives."""
     found, unit = _places(words)
-    missing = [name for name in "xyz" if name not in found]
+    missing = [name for name in "xy" if name not in found]
     if missing or not ("r" in found or "d" in found):
         lacking = missing or ["r or diameter"]
         raise FileFormatError(
@@ -220,7 +230,7 @@ def _hinted(path: Path) -> tuple[dict[str, int], int] | None:
             text = line.lstrip("# ").strip()
             words = text.removeprefix("format").strip().split("_") if text.startswith("format") else text.split()
             found, _ = _places(words)
-            if {"x", "y", "z"} <= found.keys() and ("r" in found or "d" in found):
+            if {"x", "y"} <= found.keys() and ("r" in found or "d" in found):
                 return found, len(words)
     return None
 
@@ -241,7 +251,7 @@ def _rows(path: Path, layout: Layout) -> Floats:
 
 def _good(rows: Floats, layout: Layout) -> bool:
     """Tell whether all spheres are finite and have a size."""
-    used = rows[:, [layout.columns[name] for name in "xyz"]]
+    used = rows[:, [layout.columns[name] for name in "xyz" if name in layout.columns]]
     size = rows[:, layout.columns.get("r", layout.columns.get("d", 3))]
     clump = rows[:, layout.columns["clump"]] if "clump" in layout.columns else np.zeros(1)
     return bool(np.isfinite(used).all() and np.isfinite(size).all() and (size > 0).all() and np.isfinite(clump).all())

@@ -14,8 +14,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from voxgran._base.arrays import as_number
-from voxgran._base.errors import FileFormatError, OutputExistsError
-from voxgran._base.files import as_path, existing_file, write_text, written_whole
+from voxgran._base.errors import FileFormatError
+from voxgran._base.files import as_path, existing_file, refuse_to_replace, write_text, written_whole
 from voxgran.io.record import Record, from_record, to_record
 from voxgran.io.surfaces import merged_surfaces
 from voxgran.io.vtk_data import attach, attach_texts, detach, numpy_support, poly_data, read_data, write_data
@@ -32,7 +32,7 @@ _SEAL_LENGTH = len(_SEAL) - 2 + 64
 _NAMES_WITHIN = 2**20
 
 
-def save_packing(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+def save_packing(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write a packing to one ``.vtp`` file that alone reloads it bit for bit.
 
     Parameters
@@ -149,7 +149,7 @@ def _tail(path: Path) -> bytes:
         return file.read()
 
 
-def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0.0, overwrite: bool = True) -> None:
+def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0.0, overwrite: bool = False) -> None:
     """Write what ParaView shows of a packing: the surfaces of the grains, the container and the contacts.
 
     Parameters
@@ -187,8 +187,8 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
     if target.suffix.lower() != ".vtm":
         raise FileFormatError(f"{target} has the suffix {target.suffix!r}: scenes are kept as .vtm; rename it")
     reach = as_number(gap, "gap", at_least=0.0)
-    if target.exists() and not overwrite:
-        raise OutputExistsError(f"{target} is there already: it is not replaced unasked; ask to overwrite or move it")
+    if not overwrite:
+        refuse_to_replace(target, target.with_suffix(""))
     parts = {
         "grains": _grain_surfaces(packing),
         "balls": _ball_points(packing),

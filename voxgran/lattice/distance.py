@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Booleans, Floats, as_number
+from voxgran._base.arrays import Booleans, Floats, as_count
+from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.kernels import kernel
 
@@ -29,7 +30,7 @@ LONG = 40.0
 def distance_transform(
     mask: ArrayLike,
     *,
-    periodic: tuple[bool, bool, bool] = (False, False, False),
+    periodic: Periodic = False,
     squared: bool = False,
     threads: int = 1,
     out: NDArray[Any] | None = None,
@@ -40,8 +41,8 @@ def distance_transform(
     ----------
     mask : (nx, ny, nz) array_like of bool
         Taken voxels; beyond the image there is nothing, neither taken nor free.
-    periodic : tuple of bool
-        Whether the image repeats along x, y, z.
+    periodic : str, bool or sequence
+        Axes along which the image repeats, such as ``"xy"``; as of :class:`voxgran.Box`.
     squared : bool
         Whether the squared distance is wanted, a whole number.
     threads : int
@@ -58,7 +59,7 @@ def distance_transform(
     Raises
     ------
     InputError
-        If the image has not three axes, or `out` has another shape or type.
+        If the image has not three axes, `out` has another shape or type, or `periodic` names no axes.
     TooLargeError
         If the diagonal of the image is longer than 2**15 voxels.
 
@@ -74,10 +75,10 @@ def distance_transform(
     >>> mask[0, 0, 1] = False
     >>> vg.distance_transform(mask)[0, 0].tolist()
     [1.0, 0.0, 1.0, 2.0, 3.0, 4.0]
-    >>> vg.distance_transform(mask, periodic=(False, False, True))[0, 0].tolist()
+    >>> vg.distance_transform(mask, periodic="z")[0, 0].tolist()
     [1.0, 0.0, 1.0, 2.0, 3.0, 2.0]
     """
-    taken = as_mask(mask)
+    turns, taken = as_periodic(periodic), as_mask(mask)
     if sum(n * n for n in taken.shape) >= NEVER:
         raise TooLargeError(f"mask has shape {taken.shape}: its diagonal must be shorter than 2**15 voxels; cut it")
     wanted = (np.dtype(np.int32),) if squared else (np.dtype(np.float32), np.dtype(np.float64))
@@ -85,9 +86,8 @@ def distance_transform(
         raise InputError(
             f"out has shape {out.shape} and type {out.dtype}: it must have shape {taken.shape} and type {wanted[0]}"
         )
-    workers = int(as_number(threads, "threads", at_least=1))
+    workers = as_count(threads, "threads", at_least=1)
     squares = np.empty(taken.shape, dtype=np.int32) if out is None or not squared else out
-    turns = tuple(bool(turn) for turn in periodic)
     _in_blocks(_pass_planes, taken.shape[0], workers, taken, squares, turns[2], turns[1], LONG)
     _in_blocks(_pass_columns, taken.shape[1], workers, squares, turns[0], LONG)
     if squared:

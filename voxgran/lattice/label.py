@@ -7,16 +7,18 @@ bodies (union by the lower index, Tarjan 1975, doi:10.1145/321879.321884); so th
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import as_choice
+from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.errors import InputError, shown
 from voxgran._base.kernels import kernel
+from voxgran._base.scalars import whole_number_of
 from voxgran.lattice.distance import as_mask
 
 #: how many axes a step to a neighbour may change
-_RANKS = {"6": 1, "18": 2, "26": 3}
+_RANKS = {6: 1, 18: 2, 26: 3}
 
 
 def connected_components(
-    mask: ArrayLike, *, connectivity: int = 6, periodic: tuple[bool, bool, bool] = (False, False, False)
+    mask: ArrayLike, *, connectivity: int = 6, periodic: Periodic = False
 ) -> tuple[NDArray[np.int32], int]:
     """Return numbers for the connected bodies of taken voxels.
 
@@ -26,8 +28,8 @@ def connected_components(
         Taken voxels.
     connectivity : {6, 18, 26}
         Number of neighbours that a voxel is connected to.
-    periodic : tuple of bool
-        Whether the image repeats along x, y, z.
+    periodic : str, bool or sequence
+        Axes along which the image repeats, such as ``"xy"``; as of :class:`voxgran.Box`.
 
     Returns
     -------
@@ -39,7 +41,7 @@ def connected_components(
     Raises
     ------
     InputError
-        If the connectivity is none of the three, or the image has not three axes.
+        If the connectivity is none of the three, the image has not three axes, or `periodic` names no axes.
 
     Notes
     -----
@@ -54,10 +56,14 @@ def connected_components(
     >>> labels, count = vg.connected_components(mask)
     >>> labels[0, 0].tolist(), count
     ([1, 1, 0, 0, 2], 2)
-    >>> vg.connected_components(mask, periodic=(False, False, True))[1]
+    >>> vg.connected_components(mask, periodic="z")[1]
     1
     """
-    rank = _RANKS[as_choice(str(connectivity), "connectivity", tuple(_RANKS))]
+    number = whole_number_of(connectivity)
+    if number not in _RANKS:
+        raise InputError(f"connectivity is {shown(connectivity)}: it must be one of 6, 18, 26; change it")
+    rank = _RANKS[number]
+    around_x, around_y, around_z = as_periodic(periodic)
     taken = as_mask(mask)
     nx, ny, _ = taken.shape
     first = np.zeros(nx * ny + 1, dtype=np.int64)
@@ -65,7 +71,6 @@ def connected_components(
     np.cumsum(first, out=first)
     runs, root = np.empty((first[-1], 2), dtype=np.int32), np.arange(first[-1], dtype=np.int32)
     _note_runs(taken, first, runs)
-    around_x, around_y, around_z = (bool(turn) for turn in periodic)
     _join(runs, first, taken.shape, rank, around_x, around_y, around_z, root)
     labels = np.zeros(taken.shape, dtype=np.int32)
     return labels, int(_paint(runs, first, root, labels))

@@ -8,13 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, as_number
+from voxgran._base.axes import Periodic
 from voxgran.lattice.distance import as_mask, distance_transform
 
-Turns = tuple[bool, bool, bool]
-NOWHERE: Turns = (False, False, False)
 
-
-def dilation(mask: ArrayLike, radius: float, *, periodic: Turns = NOWHERE, threads: int = 1) -> Booleans:
+def dilation(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
     """Return the voxels within a distance of a taken one.
 
     Parameters
@@ -23,8 +21,8 @@ def dilation(mask: ArrayLike, radius: float, *, periodic: Turns = NOWHERE, threa
         Taken voxels.
     radius : float
         Radius of the ball in voxels, at least 0; centers at just this distance count.
-    periodic : tuple of bool
-        Whether the image repeats along x, y, z.
+    periodic : str, bool or sequence
+        Axes along which the image repeats, such as ``"xy"``; as of :class:`voxgran.Box`.
     threads : int
         Threads; the result does not depend on them.
 
@@ -35,7 +33,7 @@ def dilation(mask: ArrayLike, radius: float, *, periodic: Turns = NOWHERE, threa
     Raises
     ------
     InputError
-        If the image has not three axes or the radius is below 0.
+        If the image has not three axes, the radius is below 0, or `periodic` names no axes.
 
     Notes
     -----
@@ -53,7 +51,7 @@ def dilation(mask: ArrayLike, radius: float, *, periodic: Turns = NOWHERE, threa
     return _within(~as_mask(mask), radius, periodic, threads)
 
 
-def erosion(mask: ArrayLike, radius: float, *, periodic: Turns = NOWHERE, threads: int = 1) -> Booleans:
+def erosion(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
     """Return the taken voxels farther than a distance from every free one.
 
     Parameters
@@ -68,12 +66,12 @@ def erosion(mask: ArrayLike, radius: float, *, periodic: Turns = NOWHERE, thread
     Raises
     ------
     InputError
-        If the image has not three axes or the radius is below 0.
+        If the image has not three axes, the radius is below 0, or `periodic` names no axes.
     """
     return ~_within(as_mask(mask), radius, periodic, threads)
 
 
-def opening(mask: ArrayLike, radius: float, *, periodic: Turns = NOWHERE, threads: int = 1) -> Booleans:
+def opening(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
     """Return what balls cover that fit into the taken voxels: an erosion, then a dilation.
 
     Parameters
@@ -88,13 +86,13 @@ def opening(mask: ArrayLike, radius: float, *, periodic: Turns = NOWHERE, thread
     Raises
     ------
     InputError
-        If the image has not three axes or the radius is below 0.
+        If the image has not three axes, the radius is below 0, or `periodic` names no axes.
     """
     core = erosion(mask, radius, periodic=periodic, threads=threads)
     return dilation(core, radius, periodic=periodic, threads=threads)
 
 
-def closing(mask: ArrayLike, radius: float, *, periodic: Turns = NOWHERE, threads: int = 1) -> Booleans:
+def closing(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
     """Return the taken voxels and the gaps between them into which no ball fits: a dilation, then an erosion.
 
     Parameters
@@ -109,13 +107,13 @@ def closing(mask: ArrayLike, radius: float, *, periodic: Turns = NOWHERE, thread
     Raises
     ------
     InputError
-        If the image has not three axes or the radius is below 0.
+        If the image has not three axes, the radius is below 0, or `periodic` names no axes.
     """
     hull = dilation(mask, radius, periodic=periodic, threads=threads)
     return erosion(hull, radius, periodic=periodic, threads=threads)
 
 
-def _within(mask: Booleans, radius: float, periodic: Turns, threads: int) -> Booleans:
+def _within(mask: Booleans, radius: float, periodic: Periodic, threads: int) -> Booleans:
     """Return the voxels within a distance of a free one."""
     reach = as_number(radius, "radius", at_least=0.0)
     squares = distance_transform(mask, periodic=periodic, squared=True, threads=threads)

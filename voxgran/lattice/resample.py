@@ -1,13 +1,17 @@
 """Images on another lattice: coarser or finer with the sum kept, nearest labels, and cut to what is there."""
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Floats, Integers, as_choice, as_number, as_positive
-from voxgran._base.errors import InputError
+from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_positive
+from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.lazy import load
+
+#: most voxels of an image
+MOST_VOXELS = 2**32
 
 
 def resample(
@@ -41,6 +45,8 @@ def resample(
     InputError
         If the image has not three axes, not exactly one of factor and shape is given, one is not above 0, or the
         method is unknown.
+    TooLargeError
+        If there would be 2**32 voxels or more.
 
     Notes
     -----
@@ -60,11 +66,13 @@ def resample(
         raise InputError("factor and shape: give exactly one of them")
     as_choice(method, "method", ("mean", "nearest"))
     if factor is not None:
-        counts = [max(1, round(n * as_positive(factor, "factor"))) for n in given.shape]
+        wanted = [max(1.0, n * as_positive(factor, "factor")) for n in given.shape]
     else:
-        counts = [int(as_number(n, "shape", at_least=1)) for n in shape or ()]
-        if len(counts) != 3:
-            raise InputError(f"shape has {len(counts)} numbers: give voxels along x, y and z")
+        wanted = as_floats(shape, "shape", shape=(3,)).tolist()
+    if not math.prod(wanted) < MOST_VOXELS:
+        many = math.prod(wanted)
+        raise TooLargeError(f"the image would have {many:.3g} voxels: fewer than {MOST_VOXELS} fit; take fewer")
+    counts = [as_count(n if factor is None else round(n), "shape", at_least=1) for n in wanted]
     if method == "nearest":
         places = [((np.arange(m) + 0.5) * n / m).astype(np.int64) for n, m in zip(given.shape, counts, strict=True)]
         return np.asarray(given[np.ix_(*places)])
@@ -112,7 +120,7 @@ def crop(image: ArrayLike, *, margin: int = 0) -> tuple[NDArray[Any], Integers]:
     given = np.asarray(image)
     if given.ndim != 3:
         raise InputError(f"image has shape {given.shape}: three axes are needed")
-    layers = int(as_number(margin, "margin", at_least=0))
+    layers = min(as_count(margin, "margin"), max(given.shape))
     start, window = np.zeros(3, dtype=np.int64), []
     for axis in range(3):
         along = np.flatnonzero(given.any(axis=tuple(k for k in range(3) if k != axis)))

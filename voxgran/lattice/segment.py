@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Integers, as_number
-from voxgran._base.errors import InputError, MissingLibraryError
+from voxgran._base.arrays import Integers, as_count, as_number, as_positive
+from voxgran._base.errors import InputError, MissingLibraryError, shown
 from voxgran._base.lazy import load
 from voxgran.lattice.distance import distance_transform
 
@@ -57,18 +57,20 @@ def segment(
         raise InputError(f"image has the shape {grey.shape}: three axes are needed; stack slices, or choose a channel")
     if grey.dtype.kind not in "buif" or not np.isfinite(grey).all():
         raise InputError(f"image holds {grey.dtype} with numbers that are not finite: grey values are needed; clean it")
-    least, height = as_number(smallest, "smallest", at_least=1), as_number(separation, "separation", above=0.0)
+    least = as_count(smallest, "smallest", at_least=1)
+    # no distance within the image is larger than its edges together
+    height = min(as_positive(separation, "separation"), sum(grey.shape))
     filters, morphology, segmentation = (_skimage(name) for name in ("filters", "morphology", "segmentation"))
     if threshold == "otsu":
         level = float(filters.threshold_otsu(grey)) if grey.min() < grey.max() else float(grey.max())
     elif isinstance(threshold, str):
-        raise InputError(f"threshold is {threshold!r}: give a grey value or 'otsu'")
+        raise InputError(f"threshold is {shown(threshold)}: give a grey value or 'otsu'")
     else:
         level = as_number(threshold, "threshold")
     solid = grey < level if dark_grains else grey > level
     ndimage = load("scipy.ndimage")
-    solid = _without_small(solid, int(least), ndimage)
-    solid = ~_without_small(~solid, int(least), ndimage)
+    solid = _without_small(solid, least, ndimage)
+    solid = ~_without_small(~solid, least, ndimage)
     distance = distance_transform(np.pad(solid, 1))[1:-1, 1:-1, 1:-1]
     seeds, _ = ndimage.label(morphology.h_maxima(distance, height), np.ones((3, 3, 3)))
     # a body flatter than the separation has no maximum of its own

@@ -59,7 +59,9 @@ def iso_surface(
     >>> bool(abs(body.volume / voxels.volume - 1) < 1e-9)
     True
     """
-    values = as_floats(field, "field", shape=(None, None, None))
+    given = np.asarray(field)
+    given = given.astype(np.float64) if given.dtype == np.bool_ else given
+    values = as_floats(given, "field", shape=(None, None, None))
     if not values.size:
         raise InputError(f"field has shape {values.shape}: there must be voxels")
     if level is not None and volume is not None:

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Integers
+from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran.lattice.distance import NEVER, as_mask, distance_transform
 
 
-def local_thickness(
-    mask: ArrayLike, *, periodic: tuple[bool, bool, bool] = (False, False, False), threads: int = 1
-) -> NDArray[np.float32]:
+def local_thickness(mask: ArrayLike, *, periodic: Periodic = False, threads: int = 1) -> NDArray[np.float32]:
     """Return the diameter of the largest ball that covers a voxel and holds taken voxels only.
 
     Of the void between grains this is the pore size.
@@ -25,8 +24,8 @@ def local_thickness(
     ----------
     mask : (nx, ny, nz) array_like of bool
         Taken voxels; beyond the image there is nothing, neither taken nor free.
-    periodic : tuple of bool
-        Whether the image repeats along x, y, z.
+    periodic : str, bool or sequence
+        Axes along which the image repeats, such as ``"xy"``; as of :class:`voxgran.Box`.
     threads : int
         Threads of the distance transform; the result does not depend on them.
 
@@ -39,7 +38,7 @@ def local_thickness(
     Raises
     ------
     InputError
-        If the image has not three axes, or no voxel is free.
+        If the image has not three axes, no voxel is free, or `periodic` names no axes.
 
     Notes
     -----
@@ -59,14 +58,13 @@ def local_thickness(
     >>> vg.local_thickness(mask)[0, 0].tolist()
     [0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 0.0, 0.0]
     """
-    taken = as_mask(mask)
-    squares = distance_transform(taken, periodic=periodic, squared=True, threads=threads)
+    around, taken = as_periodic(periodic), as_mask(mask)
+    squares = distance_transform(taken, periodic=around, squared=True, threads=threads)
     largest = int(squares.max(initial=0))
     if largest == NEVER:
         raise InputError("mask has no free voxel: no ball ends anywhere; leave a free layer around the body")
-    around = np.array([bool(turn) for turn in periodic])
     covered = np.zeros(taken.shape, dtype=np.int32)
-    _paint_balls(squares, _needed(largest), around, covered)
+    _paint_balls(squares, _needed(largest), np.array(around), covered)
     thickness = squares.view(np.float32)
     np.sqrt(covered, out=thickness, dtype=np.float32, casting="unsafe")
     thickness *= 2

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_choice, as_count, as_positive
+from voxgran._base.arrays import Floats, as_choice, as_count, as_length
 from voxgran._base.errors import InputError
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
@@ -118,7 +118,7 @@ def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
             f"the packing has {packing.count} grains and periodic sides {packing.container.periodic}: a profile "
             "from the walls needs grains and a wall; measure along an axis instead"
         )
-    width = STEP * diameter if step is None else as_positive(step, "step")
+    width = STEP * diameter if step is None else as_length(step, "step")
     edges = np.asarray(np.arange(int(np.ceil(FAR * diameter / width * (1 - 1e-9))) + 1) * width, dtype=np.float64)
     found = [regions.at(float(edge)) for edge in edges]
     room: Floats = np.array([float(region.volume) for region in found])

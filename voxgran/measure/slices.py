@@ -11,8 +11,8 @@ doi:10.1145/360767.360802).
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, as_faces, as_floats, as_points
-from voxgran._base.errors import InputError
+from voxgran._base.arrays import Floats, as_faces, as_floats, as_points, float_array
+from voxgran._base.errors import InputError, shown
 from voxgran._base.kernels import kernel
 from voxgran.measure.halfspaces import cut_balls, cut_disks
 
@@ -144,11 +144,11 @@ def as_window(lower: ArrayLike, upper: ArrayLike, dimension: int) -> tuple[Float
     InputError
         If a corner has the wrong shape, holds NaN, or a lower one is above the upper one.
     """
-    corners = [np.array(corner, dtype=np.float64).reshape(-1) for corner in (lower, upper)]
-    low, high = (c[:dimension] if len(c) == 3 else c for c in corners)
+    corners = [float_array(corner) for corner in (lower, upper)]
+    low, high = (np.zeros(0) if c is None else c.ravel()[:dimension] if c.size == 3 else c.ravel() for c in corners)
     if len(low) != dimension or len(high) != dimension or not (low <= high).all():
         raise InputError(
-            f"window runs from {low.tolist()} to {high.tolist()}: give two corners of {dimension} "
+            f"window runs from {shown(lower)} to {shown(upper)}: give two corners of {dimension} "
             "numbers, none of the first above the second"
         )
     return low, high

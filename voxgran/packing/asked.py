@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran._base.arrays import check_lengths, check_type, shown
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.arrays import check_lengths, check_type
+from voxgran._base.errors import InputError, PackingWarning, shown
+from voxgran._base.files import as_path
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution
@@ -90,10 +91,14 @@ def check_drive(checkpoint: Any, resume: Any, on_step: Any, recorder: Any) -> No
     Raises
     ------
     InputError
-        If one of them is of another type.
+        If one of them is of another type, or the checkpoint is no path.
+    OutputError
+        If the checkpoint cannot be reached.
     """
     if checkpoint is not None and not isinstance(checkpoint, str | os.PathLike):
         raise InputError(f"checkpoint is {shown(checkpoint)}: it must be the path of a file; change it")
+    if checkpoint is not None:
+        as_path(checkpoint)
     if not isinstance(resume, bool | np.bool_):
         raise InputError(f"resume is {shown(resume)}: it must be True or False; give the file as checkpoint")
     if on_step is not None and not callable(on_step):

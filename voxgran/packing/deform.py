@@ -18,8 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_positive, check_type
-from voxgran._base.errors import InputError
+from voxgran._base.arrays import Floats, Integers, as_length, check_type, float_array
+from voxgran._base.errors import InputError, shown
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import overlaps, pair_keys
@@ -144,7 +144,7 @@ def deform(packing: Assembly, *, stiffness: ArrayLike = 1.0, spacing: float = 0.
     for shape in packing.shapes:
         shape.refuse_open("grains that give way")
     softness = _softness(stiffness, packing.count)
-    fine, far = as_positive(spacing, "spacing"), as_positive(reach, "reach")
+    fine, far = as_length(spacing, "spacing"), as_length(reach, "reach")
     contacts = overlaps(packing)
     rigid = (softness[contacts.i] == 0) & (softness[contacts.j] == 0)
     if rigid.any():
@@ -164,16 +164,16 @@ def deform(packing: Assembly, *, stiffness: ArrayLike = 1.0, spacing: float = 0.
 
 def _softness(stiffness: ArrayLike, count: int) -> Floats:
     """Return the inverse of each stiffness; 0 where it is infinite."""
-    try:
-        given = np.broadcast_to(np.asarray(stiffness, dtype=np.float64), (count,))
-    except (TypeError, ValueError):
-        raise InputError(
-            f"stiffness has shape {np.shape(stiffness)}: give one number, or one for each of the {count} grains"
-        ) from None
-    bad = np.flatnonzero(~(given > 0))
+    values = float_array(stiffness)
+    if values is None or values.shape not in ((), (count,)):
+        raise InputError(f"stiffness is {shown(stiffness)}: give one number, or one for each of the {count} grains")
+    given = np.broadcast_to(values, (count,))
+    with np.errstate(divide="ignore", over="ignore"):
+        softness = np.asarray(1 / given)
+    bad = np.flatnonzero(~((given > 0) & np.isfinite(softness)))
     if len(bad):
         raise InputError(f"stiffness is {given[bad[0]]} for grain {bad[0]}: it must be above 0; make it so")
-    return np.asarray(1 / given)
+    return softness
 
 
 def _partners(packing: Assembly, contacts: Contacts, softness: Floats) -> list[list[Partner]]:

@@ -4,8 +4,8 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_vector, shown
-from voxgran._base.errors import InputError
+from voxgran._base.arrays import Floats, Integers, as_vector
+from voxgran._base.errors import InputError, shown
 from voxgran.containers.model import Container
 
 #: unit vector in which gravity acts

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base.axes import Periodic, as_periodic, axis_names
 from voxgran.containers.box import Box
 from voxgran.packing.model import Packing
 from voxgran.shapes.image_files import voxel_sizes
@@ -18,7 +19,7 @@ def packing_of_labels(
     voxel_size: Any = None,
     border: str = "keep",
     smoothing: float = 1.0,
-    periodic: str = "",
+    periodic: Periodic = False,
     unit: str | None = None,
     key: str | None = None,
 ) -> Packing:
@@ -34,8 +35,9 @@ def packing_of_labels(
         What becomes of grains that touch the border of the image, where they are cut.
     smoothing : float
         Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels.
-    periodic : str
-        Axes along which the image repeats, such as ``"xy"``: grains go on across these faces.
+    periodic : str, bool or sequence
+        Axes along which the image repeats, such as ``"xy"``, as of :class:`voxgran.Box`:
+        grains go on across these faces.
     unit : str, optional
         Unit of the voxel size.
     key : str, optional
@@ -58,9 +60,10 @@ def packing_of_labels(
     InputError
         If the image holds no label or what is no label, no grain is left, or an option is out of range.
     """
+    turns = as_periodic(periodic)
     image = image_of(source, key)
     grains = list(
-        labelled_grains(image, voxel_size=voxel_size, border=border, smoothing=smoothing, periodic=periodic, unit=unit)
+        labelled_grains(image, voxel_size=voxel_size, border=border, smoothing=smoothing, periodic=turns, unit=unit)
     )
     size = np.array(voxel_sizes(voxel_size, image))
     x, y, z = (np.array(image.values.shape) * size).tolist()
@@ -72,14 +75,14 @@ def packing_of_labels(
             "voxel_size": size.tolist(),
             "border": border,
             "smoothing": smoothing,
-            "periodic": periodic,
+            "periodic": axis_names(turns),
         },
         "labels": [grain.label for grain in grains],
         "largest_volume_error": float(errors.max()),
     }
     return Packing.of(
         tuple(grain.shape for grain in grains),
-        Box((x, y, z), periodic, origin=image.origin),
+        Box((x, y, z), turns, origin=image.origin),
         position=np.array([grain.position for grain in grains]),
         shape_id=np.arange(len(grains)),
         provenance=record,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number, check_lengths
-from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError
+from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.seeds import stream
 from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.box import Box
@@ -101,9 +101,11 @@ def draw_grains(
     TooLargeError
         If more than 100 million grains are asked for.
     """
-    wanted = None if count is None else as_count(count, "count")
+    wanted = None if count is None else as_count(count, "count", at_most=None)
     if wanted is not None and wanted > MOST_ASKED:
-        raise TooLargeError(f"count is {wanted}: at most {MOST_ASKED} grains can be packed at a time; pack in parts")
+        raise TooLargeError(
+            f"count is {shown(wanted)}: at most {MOST_ASKED} grains can be packed at a time; pack in parts"
+        )
     target = container.volume * (
         1.0 if solid_fraction is None else as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)
     )

@@ -79,7 +79,7 @@ def inscribe(
                 f"shape {shape.name!r} has dimension {shape.dimension}: the packing has {packing.dimension}; use both "
                 "of one dimension"
             )
-    n, generator = packing.count, stream(as_count(seed, "seed"), "inscribed")
+    n, generator = packing.count, stream(as_count(seed, "seed", at_most=None), "inscribed")
     drawn = _drawn(generator, len(given), n, weights)
     turns = _turns(generator, n, packing.dimension)
     balls = np.array([_ball_around(shape) for shape in given])

@@ -294,7 +294,7 @@ def _problem(
         diameter=grains.diameter / unit,
         container=container.scaled(1 / unit),
         parameters=settings,
-        seed=as_count(seed, "seed"),
+        seed=as_count(seed, "seed", at_most=None),
         unit_length=unit,
         original=shapes,
         start=None if start is None else Start(start.position / unit, start.orientation),

@@ -15,9 +15,9 @@ from voxgran._base.arrays import (
     Integers,
     as_count,
     as_floats,
+    as_length,
     as_number,
     as_points,
-    as_positive,
     as_vector,
     read_only,
 )
@@ -184,7 +184,7 @@ class Cloud:
         InputError
             If it is not above 0, or far below the extent of the cloud.
         """
-        edge = as_positive(spacing, "spacing")
+        edge = as_length(spacing, "spacing")
         if edge < FINEST * Frame.around(self.points).size:
             raise InputError(f"spacing is {edge:g}: it is below {FINEST:g} of the cloud's extent; raise it")
         if self.grain is not None:
@@ -275,7 +275,7 @@ class Cloud:
         with noise, Proc. 2nd Int. Conf. Knowledge Discovery and Data Mining (KDD-96), 226.
         """
         least = as_count(fewest, "fewest", at_least=1)
-        reach = 3.0 * self.spacing if distance is None else as_positive(distance, "distance")
+        reach = 3.0 * self.spacing if distance is None else as_length(distance, "distance")
         if len(self) < FEWEST or reach == 0.0:
             return []
         frame = Frame.around(self.points)

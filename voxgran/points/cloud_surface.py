@@ -6,8 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_count, as_number, as_positive, check_type
-from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran._base.arrays import (
+    Booleans,
+    Floats,
+    Integers,
+    as_choice,
+    as_count,
+    as_length,
+    as_number,
+    check_type,
+)
+from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.lazy import load
 from voxgran.points.backend_open3d import without_stderr
 from voxgran.points.cloud import Cloud, Frame
@@ -107,15 +116,14 @@ def shape_of_cloud(
     holes = as_number(largest_hole, "largest_hole", above=0.0)
     levels = None if depth is None else as_count(depth, "depth", at_least=2)
     if levels is not None and levels > DEEPEST:
-        raise InputError(f"depth is {levels}: more than {DEEPEST} makes more cells than memory holds; lower it")
-    if alpha is not None:
-        as_positive(alpha, "alpha")
+        raise InputError(f"depth is {shown(levels)}: more than {DEEPEST} makes more cells than memory holds; lower it")
+    radius = None if alpha is None else as_length(alpha, "alpha")
     _refuse_thin(cloud)
     frame = Frame.around(cloud.points)
     if method == "poisson":
         corners, faces = _poisson(cloud, frame, levels)
     else:
-        corners, faces = _alpha(cloud, frame, (alpha or ALPHA * cloud.spacing) / frame.size)
+        corners, faces = _alpha(cloud, frame, (radius or ALPHA * cloud.spacing) / frame.size)
     if not len(faces):
         raise DirtyMeshError(f"{cloud.name} has {len(cloud)} points and no surface comes of them: raise alpha or depth")
     hole = _refuse_sparse(cloud, frame, corners, faces, holes)

@@ -6,7 +6,7 @@ An open surface has points on its border, too.
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_positive
+from voxgran._base.arrays import Floats, Integers, as_length
 from voxgran._base.errors import InputError
 from voxgran.points.sample import MOST_POINTS, SurfacePoints, sample_surface
 from voxgran.shapes.mesh import Mesh
@@ -44,10 +44,11 @@ def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePo
     MissingLibraryError
         If Open3D cannot be loaded.
     """
-    points = sample_surface(shape, spacing=spacing, seed=seed)
+    wanted = as_length(spacing, "spacing")
+    points = sample_surface(shape, spacing=wanted, seed=seed)
     if shape.dimension == 2:
         return points
-    sharp = edge_points(shape.vertices, shape.faces, spacing)
+    sharp = edge_points(shape.vertices, shape.faces, wanted)
     places = np.concatenate([sharp, np.asarray(points)])
     if isinstance(shape.geometry, Primitive) and shape.geometry.kind == "ellipsoid":
         # from the tessellation onto the true surface, which is nearer than the error of the tessellation
@@ -78,19 +79,19 @@ def inner_points(shape: Shape, *, spacing: float) -> Floats:
     InputError
         If the spacing is not above 0 or needs more than half a million points.
     """
-    as_positive(spacing, "spacing")
+    wanted = as_length(spacing, "spacing")
     if isinstance(shape.geometry, Surface):
         return np.zeros((0, 3))
-    if inner_count(shape, spacing=spacing) > MOST_POINTS:
+    if inner_count(shape, spacing=wanted) > MOST_POINTS:
         raise InputError(
             f"spacing is {spacing}: it needs more than {MOST_POINTS} points in {shape.name!r}; make it larger"
         )
     low, high = shape.vertices.min(axis=0), shape.vertices.max(axis=0)
     if shape.dimension == 2:
-        across = np.sqrt(0.75) * spacing
+        across = np.sqrt(0.75) * wanted
         edges, nodes = np.array([across, np.sqrt(3.0) * across, 1.0]), [[0.0, 0.0, 0.0], [0.5, 0.5, 0.0]]
     else:
-        edges, nodes = np.full(3, 2.0 / np.sqrt(5.0) * spacing), [[0.0, 0.0, 0.0], [0.5, 0.5, 0.5]]
+        edges, nodes = np.full(3, 2.0 / np.sqrt(5.0) * wanted), [[0.0, 0.0, 0.0], [0.5, 0.5, 0.5]]
     first, last = np.floor(low / edges), np.ceil(high / edges)
     cells = np.stack(np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(first, last, strict=True)), indexing="ij"), -1)
     places = np.concatenate([(cells.reshape(-1, 3) + node) * edges for node in nodes])

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_count, as_positive
+from voxgran._base.arrays import Floats, as_count, as_length
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.points.backend_open3d import seed_open3d
@@ -22,6 +22,8 @@ DRAWS, CONFIDENCE = 400_000, 0.999
 CHANGE, STEPS = 1e-10, 200
 #: fewest points of a cloud
 FEWEST = 50
+#: smallest distance at which partners are looked for, in sizes of the target
+FINEST = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,10 +99,12 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
         if len(one) < FEWEST:
             raise InputError(f"{one.name} has {len(one)} points: registration needs {FEWEST} or more; scan more finely")
     frame = Frame.around(target.points)
-    reach = COARSE if distance is None else as_positive(distance, "distance") / frame.size
+    reach = COARSE if distance is None else as_length(distance, "distance") / frame.size
+    if reach < FINEST:
+        raise InputError(f"distance is {reach * frame.size:g}: it must be a millionth of the target or more; raise it")
     open3d = load("open3d")
     tools = open3d.pipelines.registration
-    seed_open3d(as_count(seed, "seed"))
+    seed_open3d(as_count(seed, "seed", at_most=None))
     # each in a frame of its own, of the same unit
     own = Frame(Frame.around(cloud.points).center, frame.size)
     source, features = _features(cloud, own, reach)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_choice, as_count, as_positive, check_type
+from voxgran._base.arrays import Floats, as_choice, as_count, as_length, check_type
 from voxgran._base.errors import InputError
 from voxgran.points.backend_open3d import sample_triangles
 from voxgran.points.covering import covering_radius
@@ -78,9 +78,9 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
         If Open3D cannot be loaded.
     """
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
-    wanted = as_positive(spacing, "spacing") / shape.diameter
+    wanted = as_length(spacing, "spacing") / shape.diameter
     as_choice(method, "method", ("poisson", "uniform"))
-    as_count(seed, "seed")
+    chosen = as_count(seed, "seed", at_most=None)
     if isinstance(shape.geometry, Outline):
         points, reached = _along_outline(shape.geometry.scaled(1 / shape.diameter), wanted)
         return SurfacePoints.of(points * shape.diameter, reached * shape.diameter)
@@ -92,7 +92,7 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
         if estimate > MOST_POINTS:
             break
         count = int(estimate)
-        points = sample_triangles(vertices, shape.faces, count, seed=seed, poisson=method == "poisson")
+        points = sample_triangles(vertices, shape.faces, count, seed=chosen, poisson=method == "poisson")
         points, slack = _on_sphere(shape, points)
         reached = 2 * (covering_radius(points, vertices, shape.faces) + slack)
         if reached <= wanted:

@@ -10,14 +10,12 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from voxgran import __version__
-from voxgran._base.errors import OutputExistsError
-from voxgran._base.files import as_path, write_text
+from voxgran._base.files import as_path, refuse_to_replace, write_text
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
 from voxgran.report.figures import curves_of
@@ -39,7 +37,7 @@ def write_comparison(
     which: Sequence[str] | None = None,
     pictures: bool = True,
     title: str = "Comparison of packings",
-    overwrite: bool = True,
+    overwrite: bool = False,
 ) -> None:
     """Write one self-contained page that compares packings, and every number of it as JSON beside it.
 
@@ -79,11 +77,8 @@ def write_comparison(
     the same seeds may share what was drawn at random; both tests are then the more cautious.
     """
     twin = as_path(path).with_suffix(".json")
-    for place in () if overwrite else (Path(path), twin):
-        if place.exists():
-            raise OutputExistsError(
-                f"{place} is there already: it is not replaced unasked; ask to overwrite or move it"
-            )
+    if not overwrite:
+        refuse_to_replace(path, twin)
     groups = groups_of(packings, which)
     rows, tests = compared(groups), distributions(groups)
     text = page_template("comparison.html.j2").render(

@@ -8,7 +8,7 @@ import base64
 import io
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
-from voxgran._base.errors import OutputExistsError
-from voxgran._base.files import as_path, write_text, written_whole
+from voxgran._base.errors import with_article
+from voxgran._base.files import as_path, refuse_to_replace, write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran.packing.asked import check_packing
 from voxgran.packing.model import Packing
@@ -84,7 +84,7 @@ def write_report(
     comparisons: Mapping[str, Mapping[str, Any]] | None = None,
     color_by: str = "diameter",
     turntable: bool = False,
-    overwrite: bool = True,
+    overwrite: bool = False,
 ) -> None:
     """Write one self-contained HTML page about a packing, and every number of it as JSON beside it.
 
@@ -127,12 +127,12 @@ def write_report(
     check_packing(packing, "packing")
     twin = as_path(path).with_suffix(".json")
     if not overwrite:
-        _refuse_to_replace([Path(path), twin])
+        refuse_to_replace(path, twin)
     colors = coloring(packing, color_by)
     drawn = _draw(packing, color_by) if pictures else Drawn({}, {})
     files = _picture_files(drawn, Path(pictures_folder)) if pictures_folder is not None else {}
     if not overwrite:
-        _refuse_to_replace(list(files))
+        refuse_to_replace(*files)
     figures = figures_of(packing, statistics)
     shapes = facts.shape_rows(packing)
     text = page_template("template.html.j2").render(
@@ -175,7 +175,7 @@ def page_template(name: str) -> Any:
 def _draw(packing: Packing, color_by: str) -> Drawn:
     """Render all pictures."""
     plural = "grain" if packing.count == 1 else "grains"
-    what = f"{packing.count} {plural} in a {packing.container.kind}"
+    what = f"{packing.count} {plural} in {with_article(packing.container.kind)}"
     coarse = ""
     most = scenes.picture_faces(packing)
     if any(len(shape.faces) > most for shape in packing.shapes):
@@ -259,21 +259,12 @@ def _picture_files(drawn: Drawn, folder: Path) -> dict[Path, bytes]:
     return files
 
 
-def _refuse_to_replace(places: Sequence[Path]) -> None:
-    """Refuse before anything is written."""
-    for place in places:
-        if place.exists():
-            raise OutputExistsError(
-                f"{place} is there already: it is not replaced unasked; ask to overwrite or move it"
-            )
-
-
 def _subtitle(packing: Packing) -> str:
     """Say in one line what was packed how."""
     names = [row[0] for row in facts.shape_rows(packing)]
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     method = packing.provenance.get("method")
-    return f"{shown or 'no shapes'} in a {packing.container.kind}" + (
+    return f"{shown or 'no shapes'} in {with_article(packing.container.kind)}" + (
         f", packed by the method {method}" if method else ""
     )
 

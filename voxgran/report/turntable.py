@@ -27,7 +27,7 @@ def save_turntable(
     frames: int = 36,
     color_by: str = "diameter",
     window: tuple[int, int] = (480, 480),
-    overwrite: bool = True,
+    overwrite: bool = False,
     on_step: OnStep | None = None,
 ) -> None:
     """Write a turn around a packing as an animated GIF.

@@ -85,12 +85,12 @@ def run_demo(
         second = waiting.result()
     rows = []
     for stem, result in (("", first), ("_control_point", second)):
-        save(result.packing, target / f"packing{stem}.vtp")
-        save_statistics(result.statistics, target / f"statistics{stem}.nc")
+        save(result.packing, target / f"packing{stem}.vtp", overwrite=True)
+        save_statistics(result.statistics, target / f"statistics{stem}.nc", overwrite=True)
         numbers = summary_of(result.packing, result.proof, result.statistics)
         write_text(target / f"summary{stem}.json", json.dumps(numbers, indent=2, default=str) + "\n")
         rows.append(_row(result, numbers))
-    save_scene(first.packing, target / "scene.vtm")
+    save_scene(first.packing, target / "scene.vtm", overwrite=True)
     write_report(
         first.packing,
         target / "report.html",
@@ -99,6 +99,7 @@ def run_demo(
         comparisons={str(row["method"]): row for row in rows},
         pictures_folder=target,
         title="Scanned rocks and random solids in a box",
+        overwrite=True,
     )
     return rows
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from voxgran._base.arrays import as_count, as_number, as_positive, check_type, shown
+from voxgran._base.arrays import as_count, as_number, as_positive, check_type
 from voxgran._base.config import from_mapping, parameter, to_mapping
-from voxgran._base.errors import FileFormatError, InputError, UnknownNameError
+from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.progress import OnStep
 from voxgran._base.registry import nearest, unknown
@@ -220,7 +220,7 @@ class Scene:
             share_by=_share_by(share_by),
             container=make_container(_with_file(mapping["container"], place)),
             method=str(method),
-            count=None if count is None else as_count(count, "[packing] count"),
+            count=None if count is None else as_count(count, "[packing] count", at_most=None),
             solid_fraction=None if solid is None else as_number(solid, "[packing] solid_fraction", above=0, at_most=1),
             start=None if start is None else str(existing_file(place / str(start))),
             parameters=packing,
@@ -316,7 +316,7 @@ class Scene:
 def _general(mapping: Mapping[str, Any]) -> General:
     """Return the checked section [scene]."""
     made = from_mapping(General, mapping, "[scene]")
-    as_count(made.seed, "[scene] seed")
+    as_count(made.seed, "[scene] seed", at_most=None)
     as_count(made.seeds, "[scene] seeds", at_least=1)
     as_positive(made.density, "[scene] density")
     return replace(made, unit=as_unit(made.unit, "[scene] unit"))
@@ -325,7 +325,7 @@ def _general(mapping: Mapping[str, Any]) -> General:
 def _share_by(value: Any) -> str:
     """Return the checked share_by."""
     if value not in ("number", "volume"):
-        raise InputError(f"[sizes] share_by is {value!r}: it must be 'number' or 'volume'; change it")
+        raise InputError(f"[sizes] share_by is {shown(value)}: it must be 'number' or 'volume'; change it")
     return str(value)
 
 
@@ -378,7 +378,7 @@ def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
                 if key == "unit":
                     as_unit(value, "[[shape]] unit")
                 elif not isinstance(value, bool):
-                    raise InputError(f"[[shape]] {key} is {value!r}: it must be true or false")
+                    raise InputError(f"[[shape]] {key} is {shown(value)}: it must be true or false")
             made.append(ShapeEntry("file", str(existing_file(path)), share, rest))
             continue
         family = rest.pop("family")

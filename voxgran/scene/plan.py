@@ -155,7 +155,7 @@ def _stand_in(entry: ShapeEntry) -> Shape:
     """Return a shape that costs as much as the real one: meshes checked for holes, random solids as an ellipsoid."""
     if entry.source == "file":
         points, faces = read_surface(entry.name)
-        known = {"name": entry.name, "unit": entry.parameters.get("unit")}
+        known: dict[str, Any] = {"name": entry.name, "unit": entry.parameters.get("unit")}
         if entry.parameters.get("surface"):
             return Shape.of(Surface(points, faces), **known)
         if not entry.parameters.get("repair"):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from voxgran._base.errors import CheckpointError, OutputError, OutputExistsError
-from voxgran._base.files import write_text
+from voxgran._base.files import as_path, write_text
 from voxgran._base.lazy import loaded
 from voxgran._base.progress import OnStep, Step
 from voxgran.io.files import load, save
@@ -124,9 +124,10 @@ def run_one(
     Interrupted
         On SIGINT or SIGTERM, after a checkpoint was written.
     """
-    checkpoint = Path(folder) / CHECKPOINT
-    if resume and not checkpoint.exists() and is_complete(Path(folder)):
-        return read_folder(scene, Path(folder))
+    place = as_path(folder)
+    checkpoint = place / CHECKPOINT
+    if resume and not checkpoint.exists() and is_complete(place):
+        return read_folder(scene, place)
     plan = make_plan(scene)
     shapes = tuple(entry.make() for entry in scene.shapes)
     target = open_folder(folder, resume=resume, overwrite=overwrite)
@@ -134,7 +135,8 @@ def run_one(
         checkpoint.unlink(missing_ok=True)
     recorder = None
     if scene.output.snapshots:
-        recorder = Series(target / "snapshots.pvd", most=scene.output.snapshots, every=plan.grains, resume=resume)
+        place, most = target / "snapshots.pvd", scene.output.snapshots
+        recorder = Series(place, most=most, every=plan.grains, resume=resume, overwrite=True)
     packing = pack(
         shapes,
         scene.container,
@@ -201,16 +203,19 @@ def open_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bool
     OutputError
         If it cannot be made or written to.
     """
-    target = Path(folder)
-    if target.is_file():
+    target = as_path(folder)
+    if target.exists() and not target.is_dir():
         raise OutputExistsError(f"{target} is a file: results need a folder; name another")
-    if target.is_dir() and any(target.iterdir()) and not (resume or overwrite):
-        raise OutputExistsError(f"{target} is not empty: name another folder, or ask with --overwrite or --resume")
     try:
-        target.mkdir(parents=True, exist_ok=True)
+        # a link to a folder that is not there yet makes that folder
+        os.makedirs(os.path.realpath(target), exist_ok=True)
+        if any(target.iterdir()) and not (resume or overwrite):
+            raise OutputExistsError(f"{target} is not empty: name another folder, or ask with --overwrite or --resume")
         probe = target / f".probe-{os.getpid()}"
         probe.touch()
         probe.unlink()
+    except OutputExistsError:
+        raise
     except OSError as error:
         raise OutputError(f"{target} cannot be written to ({error.strerror}): name another folder") from error
     return target
@@ -232,17 +237,17 @@ def finish_folder(packing: Packing, folder: Path, *, scene: Scene, on_step: OnSt
 
     tell(0, "verifying")
     proof = verify(packing)
-    save(packing, folder / PACKING)
+    save(packing, folder / PACKING, overwrite=True)
     tell(1, "measuring")
     statistics = measure(packing, which=scene.which)
     if scene.output.statistics:
-        save_statistics(statistics, folder / "statistics.nc")
+        save_statistics(statistics, folder / "statistics.nc", overwrite=True)
     tell(2, "writing surfaces")
     if scene.output.vtk:
-        save_scene(packing, folder / "scene.vtm")
+        save_scene(packing, folder / "scene.vtm", overwrite=True)
     tell(3, "drawing")
     if scene.output.report:
-        write_report(packing, folder / "report.html", statistics=statistics, verification=proof)
+        write_report(packing, folder / "report.html", statistics=statistics, verification=proof, overwrite=True)
     tell(5, "done")
     summary = summary_of(packing, proof, statistics)
     summary["seconds_finishing"] = time.monotonic() - began

@@ -79,7 +79,7 @@ def run_seeds(
         trees.append(result.statistics)
     assert first is not None
     summary = averaged(runs)
-    save_statistics(_joined(trees, [run["seed"] for run in runs]), target / "statistics.nc")
+    save_statistics(_joined(trees, [run["seed"] for run in runs]), target / "statistics.nc", overwrite=True)
     write_text(target / SUMMARY, json.dumps(summary, indent=2) + "\n")
     return replace(first, summary=summary, folder=target)
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, check_type
-from voxgran._base.errors import FileFormatError, InputError, OutputError
+from voxgran._base.errors import FileFormatError, InputError, OutputError, shown
 from voxgran._base.files import as_path, existing_file, written_whole
 from voxgran._base.lazy import load
 from voxgran.shapes.diagnose import Remedies, merged, refuse_dirty
@@ -111,7 +111,7 @@ def shape_of_file(
     """
     for key, value in (("repair", repair), ("surface", surface)):
         if not isinstance(value, bool):
-            raise InputError(f"{key} is {value!r}: it must be True or False")
+            raise InputError(f"{key} is {shown(value)}: it must be True or False")
     if repair and surface:
         raise InputError(
             "repair and surface are both true: repair closes a surface, and surface keeps it open; use one"
@@ -163,7 +163,7 @@ def read_surface(path: str | os.PathLike[str]) -> tuple[Floats, Integers]:
     return points, faces
 
 
-def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = True) -> None:
+def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write the tessellation of a shape, in its body frame.
 
     Parameters

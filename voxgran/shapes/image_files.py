@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, TooLargeError
+from voxgran._base.arrays import check_lengths, float_array
+from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, TooLargeError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.lazy import load
 
@@ -185,17 +186,17 @@ def voxel_sizes(value: Any, image: Image) -> tuple[float, float, float]:
     Raises
     ------
     InputError
-        If neither tells, or a length is not above 0.
+        If neither tells, or a length is not between 1e-60 and 1e60.
     """
     if value is None:
         if image.voxel_size is None:
             raise InputError("voxel_size is None: the image does not tell it; give the edge of a voxel")
         value = image.voxel_size
-    fits = np.shape(value) in ((), (3,))
-    sizes = np.broadcast_to(np.asarray(value, dtype=np.float64), (3,)) if fits else np.zeros(3)
-    if not (np.isfinite(sizes).all() and (sizes > 0).all()):
-        raise InputError(f"voxel_size is {value}: every edge must be a finite number above 0; give one or three")
-    x, y, z = sizes.tolist()
+    sizes = float_array(value)
+    if sizes is None or sizes.shape not in ((), (3,)) or not (np.isfinite(sizes).all() and (sizes > 0).all()):
+        raise InputError(f"voxel_size is {shown(value)}: every edge must be a finite number above 0; give one or three")
+    check_lengths(sizes, "voxel_size")
+    x, y, z = np.broadcast_to(sizes, (3,)).tolist()
     return x, y, z
 
 

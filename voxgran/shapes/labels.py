@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_positive
+from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_number
+from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
 from voxgran._base.lazy import load
 from voxgran.lattice.census import Census, census
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 BORDER = ("drop", "keep")
+#: widest Gaussian, in voxels: it takes six times that around each grain
+WIDEST = 20.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +62,7 @@ def load_labels(
     voxel_size: Any = None,
     border: str = "drop",
     smoothing: float = 1.0,
-    periodic: str = "",
+    periodic: Periodic = False,
     unit: str | None = None,
     key: str | None = None,
 ) -> list[Shape]:
@@ -75,9 +78,10 @@ def load_labels(
     border : {"drop", "keep"}
         What becomes of grains that touch the border of the image, where they are cut.
     smoothing : float
-        Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels.
-    periodic : str
-        Axes along which the image repeats, such as ``"xy"``: grains go on across these faces, which cut none.
+        Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels; at most 20.
+    periodic : str, bool or sequence
+        Axes along which the image repeats, such as ``"xy"``, as of :class:`voxgran.Box`:
+        grains go on across these faces, which cut none.
     unit : str, optional
         Unit of the voxel size; recorded.
     key : str, optional
@@ -178,7 +182,7 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any], key: str | None = No
 
 
 def labelled_grains(
-    image: Image, *, voxel_size: Any, border: str, smoothing: float, periodic: str, unit: str | None
+    image: Image, *, voxel_size: Any, border: str, smoothing: float, periodic: Periodic, unit: str | None
 ) -> Iterator[LabelledGrain]:
     """Yield the grains of a label image, rising by label.
 
@@ -188,8 +192,8 @@ def labelled_grains(
         As :func:`load_labels`.
     """
     as_choice(border, "border", BORDER)
-    sigma, size = as_positive(smoothing, "smoothing"), np.array(voxel_sizes(voxel_size, image))
-    found, wraps = _counted(image), _axes(periodic)
+    sigma, size = as_number(smoothing, "smoothing", above=0.0, at_most=WIDEST), np.array(voxel_sizes(voxel_size, image))
+    wraps, found = np.array(as_periodic(periodic)), _counted(image)
     cut = ((found.lower == 0) | (found.upper == np.array(image.values.shape)))[:, ~wraps].any(axis=1)
     kept = np.flatnonzero(~cut) if border == "drop" else np.arange(len(found.label))
     if not len(kept):
@@ -214,13 +218,6 @@ def labelled_grains(
             PackingWarning,
             stacklevel=3,
         )
-
-
-def _axes(periodic: str) -> Booleans:
-    """Tell which axes are named."""
-    if set(periodic) - set("xyz"):
-        raise InputError(f"periodic is {periodic!r}: name axes of the image, such as 'xy', or none by ''")
-    return np.array([axis in periodic for axis in "xyz"], dtype=np.bool_)
 
 
 def _unwrapped(mask: Any, lower: Integers, wraps: Booleans) -> tuple[Any, Integers]:

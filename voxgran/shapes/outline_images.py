@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, as_number, as_positive
-from voxgran._base.errors import InputError
+from voxgran._base.arrays import Floats, as_length, as_number
+from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran.shapes.image_files import read_image
 from voxgran.shapes.model import Shape
@@ -63,10 +63,10 @@ def load_outlines(
         If the image has not two axes, holds values that are not finite, no particle is found, or an option is out of
         range.
     """
-    size = as_positive(pixel_size, "pixel_size")
+    size = as_length(pixel_size, "pixel_size")
     least = as_number(least_area, "least_area", at_least=0.0)
     if border not in ("drop", "keep"):
-        raise InputError(f"border is {border!r}: particles at the border are kept or dropped; use 'drop' or 'keep'")
+        raise InputError(f"border is {shown(border)}: particles there are kept or dropped; use 'drop' or 'keep'")
     values = source if isinstance(source, np.ndarray) else read_image(source, key=key).values
     values = np.asarray(values)
     if values.ndim == 3 and values.shape[2] == 1:

@@ -14,12 +14,14 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, as_choice, as_count, as_number, as_positive
+from voxgran._base.arrays import Floats, as_choice, as_count, as_length, as_number
 from voxgran._base.config import parameter, parameters_of, to_mapping
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 
 Basis = Literal["number", "volume"]
+#: largest standard deviation of the logarithm of the size: sizes then differ by a factor of a million as a rule
+WIDEST = 5.0
 
 
 class SizeDistribution(ABC):
@@ -163,7 +165,7 @@ class SizeDistribution(ABC):
         """Return k such that a share in the wanted basis is the integral of size**k over a share in its own."""
         wanted = self.basis if basis is None else as_choice(basis, "basis", ("number", "volume"))
         if dimension not in (2, 3):
-            raise InputError(f"dimension is {dimension!r}: it must be 2 or 3")
+            raise InputError(f"dimension is {shown(dimension)}: it must be 2 or 3")
         return dimension * ((wanted == "volume") - (self.basis == "volume"))
 
     @abstractmethod
@@ -182,7 +184,7 @@ class Lognormal(SizeDistribution):
     Raises
     ------
     InputError
-        If a number is not above 0 or the cuts leave nothing.
+        If a number is not above 0, `sigma` is above 5, or the cuts leave nothing.
     """
 
     kind: ClassVar[str] = "lognormal"
@@ -195,12 +197,12 @@ class Lognormal(SizeDistribution):
 
     def __post_init__(self) -> None:
         """Refuse what is no distribution."""
-        as_positive(self.median, "median")
-        as_positive(self.sigma, "sigma")
+        as_length(self.median, "median")
+        as_number(self.sigma, "sigma", above=0.0, at_most=WIDEST)
         as_choice(self.basis, "basis", ("number", "volume"))
         for name, value in (("low", self.low), ("high", self.high)):
             if value is not None:
-                as_positive(value, name)
+                as_length(value, name)
         below, above = self._cuts(0)
         if not below < above:
             raise InputError(
@@ -209,7 +211,7 @@ class Lognormal(SizeDistribution):
 
     def _scores(self, sizes: Floats, power: int) -> Floats:
         """Return the standard score of sizes where each is weighted by size**power."""
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):
             return np.asarray(np.log(np.maximum(sizes, 0.0) / self.median) / self.sigma - power * self.sigma)
 
     def _cuts(self, power: int) -> tuple[float, float]:
@@ -254,7 +256,7 @@ class Uniform(SizeDistribution):
     def __post_init__(self) -> None:
         """Refuse what is no distribution."""
         as_choice(self.basis, "basis", ("number", "volume"))
-        as_number(self.high, "high", above=as_positive(self.low, "low"))
+        as_number(as_length(self.high, "high"), "high", above=as_length(self.low, "low"))
 
     def _partial(self, sizes: Floats, power: int) -> Floats:
         """Integrate in closed form."""
@@ -291,11 +293,12 @@ class Discrete(SizeDistribution):
         as_choice(self.basis, "basis", ("number", "volume"))
         _same_length(self.diameters, self.weights, ("diameters", "weights"))
         for value in self.diameters:
-            as_positive(value, "diameter")
+            as_length(value, "diameter")
         for value in self.weights:
             as_number(value, "weight", at_least=0.0)
-        if not sum(self.weights) > 0:
-            raise InputError(f"weights are {list(self.weights)}: one must be above 0; change them")
+        if not 0 < sum(self.weights) < math.inf:
+            given = shown(list(self.weights))
+            raise InputError(f"weights are {given}: one must be above 0, and their sum finite; change them")
 
     def _steps(self, power: int) -> tuple[Floats, Floats]:
         """Return the sizes in order and their shares, each times size**power in units of the largest."""
@@ -336,7 +339,7 @@ class Fixed(SizeDistribution):
 
     def __post_init__(self) -> None:
         """Refuse what is no size."""
-        as_positive(self.diameter, "diameter")
+        as_length(self.diameter, "diameter")
         as_choice(self.basis, "basis", ("number", "volume"))
 
     def _partial(self, sizes: Floats, power: int) -> Floats:
@@ -372,14 +375,15 @@ class Sieve(SizeDistribution):
         as_choice(self.basis, "basis", ("number", "volume"))
         _same_length(self.openings, self.passing, ("openings", "passing"))
         for value in self.openings:
-            as_positive(value, "opening")
+            as_length(value, "opening")
         for value in self.passing:
             as_number(value, "passing", at_least=0.0, at_most=1.0)
         if len(self.openings) < 2 or (np.diff(self.openings) <= 0).any():
-            raise InputError(f"openings are {list(self.openings)}: at least two must increase strictly; sort them")
+            given = shown(list(self.openings))
+            raise InputError(f"openings are {given}: at least two must increase strictly; sort them")
         if (np.diff(self.passing) < 0).any() or self.passing[0] != 0 or self.passing[-1] != 1:
             raise InputError(
-                f"passing is {list(self.passing)}: it must rise from 0 to 1, never falling; add an opening that "
+                f"passing is {shown(list(self.passing))}: it must rise from 0 to 1, never falling; add an opening that "
                 "nothing passes and one that all passes"
             )
 

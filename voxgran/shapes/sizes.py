@@ -9,7 +9,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_floats, as_positive
+from voxgran._base.arrays import as_floats, as_number
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, UnknownNameError
@@ -63,14 +63,14 @@ def lognormal(
     CallError
         If the arguments are others than these.
     InputError
-        If a number is not above 0 or the cuts leave nothing.
+        If a number is not above 0, `sigma` is above 5, or the cuts leave nothing.
     """
     return Lognormal(
-        median=as_positive(median, "median"),
-        sigma=as_positive(sigma, "sigma"),
+        median=as_number(median, "median"),
+        sigma=as_number(sigma, "sigma"),
         basis=basis,
-        low=None if low is None else as_positive(low, "low"),
-        high=None if high is None else as_positive(high, "high"),
+        low=None if low is None else as_number(low, "low"),
+        high=None if high is None else as_number(high, "high"),
     )
 
 
@@ -82,7 +82,7 @@ def fixed(diameter: float = 1.0) -> Fixed:
     InputError
         If the size is not above 0.
     """
-    return Fixed(diameter=as_positive(diameter, "diameter"))
+    return Fixed(diameter=as_number(diameter, "diameter"))
 
 
 def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
@@ -93,7 +93,7 @@ def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
     InputError
         If a size is not above 0, or the largest not above the smallest.
     """
-    return Uniform(low=as_positive(low, "low"), high=as_positive(high, "high"), basis=basis)
+    return Uniform(low=as_number(low, "low"), high=as_number(high, "high"), basis=basis)
 
 
 def discrete(diameters: ArrayLike, weights: ArrayLike, *, basis: Basis = "number") -> Discrete:

@@ -6,7 +6,6 @@ single precision, are settled near the surface by the one that has. All backends
 """
 
 import os
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +15,14 @@ from voxgran._base.arrays import (
     Floats,
     Integers,
     as_choice,
+    as_length,
     as_positive,
     as_quaternions,
     as_vector,
     check_type,
 )
 from voxgran._base.errors import InputError, TooLargeError
-from voxgran._base.files import written_whole
+from voxgran._base.files import as_path, refuse_to_replace, written_whole
 from voxgran._base.rotation import rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
@@ -55,6 +55,7 @@ def voxelize(
     cover: str = "center",
     fraction: bool = False,
     out: Booleans | str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
 ) -> Voxels:
     """Return the voxels of a solid.
 
@@ -80,6 +81,8 @@ def voxelize(
     out : (nx, ny, nz) ndarray of bool or path, optional
         Where the mask is written: an array, or a ``.npy`` file, which becomes the mask as a memory map. Left out, the
         voxels stay bits, an eighth of a byte each, until their `mask` is asked for.
+    overwrite : bool
+        Whether a file that is there may be replaced.
 
     Returns
     -------
@@ -96,6 +99,8 @@ def voxelize(
         If the library of the backend cannot be loaded.
     TooLargeError
         If there would be more than 2**34 voxels.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
     OutputError
         If the file cannot be written.
 
@@ -120,11 +125,13 @@ def voxelize(
     as_choice(cover, "cover", COVERS[:2])
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     shape.refuse_open("voxels")
+    if out is not None and not isinstance(out, np.ndarray):
+        _check_file(out, overwrite=overwrite)
     lattice = lattice_of(shape, voxel_size, grid)
     bits = _occupied(shape, lattice, backend=backend, cover=cover)
     shares = voxel_shares(shape.geometry, lattice, np.zeros(3)) if fraction else None
     surface = (shape.vertices, shape.faces) if isinstance(shape.geometry, Mesh) else None
-    taken = bits if out is None else _written(bits, out)
+    taken = bits if out is None else _written(bits, out, overwrite=overwrite)
     origin = np.array(lattice.origin)
     return Voxels(taken, origin, lattice.voxel_size, cover, shares, surface, dimension=shape.dimension)
 
@@ -224,9 +231,9 @@ def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, mar
         return grid
     if voxel_size is None:
         raise InputError("voxel_size is missing: give it, or a grid")
-    size = as_positive(voxel_size, "voxel_size")
+    size = as_length(voxel_size, "voxel_size")
     low, high = _bounds(shape)
-    extents = np.maximum((high - low)[: shape.dimension] / size, 1.0)
+    extents = np.maximum((high - low)[: shape.dimension] / size, 1.0) + 2.0 * (margin - 1)
     if not float(np.log2(extents).sum()) < np.log2(MOST_VOXELS):
         raise TooLargeError(
             f"voxel_size is {size}: {shape.name!r} would take more than {MOST_VOXELS} voxels; make them larger"
@@ -237,7 +244,16 @@ def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, mar
     return Grid((*around.origin[:2], -size / 2), size, (*around.shape[:2], 1))
 
 
-def _written(bits: PackedMask, out: Booleans | str | os.PathLike[str]) -> Booleans:
+def _check_file(out: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Refuse a file that is of another format, or there already."""
+    path = as_path(out)
+    if path.suffix != ".npy":
+        raise InputError(f"out is {str(path)!r}: a mask is written as .npy; name the file so, or give an array")
+    if not overwrite:
+        refuse_to_replace(path)
+
+
+def _written(bits: PackedMask, out: Booleans | str | os.PathLike[str], *, overwrite: bool) -> Booleans:
     """Return the mask, written to an array or to a file, as a memory map of it."""
     if isinstance(out, np.ndarray):
         if out.shape != bits.shape or out.dtype != np.bool_:
@@ -245,10 +261,8 @@ def _written(bits: PackedMask, out: Booleans | str | os.PathLike[str]) -> Boolea
                 f"out has shape {out.shape} and type {out.dtype}: the mask has shape {bits.shape} and type bool"
             )
         return bits.unpacked(out)
-    path = Path(out)
-    if path.suffix != ".npy":
-        raise InputError(f"out is {str(path)!r}: a mask is written as .npy; name the file so, or give an array")
-    with written_whole(path) as draft:
+    path = as_path(out)
+    with written_whole(path, overwrite=overwrite) as draft:
         image = np.lib.format.open_memmap(draft, mode="w+", dtype=np.bool_, shape=bits.shape)
         bits.unpacked(image)
         image.flush()

@@ -12,7 +12,7 @@ import warnings
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_points, as_positive
+from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_length, as_points
 from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError
 from voxgran._base.lazy import load
 from voxgran.lattice.grid import Grid
@@ -84,7 +84,7 @@ def voxelize_mesh(
         raise InputError("voxel_size and grid: give exactly one of them")
     corners, triangles = merged(points, triangles)
     if grid is None:
-        size = as_positive(voxel_size, "voxel_size") if voxel_size is not None else 1.0
+        size = as_length(voxel_size, "voxel_size") if voxel_size is not None else 1.0
         low, high = corners.min(axis=0), corners.max(axis=0)
         if not float(np.log2(np.maximum((high - low) / size, 1.0)).sum()) < np.log2(MOST_VOXELS):
             raise TooLargeError(

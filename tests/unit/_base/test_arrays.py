@@ -19,7 +19,7 @@ def test_good_points_pass_as_float64():
     [
         ([[1, 2]], r"shape \(1, 2\).*\(n, 3\)"),
         ([[1, 2, np.nan]], r"nan at index \(0, 2\)"),
-        ([["a", "b", "c"]], "not an array of numbers"),
+        ([["a", "b", "c"]], "must be an array of numbers of shape"),
         ([[np.inf, 0, 0]], "inf at index"),
     ],
 )

@@ -1,13 +1,17 @@
 """Files are whole or not there, and checkpoints prove themselves."""
 
 import errno
+import os
+import stat
+import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
-from voxgran._base.errors import CheckpointError, MissingFileError, OutputError, OutputExistsError
-from voxgran._base.files import existing_file, write_text, written_whole
+from voxgran._base.errors import CheckpointError, InputError, MissingFileError, OutputError, OutputExistsError
+from voxgran._base.files import as_path, existing_file, remove_drafts, write_text, written_whole
 
 
 def test_what_was_there_stays_when_writing_fails(tmp_path):
@@ -39,6 +43,112 @@ def test_folders_are_replaced_whole(tmp_path):
         (draft / "new").write_text("new")
     assert [path.name for path in target.iterdir()] == ["new"]
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_a_link_is_followed_and_stays(tmp_path):
+    (tmp_path / "place").mkdir()
+    for name, target in (("link", "place/file"), ("twice", "link"), ("new", "place/not/yet/there")):
+        (tmp_path / name).symlink_to(target)
+    write_text(tmp_path / "twice", "first")
+    write_text(tmp_path / "new", "second")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "twice").is_symlink()
+    assert (tmp_path / "place" / "file").read_text() == "first"
+    assert (tmp_path / "place" / "not" / "yet" / "there").read_text() == "second"
+    with pytest.raises(OutputExistsError, match="give overwrite=True"):
+        write_text(tmp_path / "twice", "third", overwrite=False)
+    assert sorted(path.name for path in (tmp_path / "place").iterdir()) == ["file", "not"]
+
+
+def test_a_folder_behind_a_link_is_replaced_where_it_is(tmp_path):
+    (tmp_path / "place").mkdir()
+    (tmp_path / "link").symlink_to("place")
+    with written_whole(tmp_path / "link") as draft:
+        draft.mkdir()
+        (draft / "new").write_text("new")
+    assert (tmp_path / "link").is_symlink()
+    assert [path.name for path in (tmp_path / "place").iterdir()] == ["new"]
+
+
+def test_a_file_does_not_take_the_place_of_a_folder(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "kept").write_text("kept")
+    with pytest.raises(OutputError, match="Is a directory"):
+        write_text(tmp_path / "folder", "text")
+    assert (tmp_path / "folder" / "kept").read_text() == "kept"
+    assert [path.name for path in tmp_path.iterdir()] == ["folder"]
+
+
+def test_devices_are_written_to_and_stay():
+    write_text("/dev/null", "text", overwrite=False)
+    save_checkpoint("/dev/null", {"done": 3}, {"a": np.arange(3)})
+    with pytest.raises(OutputError, match="No space left"):
+        save_checkpoint("/dev/full", {"done": 3}, {"a": np.arange(3)})
+    assert all(stat.S_ISCHR(Path(name).stat().st_mode) for name in ("/dev/null", "/dev/full"))
+    with pytest.raises(MissingFileError, match="is no regular file"):
+        existing_file("/dev/null")
+
+
+def test_a_pipe_is_written_to_where_somebody_reads(tmp_path):
+    pipe, heard = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    with pytest.raises(OutputError, match="No such device"):
+        write_text(pipe, "text")
+    reader = threading.Thread(target=lambda: heard.append(pipe.read_text()))
+    reader.start()
+    # more than a pipe holds at a time, and a while may pass until the reader is there
+    text = "line\n" * 50_000
+    for _ in range(1000):
+        try:
+            write_text(pipe, text)
+            break
+        except OutputError:
+            threading.Event().wait(0.01)
+    reader.join(60)
+    assert heard == [text]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def test_other_special_files_are_refused(tmp_path, monkeypatch):
+    import socket
+
+    monkeypatch.chdir(tmp_path)
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind("socket")
+        with pytest.raises(OutputError, match="neither a file nor a stream"):
+            write_text("socket", "text")
+        assert stat.S_ISSOCK(Path("socket").stat().st_mode)
+
+
+@pytest.mark.parametrize("name", ["n" * 255, "n" * 251 + ".vtp", "a." + "s" * 253])
+def test_the_longest_names_are_written(tmp_path, name):
+    write_text(tmp_path / name, "text")
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize("name", ["n" * 256, "a\0b", "\ud800", "n/" * 3000])
+def test_names_of_no_file_are_refused(name):
+    with pytest.raises(InputError, match="path is ") as refused:
+        as_path(name)
+    assert len(str(refused.value)) < 300
+
+
+def test_links_in_a_circle_are_refused(tmp_path):
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with pytest.raises(OutputError, match="cannot be reached"):
+        write_text(tmp_path / "a", "text")
+
+
+def test_drafts_of_the_dead_are_removed(tmp_path):
+    left = []
+    for name in ("a.txt", "b.txt"):
+        writer = written_whole(tmp_path / name)
+        left.append(writer.__enter__())
+        left[-1].write_text("half")
+    assert all(draft.suffix == ".txt" for draft in left)
+    remove_drafts(tmp_path / "a.txt")
+    assert [draft.exists() for draft in left] == [False, True]
 
 
 def test_missing_file_is_named(tmp_path):

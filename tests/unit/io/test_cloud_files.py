@@ -139,7 +139,7 @@ def test_a_file_that_was_there_stays(tmp_path):
     path = tmp_path / "scan.ply"
     path.write_text("mine")
     with pytest.raises(OutputExistsError):
-        vg.save_cloud(Cloud.of(POINTS), path, overwrite=False)
+        vg.save_cloud(Cloud.of(POINTS), path)
     with pytest.raises(InputError, match=r"ends in '\.vtp'"):
         vg.save_cloud(Cloud.of(POINTS), tmp_path / "scan.vtp")
     with pytest.raises(InputError, match="for packings"):

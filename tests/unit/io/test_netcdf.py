@@ -53,10 +53,10 @@ def test_attributes_become_what_netcdf_can_hold(tmp_path):
 def test_the_file_is_closed_and_can_be_replaced(tree, tmp_path):
     save_statistics(tree, tmp_path / "s.nc")
     again = load_statistics(tmp_path / "s.nc")
-    save_statistics(again, tmp_path / "s.nc")
+    save_statistics(again, tmp_path / "s.nc", overwrite=True)
     xr.testing.assert_identical(load_statistics(tmp_path / "s.nc"), again)
     with pytest.raises(OutputExistsError):
-        save_statistics(tree, tmp_path / "s.nc", overwrite=False)
+        save_statistics(tree, tmp_path / "s.nc")
     assert [path.name for path in tmp_path.iterdir()] == ["s.nc"]
 
 

@@ -7,7 +7,7 @@ import pytest
 import pyvista
 
 import voxgran as vg
-from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.errors import FileFormatError, InputError, OutputExistsError
 from voxgran.io.series import Series, listed_times
 
 
@@ -51,7 +51,7 @@ def test_paraviews_reader_finds_all(few, tmp_path):
 @pytest.mark.parametrize("most", [2, 3, 5, 8])
 @pytest.mark.parametrize("total", [0, 1, 7, 100, 1003])
 def test_never_more_than_asked_and_never_fewer_than_half(few, tmp_path, monkeypatch, most, total):
-    monkeypatch.setattr("voxgran.io.series.save_packing", lambda packing, path: None)
+    monkeypatch.setattr("voxgran.io.series.save_packing", lambda packing, path, overwrite: None)
     monkeypatch.setattr(Series, "_list", lambda self: None)
     series, done = Series(tmp_path / "run.pvd", most=most, every=1), 0
     while done < total:
@@ -78,7 +78,10 @@ def test_a_resumed_series_is_that_of_a_run_without_a_stop(few, tmp_path):
             halves.record(few, done)
     assert halves.times == whole.times
     assert listed_times(tmp_path / "halves.pvd") == whole.times
-    fresh = Series(tmp_path / "halves.pvd", most=4, every=5)
+    with pytest.raises(OutputExistsError, match="give overwrite=True"):
+        Series(tmp_path / "halves.pvd")
+    assert listed_times(tmp_path / "halves.pvd") == whole.times
+    fresh = Series(tmp_path / "halves.pvd", most=4, every=5, overwrite=True)
     assert fresh.times == []
     assert not list((tmp_path / "halves").iterdir())
 

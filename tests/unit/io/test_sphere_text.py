@@ -5,9 +5,12 @@ import pytest
 
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.containers.box import Box
+from voxgran.containers.rectangle import Rectangle
 from voxgran.io.spheres import load_spheres, save_spheres, spheres_of
 from voxgran.packing.model import Packing
+from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
 from voxgran.shapes.spheres import Spheres
 
 
@@ -23,13 +26,75 @@ def radii(packing):
 @pytest.mark.parametrize("suffix", ["txt", "csv"])
 def test_a_round_trip_is_exact(balls, suffix, tmp_path):
     save_spheres(balls, tmp_path / f"p.{suffix}")
-    again = load_spheres(tmp_path / f"p.{suffix}")
+    # a table that pandas reads has no room for these
+    given = {"container": balls.container, "unit": "mm"} if suffix == "csv" else {}
+    again = load_spheres(tmp_path / f"p.{suffix}", **given)
     assert again.position.tobytes() == balls.position.tobytes()
     assert again.scale.tobytes() == balls.scale.tobytes()
     assert again.container == balls.container
     assert again.unit == "mm"
     assert "assumed" not in again.provenance
     assert again.solid_fraction == pytest.approx(balls.solid_fraction, rel=1e-15)
+
+
+def test_pandas_reads_the_table_as_it_is(balls, tmp_path):
+    pandas = pytest.importorskip("pandas")
+    save_spheres(balls, tmp_path / "p.csv")
+    table = pandas.read_csv(tmp_path / "p.csv")
+    assert list(table) == ["x", "y", "z", "r"]
+    np.testing.assert_allclose(table[["x", "y", "z"]], balls.position, rtol=1e-15)
+    np.testing.assert_allclose(table["r"], radii(balls), rtol=1e-15)
+    table.to_csv(tmp_path / "again.csv", index=False)
+    np.testing.assert_allclose(load_spheres(tmp_path / "again.csv").position, balls.position, rtol=1e-15)
+
+
+def test_the_older_layout_of_tables_is_read(balls, tmp_path):
+    head = '# x y z r\n# unit mm\n# container {"kind": "box", "lengths": [4, 4, 4], "periodic": [true, false, true]}\n'
+    (tmp_path / "p.csv").write_text(f"{head}1.0,2.0,3.0,0.5\n3.0,2.0,1.0,0.25\n")
+    packing = load_spheres(tmp_path / "p.csv")
+    assert packing.container == Box((4, 4, 4), periodic="xz")
+    assert packing.unit == "mm"
+    assert packing.position.tolist() == [[1, 2, 3], [3, 2, 1]]
+
+
+@pytest.mark.parametrize("suffix", ["txt", "xyzr", "csv"])
+def test_disks_are_rows_of_x_y_r(suffix, tmp_path):
+    room = Rectangle((4, 3), periodic="x")
+    disk = Shape.of(Outline("disk", radius=0.5), name="disk")
+    disks = Packing.of([disk], room, position=[(1, 1, 0), (3, 2, 0)], scale=[1.0, 1.5], unit="mm")
+    save_spheres(disks, tmp_path / f"p.{suffix}")
+    again = load_spheres(tmp_path / f"p.{suffix}", **({"container": room, "unit": "mm"} if suffix == "csv" else {}))
+    assert (again.dimension, again.container, again.unit) == (2, room, "mm")
+    assert again.position.tobytes() == disks.position.tobytes()
+    assert again.solid_fraction == disks.solid_fraction
+    assert again.shapes[0].geometry.kind == "disk"
+    assert "assumed" not in again.provenance
+    first = (tmp_path / f"p.{suffix}").read_text().splitlines()[0]
+    assert first == ("x,y,r" if suffix == "csv" else "# x y r")
+
+
+def test_disks_without_a_container_lie_in_the_rectangle_around_them(tmp_path):
+    packing = read(tmp_path, "x,y,diameter\n1,2,2\n4,2,1\n", periodic="x")
+    assert packing.container == Rectangle((4.5, 2.0), periodic="x", origin=(0.0, 1.0))
+    assert packing.provenance["assumed"]["dimension"] == "two: there is no column of z"
+    with pytest.raises(FileFormatError, match="leave out clumpId"):
+        read(tmp_path, "x,y,r,clumpId\n1,2,2,0\n")
+
+
+@pytest.mark.parametrize(
+    ("family", "words"), [("ellipsoid", "is an ellipsoid: text"), ("polygon", "is a polygon"), ("box", "is a box")]
+)
+def test_nouns_have_their_article(family, words, tmp_path):
+    shape = make_shape(family)
+    container = Box((4, 4, 4)) if shape.dimension == 3 else Rectangle((4, 4))
+    packing = Packing.of([shape], container, position=[(2, 2, 0)])
+    with pytest.raises(InputError, match=f"grain 0 {words}"):
+        save_spheres(packing, tmp_path / "p.csv")
+
+
+def test_no_disks_make_a_round_trip(tmp_path):
+    save_spheres(Packing.of([make_shape("disk")], Rectangle((4, 3)), position=[]), tmp_path / "p.txt")
+    assert (load_spheres(tmp_path / "p.txt").count, load_spheres(tmp_path / "p.txt").dimension) == (0, 2)
 
 
 def test_an_empty_packing_makes_a_round_trip(balls, tmp_path):

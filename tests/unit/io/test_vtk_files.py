@@ -90,7 +90,7 @@ def test_numpy_numbers_in_the_provenance_become_plain(balls, tmp_path):
 def test_an_existing_file_stays_unless_asked(balls, mixed, tmp_path):
     save_packing(balls, tmp_path / "p.vtp")
     with pytest.raises(OutputExistsError, match="not replaced unasked"):
-        save_packing(mixed, tmp_path / "p.vtp", overwrite=False)
+        save_packing(mixed, tmp_path / "p.vtp")
     assert load_packing(tmp_path / "p.vtp").count == balls.count
 
 
@@ -182,11 +182,11 @@ def test_a_scene_stays_unless_asked(balls, tmp_path):
     save_scene(balls, tmp_path / "s.vtm")
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     with pytest.raises(OutputExistsError):
-        save_scene(balls, tmp_path / "s.vtm", overwrite=False)
+        save_scene(balls, tmp_path / "s.vtm")
     os.remove(tmp_path / "s.vtm")
     del before[tmp_path / "s.vtm"]
     with pytest.raises(OutputExistsError):
-        save_scene(balls, tmp_path / "s.vtm", overwrite=False)
+        save_scene(balls, tmp_path / "s.vtm")
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
     with pytest.raises(FileFormatError, match=r"suffix '.vtp'"):
         save_scene(balls, tmp_path / "s.vtp")

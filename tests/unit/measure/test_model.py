@@ -117,7 +117,7 @@ def test_no_grains_measure_without_warnings(dimension, tmp_path):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             tree = measure(Packing.of(given, container, position=np.zeros((0, 3))))
-            save_statistics(tree, tmp_path / "empty.nc")
+            save_statistics(tree, tmp_path / "empty.nc", overwrite=True)
         assert int(tree["count"]) == 0
         assert float(tree.solid_fraction) == 0.0
         assert math.isnan(float(tree.bulk_solid_fraction))

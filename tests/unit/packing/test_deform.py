@@ -296,7 +296,7 @@ def test_surfaces_and_contacts_are_saved(tmp_path):
     assert (corners[grain == 1] == soft.faces[1] + len(soft.vertices[0])).all()
     assert vtk_to_numpy(data.GetFieldData().GetArray("contact_area")).tobytes() == soft.area.tobytes()
     with pytest.raises(OutputExistsError):
-        vg.save_deformed(soft, tmp_path / "soft.vtp", overwrite=False)
+        vg.save_deformed(soft, tmp_path / "soft.vtp")
     with pytest.raises(FileFormatError, match="rename"):
         vg.save_deformed(soft, tmp_path / "soft.stl")
 

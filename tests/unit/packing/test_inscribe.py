@@ -82,8 +82,8 @@ def test_wrong_input_is_refused():
 @pytest.mark.parametrize(
     ("shape_id", "words"),
     [
-        ("a", "not an array of numbers"),
-        ([[0], [0, 1]], "not an array of numbers"),
+        ("a", "must be an array of numbers of shape"),
+        ([[0], [0, 1]], "must be an array of numbers of shape"),
         ([np.nan] * 60, "nan at index"),
         ([0.7] * 60, "0.7 at index 0: every value must be a whole number"),
         ([0] * 59 + [-1], "-1 at index 59"),

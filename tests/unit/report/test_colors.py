@@ -75,7 +75,7 @@ def test_a_turn_is_an_animated_picture(row, tmp_path):
         assert picture.info["loop"] == 0
     assert [step.done for step in steps] == [1, 2, 3, 4, 5]
     with pytest.raises(OutputExistsError):
-        save_turntable(row, tmp_path / "turn.gif", frames=2, overwrite=False)
+        save_turntable(row, tmp_path / "turn.gif", frames=2)
     with pytest.raises(InputError, match="frames is 0"):
         save_turntable(row, tmp_path / "other.gif", frames=0)
     plain = animated(iter([np.zeros((4, 4, 3), np.uint8), np.full((4, 4, 3), 255, np.uint8)]))

@@ -187,7 +187,7 @@ def test_what_cannot_be_compared_is_refused(groups, tmp_path):
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "c.json").write_text("mine")
     with pytest.raises(OutputExistsError, match=r"c\.json is there"):
-        vg.write_comparison(groups, tmp_path / "c.html", overwrite=False)
+        vg.write_comparison(groups, tmp_path / "c.html")
     assert (tmp_path / "c.json").read_text() == "mine"
 
 

@@ -109,7 +109,7 @@ def test_the_page_has_a_twin_of_all_numbers(tmp_path):
     assert twin["figures"]["contact_normals"]["contacts"] == 375
     assert "NaN" not in (tmp_path / "page.json").read_text()
     with pytest.raises(vg.VoxgranError, match=r"page\.html is there already"):
-        vg.write_report(packing, tmp_path / "page.html", pictures=False, overwrite=False)
+        vg.write_report(packing, tmp_path / "page.html", pictures=False)
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")

@@ -145,9 +145,9 @@ def test_the_verdict_is_told(packing, tmp_path):
     assert "The farthest escapes grain depth 2 0.5" in text
     assert "bad" in {attributes.get("class", "").split(" ")[0] for attributes in page.all("dd")}
     sound = Packing.of(packing.shapes[:1], packing.container, position=[[1, 1, 1]])
-    good = page_of(sound, tmp_path / "p.html", pictures=False, verification=verify(sound))
+    good = page_of(sound, tmp_path / "good.html", pictures=False, verification=verify(sound))
     assert "true shapes: no overlap, no escape" in good.texts
-    none = page_of(packing, tmp_path / "p.html", pictures=False)
+    none = page_of(packing, tmp_path / "none.html", pictures=False)
     assert "not run" in none.texts
 
 
@@ -168,7 +168,7 @@ def test_what_is_there_stays_unless_asked(packing, tmp_path):
     write_report(packing, tmp_path / "p.html", pictures=False)
     before = (tmp_path / "p.html").read_bytes()
     with pytest.raises(OutputExistsError, match="not replaced unasked"):
-        write_report(packing, tmp_path / "p.html", pictures=False, title="new", overwrite=False)
+        write_report(packing, tmp_path / "p.html", pictures=False, title="new")
     assert (tmp_path / "p.html").read_bytes() == before
 
 
@@ -179,7 +179,7 @@ def test_pictures_go_into_a_folder_beside_what_is_there(packing, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["p.html", "p.json", "packing.vtp", "whole.png"]
     assert (tmp_path / "packing.vtp").read_text() == "mine"
     with pytest.raises(OutputExistsError, match=r"whole.png is there already"):
-        write_report(bare, tmp_path / "q.html", pictures_folder=tmp_path, overwrite=False)
+        write_report(bare, tmp_path / "q.html", pictures_folder=tmp_path)
     assert not (tmp_path / "q.html").exists()
 
 

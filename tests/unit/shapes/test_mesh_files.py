@@ -299,7 +299,7 @@ def test_nothing_is_replaced_unasked(tmp_path):
     save_shape(make_shape("box"), path)
     before = path.read_bytes()
     with pytest.raises(OutputExistsError):
-        save_shape(make_shape("cone"), path, overwrite=False)
+        save_shape(make_shape("cone"), path)
     assert path.read_bytes() == before
     with pytest.raises(FileFormatError, match="suffix"):
         save_shape(make_shape("cone"), tmp_path / "grain.step")

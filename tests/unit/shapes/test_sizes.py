@@ -156,7 +156,7 @@ BAD = [
     (lambda: sizes.lognormal(basis="mass"), "basis is 'mass'"),
     (lambda: sizes.fixed(-1.0), "diameter is -1.0"),
     (lambda: sizes.lognormal("large"), "must be a number"),
-    (lambda: sizes.discrete(["large"], [1.0]), "not an array of numbers"),
+    (lambda: sizes.discrete(["large"], [1.0]), "must be an array of numbers of shape"),
     (lambda: sizes.sieve([1.0, math.inf], [0.0, 1.0]), "finite"),
     (lambda: sizes.uniform(0.0, 1.0), "low is 0.0"),
     (lambda: sizes.uniform(2.0, 1.0), "high is 1.0"),

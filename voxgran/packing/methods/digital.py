@@ -28,7 +28,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
+from voxgran._base.arrays import Floats, Integers, as_count, as_length, as_number
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import product, quaternions_of
@@ -135,7 +135,7 @@ class Digital:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if self.voxel_size is not None:
-            as_positive(self.voxel_size, "voxel_size")
+            as_length(self.voxel_size, "voxel_size")
         as_count(self.sweeps, "sweeps", at_most=MOST_SWEEPS)
         as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
         as_number(self.turns, "turns", at_least=0.0, at_most=1.0)

@@ -17,7 +17,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_count, as_positive
+from voxgran._base.arrays import Floats, Integers, as_count, as_length
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
@@ -91,7 +91,7 @@ class DigitalFill:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if self.voxel_size is not None:
-            as_positive(self.voxel_size, "voxel_size")
+            as_length(self.voxel_size, "voxel_size")
         as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
         if self.place == "lowest" and self.gravity == "none":
             raise InputError("gravity is 'none': the lowest place needs a direction; choose one, or another place")

@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Integers, as_count, as_positive
+from voxgran._base.arrays import Integers, as_count, as_length
 from voxgran._base.config import parameter
 from voxgran._base.errors import TooLargeError
 from voxgran._base.seeds import philox_key, stream
@@ -65,7 +65,7 @@ class DigitalRsa:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if self.voxel_size is not None:
-            as_positive(self.voxel_size, "voxel_size")
+            as_length(self.voxel_size, "voxel_size")
         as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
 
 

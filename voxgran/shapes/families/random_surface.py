@@ -9,7 +9,6 @@ import numpy as np
 
 from voxgran._base.arrays import as_count, as_number, as_positive
 from voxgran._base.config import parameter
-from voxgran._base.errors import InputError
 from voxgran.shapes.families.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
@@ -44,8 +43,7 @@ class RandomSurface:
     def __post_init__(self) -> None:
         """Check the ranges."""
         as_number(self.height, "height", at_least=0.0, at_most=HIGHEST)
-        if as_count(self.waves, "waves", at_least=1) > MOST_WAVES:
-            raise InputError(f"waves is {self.waves}: it must be at most {MOST_WAVES}; give fewer")
+        as_count(self.waves, "waves", at_least=1, at_most=MOST_WAVES)
         as_number(self.most, "most", above=0.0, at_most=SHORTEST)
 
 

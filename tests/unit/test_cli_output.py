@@ -1,0 +1,95 @@
+"""Where the command line writes to: devices, pipes, links and names that no file system takes."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from voxgran.cli import main
+
+FULL = Path("/dev/full")
+LONG = "n" * 256
+SCENE = """
+[scene]
+unit = "mm"
+[[shape]]
+family = "sphere"
+[container]
+kind = "box"
+lengths = [4, 4, 4]
+[packing]
+method = "rsa"
+count = 3
+[measure]
+which = ["gradation"]
+[output]
+vtk = false
+statistics = false
+report = false
+"""
+
+
+def typed(*words, unbuffered="", **streams):
+    """Run a command in a process of its own."""
+    told = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "timeout": 600, **streams}
+    told["env"] = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    return subprocess.run([sys.executable, "-m", "voxgran", *words], check=False, **told)
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="there is no device that is always full")
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("words", [["methods"], ["--help"], ["--version"]])
+def test_a_full_disk_is_one_sentence(words, unbuffered):
+    with FULL.open("w") as full:
+        done = typed(*words, unbuffered=unbuffered, stdout=full)
+    assert done.returncode == 1
+    assert done.stderr == (
+        "voxgran: the output cannot be written (No space left on device): free space or choose another place\n"
+    )
+    with FULL.open("w") as full:
+        assert typed(*words, unbuffered=unbuffered, stdout=full, stderr=full).returncode == 1
+
+
+def test_a_reader_who_leaves_early_hears_nothing():
+    command = f"{sys.executable} -m voxgran methods | head -1"
+    done = subprocess.run(["bash", "-c", command], check=False, capture_output=True, text=True, timeout=600)
+    assert done.stdout == "packing methods\n"
+    assert done.stderr == ""
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize("name", [LONG, f"{LONG}/inner", "a\0b", "\ud800"])
+@pytest.mark.parametrize("words", [["init"], ["run", "scene.toml", "-o"], ["verify"], ["shape", "box", "-o"]])
+def test_names_that_no_file_system_takes(name, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("scene.toml").write_text(SCENE)
+    ending = ".stl" if words[0] == "shape" else ""
+    assert main([*words, name + ending]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "path is " in said
+    assert len(said) < 300
+    assert [path.name for path in tmp_path.iterdir()] == ["scene.toml"]
+
+
+def test_a_link_to_nothing_makes_what_it_names(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("scene.toml").write_text(SCENE)
+    os.symlink("elsewhere/results", "out")
+    os.symlink("elsewhere/grain.stl", "grain.stl")
+    assert main(["run", "scene.toml", "-o", "out", "-q"]) == 0
+    assert (tmp_path / "elsewhere" / "results" / "packing.vtp").is_file()
+    assert main(["shape", "box", "-o", "grain.stl"]) == 0
+    assert Path("grain.stl").is_symlink()
+    assert (tmp_path / "elsewhere" / "grain.stl").is_file()
+    # what stands at the end of a link is there
+    assert main(["shape", "box", "-o", "grain.stl"]) == 2
+
+
+def test_the_output_may_be_a_stream():
+    done = typed("init", "/dev/stdout")
+    assert done.returncode == 0
+    assert done.stdout.startswith("# A scene of voxgran")
+    assert done.stderr == ""

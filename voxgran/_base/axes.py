@@ -1,0 +1,64 @@
+"""Which axes are periodic: what a caller may say, and the one check of it."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.errors import InputError, shown
+
+#: a flag for each of the axes x, y and z
+Flags = tuple[bool, bool, bool]
+#: what a caller may say: names of axes, a flag for each axis, or one flag for all of them
+Periodic = str | bool | Iterable[str] | Iterable[bool]
+
+
+def as_periodic(value: Any, dimension: int = 3) -> Flags:
+    """Return the flags of the axes x, y and z; those beyond the dimension are not periodic.
+
+    Parameters
+    ----------
+    value : str, bool or sequence
+        Names of axes as ``"xy"`` or ``["x", "y"]``; ``"none"``, ``""`` or ``[]`` for no axis; a flag for each axis; one
+        flag for all axes.
+    dimension : int
+        2 or 3.
+
+    Returns
+    -------
+    tuple of bool
+
+    Raises
+    ------
+    InputError
+        If it is none of these, names an axis twice, or names one beyond the dimension.
+    """
+    names = "xyz"[:dimension]
+    chosen = [bool(value)] * dimension if isinstance(value, bool | np.bool_) else _flags(value, names)
+    chosen += [False] * (3 - dimension)
+    return chosen[0], chosen[1], chosen[2]
+
+
+def axis_names(flags: Flags) -> str:
+    """Return the names of the flagged axes, such as ``"xy"``."""
+    return "".join(axis for axis, flag in zip("xyz", flags, strict=True) if flag)
+
+
+def _flags(value: Any, names: str) -> list[bool]:
+    """Return a flag for each axis, from names of axes or flags."""
+    if isinstance(value, str) and value == "none":
+        return [False] * len(names)
+    try:
+        given = [value] if isinstance(value, Mapping) else list(value)
+    except TypeError:
+        # what is no list counts as one wrong entry
+        given = [value]
+    if all(isinstance(item, str) and len(item) == 1 and item in names for item in given):
+        if len(set(given)) == len(given):
+            return [axis in given for axis in names]
+    elif len(given) == len(names) and all(isinstance(item, bool | np.bool_) for item in given):
+        return [bool(item) for item in given]
+    raise InputError(
+        f"periodic is {shown(value)}: it must name axes out of {', '.join(names)}, each once, such as 'xy', or be "
+        f"'none', True, False or a list of {len(names)} flags; change it"
+    )

@@ -1,0 +1,54 @@
+"""What counts as a number: the one conversion, whether it stands alone, in a list or in a parameter class."""
+
+import contextlib
+import math
+from decimal import Decimal
+from numbers import Integral, Real
+from typing import Any
+
+
+def number_of(value: Any) -> int | float | None:
+    """Return what was given as a number of Python; None where it is none.
+
+    Parameters
+    ----------
+    value : object
+        Numbers are those of Python and NumPy, arrays without axes, Decimal and Fraction; neither text nor True and
+        False.
+
+    Returns
+    -------
+    int, float or None
+        A whole number of a whole-number type as it is; another number as a float, infinite where it is beyond them.
+    """
+    plain = unwrapped(value)
+    if isinstance(plain, bool) or not isinstance(plain, Real | Decimal):
+        return None
+    return int(plain) if isinstance(plain, Integral) else float_of(plain)
+
+
+def whole_number_of(value: Any) -> int | None:
+    """Return what was given as a whole number; None where it is none."""
+    number = number_of(value)
+    if number is None or not (isinstance(number, int) or number.is_integer()):
+        return None
+    return int(number)
+
+
+def float_of(number: Real | Decimal | float) -> float:
+    """Return a number as a float, infinite where it is beyond them."""
+    try:
+        return float(number)
+    except OverflowError:
+        return math.inf if number > 0 else -math.inf
+    except ValueError:
+        # a signaling NaN of decimal arithmetic
+        return math.nan
+
+
+def unwrapped(value: Any) -> Any:
+    """Return the number or flag that a NumPy scalar or an array without axes holds, and anything else as it is."""
+    if getattr(value, "ndim", None) == 0:
+        with contextlib.suppress(AttributeError, TypeError, ValueError):
+            return value.item()
+    return value
