@@ -3,8 +3,7 @@
 from collections.abc import Iterable
 from fractions import Fraction
 
-from voxgran._base.arrays import shown
-from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.registry import unknown
 
 #: no unit is known

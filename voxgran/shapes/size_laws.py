@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, as_choice, as_count, as_length, as_number
+from voxgran._base.arrays import Floats, as_choice, as_count, as_length, as_number, as_positive
 from voxgran._base.config import parameter, parameters_of, to_mapping
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
