@@ -13,7 +13,7 @@ from voxgran._base.errors import FileFormatError, InputError, PackingWarning, To
 from voxgran._base.files import written_whole
 from voxgran._base.kernels import kernel
 from voxgran.io.vtk_data import image_data, write_data
-from voxgran.lattice.grid import Grid
+from voxgran.lattice.grid import Grid, check_voxel_size
 from voxgran.packing.model import Packing
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
@@ -44,7 +44,8 @@ def to_image(packing: Packing, voxel_size: float, *, labels: bool = True) -> NDA
     Raises
     ------
     InputError
-        If the voxel size is not a finite number above 0, or a grain is an open surface.
+        If the voxel size is not a finite number above 0 or larger than the container is wide, or a grain is an open
+        surface.
     TooLargeError
         If there are more than VOXEL_LIMIT voxels.
 
@@ -87,12 +88,13 @@ def image_grid(packing: Packing, voxel_size: float) -> Grid:
     Raises
     ------
     InputError
-        If the voxel size is not a finite number above 0.
+        If the voxel size is not a finite number above 0, or larger than the container is wide.
     TooLargeError
         If there are more than VOXEL_LIMIT voxels.
     """
     size = as_positive(voxel_size, "voxel_size")
     lower, upper = packing.container.bounds
+    check_voxel_size(size, float((upper - lower)[: packing.dimension].min()), "the container")
     exact = (upper - lower) / size
     counts = np.where(np.abs(exact - np.rint(exact)) < 1e-9 * np.maximum(exact, 1), np.rint(exact), np.ceil(exact))
     nx, ny, nz = (max(int(n), 1) for n in counts)

@@ -48,6 +48,8 @@ class Problem:
         The shapes as the user gave them.
     start : Start or None
         Poses of the first grains, which are there from the beginning.
+    target : bool
+        Whether so many grains are asked for, by number or by volume; otherwise they are as many as could be needed.
     byte_limit : int
         How many bytes of representations are kept.
     made : dict of str to set of int
@@ -64,6 +66,7 @@ class Problem:
     unit_length: float
     original: tuple[Shape, ...]
     start: Start | None = None
+    target: bool = False
     byte_limit: int = 2**26
     made: dict[str, set[int]] = field(default_factory=lambda: {"voxelized_shapes": set(), "sampled_shapes": set()})
     _kept: "OrderedDict[tuple[Any, ...], Any]" = field(default_factory=OrderedDict)
