@@ -1,4 +1,4 @@
-"""What does not fit in memory is refused before anything is made, by `pack` as by the plan, and coarse voxels are told."""
+"""What does not fit in memory is refused before anything is made, by `pack` as by the plan; coarse voxels are told."""
 
 import numpy as np
 import pytest
@@ -39,7 +39,7 @@ def test_plan_and_pack_refuse_alike(monkeypatch):
     monkeypatch.setattr("voxgran.packing.pack.drive", lambda *_: pytest.fail("it began"))
     for limit, error in ((needed - 1, TooLargeError), (needed, pytest.fail.Exception)):
         monkeypatch.setattr("voxgran.packing.memory.memory_limit", lambda limit=limit: limit)
-        with pytest.raises(error, match="the packing needs about|it began"):
+        with pytest.raises(error, match=r"the packing needs about|it began"):
             vg.pack(SPHERE, vg.Box((30, 30, 30)), **asked)
     assert scene.plan().memory == needed
     monkeypatch.setattr("voxgran.packing.memory.memory_limit", lambda: needed - 1)
@@ -80,7 +80,9 @@ def test_an_image_or_voxels_coarser_than_what_they_show_are_refused():
     assert vg.voxelize(rod, voxel_size=4.0, cover="touch").mask.any()
     mesh = rod.vertices, rod.faces
     for call in (vg.voxelize, vg.signed_distance):
-        with pytest.raises(InputError, match=r"voxel_size is 4\.1: shape 'box' is only 4 wide; make the voxels smaller"):
+        with pytest.raises(
+            InputError, match=r"voxel_size is 4\.1: shape 'box' is only 4 wide; make the voxels smaller"
+        ):
             call(rod, voxel_size=4.1)
     with pytest.raises(InputError, match=r"voxel_size is 4\.1: the mesh is only 4 wide"):
         vg.voxelize_mesh(*mesh, voxel_size=4.1)
