@@ -92,6 +92,9 @@ class PackingMethod:
         Whether it takes grains as candidates, of which there may be more than the container has room for.
     open_surfaces : bool
         Whether it packs open surfaces, which have no inside.
+    any_container : bool
+        Whether it packs into any object with the attributes of a :class:`Container`, by its signed distance; otherwise
+        into those of voxgran.
     """
 
     name: str
@@ -107,6 +110,7 @@ class PackingMethod:
     libraries: tuple[str, ...] = ("numba",)
     selects: bool = False
     open_surfaces: bool = False
+    any_container: bool = False
 
 
 def method_registry() -> Registry[PackingMethod]:

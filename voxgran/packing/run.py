@@ -159,6 +159,7 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
         "parameters": to_mapping(problem.parameters),
         "container": problem.container.to_mapping(),
         "seed": problem.seed,
+        "target": problem.target,
         "shapes": [shape.key for shape in problem.shapes],
     }
     digest.update(json.dumps(head, sort_keys=True, default=str).encode())
