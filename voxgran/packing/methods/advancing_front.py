@@ -2,8 +2,9 @@
 
 Three balls that touch each other begin; the face between them, seen from both sides, is the first front. A face is
 chosen, a ball is put where it touches the three, and the face makes way for the three new ones. Where no ball fits the
-face is closed. Nothing is moved and nothing is tried at random: seconds for millions of balls. In slabs and tubes so
-narrow that no three balls find room that touch each other, walls stand in for balls.
+face is closed. Nothing is moved and nothing is tried at random: seconds for millions of balls, about twice as many for
+sizes that range over a factor of three. In slabs and tubes so narrow that no three balls find room that touch each
+other, walls stand in for balls.
 
 References
 ----------
