@@ -50,7 +50,7 @@ def _run(words: list[str]) -> int:
     except Interrupted as stop:
         complain(f"{stop}")
         _say_how_to_go_on(options, words)
-        return 128 + stop.signal_number
+        return stop.exit_code
     except KeyboardInterrupt:
         complain("stopped")
         _say_how_to_go_on(options, words)

@@ -5,17 +5,21 @@ inside another) is left to :mod:`voxgran.contacts.meshes`.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
+from voxgran._base.stopping import stop_if_asked
 from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs
 from voxgran.contacts.meshes import ROUNDING
 from voxgran.contacts.triangles import find_nearest_pair
+
+#: pairs that are walked between two looks whether to stop
+AT_ONCE = 1024
 
 
 def surface_gaps(
@@ -53,9 +57,9 @@ def surface_gaps(
     stretch = assembly.scale[pairs.j] / scale
     matrix = np.einsum("kji,kjl->kil", turn, assembly.matrices[pairs.j]) * stretch[:, None, None]
     offset = np.einsum("kji,kj->ki", turn, pairs.offset) / scale[:, None]
-    for a, b in np.unique(np.column_stack([one, other]), axis=0):
-        some = np.flatnonzero((one == a) & (other == b))
-        trees = tree_of(int(a)), tree_of(int(b))
+    for a, b, some in _alike(one, other):
+        stop_if_asked()
+        trees = tree_of(a), tree_of(b)
         far = np.linalg.norm(offset[some], axis=1)
         margin = ROUNDING * (trees[0].size + stretch[some] * trees[1].size + far)
         reach = np.maximum(max(gap, 0.0) / scale[some], margin)
@@ -77,6 +81,13 @@ def surface_gaps(
     normal = np.einsum("kij,kj->ki", turn, unit)
     point = np.einsum("kij,kj->ki", turn, near[:, :3] + near[:, 3:]) * scale[:, None] / 2
     return found * scale, normal, point, proven & ((length > 0) | np.isinf(found))
+
+
+def _alike(one: Integers, other: Integers) -> Iterator[tuple[int, int, Integers]]:
+    """Yield pairs of the same two shapes, not too many at a time."""
+    for a, b in np.unique(np.column_stack([one, other]), axis=0).tolist():
+        some = np.flatnonzero((one == a) & (other == b))
+        yield from ((a, b, some[first : first + AT_ONCE]) for first in range(0, len(some), AT_ONCE))
 
 
 def _nested(trees: tuple[TriangleTree, TriangleTree], matrix: Floats, offset: Floats, stretch: Floats) -> Booleans:

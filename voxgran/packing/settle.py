@@ -20,6 +20,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.rotation import normalized, product
+from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import PairKey, gaps_of_pairs, meeting_pairs, pair_keys
@@ -198,6 +199,7 @@ def _meeting_places(
         return places_of(moved, replace(alone, offset=pairs.offset - (1.0 - part)[:, None] * apart), reach)
 
     for _ in range(BISECTIONS):
+        stop_if_asked()
         part = (low + high) / 2
         free = np.zeros(n, dtype=np.bool_)
         free[at(part).i] = True
@@ -220,6 +222,7 @@ def _motion(
 
     impulses: along the normals and across them, changed in place.
     """
+    stop_if_asked()
     step = wish.step
     light = np.where(held, 0.0, 1.0 / assembly.volumes)
     easy = light / (0.4 * (assembly.diameters / 2) ** 2)
@@ -263,5 +266,6 @@ def _count_near(assembly: Assembly, distance: float) -> int:
 
 def _wrong(assembly: Assembly, flush: Collection[PairKey] = ()) -> tuple[Pairs, Booleans]:
     """Return the pairs of grains that are not apart, or overlap though they lay flush, and who is beyond a wall."""
+    stop_if_asked()
     limit = ROUND_OFF * float(np.median(assembly.diameters))
     return meeting_pairs(assembly, limit, flush), np.asarray(escape_depths(assembly) > limit, dtype=np.bool_)
