@@ -17,6 +17,7 @@ from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import CheckpointError, Interrupted, OutputError
 from voxgran._base.files import remove_drafts
+from voxgran._base.lock import locked_file
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals, Stopped, stopping_when
 from voxgran.packing.method import PackingMethod, State
@@ -96,10 +97,12 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
         If the checkpoint is damaged or belongs to another run.
     OutputError
         If the checkpoint cannot be written; the one before is then still good.
+    InUseError
+        If another process writes that checkpoint.
     Interrupted
         On SIGINT or SIGTERM: after a checkpoint was written; before the first attempt, and on a second signal, at once.
     """
-    with Signals() as signals:
+    with locked_file(how.checkpoint), Signals() as signals:
         state = method.prepare(problem)
         mark = fingerprint(method, problem)
         if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():

@@ -5,6 +5,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
 from voxgran.io.netcdf import save_statistics
 from voxgran.scene.model import Scene
-from voxgran.scene.run import SUMMARY, SceneResult, open_folder, run_one
+from voxgran.scene.run import SUMMARY, SceneResult, opened_folder, run_one
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -53,6 +54,8 @@ def run_seeds(
     ------
     OutputExistsError
         If the folder holds something and neither `resume` nor `overwrite` is set.
+    InUseError
+        If another process writes into the folder.
     OutputError
         If something cannot be written.
     InputError
@@ -62,7 +65,12 @@ def run_seeds(
     Interrupted
         On SIGINT or SIGTERM, after a checkpoint was written.
     """
-    target = open_folder(folder, resume=resume, overwrite=overwrite)
+    with opened_folder(folder, resume=resume, overwrite=overwrite) as target:
+        return _run_in(target, scene, resume=resume, overwrite=overwrite, on_step=on_step)
+
+
+def _run_in(target: Path, scene: Scene, *, resume: bool, overwrite: bool, on_step: OnStep | None) -> SceneResult:
+    """Pack a scene once per seed in a folder that no other process uses, and average."""
     first: SceneResult | None = None
     runs: list[dict[str, Any]] = []
     trees: list[DataTree] = []
