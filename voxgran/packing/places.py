@@ -318,10 +318,13 @@ def count_contacts(
 
 @kernel
 def nth_of_contacts(
-    words: Words, periodic: Integers, places: Integers, contacts: int, rank: int, place: Integers
-) -> None:
-    """Find the free place of a rank among those with so many blocked neighbours."""
-    for i in range(words.shape[0]):
+    words: Words, periodic: Integers, places: Integers, contacts: int, rank: int, place: Integers, first: int, last: int
+) -> int:
+    """Find the free place of a rank among those of a slab with so many blocked neighbours.
+
+    Return the rank that is left where it lies beyond the slab, else -1.
+    """
+    for i in range(first, last):
         for w in range(words.shape[1]):
             for j in range(words.shape[2]):
                 free = ~words[i, w, j]
