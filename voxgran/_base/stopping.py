@@ -79,5 +79,5 @@ class Signals:
         del frame
         first, self.number = not self.number, self.number or number
         if not (first and self.patient):
-            lost = "nothing is lost, nothing was begun" if first else "what came after the last checkpoint is lost"
-            raise Interrupted(f"stopped at once: {lost}", number)
+            lost = "what came after the last checkpoint is lost"
+            raise Interrupted("stopped before the next attempt" if first else f"stopped at once: {lost}", number)

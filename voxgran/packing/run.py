@@ -107,12 +107,12 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
         mark = fingerprint(method, problem)
         if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
             _restore(problem, state, how.checkpoint, mark)
-        keeper = _Keeper(problem, how.checkpoint, mark)
         goes_on = not state.stop_reason
         if goes_on:
             # what follows from the problem is made here: nothing is lost where a signal ends that at once
             state = method.advance(problem, state, 0)
             signals.patient = True
+            keeper = _Keeper(problem, how.checkpoint, mark)
             state = _make_attempts(method, problem, state, how, keeper, signals)
             keeper.keep(state, at_once=True)
     if signals.number:
@@ -162,7 +162,7 @@ class _Keeper:
     def keep(self, state: State, *, at_once: bool) -> None:
         """Write a checkpoint where it is time."""
         began = time.monotonic()
-        if self.path is None or not (at_once or began > self.next):
+        if self.path is None or not (began > self.next or (at_once and self.done < state.done)):
             return
         try:
             _save(self.problem, state, self.path, self.mark)

@@ -31,6 +31,8 @@ from voxgran.packing.wishes import Wish
 
 #: most iterations of the projection, and the change, in steps, at which it ends: far below the slack
 ITERATIONS, CLOSE = 400, 3e-3
+#: contacts that are solved between two looks whether to stop
+AT_ONCE = 2**20
 #: overlaps up to here are round-off, in median diameters
 ROUND_OFF = 1e-12
 #: mean way along gravity, in steps, below which a sweep counts as calm
@@ -222,17 +224,22 @@ def _motion(
 
     impulses: along the normals and across them, changed in place.
     """
-    stop_if_asked()
     step = wish.step
     light = np.where(held, 0.0, 1.0 / assembly.volumes)
     easy = light / (0.4 * (assembly.diameters / 2) ** 2)
     slide, spin = (np.where(held[:, None], 0.0, motion) for motion in (wish.slide, wish.spin))
     push, drag = np.ascontiguousarray(impulses[:, 0]), np.ascontiguousarray(impulses[:, 1:])
     order = np.argsort(-(assembly.position[touching.i] @ wish.fall), kind="stable")
-    project(
-        touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light, easy, friction, slide,
-        spin, push, drag, order, np.zeros(len(push)), np.zeros(3), ITERATIONS, CLOSE * step, assembly.dimension == 2,
-    )  # fmt: skip
+    weight, rest = np.zeros(len(push)), np.zeros(3)
+    some = max(1, AT_ONCE // max(len(push), 1))
+    for first in range(0, ITERATIONS, some):
+        stop_if_asked()
+        if project(
+            touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light, easy, friction,
+            slide, spin, push, drag, order, weight, rest, first, min(first + some, ITERATIONS), CLOSE * step,
+            assembly.dimension == 2,
+        ):  # fmt: skip
+            break
     impulses[:, 0], impulses[:, 1:] = push, drag
     slide *= np.minimum(1.0, FARTHEST * step / np.maximum(np.linalg.norm(slide, axis=1), 1e-300))[:, None]
     turned = np.linalg.norm(spin, axis=1) * assembly.bounding_radii
