@@ -107,8 +107,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
         mark = fingerprint(method, problem)
         if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
             _restore(problem, state, how.checkpoint, mark)
-        goes_on = not state.stop_reason
-        if goes_on:
+        if not state.stop_reason:
             # what follows from the problem is made here: nothing is lost where a signal ends that at once
             state = method.advance(problem, state, 0)
             signals.patient = True
@@ -117,7 +116,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
             keeper.keep(state, at_once=True)
     if signals.number:
         raise Interrupted(_farewell(how, state), signals.number)
-    if goes_on and state.stop_reason and how.recorder is not None:
+    if state.stop_reason and state.done and how.recorder is not None:
         how.recorder.record(method.finish(problem, state), state.done)
     state.stop_reason = state.stop_reason or "interrupted"
     return state
