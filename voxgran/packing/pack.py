@@ -121,8 +121,8 @@ def pack(
     resume : bool
         Whether to go on from that file where it is there.
     time_limit : float, optional
-        Seconds after which the run stops at the end of a chunk, with a checkpoint; the stop reason is then
-        ``interrupted``.
+        Seconds after which the run stops, though not before the first attempt, with a checkpoint; the stop reason is
+        then ``interrupted``.
     on_step : callable, optional
         Told of each step of the work.
     recorder : Recorder, optional
@@ -152,8 +152,11 @@ def pack(
         If the checkpoint is damaged or belongs to another run.
     OutputError
         If the checkpoint cannot be written.
+    InUseError
+        If another process writes that checkpoint.
     Interrupted
-        On SIGINT or SIGTERM, after a checkpoint was written.
+        On SIGINT or SIGTERM: after a checkpoint was written; before the first attempt, and on a second signal, at once.
+        It is a KeyboardInterrupt, which ``except Exception`` lets pass.
 
     Warns
     -----

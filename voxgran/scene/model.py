@@ -301,6 +301,8 @@ class Scene:
         ------
         OutputExistsError
             If the folder holds something and neither `resume` nor `overwrite` is set.
+        InUseError
+            If another process writes into the folder.
         OutputError
             If something cannot be written.
         InputError

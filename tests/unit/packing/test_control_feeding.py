@@ -266,7 +266,8 @@ def test_the_way_of_the_lid_is_in_the_unit_of_lengths():
 
 
 @pytest.mark.parametrize("way", [{"lid": True}, {"feed": "layers"}, {"gravity": (0.5, 0.0, -1.0)}], ids=str)
-def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path):
+def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypatch):
+    monkeypatch.setattr("voxgran.packing.run.FIRST_CHUNK", 1000)
     told = {"method": "control_point", "count": 12, "spacing": 0.25, "sweeps": 200, "cycles": 2, "seed": 3, **way}
     shape, path, stops = vg.make_shape("solid_union", seed=2), tmp_path / "run.checkpoint", 0
     whole = vg.pack(shape, BOX, **told)

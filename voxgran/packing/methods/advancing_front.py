@@ -24,6 +24,7 @@ from voxgran._base.config import parameter
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key, stream
+from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.sphere import Sphere
 from voxgran.packing.ball_cells import BITS, BallCells, lay_cells, link_all
@@ -147,6 +148,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         if not tally[MISSING]:
             return state
         _make_room(state, int(tally[MISSING]))
+        stop_if_asked()
 
 
 def finish(problem: Problem, state: State) -> Packing:

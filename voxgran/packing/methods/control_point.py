@@ -267,7 +267,8 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         if state.counters["ended"] >= 0:
             entered = state.counters["placed"] == problem.count
             finish_some(state, _finishing(problem), _assembly(problem, state), last=last, entered=entered)
-            continue
+            # a sweep takes longer than any chunk of the walk
+            return state
         setting, due = setting_of(problem, state), next_event(problem, state)
         _walk(problem, state, setting, min(last, due))
         if state.counters["fed_at"] < 0:

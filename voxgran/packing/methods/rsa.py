@@ -184,22 +184,24 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     bed = _bed_of(state, setting)
     tally = np.array([state.counters[name] for name in TALLY], dtype=np.int64)
     last = state.done + attempts
-    if setting.classes is None:
-        known = Coordinates(setting.table, state.arrays["used"], state.arrays["pointer"], setting.kind)
-        run = (setting.queue, tally, philox_key(problem.seed, "rsa"), state.done, last)
-        state.done = int(add_candidates(bed, setting.cells, setting.room, setting.rules, known, *run))
-        if state.done < last and setting.rules.ends and tally[TURN] < len(setting.queue):
-            state.counters["search_from"], tally[TRIED] = int(tally[TURN]), 0
-            setting = make_setting(problem, int(tally[TURN]))
-            _open_cells(state, setting)
-            _keep(problem, state, setting)
-        elif state.done < last:
-            tally[TURN] = len(setting.queue)
-    if setting.classes is not None:
-        # what was drawn as coordinates is not drawn again
-        stage = "rsa" if problem.parameters.until == "saturated" else "rsa, search"
-        _throw(state, setting, bed, tally, philox_key(problem.seed, stage), last)
-    state.counters.update(zip(TALLY, tally.tolist(), strict=True))
+    try:
+        if setting.classes is None:
+            known = Coordinates(setting.table, state.arrays["used"], state.arrays["pointer"], setting.kind)
+            run = (setting.queue, tally, philox_key(problem.seed, "rsa"), state.done, last)
+            state.done = int(add_candidates(bed, setting.cells, setting.room, setting.rules, known, *run))
+            if state.done < last and setting.rules.ends and tally[TURN] < len(setting.queue):
+                state.counters["search_from"], tally[TRIED] = int(tally[TURN]), 0
+                setting = make_setting(problem, int(tally[TURN]))
+                _open_cells(state, setting)
+                _keep(problem, state, setting)
+            elif state.done < last:
+                tally[TURN] = len(setting.queue)
+        if setting.classes is not None:
+            # what was drawn as coordinates is not drawn again
+            stage = "rsa" if problem.parameters.until == "saturated" else "rsa, search"
+            _throw(state, setting, bed, tally, philox_key(problem.seed, stage), last)
+    finally:
+        state.counters.update(zip(TALLY, tally.tolist(), strict=True))
     _look(problem, state, setting)
     return state
 
@@ -322,9 +324,11 @@ def _throw(state: State, setting: Setting, bed: Bed, tally: Integers, key: Words
         turn, own = int(tally[LATE]), tally.copy()
         aim(bed, room, classes, late, turn)
         own[TURN] = turn
-        _turns(state, setting, bed, late[: turn + 1], own, key, last, late=True)
+        try:
+            _turns(state, setting, bed, late[: turn + 1], own, key, last, late=True)
+        finally:
+            tally[TURN + 1 :] = own[TURN + 1 :]
         done = own[TURN] > turn
-        tally[TURN + 1 :] = own[TURN + 1 :]
         if done and not bed.entered[late[turn]]:
             # a place was not found before cells came to their finest; or there is none, for no larger grain either
             tally[UNPROVEN] += tally[UNPROVEN] and len(late) - turn - 1
