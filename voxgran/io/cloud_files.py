@@ -13,6 +13,7 @@ import numpy as np
 
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
 from voxgran._base.files import as_path, existing_file, written_whole
+from voxgran._base.guarded import Content, read_guarded
 from voxgran._base.lazy import load
 from voxgran.io.cloud_of_packing import cloud_of_packing
 from voxgran.io.pcd_format import pcd_columns
@@ -174,17 +175,33 @@ def _write_open3d(cloud: Cloud, path: Path) -> None:
 
 def _read_laser(path: Path) -> Columns:
     """Return the points of a LAS file."""
+    _, found = read_guarded(laser_points, path)
+    return found["points"], None, None
+
+
+def laser_points(path: Path) -> Content:
+    """Read the points of a LAS file, to be run by `read_guarded`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    facts : dict
+        Empty.
+    arrays : dict of str to ndarray
+        ``points`` (n, 3).
+
+    Raises
+    ------
+    MissingLibraryError
+        If laspy is not installed.
+    """
     try:
         reader = load("laspy")
     except MissingLibraryError as error:
         raise MissingLibraryError(f"{path} needs laspy to be read: install it with 'pip install laspy'") from error
-    try:
-        found = reader.read(str(path))
-    except Exception as error:  # laspy raises many kinds, its own and those of its parsers
-        raise FileFormatError(f"{path} cannot be read as points ({_line(error)}): write it again") from error
-    return np.column_stack([found.x, found.y, found.z]).astype(np.float64), None, None
-
-
-def _line(error: BaseException) -> str:
-    """Return the first line of what a library says."""
-    return str(error).strip().split("\n", 1)[0][:200]
+    found = reader.read(str(path))
+    return {}, {"points": np.column_stack([found.x, found.y, found.z]).astype(np.float64)}

@@ -1,18 +1,21 @@
-"""Readers of the mesh formats STL, OBJ, OFF and PLY, from bytes to corner points and polygons.
+"""Readers of the mesh formats STL, OBJ, OFF and PLY, from bytes to corner points and polygons; and of Gmsh files.
 
-They are written here, and not left to meshio or VTK, because these read coordinates as float32, take no mixed
+The four are written here, and not left to meshio or VTK, because these read coordinates as float32, take no mixed
 polygons or other properties, or return what they could of a cut file in silence.
 """
 
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError
+from voxgran._base.guarded import Content
+from voxgran._base.lazy import load
 
 #: vertices (n, 3), and the vertex indices of each polygon
 Polygons = tuple[Floats, list[list[int]] | Integers]
@@ -260,3 +263,29 @@ def _ply_binary(body: bytes, elements: list[_Element], order: str) -> Iterator[d
                 place += np.dtype(types[-1]).itemsize * length
                 columns[key].append(items[0] if len(types) == 1 else items)
         yield columns
+
+
+def gmsh_polygons(path: Path) -> Content:
+    """Read the triangles and quadrangles of a Gmsh file, to be run by `read_guarded`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    facts : dict
+        Empty.
+    arrays : dict of str to ndarray
+        ``points`` (n, 3), the ``corners`` of all polygons one after the other, and their ``counts``.
+    """
+    mesh = load("meshio").gmsh.read(str(path))
+    cells = [np.asarray(block.data) for block in mesh.cells if block.type in ("triangle", "quad")]
+    corners = [np.zeros(0, np.int64), *(block.ravel() for block in cells)]
+    counts = [np.zeros(0, np.int64), *(np.full(len(block), block.shape[1]) for block in cells)]
+    return {}, {
+        "points": np.asarray(mesh.points, dtype=np.float64).reshape(-1, 3),
+        "corners": np.concatenate(corners).astype(np.int64),
+        "counts": np.concatenate(counts),
+    }
