@@ -207,7 +207,7 @@ def vti(mode):
 
 
 def msh(**options):
-    cells = [("triangle", FACES), ("quad", QUADS)]
+    cells = [("quad", QUADS)]
     return lambda p: saved(lambda q: load("meshio").write_points_cells(q, VERTICES, cells, **options), p)
 
 
