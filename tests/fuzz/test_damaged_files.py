@@ -27,6 +27,8 @@ from voxgran.shapes.tessellate import unit_box
 
 #: processor time in seconds within which a file of a few kilobytes must be read or refused
 SOON = 5.0
+#: most bytes of a damaged file
+LARGEST = 300_000
 
 VERTICES, FACES, _ = unit_box()
 QUADS = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
@@ -413,7 +415,7 @@ def mutated(name, seed, k, raw):
     """Return a damaged file."""
     draw = random.Random(f"{name}/{seed}/{k}")
     for _ in range(draw.choice([1, 1, 1, 2, 3])):
-        raw = draw.choice(CHANGES)(draw, raw) if raw else raw
+        raw = draw.choice(CHANGES)(draw, raw)[:LARGEST] if raw else raw
     return raw
 
 

@@ -32,7 +32,7 @@ from voxgran._base.machine import memory_limit
 Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 #: processor time in seconds that a reader may take: for any file, and for each byte of it
-SECONDS, SECONDS_PER_BYTE = 3.0, 1e-5
+SECONDS, SECONDS_PER_BYTE = 2.5, 5e-6
 #: memory in bytes that a reader may take: for any file, and for each byte of it (DEFLATE makes at most 1032 of one)
 MEMORY, MEMORY_PER_BYTE = 2**31, 4000
 #: how many times its processor time a reader may take on a clock, since other processes run too
@@ -128,9 +128,10 @@ def refused(path: Path) -> Iterator[None]:
         ) from error
 
 
-def reason_of(error: BaseException) -> str:
-    """Return what an exception says, on one line of at most 100 characters, or its class where it says nothing."""
-    return " ".join(str(error).split())[:100] or type(error).__name__
+def reason_of(error: BaseException, *, most: int = 100) -> str:
+    """Return what an exception says, on one line of at most so many characters, or its class where it says nothing."""
+    text = " ".join(str(error)[: 10 * most].split()) or type(error).__name__
+    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def serve(request: str) -> NoReturn:

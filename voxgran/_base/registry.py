@@ -12,6 +12,7 @@ import pkgutil
 from collections.abc import Iterable
 from typing import Generic, TypeVar
 
+from voxgran._base.arrays import shown
 from voxgran._base.errors import InputError, UnknownNameError
 
 T = TypeVar("T")
@@ -120,12 +121,13 @@ def unknown(kind: str, name: object, known: Iterable[str], *, beside: Iterable[s
     names = sorted(known)
     meant = nearest(name, (*names, *beside))
     hint = f"did you mean {meant!r}? " if meant else ""
-    return f"{kind} {name!r} is unknown: {hint}known are {', '.join(names) or 'none'}"
+    return f"{kind} {shown(name)} is unknown: {hint}known are {', '.join(names) or 'none'}"
 
 
 def nearest(name: object, known: Iterable[str]) -> str | None:
     """Return the known name that was most likely meant, whatever the case: itself, a synonym, or one spelt alike."""
-    given, by_case = str(name).casefold(), {entry.casefold(): entry for entry in known}
+    # no known name is longer, and the search takes time with the square of the length
+    given, by_case = str(name)[:100].casefold(), {entry.casefold(): entry for entry in known}
     alike = difflib.get_close_matches(given, by_case, n=1, cutoff=0.5)
     candidates = (given, *SYNONYMS.get(given, ()), *alike)
     return next((by_case[entry] for entry in candidates if entry in by_case), None)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from voxgran._base.arrays import as_faces, as_points, as_vector
+from voxgran._base.arrays import as_faces, as_points, as_vector, shown
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.registry import unknown
 from voxgran.containers.box import Box
@@ -52,7 +52,7 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
         If it is no mapping, a key is missing or a value breaks a rule.
     """
     if not isinstance(mapping, Mapping):
-        raise InputError(f"{where} is {mapping!r}: it must be a mapping with the key kind; give one")
+        raise InputError(f"{where} is {shown(mapping)}: it must be a mapping with the key kind; give one")
     rest = dict(mapping)
     kind = rest.pop("kind", None)
     if not isinstance(kind, str) or kind not in KEYS:

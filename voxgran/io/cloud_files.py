@@ -13,7 +13,7 @@ import numpy as np
 
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
 from voxgran._base.files import as_path, existing_file, written_whole
-from voxgran._base.guarded import Content, read_guarded
+from voxgran._base.guarded import Content, read_guarded, reason_of
 from voxgran._base.lazy import load
 from voxgran.io.cloud_of_packing import cloud_of_packing
 from voxgran.io.pcd_format import pcd_columns
@@ -75,7 +75,7 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
     try:
         return Cloud.of(*columns, name=found.stem, unit=unit)
     except InputError as error:
-        raise FileFormatError(f"{found}: {error}") from error
+        raise FileFormatError(f"{found}: {reason_of(error, most=300)}") from error
 
 
 def save_cloud(
@@ -145,7 +145,7 @@ def _read_pcd(path: Path) -> Columns:
         log.warning("%s: %d of %d points are NaN, rays that met nothing; they are left out", path, lost, many)
         points, columns = points[met], {name: column[met] for name, column in columns.items()}
     normals = None
-    if "normal_x" in columns:
+    if {"normal_x", "normal_y", "normal_z"} <= columns.keys():
         normals = np.column_stack([columns[f"normal_{axis}"] for axis in "xyz"])
     return points, normals, columns.get("grain")
 

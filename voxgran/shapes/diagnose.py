@@ -239,6 +239,8 @@ def _near(points: Floats, weld: float) -> tuple[Integers, Integers] | None:
 
 def _examine(vertices: Floats, faces: Integers) -> Diagnosis:
     """Diagnose a merged mesh of finite coordinates."""
+    if not len(faces):
+        return Diagnosis(faces=0)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size = float(np.linalg.norm(high - low)) or 1.0
     points = (vertices - (low + high) / 2) / size

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, check_type
+from voxgran._base.arrays import Floats, Integers, check_coordinates, check_type
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import as_path, existing_file, written_whole
 from voxgran._base.guarded import Content, read_guarded
@@ -23,6 +23,9 @@ from voxgran._base.vtk_readers import vtk_triangles
 from voxgran.shapes.mesh_formats import Polygons, gmsh_polygons, read_obj, read_off, read_ply, read_stl
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repair import repair as mended
+
+#: most corners of a polygon that is clipped, which takes time with their square and a deep stack
+MOST_CORNERS = 5000
 
 log = logging.getLogger(__name__)
 
@@ -162,6 +165,10 @@ def _refuse_damaged(points: Floats, faces: Integers, path: Path) -> None:
         raise FileFormatError(
             f"{path} has {bad} coordinates that are not finite: every one must be a number; mend the file"
         )
+    try:
+        check_coordinates(points, "coordinate")
+    except InputError as error:
+        raise FileFormatError(f"{path}: {error}") from error
 
 
 def _triangles(points: Floats, polygons: Sequence[Sequence[int]] | Integers, path: Path) -> Integers:
@@ -174,10 +181,21 @@ def _triangles(points: Floats, polygons: Sequence[Sequence[int]] | Integers, pat
     parts, places = [], []
     for count in np.unique(counts):
         chosen = np.flatnonzero(counts == count)
-        rings = np.array([polygons[k] for k in chosen.tolist()], dtype=np.int64)
+        try:
+            rings = np.array([polygons[k] for k in chosen.tolist()], dtype=np.int64)
+        except OverflowError:
+            raise FileFormatError(
+                f"{path} has a face with a vertex beyond 2^63 of {len(points)}: it is cut or damaged; write it again"
+            ) from None
         _refuse_damaged(points, rings, path)
         fans = np.stack([rings[:, [0, k, k + 1]] for k in range(1, count - 1)], axis=1)
-        for k in np.flatnonzero(~_convex(points[rings])) if count > 3 else ():
+        bent = np.flatnonzero(~_convex(points[rings])) if count > 3 else np.zeros(0, dtype=np.int64)
+        if len(bent) and count > MOST_CORNERS:
+            raise FileFormatError(
+                f"{path} has a face of {count} corners that is not convex: at most {MOST_CORNERS} can be cut into "
+                "triangles; triangulate it first"
+            )
+        for k in bent:
             fans[k] = rings[k][_clipped(points[rings[k]])]
         parts.append(fans.reshape(-1, 3))
         places.append(np.repeat(chosen, count - 2))

@@ -75,13 +75,23 @@ def read_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
 def _read_npy(path: Path, key: str | None) -> Image:
     """Map a .npy file."""
     del key
+    _refuse_others(path, b"\x93NUMPY")
     return Image(np.load(path, mmap_mode="r", allow_pickle=False))
 
 
 def _read_npz(path: Path, key: str | None) -> Image:
     """Read one array of a .npz file."""
+    _refuse_others(path, b"PK")
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         return Image(archive[chosen_name(list(archive.files), key, path)])
+
+
+def _refuse_others(path: Path, begin: bytes) -> None:
+    """Refuse a file that does not begin as arrays of NumPy do, which NumPy would take for pickled objects."""
+    with path.open("rb") as file:
+        found = file.read(len(begin))
+    if found != begin:
+        raise FileFormatError(f"{path} begins with {found!r}: a {path.suffix} file of NumPy is needed; write it again")
 
 
 def _read_tiff(path: Path, key: str | None) -> Image:

@@ -160,9 +160,11 @@ def repair(
 
 def _mended(points: Floats, faces: Integers, limit: float, name: str, done: list[str]) -> tuple[Floats, Integers]:
     """Return a closed surface of faces that are wound alike; say what was done."""
-    corners, triangles = _closed(points, faces, limit, name, done)
-    triangles, flat = without_flat(corners, triangles)
-    _say(done, flat, "left out {} shells that enclose nothing")
+    corners, triangles = points, faces
+    if len(triangles):
+        corners, triangles = _closed(points, faces, limit, name, done)
+        triangles, flat = without_flat(corners, triangles)
+        _say(done, flat, "left out {} shells that enclose nothing")
     if not len(triangles):
         raise DirtyMeshError(f"{name} encloses no volume: a grain must be a solid; check the file")
     triangles, turned = outward(corners, triangles)
