@@ -1,24 +1,24 @@
 """Damaged files of every format that voxgran reads: an error of voxgran or a good result, soon, and nothing printed.
 
-Each format has one small well-formed file. Mutations are drawn from a generator that is keyed by format, seed and number,
-so that a failure names the mutation that caused it.
+Each format has one small well-formed file. Mutations are drawn from a generator that is keyed by format, seed and
+number, so that a failure names the mutation that caused it.
 """
 
-import gzip
-import hashlib
-import json
+import contextlib
+import os
 import random
 import re
 import resource
+import signal
 import struct
 import time
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import voxgran as vg
+from voxgran._base import guarded
 from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
 from voxgran._base.errors import DirtyMeshWarning, PackingWarning, VoxgranError
 from voxgran._base.lazy import load
@@ -41,9 +41,7 @@ OBJ += "".join("f " + " ".join(f"{k + 1}//{k + 1}" for k in face) + "\n" for fac
 OFF = "OFF\n8 6 0\n" + "".join(f"{x} {y} {z}\n" for x, y, z in VERTICES.tolist())
 OFF += "".join("4 " + " ".join(map(str, face)) + "\n" for face in QUADS.tolist())
 TEXT_STL = "solid cube\n" + "".join(
-    "facet normal 0 0 0\nouter loop\n"
-    + "".join(f"vertex {x} {y} {z}\n" for x, y, z in corners)
-    + "endloop\nendfacet\n"
+    "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in corners) + "endloop\nendfacet\n"
     for corners in VERTICES[FACES].tolist()
 )
 TEXT_STL += "endsolid cube\n"
@@ -298,7 +296,9 @@ FORMATS = {
     ),
     "text pcd": (
         ".pcd",
-        constant(PCD.format("ascii") + "\n".join(" ".join(map(str, r)) for r in np.hstack([VERTICES, NORMALS]).tolist())),
+        constant(
+            PCD.format("ascii") + "\n".join(" ".join(map(str, r)) for r in np.hstack([VERTICES, NORMALS]).tolist())
+        ),
         vg.load_cloud,
     ),
     "pcd": (".pcd", constant(PCD.format("binary").encode() + np.hstack([VERTICES, NORMALS]).tobytes()), vg.load_cloud),
@@ -319,6 +319,20 @@ FORMATS = {
     "scene": (".toml", constant(SCENE), as_plan),
     "series": (".pvd", constant(PVD), listed_times),
 }
+
+#: formats that are read in a process of their own
+STARTED = {
+    "rewritten packing",
+    "text points",
+    "raw points",
+    "grid points",
+    "old msh",
+    "text msh",
+    "msh",
+    "text vtk",
+    "vtk",
+}
+STARTED |= {"vtp", "vtu", "las", "tif", "packed tif", "vti", "text vti", "nrrd", "packed nrrd", "statistics"}
 
 NUMBERS = [b"0", b"-1", b"nan", b"inf", b"-inf", b"1e160", b"1e300", b"-1e300", b"1e-300", b"1e400", b"5e-324", b"1e59"]
 NUMBERS += [b"2147483647", b"4294967296", b"99999999999999999999", b"1" + b"0" * 400, b"1e999999999", b"60000", b"1_0"]
@@ -433,6 +447,7 @@ def outcome(read, path):
             warnings.simplefilter("error")
             warnings.simplefilter("ignore", PackingWarning)
             warnings.simplefilter("ignore", DirtyMeshWarning)
+            warnings.filterwarnings("ignore", "This process .* multi-threaded", DeprecationWarning)
             read(path)
     except VoxgranError as error:
         if "\n" in str(error) or len(str(error)) > 1000:
@@ -440,6 +455,44 @@ def outcome(read, path):
     except BaseException as error:  # noqa: BLE001  (whatever it is, it is told)
         return f"{type(error).__name__}: {str(error)[:300]}"
     return None if used() - start < SOON else f"{used() - start:.1f} s"
+
+
+class Forked:
+    """A reader's process that is forked from this one, which has its libraries loaded, and not started anew."""
+
+    def __init__(self, request):
+        there, here = os.pipe()
+        self.returncode, self.pid = None, os.fork()
+        if not self.pid:
+            try:
+                os.dup2(here, 1)
+                os.dup2(os.open(os.devnull, os.O_RDWR), 2)
+                guarded.serve(request)
+            finally:
+                os._exit(70)
+        os.close(here)
+        self.stdout = os.fdopen(there, "rb")
+
+    def wait(self):
+        if self.returncode is None:
+            self.returncode = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        return self.returncode
+
+    def send_signal(self, number):
+        if self.returncode is None:
+            os.kill(self.pid, number)
+
+
+@contextlib.contextmanager
+def forked(request):
+    """Stand in for `guarded._process`: a hundred times faster, the same from the request on."""
+    process = Forked(request)
+    try:
+        yield process
+    finally:
+        process.stdout.close()
+        process.send_signal(signal.SIGKILL)
+        process.wait()
 
 
 def tried(name, folder, seed, numbers):
@@ -459,12 +512,14 @@ def tried(name, folder, seed, numbers):
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_damaged_files_are_refused_soon_and_in_silence(name, tmp_path, capfd):
-    assert tried(name, tmp_path, 0, range(5)) == {}
+    # where a process is started for each file there are fewer of them
+    assert tried(name, tmp_path, 0, range(3 if name in STARTED else 20)) == {}
     assert capfd.readouterr() == ("", "")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_thousand_damaged_files_of_each_format(name, tmp_path, capfd):
+def test_a_thousand_damaged_files_of_each_format(name, tmp_path, capfd, monkeypatch):
+    monkeypatch.setattr(guarded, "_process", forked)
     assert tried(name, tmp_path, 1, range(1000)) == {}
     assert capfd.readouterr() == ("", "")

@@ -72,8 +72,8 @@ def read_lammps_data(path: Path) -> Particles:
         assumed["atom style"] = f"{style}, by the number of values"
     if style not in STYLES:
         raise FileFormatError(
-            f"{path}, line {start + 1}: the atom style is {style[:40] or 'not known'}; only {' and '.join(STYLES)} have "
-            "diameters: write the file with one of these"
+            f"{path}, line {start + 1}: the atom style is {style[:40] or 'not known'}; only {' and '.join(STYLES)} "
+            "have diameters: write the file with one of these"
         )
     diameter, density, x = STYLES[style]
     table = _numbers(rows, numbers, path, width=max(len(rows[0]) if rows else 0, x + 3))

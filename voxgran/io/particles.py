@@ -95,8 +95,7 @@ def refuse_bad_spheres(centers: Floats, radii: Floats, path: Path, *, row: str =
         k = int(good.argmin())
         x, y, z = centers[k].tolist()
         raise FileFormatError(
-            f"{path}, {row} {k}: x y z r is {x:g} {y:g} {z:g} {float(radii[k]):g}; {SPHERE_RULE}; "
-            "mend or remove it"
+            f"{path}, {row} {k}: x y z r is {x:g} {y:g} {z:g} {float(radii[k]):g}; {SPHERE_RULE}; mend or remove it"
         )
 
 

@@ -35,7 +35,9 @@ def pcd_columns(raw: bytes, name: str) -> dict[str, Floats]:
             raise ValueError(f"it counts {many} points")
         records = _text(body, row, many) if head["DATA"][0] == "ascii" else _binary(body, row, many)
     except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
-        raise FileFormatError(f"{name} cannot be read as PCD ({reason_of(error)}): it is cut or damaged; write it again") from None
+        raise FileFormatError(
+            f"{name} cannot be read as PCD ({reason_of(error)}): it is cut or damaged; write it again"
+        ) from None
     columns = {key: np.asarray(records[key][:, 0], dtype=np.float64) for key, count in zip(fields, counts, strict=True)
                if count == 1}  # fmt: skip
     if not {"x", "y", "z"} <= columns.keys():

@@ -56,8 +56,8 @@ def _numbers(rows: list[list[str]], width: int, path: Path) -> Floats:
                 raise ValueError
         except ValueError:
             raise FileFormatError(
-                f"{path} is no table of numbers: row {k + 1} is {' | '.join(row)[:60]!r}, and {width} numbers are needed; "
-                "mend it, or name the columns x, y, z in the first row"
+                f"{path} is no table of numbers: row {k + 1} is {' | '.join(row)[:60]!r}, and {width} numbers are "
+                "needed; mend it, or name the columns x, y, z in the first row"
             ) from None
     return np.array(table, dtype=np.float64).reshape(len(rows), width)
 

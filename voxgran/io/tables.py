@@ -330,5 +330,6 @@ def _container(mapping: Any, path: Path, number: int) -> Container:
         return make_container(mapping)
     except (VoxgranError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise FileFormatError(
-            f"{path}, line {number}: the container cannot be read ({reason_of(error, most=300)}); mend or remove the line"
+            f"{path}, line {number}: the container cannot be read ({reason_of(error, most=300)}); mend or "
+            "remove the line"
         ) from error

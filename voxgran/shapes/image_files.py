@@ -171,9 +171,7 @@ def nrrd_values(path: Path) -> Content:
 def _read_vti(path: Path, key: str | None) -> Image:
     """Read a VTK image."""
     facts, found = read_guarded(vtk_image, path, key=key)
-    return Image(
-        found["values"].reshape(facts["shape"], order="F"), tuple(facts["spacing"]), tuple(facts["origin"])
-    )
+    return Image(found["values"].reshape(facts["shape"], order="F"), tuple(facts["spacing"]), tuple(facts["origin"]))
 
 
 def _extra(name: str) -> Any:

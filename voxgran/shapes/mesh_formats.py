@@ -183,7 +183,9 @@ def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, list[Any]]]:
         walk = _ply_binary(body, elements, order) if order else _ply_text(body, elements)
         return {element.name: columns for element, columns in zip(elements, walk, strict=True)}
     except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
-        raise FileFormatError(f"{name} cannot be read as PLY ({reason_of(error)}): it is cut or damaged; write it again") from None
+        raise FileFormatError(
+            f"{name} cannot be read as PLY ({reason_of(error)}): it is cut or damaged; write it again"
+        ) from None
 
 
 def ply_columns(found: dict[str, dict[str, list[Any]]], keys: Sequence[str], name: str) -> Floats:
@@ -197,7 +199,9 @@ def ply_columns(found: dict[str, dict[str, list[Any]]], keys: Sequence[str], nam
     try:
         return np.column_stack([np.asarray(found["vertex"][key], dtype=np.float64) for key in keys])
     except (ValueError, KeyError, TypeError, OverflowError) as error:
-        raise FileFormatError(f"{name} cannot be read as PLY ({reason_of(error)}): it is cut or damaged; write it again") from None
+        raise FileFormatError(
+            f"{name} cannot be read as PLY ({reason_of(error)}): it is cut or damaged; write it again"
+        ) from None
 
 
 def _ply_header(raw: bytes) -> tuple[str, list[_Element], bytes]:
