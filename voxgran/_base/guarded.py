@@ -151,19 +151,27 @@ def serve(request: str) -> NoReturn:
     channel.write(_READY)
     channel.flush()
     _limit(asked["seconds"], asked["memory"])
-    path, arrays = Path(asked["path"]), {}
+    path, arrays = Path(asked["path"]), dict[str, NDArray[Any]]()
     try:
         with refused(path):
-            facts, arrays = reader(path, **asked["options"])
+            facts, found = reader(path, **asked["options"])
+            arrays = {key: _of_numbers(array, path) for key, array in found.items()}
             answer = {"facts": facts, "arrays": {key: (a.dtype.str, a.shape) for key, a in arrays.items()}}
     except VoxgranError as error:
         answer = {"error": type(error).__name__, "message": str(error)}
     channel.write(json.dumps(answer).encode() + b"\n")
     for array in arrays.values():
-        channel.write(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
+        channel.write(array.reshape(-1).view(np.uint8).data)
     channel.flush()
     # without the destructors of libraries, which may crash on what they have read
     os._exit(0)
+
+
+def _of_numbers(array: NDArray[Any], path: Path) -> NDArray[Any]:
+    """Return an array in C order; refuse one that does not hold numbers."""
+    if array.dtype.kind not in "biufc":
+        raise FileFormatError(f"{path} holds values of the type {array.dtype}: numbers are needed; write these")
+    return np.asarray(array, order="C")
 
 
 def _limit(seconds: float, memory: int) -> None:
@@ -181,10 +189,9 @@ def _limit(seconds: float, memory: int) -> None:
 @contextlib.contextmanager
 def _process(request: str) -> Iterator[subprocess.Popen[bytes]]:
     """Start the process and see that it ends."""
-    places = [place for place in sys.path if isinstance(place, str)]
     try:
         process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _START, request, *places],
+            [sys.executable, "-P", "-c", _START, request, *map(str, sys.path)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -230,7 +237,7 @@ def _answer(process: subprocess.Popen[bytes], path: Path, seconds: float) -> Con
 
 def _filled(array: NDArray[Any], stream: IO[bytes]) -> bool:
     """Fill an array from a stream; return whether there was enough."""
-    rest = memoryview(array.reshape(-1).view(np.uint8))
+    rest = array.reshape(-1).view(np.uint8).data
     while len(rest):
         count = stream.readinto(rest)  # type: ignore[attr-defined]
         if not count:
