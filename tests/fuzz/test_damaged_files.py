@@ -271,7 +271,7 @@ FORMATS = {
     "spheres": (".txt", constant(ROWS), vg.load),
     "own spheres": (".xyzr", lambda p: saved(lambda q: vg.save(sphere_packing(), q), p), vg.load),
     "named spheres": (".csv", constant("x[mm];y;z;diameter;name\n1,5;2;3;1;a\n2;4;3;0,5;b\n"), vg.load),
-    "clumps": (".txt", constant("# x_y_z_r_clumpId\n1 1 1 .5 0\n1.5 1 1 .5 0\n3 3 3 1 -1\n"), vg.load),
+    "clumps": (".txt", constant("#format x_y_z_r_clumpId\n1 1 1 .5 0\n1.5 1 1 .5 0\n3 3 3 1 -1\n"), vg.load),
     "atoms": (".data", constant(LAMMPS_DATA), vg.load),
     "dump": (".dump", constant(LAMMPS_DUMP), vg.load),
     "text stl": (".stl", constant(TEXT_STL), vg.load_shape),

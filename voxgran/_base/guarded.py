@@ -78,14 +78,14 @@ def read_guarded(reader: Callable[..., Content], path: Path, **options: Any) -> 
         If the process cannot be started or a library is missing.
     """
     size = path.stat().st_size
-    seconds = SECONDS + SECONDS_PER_BYTE * size
+    seconds, memory = SECONDS + SECONDS_PER_BYTE * size, MEMORY + MEMORY_PER_BYTE * size
     request = {
         "module": reader.__module__,
         "name": reader.__qualname__,
         "path": str(path),
         "options": options,
         "seconds": seconds,
-        "memory": min(MEMORY + MEMORY_PER_BYTE * size, memory_limit()),
+        "memory": min(memory, memory_limit()),
     }
     with _process(json.dumps(request)) as process:
         clock = threading.Timer(PATIENCE * seconds, process.send_signal, [signal.SIGXCPU])
@@ -93,6 +93,13 @@ def read_guarded(reader: Callable[..., Content], path: Path, **options: Any) -> 
         clock.start()
         try:
             return _answer(process, path, seconds)
+        except TooLargeError as error:
+            if memory > memory_limit():
+                raise
+            raise FileFormatError(
+                f"{path} of {size} bytes asks for more than {memory / 2**30:.3g} GiB of memory: it is damaged; write "
+                "it again"
+            ) from error
         finally:
             clock.cancel()
 

@@ -129,7 +129,10 @@ def test_a_reader_that_waits_without_end_is_a_sentence(readers, path, monkeypatc
         read_guarded(readers.sleeps, path)
 
 
-def test_a_reader_that_asks_for_all_memory_is_a_sentence(readers, path):
+def test_a_reader_that_asks_for_all_memory_is_a_sentence(readers, path, monkeypatch):
+    with pytest.raises(FileFormatError, match="of 7 bytes asks for more than 2 GiB of memory: it is damaged"):
+        read_guarded(readers.greedy, path)
+    monkeypatch.setattr(guarded, "memory_limit", lambda: 2**30)
     with pytest.raises(TooLargeError, match="of 7 bytes does not fit in memory as its header describes it"):
         read_guarded(readers.greedy, path)
 
