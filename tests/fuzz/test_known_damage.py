@@ -146,6 +146,17 @@ def test_records_that_take_no_space(order, read, tmp_path, capfd):
         assert words in message
 
 
+def test_faces_of_one_corner(tmp_path, capfd):
+    text = PLY.format("ascii", "element face 1\nproperty int vertex_indices\n") + f"{ROWS}0\n"
+    assert "gives one corner for each face" in refusal(vg.load_shape, tmp_path / "one.ply", text, capfd)
+
+
+def test_very_many_faces_in_one_place(tmp_path):
+    (tmp_path / "heap.obj").write_text(OBJ + "f 1 2 8\n" * 40_000)
+    with pytest.raises(vg.VoxgranError, match="edges without exactly two faces"):
+        vg.load_shape(tmp_path / "heap.obj")
+
+
 def test_off_files_that_count_below_zero(tmp_path, capfd):
     assert "it counts -1 vertices" in refusal(vg.load_shape, tmp_path / "f.off", f"OFF\n-1 1 0\n{ROWS}", capfd)
 

@@ -166,8 +166,10 @@ def read_ply(raw: bytes, name: str) -> Polygons:
     """
     found = ply_elements(raw, name)
     face = found.get("face", {})
-    lists = [face[key] for key in ("vertex_indices", "vertex_index") if key in face]
-    return ply_columns(found, "xyz", name), lists[0] if lists else []
+    lists = next((face[key] for key in ("vertex_indices", "vertex_index") if key in face), [])
+    if lists and not isinstance(lists[0], list):
+        raise FileFormatError(f"{name} gives one corner for each face: a list is needed; write it again")
+    return ply_columns(found, "xyz", name), lists
 
 
 def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, list[Any]]]:

@@ -20,7 +20,7 @@ from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.shapes.bodies import outward, shells_of, split, without_flat
 from voxgran.shapes.boolean import united
 from voxgran.shapes.crossing import crossing_faces
-from voxgran.shapes.diagnose import diagnose, merged
+from voxgran.shapes.diagnose import bounds_solid, merged
 from voxgran.shapes.holes import closed_loop, extent, hole_loops
 from voxgran.shapes.model import Shape
 from voxgran.shapes.patches import without_doubles, without_flaps, without_pinches, wound_alike
@@ -139,7 +139,7 @@ def repair(
     triangles = as_faces(np.asarray(faces), len(given))
     if not len(triangles):
         raise InputError(f"{name} has 0 faces: a solid needs a closed surface; check the file")
-    if diagnose(given, triangles).ok:
+    if bounds_solid(given, triangles):
         whole = Shape.from_mesh(given, triangles, name=name, unit=unit)
         return Repair(shapes=(whole,), sentences=(), volume_before=whole.volume, volume=whole.volume)
     done: list[str] = []
