@@ -98,9 +98,10 @@ def watched(*sources: Any) -> list[str]:
     """Return the list to which errors of readers, filters and writers are added, which these then do not print."""
     heard: list[str] = []
 
-    def hear(caller: object, event: str, message: str = "") -> None:
+    def hear(caller: object, event: str, message: str | None = None) -> None:
         del caller, event
-        heard.append(" ".join((message.partition("): ")[2] or message).split()))
+        text = message or "an error without words"
+        heard.append(" ".join((text.partition("): ")[2] or text).split()))
 
     hear.CallDataType = "string0"  # type: ignore[attr-defined]
     for source in sources:
