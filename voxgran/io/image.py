@@ -12,7 +12,7 @@ from voxgran._base.arrays import Floats, Integers, as_length, as_vector
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.files import written_whole
 from voxgran._base.kernels import kernel
-from voxgran.io.vtk_data import image_data, write_data
+from voxgran._base.vtk_data import image_data, write_data
 from voxgran.lattice.grid import Grid, check_voxel_size
 from voxgran.packing.model import Packing
 from voxgran.shapes.primitive import Primitive

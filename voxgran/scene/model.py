@@ -11,6 +11,7 @@ from voxgran._base.arrays import as_count, as_number, as_positive, check_type
 from voxgran._base.config import from_mapping, parameter, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
+from voxgran._base.guarded import reason_of
 from voxgran._base.progress import OnStep
 from voxgran._base.registry import nearest, unknown
 from voxgran._base.units import as_unit
@@ -166,8 +167,9 @@ class Scene:
             raise FileFormatError(f"{found} is a packing and no scene: give the .toml file, or 'voxgran measure' it")
         try:
             mapping = tomllib.loads(found.read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise FileFormatError(f"{found} is not TOML ({error}): mend that line") from error
+        except (ValueError, RecursionError) as error:
+            # a number of too many digits is a bare ValueError, values in too many brackets are a RecursionError
+            raise FileFormatError(f"{found} is not TOML ({reason_of(error)}): mend that line") from error
         return cls.from_mapping(mapping, folder=found.parent)
 
     @classmethod

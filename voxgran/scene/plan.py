@@ -186,8 +186,6 @@ def _steps(scene: Scene, task: Task) -> tuple[tuple[str, ...], tuple[str, ...], 
             skipped.append(f"{step}: not asked for in [output]")
     if any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes) or _makes_unions(scene):
         libraries.add("manifold3d")
-    if any(entry.name.endswith(".msh") for entry in scene.shapes):
-        libraries.add("meshio")
     if task.problem.dimension == 2:
         skipped.append("anything in three dimensions: the container is flat")
     if scene.sizes is None:
