@@ -35,7 +35,7 @@ def whole_number_of(value: Any) -> int | None:
     return int(number)
 
 
-def float_of(number: Real | Decimal | float) -> float:
+def float_of(number: Any) -> float:
     """Return a number as a float, infinite where it is beyond them."""
     try:
         return float(number)

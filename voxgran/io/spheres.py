@@ -159,9 +159,8 @@ def _spheres_of_shape(shape: Shape, grain: int) -> tuple[Floats, Floats]:
         return np.zeros((1, 3)), np.array(geometry.dimensions)
     if isinstance(geometry, Outline) and geometry.kind == "disk":
         return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
-    known = isinstance(geometry, Primitive | Outline)
-    kind = with_article(geometry.kind if known else type(geometry).__name__.lower())
+    kind = geometry.kind if isinstance(geometry, Primitive | Outline) else type(geometry).__name__.lower()
     raise InputError(
-        f"grain {grain} is {kind}: text holds only spheres, clumps of them and disks; save as .vtp, or pack the clumps "
+        f"grain {grain} is {with_article(kind)}: text holds only spheres, clumps of them and disks; save as .vtp, or pack the clumps "
         "of fit_clump instead"
     )

@@ -65,7 +65,7 @@ def resample(
     if (factor is None) == (shape is None):
         raise InputError("factor and shape: give exactly one of them")
     as_choice(method, "method", ("mean", "nearest"))
-    if factor is not None:
+    if shape is None:
         wanted = [max(1.0, n * as_positive(factor, "factor")) for n in given.shape]
     else:
         wanted = as_floats(shape, "shape", shape=(3,)).tolist()
