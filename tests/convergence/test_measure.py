@@ -50,7 +50,7 @@ def test_samples_converge_with_the_square_root_of_their_number(monkeypatch):
     position = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 2, np.arange(8) + 0.5, indexing="ij"), axis=-1).reshape(-1, 3)
     position = position[np.hypot(position[:, 0], position[:, 1]) <= 3.5]
     container = Cylinder(4, 8)
-    packing = Packing.of([BALL], container, position=position, provenance={"parameters": {"gravity": "none"}})
+    packing = Packing.of([BALL], container, position=position, gravity=None)
     exact = Regions(packing).at(1.3)
     wanted = exact.solid(Solids(packing))
     assert wanted.error < 1e-9

@@ -117,14 +117,6 @@ def test_a_grain_larger_than_the_container(method):
         vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 0.5)), method=name_of(method), count=3, **quick(method))
 
 
-def test_thread_counts_give_the_same_bits(method):
-    sphere, box = vg.make_shape("sphere"), vg.Box((3, 3, 4))
-    one, two = (
-        vg.pack(sphere, box, method=name_of(method), count=5, threads=threads, **quick(method)) for threads in (1, 2)
-    )
-    assert bits_of(one) == bits_of(two)
-
-
 def test_periodic_grains_wrap(packing):
     """Nothing is lost at a periodic face: seen through the face the packing is as valid as before."""
     lengths = packing.container.bounds[1] - packing.container.bounds[0]

@@ -6,16 +6,23 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 
 import numpy as np
 import pytest
 
+import voxgran as vg
 import voxgran.cli.doctor as examination
+from voxgran._base.config import parameters_of
+from voxgran._base.seeds import stream
 from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
+from voxgran.clumps.method import clump_registry
+from voxgran.packing.method import method_registry
+from voxgran.shapes.family import families
 
 # small scenes have no bulk to speak of, which is said in a warning
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = pytest.mark.filterwarnings("ignore:.*the bulk holds")
 
 
 @pytest.fixture
@@ -71,6 +78,22 @@ def test_methods_are_listed(capsys):
         assert word in text
 
 
+@pytest.mark.parametrize("columns", ["80", "200"])
+def test_methods_list_the_allowed_values_of_each_choice(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert main(["methods"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= min(int(columns), 120)
+    text = " ".join(" ".join(lines).split())
+    for registry in (method_registry(), clump_registry(), families()):
+        for item in (item for name in registry.names() for item in parameters_of(registry.get(name).parameters)):
+            assert f"{item.name} {item.doc} ({item.type_text}; " in text
+    for choice in ("'loose', 'dense'; default 'loose'", "'-z', '+z', 'none' or a list of 3", "'4d'; default 'classic'"):
+        assert choice in text
+    assert "None" not in text
+    assert "Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of" in text
+
+
 def test_doctor_is_content(capsys):
     assert main(["doctor", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["all_good"] is True
@@ -85,15 +108,35 @@ def test_doctor_is_content(capsys):
         (["verify", "none.vtp"], "none.vtp"),
         (["shape", "sphre"], "did you mean 'sphere'"),
         (["shape", "sphere", "--diameter", "-1"], "diameter"),
-        (["shape", "sphere", "--diametre", "1"], "--diametre"),
+        (["shape", "sphere", "--diametre", "1"], "did you mean '--diameter'"),
+        (["shape", "sphere", "more"], "'more' is one argument too many"),
+        (["pack", "scene.toml"], "did you mean 'run'"),
         (["bench", "voxelise"], "did you mean 'voxelize'"),
-        (["plan", "scene.toml", "--jsn"], "--jsn"),
+        (["plan", "scene.toml", "--jsn"], "did you mean '--json'"),
     ],
 )
 def test_mistakes_are_one_line_and_status_2(words, expected, capsys):
     status, line = complaint(capsys, *words)
     assert status == 2
     assert expected in line
+
+
+def test_scenes_and_packings_that_are_mistaken_for_each_other_are_told(scene, tmp_path, capsys):
+    assert "is a scene and no packing" in complaint(capsys, "measure", str(scene))[1]
+    (tmp_path / "bed.vtp").touch()
+    assert "is a packing and no scene" in complaint(capsys, "run", str(tmp_path / "bed.vtp"))[1]
+
+
+def test_a_misspelt_family_key_is_told(scene, capsys):
+    scene.write_text(scene.read_text().replace("family =", "famly ="))
+    assert "did you mean 'family'" in complaint(capsys, "plan", str(scene))[1]
+
+
+def test_messages_name_the_flags_of_the_prompt(tmp_path, capsys):
+    np.save(tmp_path / "image.npy", np.pad(np.ones((5, 5, 5), dtype=np.int64), 2))
+    words = ["labels", str(tmp_path / "image.npy")]
+    assert "--voxel-size is missing" in complaint(capsys, *words)[1]
+    assert "--voxel-size is -1.0" in complaint(capsys, *words, "--voxel-size", "-1")[1]
 
 
 def test_bad_files_are_one_line_and_status_2(tmp_path, capsys):
@@ -174,7 +217,10 @@ def test_a_scan_is_mended_and_told(tmp_path, data_dir, capsys):
     assert json.loads(capsys.readouterr().out)["done"] == ["nothing: the mesh is good as it is"]
     status, line = complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "--largest-hole", "0.01")
     assert status == 2
-    assert "raise largest_hole" in line
+    assert line.endswith("; raise --largest-hole")
+    status, line = complaint(capsys, "clump", str(data_dir / "bunny_dirty.ply"))
+    assert status == 2
+    assert line.endswith("open edges: a grain must be a closed surface; use 'voxgran repair'")
     assert complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "-o", str(out))[0] == 2
 
 
@@ -211,6 +257,59 @@ def test_a_label_image_becomes_a_packing_and_two_are_compared(tmp_path, capsys):
     assert "other" in out.read_text()
     capsys.readouterr()
     assert complaint(capsys, "labels", str(tmp_path / "scan.npy"))[0] == 2
+
+
+def saved(path, *, seed):
+    """Write a small packing of balls and return its path."""
+    generator, balls = stream(seed, "cli"), vg.make_shape("sphere")
+    packing = vg.Packing.of(
+        *([balls], vg.Box((6, 6, 6))),
+        position=generator.uniform(1, 5, (8, 3)),
+        scale=generator.uniform(0.3, 0.6, 8),
+        provenance={"seed": seed},
+    )
+    path.parent.mkdir(parents=True, exist_ok=True)
+    vg.save(packing, path)
+    return str(path)
+
+
+def test_folders_of_runs_are_compared(tmp_path, capsys):
+    for seed in range(3):
+        saved(tmp_path / "loose" / f"seed_{seed}" / "packing.vtp", seed=seed)
+    for folder, seed in (("dense", 7), ("other", 8)):
+        saved(tmp_path / folder / "packing.vtp", seed=seed)
+    out, twin = tmp_path / "c.html", tmp_path / "c.json"
+    words = [str(tmp_path / "loose"), str(tmp_path / "dense" / "packing.vtp"), f"b={tmp_path / 'other'}"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("default")
+        assert main(["compare", *words, "-o", str(out)]) == 0
+    groups = json.loads(twin.read_text())["groups"]
+    assert [(group["name"], group["packings"]) for group in groups] == [("loose", 3), ("dense", 1), ("b", 1)]
+    assert "warning: loose, seed 2: the bulk holds" in capsys.readouterr().err
+    # the same name makes a group of both only where it was given
+    words = [f"b={tmp_path / 'dense'}", f"b={tmp_path / 'other'}", str(tmp_path / "loose")]
+    assert main(["compare", *words, "-o", str(out), "--overwrite"]) == 0
+    groups = json.loads(twin.read_text())["groups"]
+    assert [(group["name"], group["packings"]) for group in groups] == [("b", 2), ("loose", 3)]
+    before = out.read_bytes()
+    same = [str(saved(tmp_path / name / "x.vtp", seed=9 + k)) for k, name in enumerate("ab")]
+    assert main(["compare", *same, "-o", str(tmp_path / "d.html")]) == 0
+    assert [group["name"] for group in json.loads((tmp_path / "d.json").read_text())["groups"]] == same
+    capsys.readouterr()
+    (tmp_path / "nothing").mkdir()
+    for wrong, said in (("nothing", "holds no packing"), ("none", "is not there")):
+        status, line = complaint(capsys, "compare", words[0], str(tmp_path / wrong), "-o", str(out), "--overwrite")
+        assert status == 2
+        assert said in line
+    assert out.read_bytes() == before
+
+
+def test_what_is_assumed_of_spheres_is_said_of_each_file(tmp_path, capsys):
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.csv").write_text("x,y,z,diameter\n1,1,1,1\n2.5,1,1,1\n")
+    words = [str(tmp_path / "a.csv"), str(tmp_path / "b.csv"), "-o", str(tmp_path / "c.html")]
+    assert main(["compare", *words]) == 0
+    assert f"{tmp_path / 'b.csv'}: assumed container" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])

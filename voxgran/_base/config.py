@@ -9,7 +9,7 @@ import dataclasses
 import math
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
 
@@ -42,7 +42,10 @@ class Parameter:
 
     @property
     def type_text(self) -> str:
-        """The type as a person writes it: ``number``, ``text``, ``a or b``."""
+        """The type as a person writes it, such as ``a number`` or ``one of 'a', 'b'``, without ``left out``."""
+        kinds = typing.get_args(self.type)
+        if typing.get_origin(self.type) in (typing.Union, types.UnionType):
+            return " or ".join(_describe(kind) for kind in kinds if kind is not type(None))
         return _describe(self.type)
 
 
@@ -77,7 +80,7 @@ def parameters_of(cls: type) -> tuple[Parameter, ...]:
     )
 
 
-def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str) -> T:
+def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside: Iterable[str] = ()) -> T:
     """Make a parameter object from a plain mapping.
 
     Parameters
@@ -88,6 +91,8 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str) -> T:
         Keys and values, as TOML, JSON or keyword arguments give them.
     where : str
         How messages name the place, such as ``"[packing]"``.
+    beside : iterable of str
+        Names that are known at this place too and are no parameters of the class; they may be suggested.
 
     Returns
     -------
@@ -103,7 +108,7 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str) -> T:
     known = {entry.name: entry for entry in parameters_of(cls)}
     for key in mapping:
         if key not in known:
-            raise UnknownNameError(unknown(f"{where} key", key, known))
+            raise UnknownNameError(unknown(f"{where} key", key, known, beside=beside))
     for entry in known.values():
         if entry.default is MISSING and entry.name not in mapping:
             raise InputError(f"{where} {entry.name} is missing: it must be given ({entry.doc}); add it")

@@ -39,6 +39,10 @@ class UnknownNameError(InputError):
     """A name (method, family, key, section) that voxgran does not know."""
 
 
+class CallError(InputError, TypeError):
+    """A call whose arguments do not fit the signature."""
+
+
 class DirtyMeshError(InputError):
     """A surface that does not bound one solid."""
 

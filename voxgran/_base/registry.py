@@ -78,9 +78,56 @@ class Registry(Generic[T]):
         return {point.name: point for point in importlib.metadata.entry_points(group=self.group)}
 
 
-def unknown(kind: str, name: object, known: Iterable[str]) -> str:
-    """Return the sentence that says a name is unknown, with the nearest known one."""
+#: words that people type for a name of ours, as other programs have it; the first that is known is suggested
+SYNONYMS: dict[str, tuple[str, ...]] = {
+    "ball": ("sphere",),
+    "circle": ("disk",),
+    "cube": ("box",),
+    "cuboid": ("box",),
+    "diameter": ("radius",),
+    "mean": ("median",),
+    "n": ("count",),
+    "n_grains": ("count",),
+    "num": ("count",),
+    "number": ("count",),
+    "pack": ("run",),
+    "packing_fraction": ("solid_fraction", "density"),
+    "porosity": ("solid_fraction", "density"),
+    "size": ("lengths", "diameter"),
+    "solid_fraction": ("density",),
+    "square": ("rectangle", "box"),
+    "std": ("sigma",),
+    "tetrahedron": ("platonic",),
+    "void_ratio": ("solid_fraction", "density"),
+    "volume_fraction": ("solid_fraction", "density"),
+}
+
+
+def unknown(kind: str, name: object, known: Iterable[str], *, beside: Iterable[str] = ()) -> str:
+    """Return the sentence that says a name is unknown, with the name that was most likely meant.
+
+    Parameters
+    ----------
+    kind : str
+        What the name should be one of, such as ``"packing method"``.
+    name : object
+        What was given.
+    known : iterable of str
+        The known names, all of which the sentence lists.
+    beside : iterable of str
+        Names that belong elsewhere at the same place; they may be suggested and are not listed.
+    """
     names = sorted(known)
-    near = difflib.get_close_matches(name if isinstance(name, str) else "", names, n=1, cutoff=0.5)
-    hint = f"did you mean {near[0]!r}? " if near else ""
+    meant = nearest(name, (*names, *beside))
+    hint = f"did you mean {meant!r}? " if meant else ""
     return f"{kind} {shown(name)} is unknown: {hint}known are {', '.join(names) or 'none'}"
+
+
+def nearest(name: object, known: Iterable[str]) -> str | None:
+    """Return the known name that was most likely meant, whatever the case: itself, a synonym, or one spelt alike."""
+    if not isinstance(name, str):
+        return None
+    given, by_case = name.casefold(), {entry.casefold(): entry for entry in known}
+    alike = difflib.get_close_matches(given, by_case, n=1, cutoff=0.5)
+    candidates = (given, *SYNONYMS.get(given, ()), *alike)
+    return next((by_case[entry] for entry in candidates if entry in by_case), None)

@@ -10,8 +10,8 @@ import voxgran
 from voxgran._base.config import parameters_of
 from voxgran._base.files import write_text
 from voxgran.cli.doctor import doctor
-from voxgran.cli.parser import default_text
-from voxgran.cli.terminal import complain, progress, show, table
+from voxgran.cli.parser import parameter_text
+from voxgran.cli.terminal import complain, entry_line, progress, show, table
 
 
 def init(options: argparse.Namespace) -> None:
@@ -68,9 +68,14 @@ def measure(options: argparse.Namespace) -> None:
 def _packing(options: argparse.Namespace) -> Any:
     """Load a packing; say on the error stream what was assumed."""
     packing = voxgran.load(options.file, unit=options.unit, periodic=options.periodic)
-    for subject, sentence in packing.provenance.get("assumed", {}).items():
-        complain(f"assumed {subject}: {sentence}")
+    _say_assumed(packing)
     return packing
+
+
+def _say_assumed(packing: Any, of_what: str = "") -> None:
+    """Say what was assumed of spheres of another program."""
+    for subject, sentence in packing.provenance.get("assumed", {}).items():
+        complain(f"{of_what}assumed {subject}: {sentence}")
 
 
 def report(options: argparse.Namespace) -> None:
@@ -91,12 +96,45 @@ def report(options: argparse.Namespace) -> None:
 
 def compare(options: argparse.Namespace) -> None:
     """Write a page that compares packings."""
+    from voxgran.scene.seeds import packings_of_run
+
     packings: dict[str, list[Any]] = {}
-    for word in options.file:
-        name, mark, file = word.partition("=")
-        packings.setdefault(name if mark else Path(word).stem, []).append(voxgran.load(file if mark else word))
+    for name, path in _named(options.file):
+        given = packings_of_run(path) if Path(path).is_dir() else [voxgran.load(path)]
+        for packing in given:
+            _say_assumed(packing, f"{path}: ")
+        packings.setdefault(name, []).extend(given)
     voxgran.write_comparison(packings, options.output, overwrite=options.overwrite)
     print(options.output)
+
+
+def _named(words: Sequence[str]) -> list[tuple[str, str]]:
+    """Return name and path of each word ``NAME=PATH`` or ``PATH``.
+
+    A path without a name is called after its file, or its folder where that says more; where two would be called the
+    same, each is called by its whole path, so that only a name that was given twice makes a group of both.
+    """
+    found: list[tuple[str, str]] = []
+    for word in words:
+        name, mark, path = word.partition("=")
+        named = bool(mark and name) and not Path(word).exists()
+        found.append((name, path) if named else ("", word))
+    plain = [_called(path) for name, path in found if not name]
+    given = {name for name, _ in found}
+    return [
+        (name or (path if plain.count(_called(path)) > 1 or _called(path) in given else _called(path)), path)
+        for name, path in found
+    ]
+
+
+def _called(path: str) -> str:
+    """Return what a packing is called after its path: its folder where a run has named the file."""
+    from voxgran.scene.run import PACKING
+
+    place = Path(path)
+    if place.is_dir():
+        return place.absolute().name
+    return place.absolute().parent.name if place.name == PACKING else place.stem
 
 
 def labels(options: argparse.Namespace) -> None:
@@ -134,11 +172,21 @@ def shape(options: argparse.Namespace) -> None:
 
 def repair(options: argparse.Namespace) -> None:
     """Mend a mesh file and say what was done."""
+    from voxgran.shapes.diagnose import Remedies
     from voxgran.shapes.files import read_surface
+    from voxgran.shapes.repair import repaired
 
     points, faces = read_surface(options.file)
-    name = Path(options.file).stem
-    made = voxgran.repair(points, faces, name=name, largest_hole=options.largest_hole, bodies=options.bodies)
+    remedies = Remedies(
+        keep_open="", choose="choose with --bodies largest or --bodies all", hole="raise --largest-hole"
+    )
+    made = repaired(
+        *(points, faces),
+        name=Path(options.file).stem,
+        largest_hole=options.largest_hole,
+        bodies=options.bodies,
+        remedies=remedies,
+    )
     written = _write_bodies(made.shapes, options) if options.output else []
     numbers: dict[str, Any] = {
         "done": list(made.sentences) or ["nothing: the mesh is good as it is"],
@@ -182,7 +230,14 @@ def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[st
 
 def clump(options: argparse.Namespace) -> None:
     """Fit a clump of spheres to a mesh file and write its spheres."""
-    made = voxgran.fit_clump(voxgran.load_shape(options.file), max_spheres=options.spheres, method=options.method)
+    from voxgran.shapes.diagnose import Remedies
+    from voxgran.shapes.files import shape_of_file
+
+    remedies = Remedies(
+        mend="use 'voxgran repair'", keep_open="", choose="choose with 'voxgran repair --bodies largest'"
+    )
+    body = shape_of_file(options.file, remedies=remedies)
+    made = voxgran.fit_clump(body, max_spheres=options.spheres, method=options.method)
     if options.output:
         rows = [
             "x,y,z,r",
@@ -193,7 +248,7 @@ def clump(options: argparse.Namespace) -> None:
 
 
 def methods(options: argparse.Namespace) -> None:
-    """List packing methods, clump methods, shape families and measures with their parameters."""
+    """List packing methods, clump methods, shape families and measures with their parameters and allowed values."""
     from voxgran.clumps.method import clump_registry
     from voxgran.measure.model import measure_registry
     from voxgran.packing.method import method_registry
@@ -212,11 +267,11 @@ def methods(options: argparse.Namespace) -> None:
         print(title)
         for name in registry.names():
             entry = registry.get(name)
-            print(f"  {name:18} {getattr(entry, 'summary', '')}")
-            if source := getattr(entry, "source", ""):
-                print(f"  {'':18} {source}")
+            entry_line(f"  {name}", getattr(entry, "summary", ""))
+            entry_line("", getattr(entry, "source", ""))
             for item in parameters_of(entry.parameters) if hasattr(entry, "parameters") else ():
-                print(f"      {item.name:20} {item.doc} ({default_text(item)})")
+                entry_line(f"      {item.name}", parameter_text(item))
+        print()
 
 
 def bench(options: argparse.Namespace) -> None:

@@ -16,7 +16,7 @@ from types import FrameType
 
 from voxgran._base.errors import Interrupted, OutputError, VoxgranError
 from voxgran.cli.commands import COMMANDS
-from voxgran.cli.parser import make_parser
+from voxgran.cli.parser import name_flags, parse
 from voxgran.cli.terminal import complain, warn
 
 
@@ -47,7 +47,7 @@ def _run(words: list[str]) -> int:
     options = argparse.Namespace()
     try:
         try:
-            options = make_parser(words, COMMANDS).parse_args(words)
+            options = parse(words, COMMANDS)
             _set_logging(options)
             _end_softly()
             return int(COMMANDS[options.command][1](options) or 0)
@@ -63,7 +63,7 @@ def _run(words: list[str]) -> int:
         _say_how_to_go_on(options, words)
         return 130
     except VoxgranError as error:
-        complain(str(error))
+        complain(name_flags(str(error), options))
         if isinstance(error, OutputError):
             _say_how_to_go_on(options, words)
         return error.exit_code

@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING
 from typing import Any, NoReturn
@@ -34,6 +35,8 @@ class Parser(argparse.ArgumentParser):
 
 Flag = tuple[tuple[str, ...], dict[str, Any]]
 
+#: what a command line holds beside flags of its command
+NO_FLAGS = ("command", "family", "file", "name", "print_completion")
 #: a packing, and what may be said of a file of another program
 PACKING: tuple[Flag, ...] = (
     (("file",), {"help": "a saved packing, or spheres of another program: text, CSV, LAMMPS, VTK points"}),
@@ -66,7 +69,11 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     "compare": (
         (
             ("file",),
-            {"nargs": "+", "help": "packings; NAME=FILE names one, and the same name again adds a packing to it"},
+            {
+                "nargs": "+",
+                "help": "packings, or folders that 'voxgran run' wrote, with one packing or one for each seed; "
+                "NAME=PATH names a group, and the same name again adds packings to it",
+            },
         ),
         (("-o", "--output"), {"default": "comparison.html", "help": "HTML file; the numbers go beside it as JSON"}),
     ),
@@ -123,7 +130,7 @@ EXAMPLES: dict[str, str] = {
     "verify": "voxgran verify out/packing.vtp",
     "measure": "voxgran measure out/packing.vtp --which density --which coordination -o statistics.nc",
     "report": "voxgran report out/packing.vtp -o report.html",
-    "compare": "voxgran compare digital=a/packing.vtp digital=b/packing.vtp points=c/packing.vtp -o comparison.html",
+    "compare": "voxgran compare digital=out/digital points=out/points -o comparison.html",
     "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --largest-hole 0.1",
@@ -184,6 +191,36 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
     return top
 
 
+def parse(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., Any]]]) -> argparse.Namespace:
+    """Return the options of a command line.
+
+    Raises
+    ------
+    UnknownNameError
+        If the command or a flag is unknown; the message gives the nearest one.
+    InputError
+        If something is missing, superfluous or cannot be read.
+    """
+    options, rest = make_parser(words, commands).parse_known_args(words)
+    for word in rest:
+        flag, _, _ = word.partition("=")
+        if flag.startswith("-"):
+            known = (f"--{name.replace('_', '-')}" for name in vars(options) if name not in NO_FLAGS)
+            raise UnknownNameError(unknown(f"flag of {options.command}", flag, known))
+        raise InputError(f"{word!r} is one argument too many; see 'voxgran {options.command} --help'")
+    return options
+
+
+def name_flags(sentence: str, options: argparse.Namespace) -> str:
+    """Return a sentence with the names of arguments, as Python has them, replaced by the flags of the command."""
+    for name in vars(options):
+        flag = f"--{name.replace('_', '-')}"
+        sentence = re.sub(rf"(?<![\w\[-]){name}=True\b", flag, sentence)
+        if "_" in name:
+            sentence = re.sub(rf"(?<![\w-]){name}\b", flag, sentence).replace(f"{flag} is None", f"{flag} is missing")
+    return sentence
+
+
 def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
     """Add the family, its parameters as flags, the seed and the output."""
     from voxgran.shapes.family import families
@@ -194,8 +231,7 @@ def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
     if len(named) > 1 and named[0] == "shape":
         for item in parameters_of(families().get(named[1]).parameters):
             flag = "--" + item.name.replace("_", "-")
-            text = f"{item.doc}, {item.type_text} ({default_text(item)})".replace("%", "%%")
-            sub.add_argument(flag, dest=item.name, type=_value, help=text)
+            sub.add_argument(flag, dest=item.name, type=_value, help=parameter_text(item).replace("%", "%%"))
 
 
 def _value(text: str) -> Any:
@@ -206,6 +242,10 @@ def _value(text: str) -> Any:
     return text.split(",") if "," in text else text
 
 
-def default_text(item: Parameter) -> str:
-    """Say what holds when a parameter is left out."""
-    return "must be given" if item.default is MISSING else f"default {item.default!r}"
+def parameter_text(item: Parameter) -> str:
+    """Return the meaning of a parameter, its type or allowed values, and its default in one line."""
+    if item.default is MISSING:
+        rest = "must be given"
+    else:
+        rest = "may be left out" if item.default is None else f"default {item.default!r}"
+    return f"{item.doc} ({item.type_text}; {rest})"

@@ -3,7 +3,9 @@
 import argparse
 import contextlib
 import json
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -61,6 +63,23 @@ def _plain(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def entry_line(name: str, text: str) -> None:
+    """Print a name and, beside it, its text, wrapped to the width of the terminal; nothing where there is no text."""
+    width = max(60, min(shutil.get_terminal_size(fallback=(120, 24)).columns, 120))
+    start = f"{name:21} "
+    if text:
+        print(
+            textwrap.fill(
+                text,
+                width,
+                initial_indent=start,
+                subsequent_indent=" " * len(start),
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
+        )
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> None:

@@ -69,5 +69,7 @@ class Clump:
     def to_shape(self) -> Shape:
         """Return the union of the spheres as a shape, centered at its own centroid."""
         return Shape.of(
-            Spheres(self.centers.copy(), self.radii.copy()), name=f"{self.shape.name}, {self.count} spheres"
+            Spheres(self.centers.copy(), self.radii.copy()),
+            name=f"{self.shape.name}, {self.count} spheres",
+            unit=self.shape.unit,
         )

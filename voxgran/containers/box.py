@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive, as_vector
 from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.calls import explained
 from voxgran.shapes.tessellate import unit_box
 
 
@@ -27,6 +28,8 @@ class Box:
 
     Raises
     ------
+    CallError
+        If the arguments are others than these.
     InputError
         If a length is not between 1e-60 and 1e60, the corner lies beyond, or `periodic` is none of these.
     """
@@ -37,6 +40,7 @@ class Box:
     kind: ClassVar[str] = "box"
     dimension: ClassVar[int] = 3
 
+    @explained(hint='Box((4, 4, 6)) or Box((4, 4, 6), periodic="xy")')
     def __init__(
         self,
         lengths: ArrayLike,

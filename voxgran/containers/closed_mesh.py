@@ -9,9 +9,17 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.errors import InputError, shown
-from voxgran.shapes.files import load_shape
+from voxgran.shapes.diagnose import Remedies
+from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+
+#: what can be done about a file that is not one closed solid
+MENDING = Remedies(
+    mend="use vg.repair, or 'voxgran repair' at the prompt",
+    keep_open="",
+    choose="choose with vg.repair, or 'voxgran repair', and its bodies",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +76,7 @@ class ClosedMesh:
         InputError
             If the path is no path.
         """
-        return cls(load_shape(path, unit=unit))
+        return cls(shape_of_file(path, unit=unit, remedies=MENDING))
 
     @property
     def volume(self) -> float:
@@ -105,6 +113,18 @@ class ClosedMesh:
         """Return the container with all lengths multiplied."""
         x, y, z = (value * factor for value in self.shape.offset)
         return ClosedMesh(Shape(self.shape.geometry.scaled(factor), self.shape.name, (x, y, z), self.shape.unit))
+
+    def to_unit(self, unit: str) -> "ClosedMesh":
+        """Return the container with its lengths in another unit; without a unit they stand as they are.
+
+        Raises
+        ------
+        UnknownNameError
+            If the unit is unknown; the message gives the nearest one.
+        InputError
+            If it is no text, or ``"1"`` where the unit of the mesh is known.
+        """
+        return ClosedMesh(self.shape.to_unit(unit))
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind, vertices (about the centroid), faces and the place of the centroid as JSON-able values."""

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_floats, as_length, as_place, as_positive, as_vector
 from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.calls import explained
 from voxgran.containers.box import box_distance
 
 
@@ -26,6 +27,8 @@ class Rectangle:
 
     Raises
     ------
+    CallError
+        If the arguments are others than these.
     InputError
         If a length is not between 1e-60 and 1e60, the corner lies beyond, or `periodic` is none of these.
     """
@@ -36,6 +39,7 @@ class Rectangle:
     kind: ClassVar[str] = "rectangle"
     dimension: ClassVar[int] = 2
 
+    @explained(hint='Rectangle((4, 6)) or Rectangle((4, 6), periodic="x")')
     def __init__(
         self,
         lengths: ArrayLike,

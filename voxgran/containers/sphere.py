@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
+from voxgran._base.calls import explained
 from voxgran.shapes.tessellate import ball
 
 
@@ -24,6 +25,8 @@ class Sphere:
 
     Raises
     ------
+    CallError
+        If the arguments are others than these.
     InputError
         If the radius is not between 1e-60 and 1e60, or the center lies beyond.
     """
@@ -34,6 +37,7 @@ class Sphere:
     dimension: ClassVar[int] = 3
     periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
+    @explained(hint="Sphere(radius=2)")
     def __init__(self, radius: float, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         a, b, c = (float(value) for value in as_place(origin, "origin"))
         object.__setattr__(self, "radius", as_length(radius, "radius of the sphere"))

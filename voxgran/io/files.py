@@ -92,7 +92,8 @@ def load(
     Returns
     -------
     Packing
-        ``provenance["assumed"]`` says what was taken for granted.
+        ``provenance["assumed"]`` says what was taken for granted. Files of other programs do not tell where gravity
+        acts: it is taken to be downward.
 
     Raises
     ------
@@ -111,6 +112,10 @@ def load(
         if named:
             raise InputError(f"{named[0]} is given for {found}, which holds its own: leave it out")
         return load_packing(found)
+    if found.suffix.lower() == ".toml":
+        raise FileFormatError(
+            f"{found} is a scene and no packing: 'voxgran run {found}' packs it; give the packing.vtp"
+        )
     if found.suffix.lower() in READERS:
         particles = read_vtk_points(found)
     elif "\0" in head:

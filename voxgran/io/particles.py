@@ -12,6 +12,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.axes import Periodic
 from voxgran._base.errors import FileFormatError, InputError, shown, with_article
 from voxgran._base.rotation import quaternions_of
+from voxgran._base.units import known_unit
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
@@ -138,14 +139,16 @@ def packing_of(
             )
         held = type(held)(held.lengths, periodic, origin=held.origin)
         assumed.pop("periodic", None)
-    if unit is None and particles.unit is None:
-        assumed["unit"] = "none: lengths are taken as they stand"
+    named = known_unit(particles.unit)
+    if unit is None and named is None:
+        told = "none" if particles.unit is None else f"{shown(particles.unit)} is no unit that is known"
+        assumed["unit"] = f"{told}: lengths are taken as they stand"
     grains = _balls(particles) if particles.clump is None else _clumps(particles)
     return Packing.of(
         container=held,
         density=particles.density,
         provenance={"method": "file", "parameters": {"path": str(path)}} | ({"assumed": assumed} if assumed else {}),
-        unit=unit or particles.unit or "1",
+        unit=unit or named,
         **grains,
     )
 

@@ -14,15 +14,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, as_faces, as_floats, as_points
+from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_points
 from voxgran._base.errors import FileFormatError, InputError, with_article
+from voxgran._base.units import known_unit
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.make import make_container
+from voxgran.io.older import fields_of
+from voxgran.packing.down import as_down
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.sizes import make_sizes
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface
 
@@ -89,6 +93,8 @@ def to_record(packing: Packing) -> Record:
     arrays["format"] = np.array([FORMAT])
     arrays["density"] = np.array([packing.density])
     arrays["solid_fraction"] = np.array([packing.solid_fraction])
+    arrays["contact_gap"] = np.array([packing.contact_gap])
+    arrays["gravity"] = np.zeros(3) if packing.gravity is None else np.array(packing.gravity)
     texts = {
         "unit": packing.unit,
         "stop_reason": packing.stop_reason,
@@ -97,6 +103,7 @@ def to_record(packing: Packing) -> Record:
         "shapes": _json(shapes, "shapes"),
         "container": _json({"kind": container.kind} if solid else container.to_mapping(), "container"),
         "provenance": _json(packing.provenance, "provenance"),
+        "asked_sizes": _json(None if packing.asked_sizes is None else packing.asked_sizes.to_mapping(), "asked_sizes"),
     }
     return Record(packing.position, per_grain, arrays, texts)
 
@@ -125,21 +132,7 @@ def from_record(record: Record) -> Packing:
             raise FileFormatError(
                 f"the layout has version {version}: this voxgran reads up to {FORMAT}; install a newer one"
             )
-        shapes = tuple(_shape(entry, record.arrays) for entry in json.loads(record.texts["shapes"]))
-        container = json.loads(record.texts["container"])
-        solid = container["kind"] == ClosedMesh.kind
-        packing = Packing.of(
-            shapes[:-1] if solid else shapes,
-            ClosedMesh(shapes[-1]) if solid else make_container(container),
-            position=record.position,
-            scale=record.per_grain["scale"],
-            shape_id=record.per_grain["shape_id"],
-            orientation=record.per_grain["orientation"],
-            density=float(record.arrays["density"][0]),
-            provenance=json.loads(record.texts["provenance"]),
-            stop_reason=record.texts["stop_reason"],
-            unit=record.texts["unit"],
-        )
+        packing = _packing(record)
     except FileFormatError:
         raise
     except (InputError, KeyError, IndexError, TypeError, ValueError) as error:
@@ -147,6 +140,43 @@ def from_record(record: Record) -> Packing:
         raise FileFormatError(f"it holds no packing of voxgran ({reason}): write it again") from error
     # what was checked is normalized to round-off; what was read is what was saved
     return dataclasses.replace(packing, orientation=np.array(record.per_grain["orientation"]).reshape(-1, 4))
+
+
+def _packing(record: Record) -> Packing:
+    """Return the packing of a record, checked."""
+    entries, unit = json.loads(record.texts["shapes"]), known_unit(record.texts["unit"])
+    if unit is None:
+        # before units were checked it was not taken from the shapes: it is theirs, if they agree
+        units = {known_unit(entry["unit"]) for entry in entries} - {None}
+        unit = units.pop() if len(units) == 1 else None
+    shapes = tuple(_shape(entry, record.arrays, unit) for entry in entries)
+    kind = json.loads(record.texts["container"])
+    solid = kind["kind"] == ClosedMesh.kind
+    packing = Packing.of(
+        shapes[:-1] if solid else shapes,
+        ClosedMesh(shapes[-1]) if solid else make_container(kind),
+        position=record.position,
+        scale=record.per_grain["scale"],
+        shape_id=record.per_grain["shape_id"],
+        orientation=record.per_grain["orientation"],
+        density=float(record.arrays["density"][0]),
+        provenance=json.loads(record.texts["provenance"]),
+        stop_reason=record.texts["stop_reason"],
+        unit=unit,
+    )
+    return dataclasses.replace(packing, **_later_fields(record, packing))
+
+
+def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
+    """Return gravity, contact gap and asked sizes, of files without them as the provenance has them."""
+    if "gravity" not in record.arrays:
+        return fields_of(packing.provenance, packing.container, packing.diameters)
+    down, sizes = np.array(record.arrays["gravity"], dtype=np.float64), json.loads(record.texts["asked_sizes"])
+    return {
+        "gravity": as_down(down, packing.container) if down.any() else None,
+        "contact_gap": as_number(float(record.arrays["contact_gap"][0]), "contact_gap", at_least=0.0),
+        "asked_sizes": None if sizes is None else make_sizes(sizes),
+    }
 
 
 def _json(value: Any, name: str) -> str:
@@ -198,10 +228,14 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
     return entries, {**arrays, "shape_radii": np.concatenate(radii)}
 
 
-def _shape(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Shape:
-    """Return the shape of an entry; its key proves that it is the same solid."""
+def _shape(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], unit: str | None) -> Shape:
+    """Return the shape of an entry; its key proves that it is the same solid.
+
+    Its lengths were always taken as those of the packing: another unit, of before units were checked, is left out.
+    """
     x, y, z = (float(value) for value in entry["offset"])
-    shape = Shape(_geometry(entry, arrays), entry["name"], (x, y, z), entry["unit"])
+    own = unit if known_unit(entry["unit"]) == unit else None
+    shape = Shape(_geometry(entry, arrays), entry["name"], (x, y, z), own)
     if shape.key != entry["key"]:
         raise FileFormatError(f"shape {shape.name!r} is not the one that was saved: write the file again")
     return shape

@@ -161,6 +161,6 @@ def _spheres_of_shape(shape: Shape, grain: int) -> tuple[Floats, Floats]:
         return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
     kind = geometry.kind if isinstance(geometry, Primitive | Outline) else type(geometry).__name__.lower()
     raise InputError(
-        f"grain {grain} is {with_article(kind)}: text holds only spheres, clumps of them and disks; save as .vtp, or pack the clumps "
-        "of fit_clump instead"
+        f"grain {grain} is {with_article(kind)}: text holds only spheres, clumps of them and disks; save as .vtp, or "
+        "pack the clumps of fit_clump instead"
     )

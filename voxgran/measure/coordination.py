@@ -4,7 +4,6 @@ Packings that are computed leave gaps where grains in truth touch: of the order 
 points, of a tolerance. The curve over the gap shows a plateau where the coordination number means something.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -99,17 +98,9 @@ def usual_gap(packing: Packing) -> float:
     Returns
     -------
     float
-        One voxel, or the spacing of the control points, where the provenance tells of them; at least 0.01.
+        The contact gap of the packing, such as one voxel or the spacing of the control points; at least 0.01.
     """
-    parameters = packing.provenance.get("parameters")
-    stated = parameters if isinstance(parameters, Mapping) else {}
-    voxel, spacing = stated.get("voxel_size"), stated.get("spacing")
-    gaps = [REFERENCE_GAP]
-    if isinstance(voxel, int | float) and packing.count:
-        gaps.append(float(voxel) / mean_diameter(packing))
-    if isinstance(spacing, int | float):
-        gaps.append(float(spacing))
-    return max(gaps)
+    return max(REFERENCE_GAP, packing.contact_gap / mean_diameter(packing)) if packing.count else REFERENCE_GAP
 
 
 def near_contacts(packing: Packing, gap: float | None = None) -> Contacts:

@@ -26,13 +26,12 @@ def bulk_solid_fraction(packing: Packing) -> Estimate:
     """Return the solid fraction away from the walls and from the free surface.
 
     The bulk lies at least 1.5 median diameters from each wall, and below the height that holds 85 % of the volume of
-    the grains where gravity is not along a periodic axis. Grains are cut exactly, and volume that overlaps counts once.
+    the grains where there is gravity. Grains are cut exactly, and volume that overlaps counts once.
 
     Parameters
     ----------
     packing : Packing
-        The packing. The direction of gravity is the parameter ``gravity`` of its provenance, else ``-z`` (in
-        2D ``-y``).
+        The packing.
 
     Returns
     -------

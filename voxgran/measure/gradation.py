@@ -5,7 +5,6 @@ distance between the asked and the placed distribution is that of Kolmogorov and
 cumulative curves.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,6 @@ from voxgran.measure.grains import intermediate_axes
 from voxgran.measure.model import Measure, dataset, length_unit, variable
 from voxgran.packing.model import Packing
 from voxgran.shapes.size_laws import Basis, SizeDistribution
-from voxgran.shapes.sizes import make_sizes
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -62,19 +60,14 @@ def gradation(packing: Packing) -> Gradation:
     Parameters
     ----------
     packing : Packing
-        The packing; the distribution that was asked is looked up in its provenance.
+        The packing, with the distribution that was asked for.
 
     Returns
     -------
     Gradation
         Without points where there are no grains.
-
-    Raises
-    ------
-    InputError
-        If the distribution in the provenance breaks a rule.
     """
-    asked = asked_sizes(packing)
+    asked = packing.asked_sizes
     by_axis = asked is not None and asked.by_intermediate_axis
     diameters, axes = packing.diameters, intermediate_axes(packing)
     both = np.concatenate([diameters, axes])
@@ -91,26 +84,6 @@ def gradation(packing: Packing) -> Gradation:
             shares[basis] = asked.cumulative(sizes, basis=basis, dimension=packing.dimension)
             distance[basis] = _distance(packing, asked, axes if by_axis else diameters, weights, basis=basis)
     return Gradation(sizes, placed, by_axes, shares, distance, by_axis)
-
-
-def asked_sizes(packing: Packing) -> SizeDistribution | None:
-    """Return the distribution of sizes that the provenance says was asked for, None where it says nothing.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-
-    Raises
-    ------
-    InputError
-        If what is recorded there is no distribution.
-    """
-    record = packing.provenance
-    asked = record.get("asked")
-    nested = asked.get("sizes") if isinstance(asked, Mapping) else None
-    mapping = record.get("sizes") or nested
-    return make_sizes(mapping) if isinstance(mapping, Mapping) else None
 
 
 def _cumulative(sizes: Floats, weights: Floats, points: Floats) -> Floats:

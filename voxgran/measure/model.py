@@ -115,7 +115,8 @@ def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTre
         names = [which] if isinstance(which, str) else which
         chosen = [registry.get(name) for name in dict.fromkeys([*names, *ALWAYS])]
     groups: dict[str, Any] = {"/": dataset({"count": variable((), packing.count, "1", "number of grains")})}
-    groups["/"].attrs["unit"] = packing.unit
+    told = {"unit": packing.unit, "gravity": packing.gravity or "none", "contact_gap": packing.contact_gap}
+    groups["/"].attrs.update(told)
     for entry in chosen:
         for group, found in entry.compute(packing).items():
             groups[group] = groups[group].merge(found, compat="identical") if group in groups else found

@@ -91,8 +91,8 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
 def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     """Return the solid fraction as a function of the distance from the nearest wall.
 
-    Only what lies below the height that holds 85 % of the volume is looked at, where gravity is not along a periodic
-    axis.
+    Only what lies below the height that holds 85 % of the volume is looked at, where there is
+    gravity.
 
     Parameters
     ----------

@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 #: what differs between runs that give the same grains; it is told, but not hashed
-NOT_HASHED = ("timing", "threads", "wall_seconds")
+NOT_HASHED = ("timing", "wall_seconds")
 
 
 def content_hash(packing: Packing) -> str:
-    """Return the SHA-256 hash of the record and of the arrays of a packing, without times and threads.
+    """Return the SHA-256 hash of the record and of the arrays of a packing, without times.
 
     Parameters
     ----------
@@ -43,6 +43,8 @@ def _record(packing: Packing) -> dict[str, Any]:
         "stop_reason": packing.stop_reason,
         "unit": packing.unit,
         "density": packing.density,
+        "gravity": packing.gravity,
+        "contact_gap": packing.contact_gap,
         "container": {"kind": packing.container.kind, "sha256": container},
         "shapes": [{"name": shape.name, "key": shape.key} for shape in packing.shapes],
         "grains": {"count": packing.count, "sha256": arrays.hexdigest()},
@@ -62,7 +64,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
     values = {
         "record": variable((), json_text(_record(packing)), "1", "how the packing was made, as JSON"),
         "content_hash": variable((), content_hash(packing), "1", "SHA-256 of the record"),
-        "not_hashed": variable((), json_text(told), "1", "times and threads, as JSON"),
+        "not_hashed": variable((), json_text(told), "1", "times, as JSON"),
         "wall_seconds": variable((), _seconds(packing.provenance), "s", "wall time of the run"),
         "stop_reason": variable((), packing.stop_reason, "1", "why the method stopped"),
     }

@@ -6,7 +6,6 @@ each voxel of its shape, and the standard error is given.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -21,6 +20,7 @@ from voxgran.containers.sphere import Sphere
 from voxgran.measure.cylinders import cut_balls_by_cylinder
 from voxgran.measure.halfspaces import cut_balls
 from voxgran.measure.window import Estimate, Solids
+from voxgran.packing.down import main_axis
 from voxgran.packing.model import Packing
 from voxgran.voxels.occupy import voxelize
 
@@ -50,8 +50,7 @@ class Regions:
     Parameters
     ----------
     packing : Packing
-        The packing. Gravity is what its provenance says, downward where it says nothing; where an axis is periodic
-        there is none along it.
+        The packing.
     """
 
     def __init__(self, packing: Packing) -> None:
@@ -257,18 +256,12 @@ class SampledRegion:
 
 
 def gravity_of(packing: Packing) -> tuple[int, int] | None:
-    """Return axis and sign of gravity, None where there is none.
-
-    It is the parameter ``gravity`` of the provenance, such as ``"-z"`` or ``"none"``, and downward where that is
-    silent. Along a periodic axis there is none.
-    """
-    parameters = packing.provenance.get("parameters")
-    stated = parameters.get("gravity") if isinstance(parameters, Mapping) else None
-    text = ("-z" if packing.dimension == 3 else "-y") if stated is None else str(stated)
-    axis = "xyz".find(text[-1:].lower() or "?")
-    if axis < 0 or axis >= packing.dimension or packing.container.periodic[axis]:
+    """Return the axis along which gravity is strongest, and its sign; None where there is none."""
+    if packing.gravity is None:
         return None
-    return axis, 1 if text.startswith("+") else -1
+    down = main_axis(np.array(packing.gravity))
+    axis = int(np.flatnonzero(down)[0])
+    return axis, int(down[axis])
 
 
 def held_height(solids: Solids, axis: int, sign: int) -> float:

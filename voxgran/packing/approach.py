@@ -31,7 +31,7 @@ class Encounter:
     Parameters
     ----------
     standing, coming : Shape
-        The grains.
+        The grains; where both have a unit, the second is converted to that of the first.
     contact, ways, spacing, distance
         As in the parameters of the method ``control_point``; the distance in the unit of lengths.
     seed : int
@@ -54,6 +54,8 @@ class Encounter:
         distance: float = 0.0,
         seed: int = 0,
     ) -> None:
+        if standing.unit is not None and coming.unit is not None:
+            coming = coming.to_unit(standing.unit)
         self._unit = unit = max(standing.diameter, coming.diameter)
         wide = 8.0 * (standing.bounding_radius + coming.bounding_radius) / unit + 4.0
         settings = ControlPoint(contact=contact, ways=ways, spacing=spacing, distance=distance)  # type: ignore[arg-type]

@@ -1,17 +1,24 @@
 """What `pack` and its like are given, checked before anything is drawn: types and lengths."""
 
 import os
+import warnings
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from voxgran._base.arrays import check_lengths, check_type
-from voxgran._base.errors import InputError, shown
+from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.files import as_path
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution
+
+if TYPE_CHECKING:
+    from voxgran.packing.problem import Problem
+
+#: parts of the container, by length and by volume, below which sizes are likely in another unit than the container
+TINY, NOTHING = 1e-3, 1e-6
 
 
 def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Shape, ...]:
@@ -98,3 +105,28 @@ def check_drive(checkpoint: Any, resume: Any, on_step: Any, recorder: Any) -> No
         raise InputError(f"on_step is {shown(on_step)}: it must be a function of a step; change it")
     if recorder is not None and not (hasattr(recorder, "due") and hasattr(recorder, "record")):
         raise InputError(f"recorder is {shown(recorder)}: it must have the methods due and record; give a Series")
+
+
+def warn_of_units(problem: "Problem") -> None:
+    """Warn where grains are so small, and so few, that sizes and container are likely in different units.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the grains drawn.
+    """
+    if problem.start is not None or not problem.count:
+        return
+    bounds = problem.container.bounds
+    edge = float((bounds[1] - bounds[0])[: problem.dimension].min())
+    largest, share = float(problem.diameter.max()), float(problem.volumes.sum()) / problem.container.volume
+    if largest <= TINY * edge and share < NOTHING:
+        unit = "" if problem.unit == "1" else f" {problem.unit}"
+        warnings.warn(
+            f"all {problem.count} grains, of diameters up to {largest * problem.unit_length:g}{unit}, fill "
+            f"{share:.1g} of a container that is {edge * problem.unit_length:g}{unit} wide: if that is a mistake of "
+            "units, give sizes and container in the same one",
+            PackingWarning,
+            # the same place for a plan and for the run after it, so that it is told once
+            stacklevel=2,
+        )

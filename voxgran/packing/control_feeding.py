@@ -4,8 +4,9 @@ import numpy as np
 
 from voxgran.packing.control_setting import Setting, bed_of, put_lid
 from voxgran.packing.control_walls import room_of_lid
+from voxgran.packing.down import main_axis
 from voxgran.packing.feeding import SETTLE_SWEEPS
-from voxgran.packing.gravity import gravity_vector, main_axis
+from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 

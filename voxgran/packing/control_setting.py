@@ -30,8 +30,9 @@ from voxgran.packing.control_records import (
     Walls,
 )
 from voxgran.packing.control_walk import link_all, span_all
+from voxgran.packing.down import main_axis
 from voxgran.packing.fields import MARGIN, Fields, make_fields
-from voxgran.packing.gravity import gravity_vector, main_axis
+from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.method import State
 from voxgran.packing.point_cells import make_cells, no_cells
 from voxgran.packing.problem import Problem

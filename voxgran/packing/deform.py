@@ -7,7 +7,8 @@ grain without contact has its own shape, to the last bit.
 
 References
 ----------
-Sajjadi & Khalili 2015, Control points in packing of particles of arbitrary shape: deformable bodies are its outlook.
+Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of
+Discontinuous Materials: deformable bodies are its outlook
 Elandt, Drumwright, Sherman & Ruina 2019, A pressure field model for fast, robust approximation of net contact force and
 moment between nominally rigid objects, doi:10.1109/IROS40897.2019.8968548: equal pressures as the contact surface
 """

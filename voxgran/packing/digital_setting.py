@@ -27,7 +27,8 @@ from voxgran.packing.bits import (
     write_turned,
 )
 from voxgran.packing.digital_records import Grains, Members
-from voxgran.packing.gravity import gravity_vector, main_axis
+from voxgran.packing.down import main_axis
+from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.lattice import ContainerLattice, container_lattice, free_voxels
 from voxgran.packing.method import State
 from voxgran.packing.pair_tables import make_tables, no_tables, table_bytes

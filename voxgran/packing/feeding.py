@@ -14,7 +14,8 @@ from voxgran._base.errors import InputError
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.sphere import Sphere
-from voxgran.packing.gravity import gravity_vector, main_axis
+from voxgran.packing.down import main_axis
+from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 

@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.walls import beyond_lid
-from voxgran.packing.gravity import main_axis
+from voxgran.packing.down import main_axis
 from voxgran.packing.method import State
 from voxgran.packing.settle import CALM, follow, part_once
 from voxgran.packing.wishes import falling, shaken

@@ -76,7 +76,6 @@ def packing_of_labels(
             "border": border,
             "smoothing": smoothing,
             "periodic": axis_names(turns),
-            "gravity": "none",
         },
         "labels": [grain.label for grain in grains],
         "largest_volume_error": float(errors.max()),
@@ -87,5 +86,7 @@ def packing_of_labels(
         position=np.array([grain.position for grain in grains]),
         shape_id=np.arange(len(grains)),
         provenance=record,
-        unit=unit or "1",
+        unit=unit,
+        gravity=None,
+        contact_gap=float(size.max()),
     )

@@ -136,7 +136,7 @@ def draw_grains(
             f"{removed['count']} grains of volume {removed['volume']:.6g} cannot fit in the container: the "
             "gradation is cut there; make the container larger to keep it whole",
             PackingWarning,
-            stacklevel=3,
+            stacklevel=5,
         )
     return Grains(shape_id[fits], diameter[fits], removed)
 
@@ -220,7 +220,7 @@ def _draw(
             return shape_ids[: drawn + enough + 1], diameters[: drawn + enough + 1]
         volume, drawn = float(volumes[-1]), drawn + BLOCK
     raise InputError(
-        f"the grains fill {volume / target:.3g} of the wanted volume after {drawn}: give a count or larger sizes"
+        f"{drawn} grains were drawn and have {volume / target:.3g} of the wanted volume: give a count or larger sizes"
     )
 
 

@@ -70,7 +70,9 @@ def inscribe(
     True
     """
     check_packing(packing, "packing")
-    given = check_shapes(shapes)
+    # only forms are taken from the shapes, all sizes from the balls: another unit of theirs does not matter
+    own = (None, packing.unit)
+    given = tuple(shape if shape.unit in own else replace(shape, unit=None) for shape in check_shapes(shapes))
     for shape in given:
         if shape.dimension != packing.dimension:
             raise InputError(
@@ -95,6 +97,9 @@ def inscribe(
         },
         stop_reason=packing.stop_reason,
         unit=packing.unit,
+        gravity=packing.gravity,
+        contact_gap=packing.contact_gap,
+        asked_sizes=packing.asked_sizes,
     )
     # what is in the ball of a shape of size 1 is brought into the ball of the grain
     scale = packing.bounding_radii / balls[inscribed.shape_id, 3]

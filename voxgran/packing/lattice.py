@@ -4,15 +4,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
 from voxgran.lattice.grid import Grid
+from voxgran.packing.hand_over import packing_of_poses
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.voxels.occupy import occupy
@@ -143,8 +144,9 @@ def packing_on_lattice(
     orientation: Floats,
     provenance: dict[str, Any],
     stop_reason: str,
+    gravity: ArrayLike | None,
 ) -> Packing:
-    """Return the packing of grains whose centroids lie at corners of voxels.
+    """Return the packing of grains whose centroids lie at corners of voxels; contacts are open by up to one voxel.
 
     Parameters
     ----------
@@ -162,6 +164,8 @@ def packing_on_lattice(
         What the method tells beyond its parameters, which are added with the voxel size.
     stop_reason : str
         Empty while there is more to do.
+    gravity : (3,) array_like of float or None
+        Unit vector in which gravity acts; zero or None where there is none.
     """
     return packing_of_poses(
         problem,
@@ -171,6 +175,8 @@ def packing_on_lattice(
         provenance=provenance,
         voxel_size=lattice.voxel_size,
         stop_reason=stop_reason,
+        gravity=gravity,
+        contact_gap=lattice.voxel_size,
     )
 
 
@@ -180,46 +186,3 @@ def positions_on(lattice: ContainerLattice, site: Integers, dimension: int) -> F
     if dimension == 2:
         position[:, 2] = 0.0
     return np.asarray(position)
-
-
-def packing_of_poses(
-    problem: Problem,
-    placed: Integers,
-    *,
-    position: Floats,
-    orientation: Floats,
-    provenance: dict[str, Any],
-    voxel_size: float,
-    stop_reason: str,
-) -> Packing:
-    """Return the packing of grains in the user's unit of lengths.
-
-    Parameters
-    ----------
-    problem : Problem
-        In the normalized frame.
-    placed : (m,) ndarray of int
-        Which grains.
-    position, orientation : ndarray of float
-        Their poses, in median diameters.
-    provenance : dict
-        What the method tells beyond its parameters, which are added with the voxel size.
-    voxel_size : float
-        Edge of a voxel, in median diameters.
-    stop_reason : str
-        Empty while there is more to do.
-    """
-    shape_id = problem.shape_id[placed]
-    own = np.array([shape.diameter for shape in problem.original])
-    resolved = {**to_mapping(problem.parameters), "voxel_size": voxel_size * problem.unit_length}
-    resolved.update(provenance.get("parameters", {}))
-    return Packing.of(
-        problem.original,
-        problem.container.scaled(problem.unit_length),
-        position=position * problem.unit_length,
-        scale=problem.diameter[placed] * problem.unit_length / own[shape_id],
-        shape_id=shape_id,
-        orientation=orientation,
-        provenance={**provenance, "parameters": resolved},
-        stop_reason=stop_reason or "interrupted",
-    )

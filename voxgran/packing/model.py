@@ -1,18 +1,22 @@
 """Packing: grains where a method left them, the type that the packing room hands on."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, TypeAlias
 
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import as_choice, as_number, as_positive
+from voxgran._base.units import as_unit, unit_factor
 from voxgran.contacts.assembly import Assembly, checked_arrays
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.model import Contacts
 from voxgran.containers.model import Container
+from voxgran.packing.down import Down, as_down
+from voxgran.packing.one_unit import converted, in_one_unit
 from voxgran.shapes.model import Shape
+from voxgran.shapes.size_laws import SizeDistribution
 
 StopReason: TypeAlias = Literal["settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted"]
 STOP_REASONS: tuple[str, ...] = (
@@ -39,13 +43,23 @@ class Packing(Assembly):
     stop_reason : str
         One of :data:`STOP_REASONS`.
     unit : str
-        Unit of all lengths.
+        Unit of all lengths, ``"1"`` where none is known.
+    gravity : tuple of float or None
+        Unit vector in which gravity acts; None where there is none.
+    contact_gap : float
+        Distance of their surfaces up to which the method leaves grains open that touch, in the unit of lengths; 0
+        where that is not known.
+    asked_sizes : SizeDistribution or None
+        Distribution of sizes that was asked for; None where there was none.
     """
 
     density: float = 1.0
     provenance: Mapping[str, Any] = field(default_factory=dict)
     stop_reason: str = "count"
     unit: str = "1"
+    gravity: Down | None = None
+    contact_gap: float = 0.0
+    asked_sizes: SizeDistribution | None = None
 
     @classmethod
     def of(
@@ -60,7 +74,10 @@ class Packing(Assembly):
         density: float = 1.0,
         provenance: Mapping[str, Any] | None = None,
         stop_reason: str = "count",
-        unit: str = "1",
+        unit: str | None = None,
+        gravity: ArrayLike | None = "down",
+        contact_gap: float = 0.0,
+        asked_sizes: SizeDistribution | None = None,
     ) -> "Packing":
         """Make a packing from array-likes.
 
@@ -84,8 +101,16 @@ class Packing(Assembly):
             JSON-able record.
         stop_reason : str
             One of :data:`STOP_REASONS`.
-        unit : str
-            Unit of all lengths.
+        unit : str, optional
+            Unit of all lengths; left out or ``"1"``: the one of the shapes, where one is known. Shapes of other units
+            are converted to it, those without a unit are taken to be in it.
+        gravity : str or (3,) array_like of float, optional
+            Where gravity acts, an axis such as ``"-z"`` or any vector; None or ``"none"``: nowhere. ``"down"`` is
+            ``"-z"``, in two dimensions ``"-y"``, and nowhere if that axis is periodic.
+        contact_gap : float
+            Distance of their surfaces up to which grains are said to touch; 0 where that is not known.
+        asked_sizes : SizeDistribution, optional
+            Distribution of sizes that was asked for.
 
         Returns
         -------
@@ -95,12 +120,55 @@ class Packing(Assembly):
         ------
         InputError
             If an array has the wrong length, a scale or the density is not above 0, a shape index is out of range,
-            the dimension of a shape is not that of the container, a grain lies off the plane in 2D, or the stop reason
-            is unknown.
+            the dimension of a shape is not that of the container, a grain lies off the plane in 2D, the stop reason
+            is unknown, gravity is no direction or has a part along a periodic axis or out of the plane, the contact gap
+            is negative, or shapes have several units and none is given.
+        UnknownNameError
+            If the unit is unknown; the message gives the nearest one.
         """
-        arrays = checked_arrays(shapes, container, position, scale, shape_id, orientation)
-        reason = as_choice(stop_reason, "stop_reason", STOP_REASONS)
-        return cls(*arrays, container, as_positive(density, "density"), dict(provenance or {}), reason, unit)
+        shapes, container, unit = in_one_unit(shapes, container, unit)
+        return cls(
+            *checked_arrays(shapes, container, position, scale, shape_id, orientation),
+            container,
+            as_positive(density, "density"),
+            dict(provenance or {}),
+            as_choice(stop_reason, "stop_reason", STOP_REASONS),
+            unit,
+            as_down(gravity, container),
+            as_number(contact_gap, "contact_gap", at_least=0.0),
+            asked_sizes,
+        )
+
+    def to_unit(self, unit: str) -> "Packing":
+        """Return the same packing with all lengths in another unit; the density stays the number that it is.
+
+        Parameters
+        ----------
+        unit : str
+            Unit of length, such as ``"mm"``.
+
+        Raises
+        ------
+        UnknownNameError
+            If the unit is unknown; the message gives the nearest one.
+        InputError
+            If it is no text, or only one of the two units is known.
+        """
+        target = as_unit(unit)
+        if target == self.unit:
+            return self
+        factor = unit_factor(self.unit, target)
+        shapes, container = converted(self.shapes, self.container, self.unit, target)
+        return replace(
+            self,
+            shapes=shapes,
+            position=self.position * factor,
+            container=container,
+            provenance={**self.provenance, "converted": {"from": self.unit, "to": target}},
+            unit=target,
+            contact_gap=self.contact_gap * factor,
+            asked_sizes=None if self.asked_sizes is None else self.asked_sizes.scaled(factor),
+        )
 
     @cached_property
     def solid_fraction(self) -> float:

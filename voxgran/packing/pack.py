@@ -1,6 +1,7 @@
 """`pack`: from shapes and a container to a packing, by any registered method."""
 
 import importlib.metadata
+import inspect
 import os
 import time
 import warnings
@@ -11,20 +12,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_count, as_number
+from voxgran._base.arrays import as_count, as_number, as_positive
+from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.progress import OnStep
+from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.containers.model import Container
-from voxgran.packing.asked import check_asked, check_drive
+from voxgran.packing.asked import check_asked, check_drive, warn_of_units
 from voxgran.packing.grains import Grains, draw_grains, size_distance
 from voxgran.packing.method import PackingMethod, State, method_registry
 from voxgran.packing.model import Packing
+from voxgran.packing.one_unit import in_one_unit
 from voxgran.packing.problem import Problem
 from voxgran.packing.run import Drive, Recorder, drive
 from voxgran.packing.start import Start, check_start
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution
+
+#: what helps where a count or a solid fraction is missed, and where the method found that there is no room
+FEWER = "make the container larger, the grains fewer, or give the method more attempts"
+LESS = "ask for less, give the method more attempts or choose a method that packs denser"
+NO_ROOM = "no grain finds room any more; ask for less, take smaller grains or choose a method that packs denser"
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +44,10 @@ class Task:
     problem: Problem
     removed: dict[str, float]
     asked: dict[str, Any]
+    sizes: SizeDistribution | None
 
 
+@explained(hint='pack(shapes, Box((4, 4, 4)), method="digital", count=20)')
 def pack(
     shapes: Sequence[Shape] | Shape,
     container: Container,
@@ -49,7 +60,8 @@ def pack(
     weights_by: str = "number",
     seed: int = 0,
     start: Packing | None = None,
-    threads: int | None = None,
+    unit: str | None = None,
+    density: float | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     time_limit: float | None = None,
@@ -70,8 +82,9 @@ def pack(
     count : int, optional
         How many grains.
     solid_fraction : float, optional
-        Wanted solid fraction. With a count too, whichever comes first; with neither, grains are added until the
-        method stops. What is missed, of it, of the count and of the gradation, is in the provenance.
+        Wanted solid fraction. With a count too, the packing ends with whichever comes first; with neither, grains are
+        added until the method stops. Where neither target is reached, a warning says so and the provenance holds
+        under ``missed`` what is missing to each of them, and by how much the gradation differs.
     sizes : SizeDistribution, optional
         Distribution of the equivalent diameters, in the unit of the container; each shape at its own size where
         left out.
@@ -86,8 +99,11 @@ def pack(
         have room, at last raised (:mod:`voxgran.packing.start`). They come first in the result. `count` and
         `solid_fraction` are then those of further grains; with neither, there are none. Where `shapes` is empty they
         have those of the start.
-    threads : int, optional
-        Most threads to use; the result does not depend on it.
+    unit : str, optional
+        Unit of all lengths that have none of their own: container, sizes, parameters, regular shapes. Shapes of other
+        units are converted to it. Left out: that of the start, or else the one of the shapes, where it is known.
+    density : float, optional
+        Density of the material; left out: that of the start, or else 1.
     checkpoint : path-like, optional
         File for checkpoints, written every ten seconds, when the run is asked to stop, and at the end. It holds the
         poses and little more: some hundred bytes a grain, whatever the shapes.
@@ -109,12 +125,14 @@ def pack(
 
     Raises
     ------
+    CallError
+        If an argument that must be given is missing.
     UnknownNameError
-        If the method or a parameter is unknown.
+        If the method, a parameter or the unit is unknown.
     InputError
-        If an argument is of another type, a value breaks a rule, a length is not between 1e-60 and 1e60, the grains
-        have more volume than the container, equal balls are asked for a solid fraction beyond that of the densest
-        lattice, or the method packs no open surfaces.
+        If an argument is of another type, a value breaks a rule, shapes have several units and none is given, a length
+        is not between 1e-60 and 1e60, the grains have more volume than the container, equal balls are asked for a solid
+        fraction beyond that of the densest lattice, or the method packs no open surfaces.
     GrainTooLargeError
         If no grain can fit.
     TooLargeError
@@ -125,6 +143,11 @@ def pack(
         If the checkpoint cannot be written.
     Interrupted
         On SIGINT or SIGTERM, after a checkpoint was written.
+
+    Warns
+    -----
+    PackingWarning
+        If neither the count nor the solid fraction is reached, or grains cannot fit.
 
     Examples
     --------
@@ -145,18 +168,18 @@ def pack(
         weights_by=weights_by,
         seed=seed,
         start=start,
+        unit=unit,
+        density=density,
         parameters=parameters,
     )
-    used = 1 if threads is None else min(as_count(threads, "threads", at_least=1), 1)
     if time_limit is not None:
         as_number(time_limit, "time_limit", at_least=0.0)
     check_drive(checkpoint, resume, on_step, recorder)
     how = Drive(checkpoint, resume, on_step, time_limit=time_limit, recorder=recorder)
     state = drive(task.method, task.problem, how)
-    packing = task.method.finish(task.problem, state)
+    packing = with_provenance(task, state, task.method.finish(task.problem, state), seconds=time.monotonic() - began)
     _warn_of_misses(task, packing)
-    seconds = time.monotonic() - began
-    return with_provenance(task, state, packing, seconds=seconds, threads=used)
+    return packing
 
 
 def prepare_task(
@@ -172,13 +195,15 @@ def prepare_task(
     seed: int,
     parameters: dict[str, Any],
     start: Packing | None = None,
+    unit: str | None = None,
+    density: float | None = None,
 ) -> Task:
     """Check what was asked, draw the grains and put all into the normalized frame; nothing is packed.
 
     Raises
     ------
     UnknownNameError
-        If the method or a parameter is unknown.
+        If the method, a parameter or the unit is unknown.
     InputError
         If a value breaks a rule.
     GrainTooLargeError
@@ -187,10 +212,15 @@ def prepare_task(
         If more than 100 million grains are asked for.
     """
     chosen = method_registry().get(method)
-    settings: Any = from_mapping(chosen.parameters, parameters, f"method {method!r}")
+    settings: Any = from_mapping(chosen.parameters, parameters, f"method {method!r}", beside=_arguments())
     given = check_asked(shapes, container, sizes, start)
+    if as_unit(unit) == NO_UNIT and start is not None:
+        unit = start.unit
+    given, container, unit = in_one_unit(given, container, unit)
     if start is not None:
         check_start(start, container.dimension)
+        start = start if start.unit == NO_UNIT else start.to_unit(unit)
+        density = start.density if density is None else density
     _refuse_unfit(chosen, given if start is None else (*given, *start.shapes), container)
     none_asked = start is not None and count is None and solid_fraction is None
     grains = draw_grains(
@@ -219,7 +249,15 @@ def prepare_task(
             diameter=np.concatenate([start.diameters, grains.diameter]),
         )
         given = (*start.shapes, *given)
-    return Task(chosen, _problem(given, container, grains, settings, seed=seed, start=start), grains.removed, asked)
+    problem = _problem(given, container, grains, settings, seed=seed, start=start)
+    problem.unit, problem.density = unit, 1.0 if density is None else as_positive(density, "density")
+    warn_of_units(problem)
+    return Task(chosen, problem, grains.removed, asked, sizes)
+
+
+def _arguments() -> tuple[str, ...]:
+    """Return the names of the arguments of `pack` itself, which a misspelt parameter may have meant."""
+    return tuple(item.name for item in inspect.signature(pack).parameters.values() if item.kind is item.KEYWORD_ONLY)
 
 
 def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Container) -> None:
@@ -263,46 +301,70 @@ def _problem(
     )
 
 
-def with_provenance(task: Task, state: State, packing: Packing, *, seconds: float, threads: int) -> Packing:
-    """Return the packing with the record of what was asked, done and missed."""
+def with_provenance(task: Task, state: State, packing: Packing, *, seconds: float) -> Packing:
+    """Return the packing with the record of what was asked, done and missed, and the target that ended it."""
     problem = task.problem
     libraries = ("numpy", "scipy", "numba", "open3d", "vtk", "manifold3d")
+    missed = _misses(task, packing)
     record = {
         "method": task.method.name,
         "parameters": to_mapping(problem.parameters),
         "seed": problem.seed,
         "asked": task.asked,
         "placed": {"count": packing.count, "solid_fraction": packing.solid_fraction},
-        "missed": _misses(task, packing),
+        "missed": missed,
         "shapes": [{"name": shape.name, "key": shape.key} for shape in packing.shapes],
         "median_diameter": problem.unit_length,
         "counters": {**state.counters, **problem.counters, "attempts": state.done},
-        "threads": threads,
         "versions": {name: importlib.metadata.version(name) for name in ("voxgran", *libraries) if _installed(name)},
         "timing": {"wall_seconds": seconds},
         **packing.provenance,
     }
-    return replace(packing, provenance=record)
+    made = replace(packing, provenance=record, asked_sizes=task.sizes)
+    if packing.stop_reason == "count" and _ended_by_solid_fraction(task) and not missed["solid_fraction"]:
+        return replace(made, stop_reason="solid_fraction")
+    return made
+
+
+def _ended_by_solid_fraction(task: Task) -> bool:
+    """Return whether the solid fraction, and not the count, decided how many grains were drawn."""
+    count, solid_fraction = task.asked["count"], task.asked["solid_fraction"]
+    drawn = task.problem.count - _started(task) + task.removed["count"]
+    return solid_fraction is not None and (count is None or drawn < count)
+
+
+def _started(task: Task) -> int:
+    """Return the number of grains that were there from the beginning; no target counts them."""
+    return 0 if task.problem.start is None else task.problem.start.count
 
 
 def _misses(task: Task, packing: Packing) -> dict[str, float]:
     """Return by how much the packing misses what was asked: grains, solid fraction, and gradation by number.
 
-    Where its grains grew at the end, this is told of them before: sizes and solid fraction were asked of those.
+    The count and the solid fraction are met together, by whichever comes first. Where the grains grew at the end, all
+    of this is said of the packing before: its sizes and its solid fraction were asked for.
     """
-    growth = packing.provenance.get("growth")
-    here = 0 if task.problem.start is None else task.problem.start.count
-    missed: dict[str, float] = {"count": task.problem.count - packing.count}
-    if task.asked["solid_fraction"] is not None and task.asked["count"] is None:
+    growth, started = packing.provenance.get("growth"), _started(task)
+    count, solid_fraction = task.asked["count"], task.asked["solid_fraction"]
+    drawn = task.problem.count - started
+    wanted = drawn if count is None else max(drawn, count - int(task.removed["count"]))
+    missed: dict[str, float] = {"count": wanted - (packing.count - started)}
+    if solid_fraction is not None:
         reached = packing.solid_fraction if growth is None else growth["solid_fraction_before"]
-        missed["solid_fraction"] = max(0.0, float(task.asked["solid_fraction"]) - reached)
+        reached -= float(task.problem.volumes[:started].sum() / task.problem.container.volume)
+        missed["solid_fraction"] = max(0.0, float(solid_fraction) - reached)
+        # differences of rounding are none
+        if missed["solid_fraction"] <= 1e-12:
+            missed["solid_fraction"] = 0.0
+        if (count is not None and missed["count"] <= 0) or not missed["solid_fraction"]:
+            missed.update(count=0, solid_fraction=0.0)
     missed["gradation"] = 0.0
-    if missed["count"] and growth is not None:
+    if packing.count - started < drawn and growth is not None:
         missed["gradation"] = growth["gradation_missed_before"]
-    elif missed["count"]:
+    elif packing.count - started < drawn:
         # grains of the start come first, and nobody asked for their sizes
-        drawn, placed = task.problem.diameter[here:], packing.diameters[here:]
-        missed["gradation"] = size_distance(drawn * task.problem.unit_length, placed)
+        asked_for, placed = task.problem.diameter[started:], packing.diameters[started:]
+        missed["gradation"] = size_distance(asked_for * task.problem.unit_length, placed)
     return {**missed, **{f"cannot_fit_{k}": v for k, v in task.removed.items()}}
 
 
@@ -316,12 +378,17 @@ def _installed(name: str) -> bool:
 
 
 def _warn_of_misses(task: Task, packing: Packing) -> None:
-    """Warn where a count was asked and not reached."""
-    asked = task.asked["count"]
-    if asked is not None and packing.count < task.problem.count and packing.stop_reason != "interrupted":
-        warnings.warn(
-            f"{packing.count} of {asked} grains were placed before the method stopped ({packing.stop_reason}): make "
-            "the container larger, the grains fewer, or give the method more attempts",
-            PackingWarning,
-            stacklevel=3,
-        )
+    """Warn where neither the count nor the solid fraction that was asked for is reached."""
+    missed, asked, reason = packing.provenance["missed"], task.asked, packing.stop_reason
+    parts = []
+    if asked["count"] is not None and missed["count"] > 0:
+        placed = packing.count - _started(task)
+        parts.append(f"{placed} of {asked['count']} grains were placed before the method stopped ({reason})")
+    if asked["solid_fraction"] is not None and missed["solid_fraction"] > 0:
+        reached = asked["solid_fraction"] - missed["solid_fraction"]
+        parts.append(f"the solid fraction is {reached:.4g} instead of {asked['solid_fraction']:.4g}")
+        if len(parts) == 1:
+            parts[0] += f" where the method stopped ({reason})"
+    if parts and reason != "interrupted":
+        remedy = NO_ROOM if reason in ("saturated", "full") else FEWER if missed["count"] and asked["count"] else LESS
+        warnings.warn(f"{' and '.join(parts)}: {remedy}", PackingWarning, stacklevel=4)

@@ -48,6 +48,10 @@ class Problem:
         The shapes as the user gave them.
     start : Start or None
         Poses of the first grains, which are there from the beginning.
+    unit : str
+        The user's unit of lengths.
+    density : float
+        Density of the material.
     byte_limit : int
         How many bytes of representations are kept.
     made : dict of str to set of int
@@ -64,6 +68,8 @@ class Problem:
     unit_length: float
     original: tuple[Shape, ...]
     start: Start | None = None
+    unit: str = "1"
+    density: float = 1.0
     byte_limit: int = 2**26
     made: dict[str, set[int]] = field(default_factory=lambda: {"voxelized_shapes": set(), "sampled_shapes": set()})
     _kept: "OrderedDict[tuple[Any, ...], Any]" = field(default_factory=OrderedDict)

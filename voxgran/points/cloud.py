@@ -23,6 +23,7 @@ from voxgran._base.arrays import (
 )
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
+from voxgran._base.units import stated_unit
 from voxgran.points.normals import turned_alike
 
 #: fewest points of a cloud with which anything can be done
@@ -116,7 +117,7 @@ class Cloud:
                 odd = float(numbers[numbers != np.rint(numbers)][0])
                 raise InputError(f"grain is {odd:g}: numbers of grains are whole; round them")
             labels = read_only(numbers.astype(np.int64))
-        return cls(read_only(found), directions, labels, name, unit)
+        return cls(read_only(found), directions, labels, name, stated_unit(unit))
 
     def __len__(self) -> int:
         """Count the points."""

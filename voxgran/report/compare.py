@@ -1,70 +1,33 @@
 """Several packings on one page: numbers side by side, their differences, and whether these mean anything.
 
-Of several packings of a kind (seeds) the mean and its standard error are shown, and differences of means are tested by
-Welch's t test. A single packing has no scatter: there the per-grain distributions are compared by the two-sample
-Kolmogorov-Smirnov test, and differences of numbers are given without a verdict.
+A group is one packing, or several of a kind, such as those of several seeds. Of several the mean and its standard error
+are shown, and differences of means are tested by Welch's t-test over packings. A single packing has no scatter:
+differences are then given without any claim of significance. Distributions over the grains are compared by their
+Kolmogorov-Smirnov distance, which describes; a probability is given where there are packings enough to permute.
 """
 
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran import __version__
-from voxgran._base.arrays import Floats
-from voxgran._base.errors import InputError
 from voxgran._base.files import as_path, refuse_to_replace, write_text
-from voxgran._base.lazy import load
-from voxgran.measure.model import measure
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
 from voxgran.report.figures import curves_of
+from voxgran.report.groups import Group, compared, distributions, groups_of
 from voxgran.report.numbers import json_text
 from voxgran.report.page import page_template, view_of
+from voxgran.report.significance import LEVEL
 
-if TYPE_CHECKING:
-    from xarray import DataTree
-
-#: colours of the packings in plots, in their order
+#: colours of the groups in plots, in their order
 INKS = ("#2a9d8f", "#e07a3f", "#7a86c8", "#c2476d", "#8a8d3a", "#4f6d7a")
-#: probability of a difference by chance below which it is called one
-LEVEL = 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """Packings that are compared as one.
-
-    Attributes
-    ----------
-    name : str
-        What the page calls them.
-    packings : tuple of Packing
-        One, or several with different seeds.
-    trees : tuple of DataTree
-        Their measures.
-    """
-
-    name: str
-    packings: tuple[Packing, ...]
-    trees: "tuple[DataTree, ...]"
-
-    def numbers(self) -> dict[str, Floats]:
-        """Return each single number of all packings, (k,)."""
-        names = [
-            str(name)
-            for name, value in self.trees[0].data_vars.items()
-            if not value.ndim and value.dtype.kind in "biuf" and all(name in tree for tree in self.trees)
-        ]
-        return {name: np.array([float(tree[name]) for tree in self.trees]) for name in names}
-
-    def sizes(self) -> Floats:
-        """Return the equivalent diameters of all grains."""
-        return np.concatenate([packing.diameters for packing in self.packings])
+#: packings of a group whose curves are drawn
+DRAWN = 5
 
 
 def write_comparison(
@@ -81,14 +44,14 @@ def write_comparison(
     Parameters
     ----------
     packings : mapping of str to Packing or sequence of Packing
-        At least two kinds; the first is what the others are compared with. Several packings of a kind, such as those
-        of several seeds, give it a standard error.
+        At least two groups; the first is what the others are compared with, in its unit of lengths. Several packings of
+        a group must be independent of each other, such as those of several seeds: they give it a standard error.
     path : path-like
         File to write, by custom ``.html``; the numbers go to the file of the same name with the suffix ``.json``.
     which : sequence of str, optional
         Measures to compare; all that apply where left out.
     pictures : bool
-        Whether one picture of each kind is rendered.
+        Whether one picture of each group is rendered.
     title : str
         Headline of the page.
     overwrite : bool
@@ -97,219 +60,202 @@ def write_comparison(
     Raises
     ------
     InputError
-        If there are fewer than two kinds, or one of them is empty.
+        If there are fewer than two groups, one of them is empty or holds the same packing twice, or the unit of only
+        some packings is known.
     UnknownNameError
         If there is no measure of that name.
     OutputExistsError
         If the page or its numbers are there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
+
+    Notes
+    -----
+    Nothing is called significant where a group has one packing. Numbers that differ by less than 1e-9, relatively, are
+    equal. Means are compared by Welch's t-test over packings; distributions over grains by a permutation test over
+    packings, where these are at least four and four, three and four, or two and five. Groups that were packed with
+    the same seeds may share what was drawn at random; both tests are then the more cautious.
     """
     twin = as_path(path).with_suffix(".json")
     if not overwrite:
         refuse_to_replace(path, twin)
-    kinds = _kinds(packings, which)
-    rows, tests = compared(kinds), distributions(kinds)
+    groups = groups_of(packings, which)
+    rows, tests = compared(groups), distributions(groups)
     text = page_template("comparison.html.j2").render(
         version=__version__,
         title=title,
-        kinds=[_headline(kind) for kind in kinds],
-        head=_head(kinds),
-        rows=[_row(row, kinds) for row in rows],
+        groups=[_headline(group) for group in groups],
+        head=_head(groups),
+        rows=[_row(row, groups) for row in rows],
+        notes=_notes(groups),
         tests=[_test_row(test) for test in tests],
-        views=[_picture(kind) for kind in kinds] if pictures else [],
-        figures=_figures(kinds),
-        replicated=any(len(kind.packings) > 1 for kind in kinds),
-        level=LEVEL,
+        views=[_picture(group) for group in groups] if pictures else [],
+        figures=_figures(groups),
     )
     write_text(path, text, overwrite=overwrite)
-    record = {"voxgran": __version__, "kinds": [kind.name for kind in kinds], "numbers": rows, "distributions": tests}
+    record = {
+        "voxgran": __version__,
+        "groups": [_record(group) for group in groups],
+        "level": LEVEL,
+        "numbers": rows,
+        "distributions": tests,
+    }
     write_text(twin, json_text(record), overwrite=overwrite)
 
 
-def _kinds(packings: Mapping[str, Packing | Sequence[Packing]], which: Sequence[str] | None) -> list[Kind]:
-    """Measure all packings."""
-    if len(packings) < 2:
-        raise InputError(f"packings has {len(packings)} entries: a comparison needs at least two; add another")
-    kinds = []
-    for name, given in packings.items():
-        group = (given,) if isinstance(given, Packing) else tuple(given)
-        if not group:
-            raise InputError(f"packings {name!r} is empty: give at least one packing")
-        kinds.append(Kind(name, group, tuple(measure(packing, which=which) for packing in group)))
-    return kinds
-
-
-def compared(kinds: Sequence[Kind]) -> list[dict[str, Any]]:
-    """Return each number of all kinds, its difference from the first kind, and how likely that is by chance.
-
-    Parameters
-    ----------
-    kinds : sequence of Kind
-        The first is the reference.
-
-    Returns
-    -------
-    list of dict
-        With ``name``, and by kind ``mean``, ``standard_error`` (None for one packing), ``difference`` and ``p_value``
-        (Welch's t test; None where a kind has one packing).
-    """
-    all_numbers = [kind.numbers() for kind in kinds]
-    names = [name for name in all_numbers[0] if any(name in numbers for numbers in all_numbers[1:])]
-    rows = []
-    for name in names:
-        first, entries = all_numbers[0][name], {}
-        attrs = kinds[0].trees[0][name].attrs
-        for kind, numbers in zip(kinds, all_numbers, strict=True):
-            if name in numbers:
-                entries[kind.name] = _entry(numbers[name], first if kind is not kinds[0] else None)
-        rows.append(
-            {
-                "name": name,
-                "long_name": str(attrs.get("long_name", name)),
-                "unit": str(attrs.get("units", "1")),
-                "kinds": entries,
-            }
-        )
-    return rows
-
-
-def _entry(values: Floats, reference: Floats | None) -> dict[str, float | None]:
-    """Return mean, standard error, difference and p-value of the values of a kind."""
-    several = len(values) > 1
-    entry: dict[str, float | None] = {
-        "mean": float(values.mean()),
-        "standard_error": float(values.std(ddof=1) / math.sqrt(len(values))) if several else None,
-        "difference": None,
-        "p_value": None,
+def _record(group: Group) -> dict[str, Any]:
+    """Return what the packings of a group are, JSON-able."""
+    return {
+        "name": group.name,
+        "packings": len(group.packings),
+        "grains": [packing.count for packing in group.packings],
+        "methods": _methods(group),
+        "seeds": [packing.provenance.get("seed") for packing in group.packings],
     }
-    if reference is None:
-        return entry
-    entry["difference"] = float(values.mean() - reference.mean())
-    if several and len(reference) > 1 and np.isfinite(values).all() and np.isfinite(reference).all():
-        if np.ptp(values) == np.ptp(reference) == 0:
-            entry["p_value"] = 1.0 if values[0] == reference[0] else 0.0
-        else:
-            entry["p_value"] = float(load("scipy.stats").ttest_ind(values, reference, equal_var=False).pvalue)
-    return entry
 
 
-def distributions(kinds: Sequence[Kind]) -> list[dict[str, Any]]:
-    """Compare sizes and coordination numbers of the grains with those of the first kind.
-
-    Parameters
-    ----------
-    kinds : sequence of Kind
-        The first is the reference.
-
-    Returns
-    -------
-    list of dict
-        With ``what``, ``kind``, the Kolmogorov-Smirnov ``distance``, and its ``p_value``.
-    """
-    found = []
-    for what, values_of in (("equivalent diameter", Kind.sizes), ("coordination number", _coordination)):
-        first = values_of(kinds[0])
-        for kind in kinds[1:]:
-            values = values_of(kind)
-            if first is None or values is None or not len(first) or not len(values):
-                continue
-            test = load("scipy.stats").ks_2samp(first, values, method="asymp")
-            distance, p_value = float(test.statistic), float(test.pvalue)
-            found.append({"what": what, "kind": kind.name, "distance": distance, "p_value": p_value})
-    return found
+def _methods(group: Group) -> list[str]:
+    """Return the methods of the packings of a group, each once."""
+    return list(dict.fromkeys(str(p.provenance.get("method") or "method not known") for p in group.packings))
 
 
-def _coordination(kind: Kind) -> Floats | None:
-    """Return the coordination numbers of all grains, where they were measured."""
-    grains = [tree["/grains"] for tree in kind.trees if "/grains" in tree.groups]
-    if len(grains) < len(kind.trees) or any("coordination_number" not in group for group in grains):
-        return None
-    return np.concatenate([np.asarray(group["coordination_number"].values, dtype=np.float64) for group in grains])
+def _headline(group: Group) -> dict[str, str]:
+    """Return name, mean solid fraction and contents of a group."""
+    counts = [packing.count for packing in group.packings]
+    grains = " to ".join(facts.number(count) for count in sorted({min(counts), max(counts)}))
+    many = f"{len(counts)} packings of " if len(counts) > 1 else ""
+    fraction = np.mean([packing.solid_fraction for packing in group.packings])
+    note = f"{many}{grains} grains, {', '.join(_methods(group))}"
+    return {"name": group.name, "value": f"{fraction:.4f}", "note": note}
 
 
-def _headline(kind: Kind) -> dict[str, str]:
-    """Return name and contents of a kind."""
-    first, many = kind.packings[0], len(kind.packings)
-    method = str(first.provenance.get("method", "")) or "method not known"
-    note = f"{first.count} grains, {method}" + (f", {many} packings" if many > 1 else "")
-    return {"name": kind.name, "value": f"{np.mean([p.solid_fraction for p in kind.packings]):.4f}", "note": note}
+def _notes(groups: Sequence[Group]) -> list[str]:
+    """Say what the numbers of the table are, and what is claimed of their differences."""
+    single = [group.name for group in groups if len(group.packings) == 1]
+    notes = [f"Differences are from {groups[0].name}; equal: no difference beyond rounding."]
+    if len(single) < len(groups):
+        notes.append("Of several packings the mean and its standard error are given.")
+    if len(groups[0].packings) > 1 and any(len(group.packings) > 1 for group in groups[1:]):
+        notes.append(
+            "The packings of a group are its independent samples: a difference is called significant where "
+            f"Welch\u2019s t-test gives a probability p below {LEVEL:g} for one as large by chance. Where nothing "
+            "differs, about one in twenty differences is called so all the same."
+        )
+    if single:
+        one = "has one packing" if len(single) == 1 else "have one packing each"
+        notes.append(
+            f"No significance is claimed for differences from or of {', '.join(single)}, which {one}: nothing is known "
+            "of the scatter between packings. Packings with several seeds would tell."
+        )
+    return notes
 
 
-def _head(kinds: Sequence[Kind]) -> list[str]:
+def _head(groups: Sequence[Group]) -> list[str]:
     """Return the heads of the columns."""
-    return ["", *(kind.name for kind in kinds), *(f"{kind.name} \u2212 {kinds[0].name}" for kind in kinds[1:])]
+    return ["", *(group.name for group in groups), *(f"{group.name} \u2212 {groups[0].name}" for group in groups[1:])]
 
 
-def _row(row: Mapping[str, Any], kinds: Sequence[Kind]) -> list[str]:
+def _row(row: Mapping[str, Any], groups: Sequence[Group]) -> list[str]:
     """Return a row of the table as texts."""
     unit = "" if row["unit"] == "1" else f" ({row['unit']})"
-    cells = [f"{row['long_name']}{unit}"]
-    for kind in kinds:
-        entry = row["kinds"].get(kind.name)
-        error = "" if entry is None or entry["standard_error"] is None else f" \u00b1 {entry['standard_error']:.2g}"
-        cells.append("" if entry is None else facts.number(entry["mean"]) + error)
-    for kind in kinds[1:]:
-        entry = row["kinds"].get(kind.name)
-        cells.append("" if entry is None else _verdict(entry))
-    return cells
+    entries = [(row["groups"].get(group.name), len(group.packings)) for group in groups]
+    cells = ["" if entry is None else _mean_text(entry, many) for entry, many in entries]
+    differences = ["" if entry is None else _difference_text(entry) for entry, _ in entries[1:]]
+    return [f"{row['long_name']}{unit}", *cells, *differences]
 
 
-def _verdict(entry: Mapping[str, Any]) -> str:
-    """Write a difference and whether it means anything."""
-    text = facts.number(entry["difference"])
-    if entry["p_value"] is None:
-        return text
-    word = "significant" if entry["p_value"] < LEVEL else "may be chance"
-    return f"{text} ({word}, p = {entry['p_value']:.2g})"
+def _mean_text(entry: Mapping[str, Any], packings: int) -> str:
+    """Write a mean with its standard error, and of how many packings where some have no number."""
+    if entry["mean"] is None:
+        return "not known"
+    known = "" if entry["known"] == packings else f" ({entry['known']} of {packings})"
+    mean, error = entry["mean"], entry["standard_error"]
+    if not error:
+        return _number(mean) + known
+    # the mean has as many decimals as two digits of its error
+    decimals = 1 - math.floor(math.log10(error))
+    if 0 <= decimals <= 6:
+        return f"{mean:.{decimals}f} \u00b1 {error:.{decimals}f}{known}".replace("-", "\u2212")
+    return f"{_number(mean)} \u00b1 {error:.2g}{known}"
+
+
+def _difference_text(entry: Mapping[str, Any]) -> str:
+    """Write a difference and whether it is significant, where that was tested."""
+    if entry["difference"] is None:
+        return "not known"
+    if entry["verdict"] == "equal":
+        return "equal"
+    text = _number(entry["difference"])
+    return text if entry["p_value"] is None else f"{text} ({entry['verdict']}, {_p_text(entry['p_value'])})"
+
+
+def _number(value: float) -> str:
+    """Write a mean; whole ones with all their digits."""
+    return facts.number(int(value) if value.is_integer() and abs(value) < 1e9 else value)
+
+
+def _p_text(p_value: float) -> str:
+    """Write a probability."""
+    return "p < 0.0001" if p_value < 1e-4 else f"p = {p_value:.2g}"
 
 
 def _test_row(test: Mapping[str, Any]) -> list[str]:
     """Return a row of the table of distributions as texts."""
-    word = "differ" if test["p_value"] < LEVEL else "may be the same"
-    return [test["what"], test["kind"], f"{test['distance']:.3g}", f"{test['p_value']:.2g}", word]
+    text = test["verdict"] if test["p_value"] is None else f"{test['verdict']}, {_p_text(test['p_value'])}"
+    return [test["what"], test["group"], f"{test['distance']:.3g}", text]
 
 
-def _picture(kind: Kind) -> Any:
-    """Return a picture of the first packing of a kind."""
-    picture = scenes.picture_packing(kind.packings[0], window=(600, 600))
-    return view_of(picture, f"{kind.name}, seen from outside", kind.name)
+def _picture(group: Group) -> Any:
+    """Return a picture of the first packing of a group."""
+    picture = scenes.picture_packing(group.packings[0], window=(600, 600))
+    many = len(group.packings)
+    caption = group.name if many == 1 else f"{group.name}: the first of {many} packings"
+    return view_of(picture, f"{caption}, seen from outside", caption)
 
 
-def _figures(kinds: Sequence[Kind]) -> list[dict[str, str]]:
-    """Return the curves that all kinds have, over each other."""
-    curves = [{name: data for data, name in curves_of(kind.packings[0], kind.trees[0])} for kind in kinds]
+def _figures(groups: Sequence[Group]) -> list[dict[str, str]]:
+    """Return the curves that all packings have, over each other."""
+    drawn = [list(zip(group.packings, group.trees, strict=True))[:DRAWN] for group in groups]
+    curves = [[{name: data for data, name in curves_of(*pair)} for pair in pairs] for pairs in drawn]
+    more = any(len(group.packings) > DRAWN for group in groups)
+    note = f" The first {DRAWN} packings of each group are drawn." if more else ""
     figures = []
-    if all(kind.packings[0].count for kind in kinds):
-        svg = plots.svg_of(partial(_draw_sizes, kinds=kinds), "sizes")
-        figures.append({"svg": svg, "alt": "gradation", "caption": "Gradation by volume of each."})
-    for name in curves[0]:
-        if all(name in found for found in curves):
-            found = [one[name] for one in curves]
-            draw = partial(_draw, kinds=kinds, found=found, name=name)
-            svg = plots.svg_of(draw, name.replace("_", "-"))
-            title = str(found[0][name].attrs.get("long_name", name))
-            figures.append({"svg": svg, "alt": title, "caption": f"{title[:1].upper()}{title[1:]}."})
+    if all(packing.count for pairs in drawn for packing, _ in pairs):
+        svg = plots.svg_of(partial(_draw_sizes, groups=groups), "sizes")
+        caption = f"Gradation: share by volume up to each equivalent diameter.{note}"
+        figures.append({"svg": svg, "alt": "gradation", "caption": caption})
+    for name in curves[0][0]:
+        if all(name in one for of_group in curves for one in of_group):
+            found = [[one[name] for one in of_group] for of_group in curves]
+            svg = plots.svg_of(partial(_draw, groups=groups, found=found, name=name), name.replace("_", "-"))
+            title = str(found[0][0][name].attrs.get("long_name", name))
+            caption = f"{title[:1].upper()}{title[1:]}.{note}"
+            figures.append({"svg": svg, "alt": title, "caption": caption})
     return figures
 
 
-def _draw_sizes(axes: Any, *, kinds: Sequence[Kind]) -> None:
-    """Draw the gradations."""
-    for kind, ink in zip(kinds, INKS * len(kinds), strict=False):
-        packing = kind.packings[0]
-        plots.plot_passing(axes, packing.diameters, packing.volumes, color=ink, label=kind.name)
-    axes.set(ylim=(0, 101), xlabel="equivalent diameter", ylabel="passing by volume (%)")
+def _draw_sizes(axes: Any, *, groups: Sequence[Group]) -> None:
+    """Draw the gradations of all packings, those of a group in one colour."""
+    for group, ink in zip(groups, INKS * len(groups), strict=False):
+        for index, packing in enumerate(group.packings[:DRAWN]):
+            label = group.name if index == 0 else None
+            plots.plot_passing(axes, packing.diameters, packing.volumes, color=ink, label=label)
+    unit = plots.unit_text(groups[0].packings[0].unit)
+    axes.set(ylim=(0, 101), xlabel=f"equivalent diameter{unit}", ylabel="passing by volume (%)")
     axes.legend(loc="best")
 
 
-def _draw(axes: Any, *, kinds: Sequence[Kind], found: Sequence[Any], name: str) -> None:
-    """Draw one curve of each kind."""
+def _draw(axes: Any, *, groups: Sequence[Group], found: Sequence[Sequence[Any]], name: str) -> None:
+    """Draw one curve of each packing, those of a group in one colour."""
     label = "solid fraction" if name.startswith("solid_fraction") else name.replace("_", " ")
-    for kind, data, ink in zip(kinds, found, INKS * len(kinds), strict=False):
-        place = data[name][data[name].dims[0]]
-        axes.plot(place.values, data[name].values, color=ink, label=kind.name)
-        axes.set(xlabel=str(place.attrs.get("long_name", place.name)), ylabel=label)
-        if place.name == "gap" and (place.values > 0).any():
-            axes.set_xscale("symlog", linthresh=float(place.values[place.values > 0].min()), linscale=0.4)
+    for group, datasets, ink in zip(groups, found, INKS * len(groups), strict=False):
+        for index, data in enumerate(datasets):
+            place = data[name][data[name].dims[0]]
+            line = {"color": ink, "linewidth": 2.0 if len(datasets) == 1 else 1.2}
+            axes.plot(place.values, data[name].values, label=group.name if index == 0 else None, **line)
+            unit = plots.unit_text(str(place.attrs.get("units", "1")))
+            axes.set(xlabel=f"{place.attrs.get('long_name', place.name)}{unit}", ylabel=label)
+            if place.name == "gap" and (place.values > 0).any():
+                axes.set_xscale("symlog", linthresh=float(place.values[place.values > 0].min()), linscale=0.4)
     axes.set_ylim(bottom=0)
     axes.legend(loc="best")

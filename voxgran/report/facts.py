@@ -50,7 +50,7 @@ def number(value: Any) -> str:
     if isinstance(plain, bool):
         return "yes" if plain else "no"
     if isinstance(plain, int):
-        return f"{plain:,}".replace(",", "\u202f")
+        return f"{plain:,}".replace(",", "\u202f").replace("-", "\u2212")
     if isinstance(plain, float):
         return "not known" if math.isnan(plain) else f"{plain:.4g}".replace("-", "\u2212")
     return "none" if plain is None else str(plain)
@@ -129,10 +129,25 @@ def details(packing: Packing) -> list[Fact]:
     if packing.count:
         low, middle, high = (number(float(v)) for v in np.quantile(packing.diameters, [0.0, 0.5, 1.0]))
         facts.append(Fact("equivalent diameter", f"{low} to {high}, median {middle}"))
-    more = [key for key in ("asked", "placed", "missed", "counters", "threads", "assumed") if record.get(key)]
-    facts += [Fact(key, _pairs(record[key])) for key in more]
+    for key in ("asked", "placed", "missed", "counters", "assumed"):
+        if record.get(key):
+            facts += _missed(record) if key == "missed" else [Fact(key, _pairs(record[key]))]
     seconds = record.get("timing", {}).get("wall_seconds")
     return [*facts, Fact("wall time", f"{number(float(seconds))} s")] if seconds is not None else facts
+
+
+def _missed(record: Mapping[str, Any]) -> list[Fact]:
+    """Return what was missed of what was asked; the distance of sizes has a row that says what it is."""
+    missed = record["missed"]
+    if not isinstance(missed, Mapping) or "gradation" not in missed:
+        return [Fact("missed", _pairs(missed))]
+    note = (
+        "largest difference, by number, between the share up to a size of the grains that were drawn for this run and "
+        "that of those of them that were placed (Kolmogorov\u2013Smirnov)"
+    )
+    note += ", before they grew" if "growth" in record else ""
+    others = {key: value for key, value in missed.items() if key != "gradation"}
+    return [Fact("missed", _pairs(others)), Fact("sizes, placed against drawn", number(missed["gradation"]), note)]
 
 
 def shape_rows(packing: Packing) -> list[tuple[str, str, str, str]]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from voxgran._base.lazy import load
 from voxgran.measure.coordination import mean_diameter
+from voxgran.measure.gradation import gradation
 from voxgran.measure.region import gravity_of
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, shape_plots
@@ -60,7 +61,7 @@ def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
 
 
 def size_test(packing: Packing) -> dict[str, float] | None:
-    """Compare the sizes that were placed with those that were asked for, by number.
+    """Compare the sizes that were placed with the distribution that was asked for, by number.
 
     Parameters
     ----------
@@ -70,38 +71,26 @@ def size_test(packing: Packing) -> dict[str, float] | None:
     Returns
     -------
     dict or None
-        Kolmogorov-Smirnov ``distance`` of the two distributions and its ``p_value``, the probability of a larger one by
-        chance (scipy.stats.kstest); None where nothing is known of what was asked.
+        Kolmogorov-Smirnov ``distance``, as :func:`voxgran.measure` has it, and its ``p_value``, the probability that as
+        many independent draws are farther off (scipy.stats.kstest); None where nothing is known of what was asked.
     """
-    asked = plots.asked_sizes(packing)
-    if asked is None or not packing.count:
+    if packing.asked_sizes is None or not packing.count:
         return None
-
-    def share(sizes: Any) -> Any:
-        return asked.cumulative(np.asarray(sizes, dtype=np.float64), basis="number", dimension=packing.dimension)
-
-    sizes = packing.diameters
-    if asked.by_intermediate_axis:
-        sizes = sizes * plots.sieve_ratio(packing)
-    # a distribution of single sizes jumps where the sizes lie: compare on both sides of each
-    ordered = np.unique(sizes)
-    below = np.searchsorted(np.sort(sizes), ordered, side="left") / len(sizes)
-    upto = np.searchsorted(np.sort(sizes), ordered, side="right") / len(sizes)
-    before, at = share(ordered * (1 - 1e-9)), share(ordered * (1 + 1e-9))
-    distance = float(max(np.abs(below - before).max(), np.abs(upto - at).max()))
-    p_value = float(load("scipy.stats").kstwo.sf(distance, len(sizes)))
-    return {"distance": distance, "p_value": p_value}
+    distance = gradation(packing).distance["number"]
+    return {"distance": distance, "p_value": float(load("scipy.stats").kstwo.sf(distance, packing.count))}
 
 
 def _gradation(packing: Packing) -> Figure:
     """Return the gradation, asked against placed."""
     svg = plots.svg_of(lambda axes: plots.plot_gradation(axes, packing), "gradation")
     test = size_test(packing)
-    caption = "Gradation: what passes which size."
+    caption = "Gradation: the share by volume that passes each size."
     if test is not None:
         caption += (
-            f" Placed against asked, by number: Kolmogorov\u2013Smirnov distance {test['distance']:.3g}, larger by "
-            f"chance with probability {test['p_value']:.2g}."
+            " Placed against asked: the largest difference, by number, between the share of the placed grains up to a "
+            "size and that of the distribution that was asked for (Kolmogorov\u2013Smirnov) is "
+            f"{test['distance']:.3g}; as many independent draws are farther off with a probability of "
+            f"{test['p_value']:.2g}."
         )
     order = np.argsort(packing.diameters, kind="stable")
     shares = np.cumsum(packing.volumes[order]) / max(float(packing.volumes.sum()), 1e-300)

@@ -13,11 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, as_floats
-from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
 from voxgran.shapes.descriptors import principal_extents
-from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 #: stands for the colour of the page's text until the page is written
 _INK = "#0a0b0c"
@@ -88,7 +86,7 @@ def svg_of(
 
 
 def plot_gradation(axes: Any, packing: Packing) -> Any:
-    """Draw which share by volume passes which size: as placed, and as asked where the provenance tells.
+    """Draw which share by volume passes which size: as placed, and as asked where a distribution was.
 
     Parameters
     ----------
@@ -111,7 +109,7 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
     plot_passing(axes, diameters, packing.volumes, color=PLACED, label="placed, equivalent diameter")
     if packing.count and np.abs(ratio - 1).max() > 0.01 and packing.dimension == 3:
         plot_passing(axes, middle, packing.volumes, color=OTHER, label="placed, intermediate axis")
-    asked = asked_sizes(packing)
+    asked = packing.asked_sizes
     if asked is not None and packing.count:
         low, high = min(diameters.min(), middle.min()), max(diameters.max(), middle.max())
         sizes = np.geomspace(0.8 * low, 1.25 * high, 600)
@@ -120,7 +118,7 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
         axes.plot(sizes, shares, color=ASKED, linestyle=(0, (4, 2)), label=f"asked, {what}")
     if packing.count and diameters.max() > 4 * diameters.min():
         axes.set_xscale("log")
-    axes.set(ylim=(0, 101), xlabel=f"size{_unit(packing.unit)}", ylabel="passing by volume (%)")
+    axes.set(ylim=(0, 101), xlabel=f"size{unit_text(packing.unit)}", ylabel="passing by volume (%)")
     axes.legend(loc="best")
     return axes
 
@@ -179,7 +177,7 @@ def plot_profile(
         axes.fill_between(x, y - band, y + band, color=PLACED, alpha=0.25, linewidth=0)
     axes.plot(x, y, color=PLACED)
     top = max(np.nanmax(y, initial=0.0), *marks.values(), 0.05)
-    axes.set(xlabel=f"{name}{_unit(unit)}", ylabel="solid fraction", ylim=(0, min(1.08 * top, max(1.02, top))))
+    axes.set(xlabel=f"{name}{unit_text(unit)}", ylabel="solid fraction", ylim=(0, min(1.08 * top, max(1.02, top))))
     return axes
 
 
@@ -216,7 +214,7 @@ def plot_coordination(
     if len(x) and x.max() > 0:
         # gaps span decades and begin at 0
         axes.set_xscale("symlog", linthresh=float(x[x > 0].min()), linscale=0.4)
-    axes.set(xlabel=f"{name}{_unit(unit)}", ylabel="mean coordination number")
+    axes.set(xlabel=f"{name}{unit_text(unit)}", ylabel="mean coordination number")
     axes.set_ylim(0, max(1.08 * float(y.max(initial=0.0)), 1.0))
     return axes
 
@@ -227,7 +225,7 @@ def sieve_ratio(packing: Packing) -> Floats:
     return np.array([*of_shape, 1.0])[packing.shape_id]
 
 
-def plot_passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label: str) -> None:
+def plot_passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label: str | None) -> None:
     """Draw a step curve of the share by volume up to each size, thinned to what a plot shows."""
     order = np.argsort(sizes, kind="stable")
     share = 100 * np.cumsum(volumes[order]) / max(float(volumes.sum()), 1e-300)
@@ -238,18 +236,6 @@ def plot_passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label
     )
 
 
-def asked_sizes(packing: Packing) -> SizeDistribution | None:
-    """Return the distribution that was asked for, where the provenance tells."""
-    asked = packing.provenance.get("asked")
-    mapping = asked.get("sizes") if isinstance(asked, Mapping) else None
-    if not isinstance(mapping, Mapping):
-        return None
-    try:
-        return make_sizes({key: value for key, value in mapping.items() if value is not None})
-    except InputError:  # a record of other hands: what was placed is drawn all the same
-        return None
-
-
-def _unit(unit: str) -> str:
-    """Return what follows the name on an axis."""
+def unit_text(unit: str) -> str:
+    """Return the unit as it follows the name on an axis: in brackets, empty where there is none."""
     return "" if unit in ("", "1") else f" ({unit})"

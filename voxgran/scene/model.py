@@ -3,7 +3,7 @@
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -12,14 +12,16 @@ from voxgran._base.config import from_mapping, parameter, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.progress import OnStep
-from voxgran._base.registry import unknown
+from voxgran._base.registry import nearest, unknown
+from voxgran._base.units import as_unit
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
+from voxgran.shapes.diagnose import Remedies
 from voxgran.shapes.family import families, make_shape
-from voxgran.shapes.files import load_shape
+from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
@@ -27,6 +29,16 @@ if TYPE_CHECKING:
     from voxgran.scene.plan import Plan
     from voxgran.scene.run import SceneResult
 
+#: keys of a [[shape]] from a file, and of any
+FILE_KEYS = ("file", "share", "repair", "surface", "unit")
+SHAPE_KEYS = (*FILE_KEYS, "family", "seed")
+#: what a scene can do about a mesh that is not one closed solid
+REMEDIES = Remedies(
+    mend="set repair = true in its [[shape]]",
+    keep_open="set surface = true",
+    choose="choose with 'voxgran repair --bodies largest'",
+    hole="close it with 'voxgran repair' and a larger --largest-hole",
+)
 SECTIONS = ("scene", "shape", "sizes", "container", "packing", "measure", "output")
 
 
@@ -36,7 +48,7 @@ class General:
 
     seed: int = parameter(0, doc="seed of all random numbers")
     seeds: int = parameter(1, doc="how many packings to make, with this seed and the next ones")
-    unit: str = parameter("1", doc="unit of every length below; recorded")
+    unit: str = parameter("1", doc="unit of every length below that has none of its own")
     density: float = parameter(1.0, doc="density of the material")
 
 
@@ -78,7 +90,7 @@ class ShapeEntry:
     def make(self) -> Shape:
         """Return the shape."""
         if self.source == "file":
-            return load_shape(self.name, **self.parameters)
+            return shape_of_file(self.name, remedies=REMEDIES, **self.parameters)
         return make_shape(self.name, **self.parameters)
 
 
@@ -150,6 +162,8 @@ class Scene:
             If a value is missing or breaks a rule.
         """
         found = existing_file(path)
+        if found.suffix.lower() == ".vtp":
+            raise FileFormatError(f"{found} is a packing and no scene: give the .toml file, or 'voxgran measure' it")
         try:
             mapping = tomllib.loads(found.read_text(encoding="utf-8"))
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -197,7 +211,8 @@ class Scene:
             raise InputError(f"[packing] has no method: a scene is packed by one; add method, one of {known}")
         count, solid = packing.pop("count", None), packing.pop("solid_fraction", None)
         start = packing.pop("start", None)
-        from_mapping(method_registry().get(method).parameters, packing, "[packing]")
+        beside = ("method", "count", "solid_fraction", "start")
+        from_mapping(method_registry().get(method).parameters, packing, "[packing]", beside=beside)
         return cls(
             general=_general(mapping.get("scene", {})),
             shapes=_shape_entries(mapping["shape"], place),
@@ -304,7 +319,7 @@ def _general(mapping: Mapping[str, Any]) -> General:
     as_count(made.seed, "[scene] seed", at_most=None)
     as_count(made.seeds, "[scene] seeds", at_least=1)
     as_positive(made.density, "[scene] density")
-    return made
+    return replace(made, unit=as_unit(made.unit, "[scene] unit"))
 
 
 def _share_by(value: Any) -> str:
@@ -351,13 +366,18 @@ def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
         rest = dict(entry)
         share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
         if ("file" in rest) == ("family" in rest):
+            meant = next((key for key in entry if key not in SHAPE_KEYS and nearest(key, ("file", "family"))), None)
+            if meant is not None:
+                raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
             raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
         if "file" in rest:
             path = folder / str(rest.pop("file"))
             for key, value in rest.items():
-                if key not in ("repair", "surface"):
-                    raise UnknownNameError(unknown("[[shape]] key", key, ("file", "share", "repair", "surface")))
-                if not isinstance(value, bool):
+                if key not in FILE_KEYS:
+                    raise UnknownNameError(unknown("[[shape]] key", key, FILE_KEYS))
+                if key == "unit":
+                    as_unit(value, "[[shape]] unit")
+                elif not isinstance(value, bool):
                     raise InputError(f"[[shape]] {key} is {shown(value)}: it must be true or false")
             made.append(ShapeEntry("file", str(existing_file(path)), share, rest))
             continue

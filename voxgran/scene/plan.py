@@ -9,7 +9,7 @@ import numpy as np
 from voxgran._base.errors import TooLargeError
 from voxgran._base.machine import memory_limit
 from voxgran.packing.pack import Task, prepare_task
-from voxgran.scene.model import Scene, ShapeEntry
+from voxgran.scene.model import REMEDIES, Scene, ShapeEntry
 from voxgran.shapes.diagnose import merged, refuse_open
 from voxgran.shapes.family import families
 from voxgran.shapes.files import read_surface
@@ -63,7 +63,7 @@ class Plan:
     def __str__(self) -> str:
         """Return the plan as a person reads it."""
         lines = [
-            f"grains          {self.grains}, {self.solid_fraction:.3f} of the container's volume",
+            f"grains          {self.grains} drawn; if all find room: {self.solid_fraction:.3f} of the container",
             f"memory          {self.memory / 2**20:.0f} MiB at the peak, estimated",
             f"attempts        {self.attempts:,} at the most",
             f"solids          {self.voxelized_shapes:,} turned into voxels, {self.sampled_shapes:,} into points",
@@ -96,7 +96,7 @@ def make_plan(scene: Scene) -> Plan:
     InputError
         If the scene breaks a rule that shows only now, such as grains that cannot fit.
     DirtyMeshError
-        If the mesh of a solid has open edges; nothing else of it is looked at.
+        If the mesh of a solid has open edges, or encloses nothing; nothing else of it is looked at.
     TooLargeError
         If it does not fit in memory.
     """
@@ -145,6 +145,8 @@ def task_of(scene: Scene, shapes: tuple[Shape, ...]) -> Task:
         weights_by=scene.share_by,
         seed=scene.general.seed,
         start=scene.begin(),
+        unit=scene.general.unit,
+        density=scene.general.density,
         parameters=dict(scene.parameters),
     )
 
@@ -153,11 +155,15 @@ def _stand_in(entry: ShapeEntry) -> Shape:
     """Return a shape that costs as much as the real one: meshes checked for holes, random solids as an ellipsoid."""
     if entry.source == "file":
         points, faces = read_surface(entry.name)
-        kind = Surface if entry.parameters.get("surface") else Mesh
-        if kind is Mesh and not entry.parameters.get("repair"):
+        known = {"name": entry.name, "unit": entry.parameters.get("unit")}
+        if entry.parameters.get("surface"):
+            return Shape.of(Surface(points, faces), **known)
+        if not entry.parameters.get("repair"):
             points, faces = merged(points, faces)
-            refuse_open(points, faces, Path(entry.name).name)
-        return Shape.of(kind(points, faces), name=entry.name)
+            refuse_open(points, faces, Path(entry.name).name, remedies=REMEDIES)
+        mesh = Mesh(points, faces)
+        # what is wound in any way may enclose nothing until it is mended
+        return Shape.of(mesh, **known) if mesh.volume > 0 else entry.make()
     family = families().get(entry.name)
     if family.random and not family.is_open:
         axes = np.array([1.5, 1.0, 0.8]) / 2

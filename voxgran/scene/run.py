@@ -3,7 +3,7 @@
 import json
 import os
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -137,26 +137,26 @@ def run_one(
     if scene.output.snapshots:
         place, most = target / "snapshots.pvd", scene.output.snapshots
         recorder = Series(place, most=most, every=plan.grains, resume=resume, overwrite=True)
-    packing = _named(
-        pack(
-            shapes,
-            scene.container,
-            method=scene.method,
-            count=scene.count,
-            solid_fraction=scene.solid_fraction,
-            sizes=scene.sizes,
-            weights=[entry.share for entry in scene.shapes],
-            weights_by=scene.share_by,
-            seed=scene.general.seed,
-            start=scene.begin(),
-            checkpoint=checkpoint,
-            resume=resume,
-            on_step=on_step,
-            recorder=recorder,
-            **scene.parameters,
-        ),
-        scene,
+    packing = pack(
+        shapes,
+        scene.container,
+        method=scene.method,
+        count=scene.count,
+        solid_fraction=scene.solid_fraction,
+        sizes=scene.sizes,
+        weights=[entry.share for entry in scene.shapes],
+        weights_by=scene.share_by,
+        seed=scene.general.seed,
+        start=scene.begin(),
+        unit=scene.general.unit,
+        density=scene.general.density,
+        checkpoint=checkpoint,
+        resume=resume,
+        on_step=on_step,
+        recorder=recorder,
+        **scene.parameters,
     )
+    packing = replace(packing, provenance={**packing.provenance, "scene": scene.to_mapping()})
     result = finish_folder(packing, target, scene=scene, on_step=on_step)
     result.summary["plan"] = plan.to_mapping()
     write_text(target / SUMMARY, json.dumps(result.summary, indent=2) + "\n")
@@ -281,19 +281,3 @@ def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") ->
         "seconds_packing": record.get("timing", {}).get("wall_seconds", 0.0),
         "libraries": list(loaded()),
     }
-
-
-def _named(packing: Packing, scene: Scene) -> Packing:
-    """Return the packing with the scene's unit and density."""
-    return Packing.of(
-        packing.shapes,
-        packing.container,
-        position=packing.position,
-        scale=packing.scale,
-        shape_id=packing.shape_id,
-        orientation=packing.orientation,
-        density=scene.general.density,
-        provenance={**packing.provenance, "scene": scene.to_mapping()},
-        stop_reason=packing.stop_reason,
-        unit=scene.general.unit,
-    )

@@ -1,21 +1,25 @@
 """Several packings of one scene with different seeds: their mean and its standard error."""
 
 import json
-import math
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
-from voxgran._base.files import write_text
+from voxgran._base.errors import FileFormatError, InputError, MissingFileError, PackingWarning
+from voxgran._base.files import as_path, write_text
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
 from voxgran.io.netcdf import save_statistics
+from voxgran.io.vtk_files import load_packing
+from voxgran.packing.model import Packing
+from voxgran.report.significance import standard_error
 from voxgran.scene.model import Scene
-from voxgran.scene.run import SUMMARY, SceneResult, open_folder, run_one
+from voxgran.scene.run import PACKING, SUMMARY, SceneResult, open_folder, run_one
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -80,6 +84,65 @@ def run_seeds(
     return replace(first, summary=summary, folder=target)
 
 
+def packings_of_run(folder: str | os.PathLike[str]) -> list[Packing]:
+    """Read the packings that a run has left, one for each of its seeds.
+
+    Parameters
+    ----------
+    folder : path-like
+        Where the results of a scene are, with ``packing.vtp`` in it or in folders ``seed_K``.
+
+    Returns
+    -------
+    list of Packing
+        In the order of the seeds. A seed without packing is left out with a `PackingWarning`.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such folder.
+    InputError
+        If there is no packing in it.
+    FileFormatError
+        If a packing or the summary is damaged.
+    """
+    target = as_path(folder)
+    if not target.is_dir():
+        raise MissingFileError(f"{target} is not there: name a folder that 'voxgran run' wrote")
+    places = _seed_folders(target) or [target]
+    found = [place / PACKING for place in places if (place / PACKING).is_file()]
+    if not found:
+        raise InputError(
+            f"{target} holds no packing: {PACKING} is missing there and in folders seed_K; name a folder that "
+            "'voxgran run' wrote"
+        )
+    for place in places:
+        if not (place / PACKING).is_file():
+            warnings.warn(
+                f"{place} holds no {PACKING}: it is left out; run the scene again with --resume",
+                PackingWarning,
+                stacklevel=2,
+            )
+    return [load_packing(path) for path in found]
+
+
+def _seed_folders(target: Path) -> list[Path]:
+    """Return the folders of the seeds of a run, in their order; none where it had a single one."""
+    summary = target / SUMMARY
+    if summary.is_file():
+        # what an earlier run with more seeds has left is not of this one
+        try:
+            record = json.loads(summary.read_text(encoding="utf-8"))
+        except (ValueError, RecursionError):
+            raise FileFormatError(f"{summary} is no JSON: it is cut or damaged; run the scene again") from None
+        seeds = record.get("seeds") if isinstance(record, dict) else None
+        return [target / f"seed_{seed}" for seed in seeds] if isinstance(seeds, list) else []
+    if (target / PACKING).is_file():
+        return []
+    numbered = [place for place in target.glob("seed_*") if place.name.removeprefix("seed_").isdecimal()]
+    return sorted(numbered, key=lambda place: int(place.name.removeprefix("seed_")))
+
+
 def averaged(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the summary over several runs.
 
@@ -107,17 +170,10 @@ def averaged(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
         "method": runs[0].get("method", ""),
         "seeds": [run["seed"] for run in runs],
         "mean": {name: float(value.mean()) for name, value in values.items()},
-        "standard_error": {name: _standard_error(value) for name, value in values.items()},
+        "standard_error": {name: standard_error(value) for name, value in values.items()},
         "verify": {"ok": all(run["verify"]["ok"] for run in runs)},
         "runs": list(runs),
     }
-
-
-def _standard_error(values: Floats) -> float:
-    """Return the standard error of the mean: 0 for equal values, to the last digit; NaN for a single one."""
-    if len(values) < 2:
-        return math.nan
-    return float(values.std(ddof=1) / math.sqrt(len(values))) if np.ptp(values) else 0.0
 
 
 def _with_seed(scene: Scene, number: int) -> Scene:

@@ -21,6 +21,38 @@ WELD = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Remedies:
+    """What a caller can do about a mesh that is not one closed solid, in words that end a message.
+
+    A message names only what its reader can type: keywords in Python, keys in a scene, flags at the prompt.
+
+    Attributes
+    ----------
+    mend : str
+        What mends it.
+    keep_open : str
+        What takes it as an open surface; empty where the caller takes none.
+    choose : str
+        What chooses among several solids.
+    hole : str
+        What closes a wider hole.
+    """
+
+    mend: str = "use vg.repair"
+    keep_open: str = "use Shape.from_surface"
+    choose: str = "use vg.repair with bodies='largest' or bodies='all'"
+    hole: str = "raise largest_hole"
+
+    def of_opening(self, closing: str) -> str:
+        """Return what closes an opening, and what keeps it open where that can be done."""
+        return f"{closing}, or {self.keep_open} where it is to stay open" if self.keep_open else closing
+
+
+#: of functions that take vertices and faces
+IN_PYTHON = Remedies()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
     """What is known about a triangle mesh; all are counts.
 
@@ -73,15 +105,23 @@ class Diagnosis:
         """Whether it bounds one solid."""
         return not self.sentences()
 
-    def sentences(self, name: str = "the mesh") -> list[str]:
-        """Return what is wrong, one sentence each, the gravest first; empty where it bounds one solid."""
+    def sentences(self, name: str = "the mesh", *, remedies: Remedies = IN_PYTHON) -> list[str]:
+        """Return what is wrong, one sentence each, the gravest first; empty where it bounds one solid.
+
+        Parameters
+        ----------
+        name : str
+            What the sentences call the mesh.
+        remedies : Remedies
+            What the reader can do about it.
+        """
         found = [] if self.faces else [f"{name} has no faces: a grain must be a closed surface; check the file"]
-        mend, several = "mend the mesh and load it again", self.bodies if self.bodies > 1 else 0
+        mend, several = remedies.mend, self.bodies if self.bodies > 1 else 0
         rules = [
-            (self.not_finite, "coordinates that are not finite", "every one must be a number", mend),
-            (self.open_edges, "open edges", "a grain must be a closed surface", mend),
+            (self.not_finite, "coordinates that are not finite", "every one must be a number", "correct them"),
+            (self.open_edges, "open edges", "a grain must be a closed surface", remedies.of_opening(mend)),
             (self.non_manifold_edges, "edges without exactly two faces", "each must join two", mend),
-            (several, "separate bodies", "a grain must be one solid", "save each in a file of its own"),
+            (several, "separate bodies", "a grain must be one solid", remedies.choose),
             (self.flipped_faces, "faces wound against their neighbours", "all must be wound alike", mend),
             (self.zero_volume, "shells without volume", "a grain must enclose space", mend),
             (self.self_intersections, "pairs of faces that cut through each other", "they may touch", mend),
@@ -128,7 +168,7 @@ def diagnose(vertices: ArrayLike | Any, faces: ArrayLike | None = None) -> Diagn
     return _examine(corners, triangles)
 
 
-def refuse_dirty(vertices: Floats, faces: Integers, name: str) -> None:
+def refuse_dirty(vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON) -> None:
     """Raise unless a triangle mesh bounds one solid.
 
     Parameters
@@ -139,18 +179,20 @@ def refuse_dirty(vertices: Floats, faces: Integers, name: str) -> None:
         Triangles.
     name : str
         What the message calls it.
+    remedies : Remedies
+        What its reader can do about it.
 
     Raises
     ------
     DirtyMeshError
         If it does not; the message names the gravest reason.
     """
-    wrong = diagnose(vertices, faces).sentences(name)
+    wrong = diagnose(vertices, faces).sentences(name, remedies=remedies)
     if wrong:
         raise DirtyMeshError(wrong[0])
 
 
-def refuse_open(vertices: Floats, faces: Integers, name: str) -> None:
+def refuse_open(vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON) -> None:
     """Raise where a triangle mesh has open edges, as :func:`refuse_dirty` does; nothing else is looked at.
 
     Parameters
@@ -161,6 +203,8 @@ def refuse_open(vertices: Floats, faces: Integers, name: str) -> None:
         Triangles.
     name : str
         What the message calls it.
+    remedies : Remedies
+        What its reader can do about it.
 
     Raises
     ------
@@ -169,7 +213,7 @@ def refuse_open(vertices: Floats, faces: Integers, name: str) -> None:
     """
     open_edges = int(edge_faults(faces, len(vertices))[0])
     if open_edges:
-        raise DirtyMeshError(Diagnosis(faces=len(faces), open_edges=open_edges).sentences(name)[0])
+        raise DirtyMeshError(Diagnosis(faces=len(faces), open_edges=open_edges).sentences(name, remedies=remedies)[0])
 
 
 def merged(vertices: Floats, faces: Integers, *, weld: float = WELD) -> tuple[Floats, Integers]:

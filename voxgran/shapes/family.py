@@ -90,7 +90,7 @@ def make_shape(family: str, *, seed: int = 0, **parameters: Any) -> Shape:
     Shape('box', primitive, diameter=1)
     """
     entry = families().get(family)
-    values: Any = from_mapping(entry.parameters, parameters, family)
+    values: Any = from_mapping(entry.parameters, parameters, family, beside=("seed",))
     for name, value in to_mapping(values).items():
         if isinstance(value, int | float | list | tuple) and not isinstance(value, bool):
             _check_numbers(value, f"{family} {name}")

@@ -19,11 +19,21 @@ from voxgran._base.arrays import Floats, Integers, check_type
 from voxgran._base.errors import FileFormatError, InputError, OutputError, shown
 from voxgran._base.files import as_path, existing_file, written_whole
 from voxgran._base.lazy import load
+from voxgran.shapes.diagnose import Remedies, merged, refuse_dirty
+from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.mesh_formats import Polygons, read_obj, read_off, read_ply, read_stl
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repair import repair as mended
+from voxgran.shapes.repair import repaired
+from voxgran.shapes.surface import Surface, refuse_unfit
 
 log = logging.getLogger(__name__)
+
+#: of `load_shape`
+LOADING = Remedies(
+    mend="give repair=True or use vg.repair",
+    keep_open="give surface=True",
+    hole="use vg.repair with a larger largest_hole",
+)
 
 #: what meshio and its parsers raise for a file that they cannot read
 UNREADABLE = (ValueError, KeyError, IndexError, TypeError, AssertionError, OSError, struct.error, SystemExit)
@@ -64,6 +74,41 @@ def load_shape(
     InputError
         If `repair` or `surface` is neither True nor False, or it is to be mended and to stay open.
     """
+    return shape_of_file(path, unit=unit, repair=repair, surface=surface, remedies=LOADING)
+
+
+def shape_of_file(
+    path: str | os.PathLike[str],
+    *,
+    remedies: Remedies,
+    unit: str | None = None,
+    repair: bool = False,
+    surface: bool = False,
+) -> Shape:
+    """Make a shape from a file, as :func:`load_shape` does, with the remedies of a caller in the messages.
+
+    Parameters
+    ----------
+    path, unit, repair, surface
+        As :func:`load_shape`.
+    remedies : Remedies
+        What the reader of a message can do.
+
+    Returns
+    -------
+    Shape
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If the suffix is not known, or the file is empty, cut, or damaged.
+    DirtyMeshError
+        If the surface is not what was asked for.
+    InputError
+        If `repair` or `surface` is neither True nor False, or both are true.
+    """
     for key, value in (("repair", repair), ("surface", surface)):
         if not isinstance(value, bool):
             raise InputError(f"{key} is {shown(value)}: it must be True or False")
@@ -74,11 +119,14 @@ def load_shape(
     points, faces = read_surface(path)
     found = Path(path)
     if repair:
-        return mended(points, faces, name=found.stem, unit=unit).shape
-    make = Shape.from_surface if surface else Shape.from_mesh
-    shape = make(points, faces, name=found.name, unit=unit)
-    log.info("%s: %d triangles", found, len(shape.faces))
-    return Shape(shape.geometry, found.stem, shape.offset, shape.unit)
+        return repaired(points, faces, name=found.stem, unit=unit, remedies=remedies).shape
+    corners, triangles = merged(points, faces)
+    if surface:
+        refuse_unfit(corners, triangles, found.name)
+    else:
+        refuse_dirty(corners, triangles, found.name, remedies=remedies)
+    log.info("%s: %d triangles", found, len(triangles))
+    return Shape.of((Surface if surface else Mesh)(corners, triangles), name=found.stem, unit=unit)
 
 
 def read_surface(path: str | os.PathLike[str]) -> tuple[Floats, Integers]:

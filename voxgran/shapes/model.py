@@ -13,6 +13,7 @@ from voxgran._base.arrays import Floats, Integers, as_faces, as_points, as_posit
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.rotation import rotation_matrices
+from voxgran._base.units import as_unit, stated_unit, unit_factor
 from voxgran.shapes.diagnose import merged, refuse_dirty
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
@@ -37,12 +38,21 @@ class Shape:
         Where the centroid lay in the coordinates that the shape was made from.
     unit : str or None
         Unit of its lengths where it is known.
+
+    Raises
+    ------
+    UnknownNameError
+        If the unit is unknown; the message gives the nearest one.
     """
 
     geometry: Geometry
     name: str = "shape"
     offset: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0))
     unit: str | None = None
+
+    def __post_init__(self) -> None:
+        """Write the unit as it is written throughout."""
+        object.__setattr__(self, "unit", stated_unit(self.unit))
 
     @classmethod
     def of(cls, geometry: Geometry, *, name: str, unit: str | None = None) -> "Shape":
@@ -260,6 +270,27 @@ class Shape:
             If the factor is not a finite number above 0.
         """
         return Shape(self.geometry.scaled(as_positive(factor, "factor")), self.name, self.offset, self.unit)
+
+    def to_unit(self, unit: str) -> "Shape":
+        """Return the same shape with its lengths in another unit; without a unit they stand as they are.
+
+        Parameters
+        ----------
+        unit : str
+            Unit of length, such as ``"mm"``.
+
+        Raises
+        ------
+        UnknownNameError
+            If the unit is unknown; the message gives the nearest one.
+        InputError
+            If it is no text, or ``"1"`` where the unit of the shape is known.
+        """
+        target = as_unit(unit)
+        factor = 1.0 if self.unit is None else unit_factor(self.unit, target)
+        geometry = self.geometry if factor == 1.0 else self.geometry.scaled(factor)
+        x, y, z = (value * factor for value in self.offset)
+        return Shape(geometry, self.name, (x, y, z), target)
 
     def to_pyvista(self) -> Any:
         """Return the tessellation as a `pyvista.PolyData`.

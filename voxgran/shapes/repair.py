@@ -20,7 +20,7 @@ from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.shapes.bodies import outward, shells_of, split, without_flat
 from voxgran.shapes.boolean import united
 from voxgran.shapes.crossing import crossing_faces
-from voxgran.shapes.diagnose import diagnose, merged
+from voxgran.shapes.diagnose import IN_PYTHON, Remedies, diagnose, merged
 from voxgran.shapes.holes import closed_loop, extent, hole_loops
 from voxgran.shapes.model import Shape
 from voxgran.shapes.patches import without_doubles, without_flaps, without_pinches, wound_alike
@@ -33,6 +33,8 @@ WELD = 1e-7
 #: rings of faces around a crossing that are cut out at the most
 MOST_RINGS = 5
 
+#: widest hole that is closed where nothing is said, in diagonals of the bounding box
+LARGEST_HOLE = 0.25
 BODIES = ("refuse", "largest", "all")
 
 
@@ -72,7 +74,7 @@ def repair(
     vertices: ArrayLike | Any,
     faces: ArrayLike | None = None,
     *,
-    largest_hole: float = 0.25,
+    largest_hole: float = LARGEST_HOLE,
     bodies: str = "refuse",
     name: str = "mesh",
     unit: str | None = None,
@@ -122,9 +124,9 @@ def repair(
     >>> round(mended.shape.volume, 12)
     1.0
     """
-    as_choice(bodies, "bodies", BODIES)
-    limit = as_number(largest_hole, "largest_hole", at_least=0.0)
     source: Any = vertices
+    as_choice(bodies, "bodies", BODIES)
+    as_number(largest_hole, "largest_hole", at_least=0.0)
     if isinstance(source, Shape) and not source.is_open:
         return Repair(shapes=(source,), sentences=(), volume_before=source.volume, volume=source.volume)
     if isinstance(source, str | os.PathLike):
@@ -135,7 +137,42 @@ def repair(
         if not hasattr(source, "vertices") or not hasattr(source, "faces"):
             raise InputError(f"faces is None and {type(source).__name__} has none: give vertices and faces, or a shape")
         source, faces = source.vertices, source.faces
-    given = as_points(source, "vertices")
+    return repaired(source, faces, largest_hole=largest_hole, bodies=bodies, name=name, unit=unit)
+
+
+def repaired(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    *,
+    name: str,
+    unit: str | None = None,
+    largest_hole: float = LARGEST_HOLE,
+    bodies: str = "refuse",
+    remedies: Remedies = IN_PYTHON,
+) -> Repair:
+    """Make closed solids of arrays, as :func:`repair` does, with the remedies of a caller in the messages.
+
+    Parameters
+    ----------
+    vertices, faces, name, unit, largest_hole, bodies
+        As :func:`repair`.
+    remedies : Remedies
+        What the reader of a message can do.
+
+    Returns
+    -------
+    Repair
+
+    Raises
+    ------
+    InputError
+        If an array or a parameter breaks a rule.
+    DirtyMeshError
+        If the mesh cannot be mended with certainty.
+    """
+    as_choice(bodies, "bodies", BODIES)
+    limit = as_number(largest_hole, "largest_hole", at_least=0.0)
+    given = as_points(vertices, "vertices")
     triangles = as_faces(np.asarray(faces), len(given))
     if not len(triangles):
         raise InputError(f"{name} has 0 faces: a solid needs a closed surface; check the file")
@@ -148,8 +185,8 @@ def repair(
     _say(done, used - len(corners), "merged {} vertices that coincide")
     triangles = _cleared(corners, triangles, done)
     before = _enclosed(corners, triangles)
-    mesh = _mended(corners, triangles, limit, name, done)
-    solids = _chosen(mesh, bodies, name, done)
+    rules = _Rules(name, limit, remedies)
+    solids = _chosen(_mended(corners, triangles, rules, done), bodies, rules, done)
     names = [name] if len(solids) == 1 else [f"{name}_{k}" for k in range(len(solids))]
     shapes = tuple(Shape.from_mesh(*solid, name=one, unit=unit) for solid, one in zip(solids, names, strict=True))
     for sentence in done:
@@ -158,16 +195,25 @@ def repair(
     return Repair(shapes=shapes, sentences=tuple(done), volume_before=before, volume=volume)
 
 
-def _mended(points: Floats, faces: Integers, limit: float, name: str, done: list[str]) -> tuple[Floats, Integers]:
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """Name of the mesh, the widest hole that is closed, in diagonals, and what the reader of a message can do."""
+
+    name: str
+    largest_hole: float
+    remedies: Remedies
+
+
+def _mended(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> tuple[Floats, Integers]:
     """Return a closed surface of faces that are wound alike; say what was done."""
-    corners, triangles = _closed(points, faces, limit, name, done)
+    corners, triangles = _closed(points, faces, rules, done)
     triangles, flat = without_flat(corners, triangles)
     _say(done, flat, "left out {} shells that enclose nothing")
     if not len(triangles):
-        raise DirtyMeshError(f"{name} encloses no volume: a grain must be a solid; check the file")
+        raise DirtyMeshError(f"{rules.name} encloses no volume: a grain must be a solid; check the file")
     triangles, turned = outward(corners, triangles)
     _say(done, turned, "turned {} shells inside out, so that outer faces point outward")
-    corners, triangles = _uncrossed(corners, triangles, limit, name, done)
+    corners, triangles = _uncrossed(corners, triangles, rules, done)
     return _joined(corners, triangles, done)
 
 
@@ -187,15 +233,15 @@ def _cleared(points: Floats, faces: Integers, done: list[str]) -> Integers:
     return faces
 
 
-def _closed(points: Floats, faces: Integers, limit: float, name: str, done: list[str]) -> tuple[Floats, Integers]:
+def _closed(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> tuple[Floats, Integers]:
     """Close the holes."""
     size = _diagonal(points)
     loops = hole_loops(faces, len(points))
     wide = np.array([extent(points, loop) for loop in loops]) / size
-    if len(wide) and wide.max() > limit:
+    if len(wide) and wide.max() > rules.largest_hole:
         raise DirtyMeshError(
-            f"{name} has {len(wide)} holes, the widest {wide.max():.3g} of its size: holes are closed up to "
-            f"{limit:g}; raise largest_hole, or close it where it was scanned"
+            f"{rules.name} has {len(wide)} holes, the widest {wide.max():.3g} of its size: holes are closed up to "
+            f"{rules.largest_hole:g}; {rules.remedies.of_opening(rules.remedies.hole)}"
         )
     before = len(faces)
     for loop in loops:
@@ -206,13 +252,13 @@ def _closed(points: Floats, faces: Integers, limit: float, name: str, done: list
     open_edges, crowded, unlike = edge_faults(faces, len(points)).tolist()
     if open_edges or crowded or unlike:
         raise DirtyMeshError(
-            f"{name} still has {open_edges} open edges and {crowded} edges without exactly two faces: what belongs "
-            "to the solid there is not certain; mend it by hand"
+            f"{rules.name} still has {open_edges} open edges and {crowded} edges without exactly two faces: what "
+            "belongs to the solid there is not certain; mend it by hand"
         )
     return points, faces
 
 
-def _uncrossed(points: Floats, faces: Integers, limit: float, name: str, done: list[str]) -> tuple[Floats, Integers]:
+def _uncrossed(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> tuple[Floats, Integers]:
     """Cut out faces of one shell that cut through each other, with ever more around them, and close the hole."""
     crossing = _self_crossing(points, faces)
     cut, rings = 0, 0
@@ -221,13 +267,13 @@ def _uncrossed(points: Floats, faces: Integers, limit: float, name: str, done: l
         cut, rings = cut + int(out.sum()), rings + 1
         silent: list[str] = []
         left = _cleared(points, faces[~out], silent)
-        points, faces = _closed(points, left, limit, name, silent)
+        points, faces = _closed(points, left, rules, silent)
         faces, _ = outward(points, without_flat(points, faces)[0])
         crossing = _self_crossing(points, faces)
     if crossing.any():
         raise DirtyMeshError(
-            f"{name} has {int(crossing.sum())} faces that cut through others of the same shell after {cut} were cut "
-            "out: what is inside is not certain there; mend it by hand"
+            f"{rules.name} has {int(crossing.sum())} faces that cut through others of the same shell after {cut} were "
+            "cut out: what is inside is not certain there; mend it by hand"
         )
     _say(done, cut, "cut out {} faces at places where the surface cut through itself, and closed it again")
     return points, faces
@@ -275,12 +321,14 @@ def _used(points: Floats, faces: Integers) -> tuple[Floats, Integers]:
     return points[used], index.reshape(-1, 3).astype(np.int64)
 
 
-def _chosen(mesh: tuple[Floats, Integers], bodies: str, name: str, done: list[str]) -> list[tuple[Floats, Integers]]:
+def _chosen(
+    mesh: tuple[Floats, Integers], bodies: str, rules: _Rules, done: list[str]
+) -> list[tuple[Floats, Integers]]:
     """Return the solids that were asked for."""
     solids = split(*mesh)
     if len(solids) > 1 and bodies == "refuse":
         raise DirtyMeshError(
-            f"{name} has {len(solids)} separate bodies: a grain must be one solid; ask for the largest or for all"
+            f"{rules.name} has {len(solids)} separate bodies: a grain must be one solid; {rules.remedies.choose}"
         )
     if len(solids) > 1 and bodies == "largest":
         volumes = [_signed(vertices[faces]) for vertices, faces in solids]

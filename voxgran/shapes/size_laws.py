@@ -8,14 +8,14 @@ have by number (d**2 in two dimensions). Grains are drawn by number.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, as_choice, as_count, as_length, as_number
-from voxgran._base.config import parameter, to_mapping
+from voxgran._base.arrays import Floats, as_choice, as_count, as_length, as_number, as_positive
+from voxgran._base.config import parameter, parameters_of, to_mapping
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 
@@ -140,6 +140,22 @@ class SizeDistribution(ABC):
         mean = float(self._partial(whole, power + dimension) / self._partial(whole, power))
         return mean * math.pi / (6 if dimension == 3 else 4)
 
+    def scaled(self, factor: float) -> Self:
+        """Return the distribution with all sizes multiplied by a factor above 0.
+
+        Raises
+        ------
+        InputError
+            If the factor is not a finite number above 0.
+        """
+        times = as_positive(factor, "factor")
+        sizes: dict[str, Any] = {}
+        for entry in parameters_of(type(self)):
+            value = getattr(self, entry.name)
+            if entry.unit == "length" and value is not None:
+                sizes[entry.name] = tuple(times * v for v in value) if isinstance(value, tuple) else times * value
+        return replace(self, **sizes)  # type: ignore[type-var]
+
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values, from which `make_sizes` makes it again."""
         values = {key: value for key, value in to_mapping(self).items() if value is not None}
@@ -173,8 +189,8 @@ class Lognormal(SizeDistribution):
 
     kind: ClassVar[str] = "lognormal"
 
-    median: float = parameter(1.0, doc="median before it is cut off, in its basis", unit="length")
-    sigma: float = parameter(0.2, doc="standard deviation of the natural logarithm of the size")
+    median: float = parameter(doc="median before it is cut off, in its basis", unit="length")
+    sigma: float = parameter(doc="standard deviation of the natural logarithm of the size")
     basis: Literal["number", "volume"] = parameter("number", doc="what the shares are of")
     low: float | None = parameter(None, doc="smallest size; left out: none", unit="length")
     high: float | None = parameter(None, doc="largest size; left out: none", unit="length")

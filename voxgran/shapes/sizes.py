@@ -10,6 +10,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import as_floats, as_number
+from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.registry import unknown
@@ -35,9 +36,10 @@ __all__ = [
 ]
 
 
+@explained(hint="lognormal(median=1.0, sigma=0.2)")
 def lognormal(
-    median: float = 1.0,
-    sigma: float = 0.2,
+    median: float,
+    sigma: float,
     *,
     basis: Basis = "number",
     low: float | None = None,
@@ -58,6 +60,8 @@ def lognormal(
 
     Raises
     ------
+    CallError
+        If the arguments are others than these.
     InputError
         If a number is not above 0, `sigma` is above 5, or the cuts leave nothing.
     """

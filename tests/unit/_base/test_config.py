@@ -50,4 +50,5 @@ def test_wrong_values_are_named(mapping, words):
 def test_parameters_carry_their_help():
     first = parameters_of(Example)[0]
     assert (first.name, first.doc, first.unit, first.default) == ("voxel_size", "edge of a voxel", "length", None)
+    assert first.type_text == "a number"
     assert parameters_of(Example)[1].type_text == "one of 'touch', 'center'"

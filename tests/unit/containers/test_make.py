@@ -34,7 +34,7 @@ def test_a_closed_mesh_comes_back_bit_for_bit(data_dir):
     assert again.shape.name == container.shape.name
 
 
-def test_a_mesh_is_made_from_a_file_or_from_arrays(data_dir):
+def test_a_mesh_is_made_from_a_file_or_from_arrays(data_dir, tmp_path):
     from_file = make_container({"kind": "mesh", "file": str(data_dir / "bennu_lp.obj")})
     vertices, faces = Box((1, 1, 1)).mesh()
     made = make_container({"kind": "mesh", "vertices": vertices.tolist(), "faces": faces.tolist()})
@@ -43,6 +43,11 @@ def test_a_mesh_is_made_from_a_file_or_from_arrays(data_dir):
     assert made.shape == Shape.from_mesh(vertices, faces)
     with pytest.raises(DirtyMeshError):
         make_container({"kind": "mesh", "vertices": vertices.tolist(), "faces": faces[1:].tolist()})
+    open_file = tmp_path / "open.obj"
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a} {b} {c}" for a, b, c in faces[1:] + 1]
+    open_file.write_text("\n".join(lines))
+    with pytest.raises(DirtyMeshError, match=r"; use vg\.repair, or 'voxgran repair' at the prompt$"):
+        make_container({"kind": "mesh", "file": str(open_file)})
 
 
 def test_axis_names_as_in_a_scene_file():

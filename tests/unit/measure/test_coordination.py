@@ -69,10 +69,10 @@ def test_contacts_are_found_once():
 
 
 def test_what_a_method_leaves_open_counts_as_contact():
-    voxels = row(0.05, 0.2, provenance={"parameters": {"voxel_size": 0.06}})
+    voxels = row(0.05, 0.2, contact_gap=0.06)
     assert usual_gap(voxels) == pytest.approx(0.06)
     assert coordination_number(voxels).of_grain.tolist() == [1, 1, 0]
-    points = row(0.05, 0.2, 0.5, provenance={"parameters": {"spacing": 0.3, "voxel_size": None}})
+    points = row(0.05, 0.2, 0.5, contact_gap=0.3)
     assert usual_gap(points) == 0.3
     tree = measure(points, which=["contacts", "coordination"])
     assert tree["contacts"].sizes["contact"] == 2

@@ -5,11 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
-from voxgran.measure.gradation import asked_sizes, gradation
+from voxgran.measure.gradation import gradation
 from voxgran.measure.grains import intermediate_axes
 from voxgran.measure.model import measure
 from voxgran.packing.model import Packing
@@ -24,10 +23,9 @@ BRICK = Shape.of(Primitive("box", (3.0, 2.0, 1.0)), name="brick")
 
 def packed(sizes, asked=None, shape=BALL, **more):
     """Return grains of given sizes, wherever they lie."""
-    provenance = {} if asked is None else {"asked": {"sizes": asked.to_mapping()}}
     scale = np.asarray(sizes, dtype=float) / shape.diameter
     position = np.full((len(scale), 3), 50.0)
-    return Packing.of([shape], Box((100,) * 3), position=position, scale=scale, provenance=provenance, **more)
+    return Packing.of([shape], Box((100,) * 3), position=position, scale=scale, asked_sizes=asked, **more)
 
 
 def test_placed_curves():
@@ -79,7 +77,7 @@ def test_sieves_pass_by_the_intermediate_axis():
         Box((100,) * 3),
         position=np.full((2000, 3), 50.0),
         scale=scale,
-        provenance={"sizes": law.to_mapping()},
+        asked_sizes=law,
     )
     assert intermediate_axes(packing) == pytest.approx(axes)
     found = gradation(packing)
@@ -99,7 +97,7 @@ def test_areas_weigh_in_two_dimensions():
         Rectangle((9, 9)),
         position=[[1, 1, 0], [5, 5, 0]],
         scale=[1.0, 2.0],
-        provenance={"asked": {"sizes": law.to_mapping()}},
+        asked_sizes=law,
     )
     found = gradation(packing)
     assert found.distance["volume"] == pytest.approx(0.0, abs=1e-12)
@@ -108,19 +106,16 @@ def test_areas_weigh_in_two_dimensions():
 
 
 def test_no_grains_and_nothing_asked():
-    empty = packed([], lognormal())
+    empty = packed([], lognormal(1.0, 0.2))
     assert gradation(empty).sizes.shape == (0,)
     assert gradation(empty).distance == {}
-    assert asked_sizes(packed([1.0])) is None
-    assert asked_sizes(empty).kind == "lognormal"
+    assert gradation(packed([1.0])).asked == {}
 
 
-def test_a_record_that_is_no_distribution():
-    broken = Packing.of(
-        [BALL], Box((9,) * 3), position=[[1, 1, 1]], provenance={"sizes": {"kind": "lognormal", "median": -1.0}}
-    )
-    with pytest.raises(InputError):
-        gradation(broken)
+def test_nothing_is_read_from_the_provenance():
+    law = discrete([1.0, 2.0], [1, 1])
+    told = packed([1.0], provenance={"sizes": law.to_mapping(), "asked": {"sizes": law.to_mapping()}})
+    assert gradation(told).asked == {}
 
 
 def test_the_curves_in_the_tree():

@@ -21,7 +21,7 @@ from voxgran.shapes.tessellate import unit_box
 BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
 CUBE = Shape.of(Primitive("box", (1.0, 1.0, 1.0)), name="cube")
 DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
-FREE = {"parameters": {"gravity": "none"}}
+FREE = {"gravity": None}
 
 
 def test_a_ball_is_a_stack_of_disks():
@@ -70,7 +70,7 @@ def test_a_closed_mesh_is_cut_too():
 
 def test_from_the_walls_of_a_box():
     # one cube in the middle of a box: at distance x from the walls the shell is solid from 1 on
-    packing = Packing.of([CUBE], Box((3, 3, 3)), position=[[1.5, 1.5, 1.5]], provenance=FREE)
+    packing = Packing.of([CUBE], Box((3, 3, 3)), position=[[1.5, 1.5, 1.5]], **FREE)
     profile = wall_profile(packing, step=0.25)
     assert profile.edges[-1] == 1.5
     assert profile.solid_fraction == pytest.approx([0, 0, 0, 0, 1, 1], abs=1e-12)
@@ -83,13 +83,13 @@ def test_from_the_walls_of_a_rectangle_without_gravity():
     segment = 0.25 * np.arccos(ends / 0.5) - ends * np.sqrt(0.25 - ends**2)
     filled = np.diff(segment) * 2 / (4 * 0.5)
     # gravity is along y: what lies above 85 % of the area is left out, on one side
-    free = Packing.of([DISK], packing.container, position=packing.position, provenance=FREE)
+    free = Packing.of([DISK], packing.container, position=packing.position, **FREE)
     assert wall_profile(free, step=0.25).solid_fraction == pytest.approx(filled, rel=1e-12)
     assert len(profile.edges) == 3
 
 
 def test_from_the_wall_of_a_cylinder():
-    packing = Packing.of([BALL], Cylinder(2, 4), position=[[0, 0, 2]], provenance=FREE)
+    packing = Packing.of([BALL], Cylinder(2, 4), position=[[0, 0, 2]], **FREE)
     profile = wall_profile(packing, step=0.5)
     shells = np.pi * np.array([2 - e for e in profile.edges]) ** 2 * (4 - 2 * profile.edges)
     total = (profile.solid_fraction * -np.diff(shells)).sum()

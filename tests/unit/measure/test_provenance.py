@@ -21,14 +21,14 @@ def packed(position=(1, 1, 1), **record):
     return Packing.of([BALL], Box((4, 4, 4)), position=[position], provenance=record, stop_reason="settled")
 
 
-def test_times_and_threads_are_told_but_not_hashed():
-    slow = packed(method="digital", seed=3, threads=1, timing={"wall_seconds": 9.5})
-    fast = packed(method="digital", seed=3, threads=8, timing={"wall_seconds": 2.5})
+def test_times_are_told_but_not_hashed():
+    slow = packed(method="digital", seed=3, timing={"wall_seconds": 9.5})
+    fast = packed(method="digital", seed=3, timing={"wall_seconds": 2.5})
     assert content_hash(slow) == content_hash(fast)
     found = measure(slow, which=["provenance"])["provenance"]
     assert float(found.wall_seconds) == 9.5
     assert found.wall_seconds.attrs["units"] == "s"
-    assert json.loads(str(found.not_hashed.values)) == {"threads": 1, "timing": {"wall_seconds": 9.5}}
+    assert json.loads(str(found.not_hashed.values)) == {"timing": {"wall_seconds": 9.5}}
     assert str(found.stop_reason.values) == "settled"
 
 

@@ -11,6 +11,7 @@ from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.sizes import uniform
 from voxgran.shapes.tessellate import unit_box
 
 SHAPES = (
@@ -42,6 +43,8 @@ def packing():
             "missed": {"count": 2},
             "timing": {"wall_seconds": 1.5},
         },
+        contact_gap=0.05,
+        asked_sizes=uniform(0.5, 0.9),
     )
 
 

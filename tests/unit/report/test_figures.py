@@ -25,7 +25,7 @@ def of_sizes(sizes, asked):
         vg.Box((5.0 * len(sizes) + 3, 6, 6)),
         position=position,
         scale=sizes,
-        provenance={"asked": {"sizes": asked.to_mapping()}},
+        asked_sizes=asked,
     )
 
 

@@ -127,9 +127,9 @@ def test_names_cannot_break_out_of_the_page(packing, tmp_path):
         shapes,
         packing.container,
         position=[[1, 1, 1]],
-        unit=evil,
         provenance={"method": evil, "parameters": {evil: evil}},
     )
+    spoilt = dataclasses.replace(spoilt, unit=evil)
     page = page_of(spoilt, tmp_path / "p.html", pictures=False, title=evil, comparisons={evil: {evil: evil}})
     assert page.all("script") == []
 
@@ -195,6 +195,7 @@ def test_the_same_packing_gives_the_same_page(packing, statistics, tmp_path):
         (1234567, "1\u202f234\u202f567"),
         (0.000123456, "0.0001235"),
         (-1e-9, "\u22121e\u221209"),
+        (-12345, "\u221212\u202f345"),
         (np.float64(0.5), "0.5"),
         (True, "yes"),
         (np.bool_(False), "no"),
@@ -205,6 +206,25 @@ def test_the_same_packing_gives_the_same_page(packing, statistics, tmp_path):
 )
 def test_numbers_are_written_for_people(value, text):
     assert facts.number(value) == text
+
+
+def test_each_distance_of_sizes_says_what_it_compares(packing, tmp_path):
+    record = {**packing.provenance, "missed": {"count": 2, "gradation": 0.0123}}
+    rows = {row.label: row for row in facts.details(dataclasses.replace(packing, provenance=record))}
+    assert rows["missed"].value == "count 2"
+    row = rows["sizes, placed against drawn"]
+    assert row.value == "0.0123"
+    assert row.note.startswith(
+        "largest difference, by number, between the share up to a size of the grains that were dr"
+    )
+    assert not row.note.endswith("grew")
+    grown = {row.label: row for row in facts.details(dataclasses.replace(packing, provenance={**record, "growth": {}}))}
+    assert grown["sizes, placed against drawn"].note.endswith(", before they grew")
+    write_report(dataclasses.replace(packing, provenance=record), tmp_path / "p.html", pictures=False)
+    text = (tmp_path / "p.html").read_text()
+    assert "Placed against asked: the largest difference, by number, between the share of the placed grains" in text
+    assert "that of the distribution that was asked for" in text
+    assert "grains that were drawn for this run" in text
 
 
 def test_shapes_are_listed_with_their_shares(packing):

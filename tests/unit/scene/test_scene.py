@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -52,6 +53,17 @@ def write(tmp_path):
         return path
 
     return writing
+
+
+def test_a_scan_in_a_unit_of_its_own_is_converted_in_plan_and_run(write, tmp_path):
+    edge = vg.make_shape("box", diameter=1000.0)
+    vg.save_shape(edge, tmp_path / "edge.stl")
+    scene = vg.Scene.from_toml(write('family = "sphere"', 'file = "edge.stl"\nunit = "um"'))
+    scene = replace(scene, sizes=None)
+    assert scene.plan().solid_fraction == pytest.approx(8 * edge.volume / 1e9 / 36, rel=1e-6)
+    assert scene.run(tmp_path / "out").packing.diameters == pytest.approx(1.0, rel=1e-6)
+    with pytest.raises(UnknownNameError, match=r"\[\[shape\]\] unit 'furlong' is unknown"):
+        vg.Scene.from_toml(write('family = "sphere"', 'file = "edge.stl"\nunit = "furlong"'))
 
 
 def test_scene_runs_and_comes_back(write, tmp_path):

@@ -2,13 +2,14 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import CheckpointError, InputError
-from voxgran.scene.seeds import averaged
+from voxgran._base.errors import CheckpointError, InputError, MissingFileError, PackingWarning
+from voxgran.scene.seeds import averaged, packings_of_run
 
 SCENE = """
 [scene]
@@ -105,3 +106,33 @@ def test_bad_numbers_are_refused(tmp_path, old, new, words):
     path.write_text(SCENE.replace(old, new))
     with pytest.raises(InputError, match=words):
         vg.Scene.from_toml(path)
+
+
+def test_the_packings_of_a_run_are_those_of_its_seeds(scene, tmp_path):
+    scene.run(tmp_path / "out")
+    found = packings_of_run(tmp_path / "out")
+    assert [packing.provenance["seed"] for packing in found] == [5, 6, 7]
+    single = replace(scene, general=replace(scene.general, seeds=1))
+    single.run(tmp_path / "single")
+    assert [packing.provenance["seed"] for packing in packings_of_run(tmp_path / "single")] == [5]
+    # what an earlier run has left is not of this one
+    single.run(tmp_path / "out", overwrite=True)
+    assert len(packings_of_run(tmp_path / "out")) == 1
+    # a run that was cut short has no summary
+    for name in ("summary.json", "packing.vtp"):
+        (tmp_path / "out" / name).unlink()
+    (tmp_path / "out" / "seed_10").mkdir()
+    (tmp_path / "out" / "seed_6" / "packing.vtp").unlink()
+    with pytest.warns(PackingWarning, match=r"seed_(6|10) holds no packing\.vtp: it is left out"):
+        assert [packing.provenance["seed"] for packing in packings_of_run(tmp_path / "out")] == [5, 7]
+
+
+def test_folders_without_packings_are_refused(tmp_path):
+    with pytest.raises(MissingFileError, match="is not there: name a folder that 'voxgran run' wrote"):
+        packings_of_run(tmp_path / "none")
+    with pytest.raises(InputError, match=r"holds no packing: packing\.vtp is missing there and in folders seed_K"):
+        packings_of_run(tmp_path)
+    for text in ("{", "[1]", '{"seeds": 3}', '{"seeds": [1]}'):
+        (tmp_path / "summary.json").write_text(text)
+        with pytest.raises(InputError, match=r"no packing: |summary\.json is no JSON"):
+            packings_of_run(tmp_path)

@@ -269,8 +269,13 @@ def test_shapes_are_taken():
 
 def test_refusing_names_the_gravest_reason():
     refuse_dirty(*BOX, "box")
-    with pytest.raises(DirtyMeshError, match=r"^stone has 3 open edges: a grain must be a closed surface; mend"):
+    said = (
+        "stone has 3 open edges: a grain must be a closed surface; use vg.repair, or use Shape.from_surface where it is"
+    )
+    with pytest.raises(DirtyMeshError, match=f"^{said} to stay open$"):
         refuse_dirty(BOX[0], BOX[1][1:], "stone")
+    with pytest.raises(DirtyMeshError, match=r"2 separate bodies: .*; use vg\.repair with bodies='largest' or"):
+        refuse_dirty(*joined(BOX, moved(BOX, by=(3, 0, 0))), "stones")
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ from voxgran._base.errors import DirtyMeshError, FileFormatError, MissingFileErr
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import READERS, WRITERS, load_shape, save_shape
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repair import repair
 from voxgran.shapes.tessellate import unit_box
 
 VERTICES, FACES, _ = unit_box()
@@ -269,8 +270,28 @@ def test_missing_files_are_named(tmp_path):
 def test_open_surfaces_are_refused(tmp_path):
     path = tmp_path / "open.obj"
     path.write_text(obj_text(FACES[1:]))
-    with pytest.raises(DirtyMeshError, match=r"^open\.obj has 3 open edges: .*; mend the mesh and load it again$"):
+    said = "give repair=True or use vg.repair, or give surface=True where it is to stay open"
+    with pytest.raises(DirtyMeshError, match=rf"^open\.obj has 3 open edges: a grain .*; {said}$"):
         load_shape(path)
+    # each remedy that a message names is one that its caller has
+    assert load_shape(path, surface=True).is_open
+    with pytest.raises(
+        DirtyMeshError, match=r"; use vg\.repair with a larger largest_hole, or give surface=True where"
+    ):
+        load_shape(path, repair=True)
+    assert not repair(path, largest_hole=1.0).shape.is_open
+
+
+def test_several_bodies_are_refused_with_what_chooses_among_them(tmp_path):
+    path, box = tmp_path / "two.obj", make_shape("box")
+    vertices, faces = np.concatenate([box.vertices, box.vertices + 3]), np.concatenate([box.faces, box.faces + 8])
+    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + [f"f {a} {b} {c}" for a, b, c in faces + 1]
+    path.write_text("\n".join(lines))
+    for options in ({}, {"repair": True}):
+        with pytest.raises(DirtyMeshError, match=r"; use vg\.repair with bodies='largest' or bodies='all'$"):
+            load_shape(path, **options)
+    assert len(repair(path, bodies="all").shapes) == 2
+    assert len(repair(path, bodies="largest").shapes) == 1
 
 
 def test_nothing_is_replaced_unasked(tmp_path):

@@ -145,7 +145,7 @@ def test_whole_numbers_are_numbers():
 
 
 def test_no_grain_is_drawn_for_count_zero():
-    assert sizes.lognormal().sample(0, stream(0, "none")).shape == (0,)
+    assert sizes.lognormal(1.0, 0.2).sample(0, stream(0, "none")).shape == (0,)
 
 
 BAD = [
@@ -171,9 +171,9 @@ BAD = [
     (lambda: sizes.sieve([1.0, 2.0, 3.0], [0.0, 0.6, 0.5]), "never falling"),
     (lambda: sizes.sieve([1.0, 2.0], [0.1, 1.0]), "rise from 0 to 1"),
     (lambda: sizes.sieve([1.0, 2.0], [0.0, 0.9]), "rise from 0 to 1"),
-    (lambda: sizes.lognormal().sample(-1, stream(0, "x")), "count is -1"),
-    (lambda: sizes.lognormal().quantile(1.5), "shares"),
-    (lambda: sizes.lognormal().cumulative(1.0, dimension=4), "dimension is 4"),
+    (lambda: sizes.lognormal(1.0, 0.2).sample(-1, stream(0, "x")), "count is -1"),
+    (lambda: sizes.lognormal(1.0, 0.2).quantile(1.5), "shares"),
+    (lambda: sizes.lognormal(1.0, 0.2).cumulative(1.0, dimension=4), "dimension is 4"),
     (lambda: sizes.make_sizes({"median": 1.0}), "kind is missing"),
     (lambda: sizes.make_sizes({"kind": "uniform", "low": 1.0}), "high is missing"),
 ]

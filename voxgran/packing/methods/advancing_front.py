@@ -26,10 +26,12 @@ from voxgran._base.seeds import philox_key, stream
 from voxgran.contacts.parts import is_one_ball
 from voxgran.containers.sphere import Sphere
 from voxgran.packing.ball_cells import BITS, BallCells, lay_cells, link_all
+from voxgran.packing.down import as_down
 from voxgran.packing.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Bed, Front, Rules
 from voxgran.packing.front_room import FrontRoom, front_room_of
 from voxgran.packing.grains import size_distance
 from voxgran.packing.grow import grow
+from voxgran.packing.hand_over import packing_of_poses
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
@@ -150,18 +152,16 @@ def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the balls, in the order in which they came."""
     placed = state.counters["placed"]
     grains, balls = state.arrays["order"][:placed], state.arrays["balls"][:placed]
-    own = np.array([shape.diameter for shape in problem.original])
-    shape_id = problem.shape_id[grains]
-    position = balls[:, :3] + problem.container.bounds[0]
-    position *= problem.unit_length
-    packing = Packing.of(
-        problem.original,
-        problem.container.scaled(problem.unit_length),
-        position=position,
-        scale=problem.diameter[grains] * problem.unit_length / own[shape_id],
-        shape_id=shape_id,
+    packing = packing_of_poses(
+        problem,
+        grains,
+        position=balls[:, :3] + problem.container.bounds[0],
         orientation=_orientations(problem, grains),
-        stop_reason=state.stop_reason or "interrupted",
+        provenance={},
+        stop_reason=state.stop_reason,
+        # where the lowest place comes first, what lies above is a free surface
+        gravity=as_down("down", problem.container) if _order(problem, state) == LOWEST else None,
+        contact_gap=0.0,
     )
     # a run that was cut short goes on from where it is, with the sizes that were asked
     return packing if state.stop_reason in ("", "interrupted") else _grown(problem, packing)
@@ -206,14 +206,23 @@ def _setting(problem: Problem, state: State) -> _Setting:
         pocket = float(np.quantile(radius, POCKET)) if len(radius) else 1.0
         goal = room.center + np.array(ASIDE) * pocket
         first = room.center if problem.start is None else np.zeros(0)
-        dense = asked.mode == "dense" or state.counters["narrow"] == 1
-        order = LOWEST if dense and asked.order == "random" else ORDERS[asked.order]
-        rules = Rules(dense, order, asked.tries, goal, PATIENCE, first, pocket)
+        rules = Rules(_is_dense(problem, state), _order(problem, state), asked.tries, goal, PATIENCE, first, pocket)
         state.derived["setting"] = _Setting(radius, room, cells, rules)
         numbers, points = np.zeros(FEW, dtype=np.int64), np.zeros((FEW, 5))
         state.derived["scratch"] = numbers, points, np.zeros(FEW), np.zeros((FEW, 3), dtype=np.int64)
     made: _Setting = state.derived["setting"]
     return made
+
+
+def _is_dense(problem: Problem, state: State) -> bool:
+    """Return whether a ball may come wherever it touches three; in a narrow container it always may."""
+    return problem.parameters.mode == "dense" or state.counters["narrow"] == 1
+
+
+def _order(problem: Problem, state: State) -> int:
+    """Return which place is next; dense packing takes the lowest where any was asked for."""
+    asked: AdvancingFront = problem.parameters
+    return LOWEST if _is_dense(problem, state) and asked.order == "random" else ORDERS[asked.order]
 
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:

@@ -23,8 +23,9 @@ with any of them all points keep five percent more, and steps are so short that 
 
 References
 ----------
-Sajjadi & Khalili 2015, Control points in packing of particles of arbitrary shape, section 5-2: surfaces as control
-points, moved at random under gravity and compared by nearest neighbours
+Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of
+Discontinuous Materials, section 5-2: surfaces as control points, moved at random under gravity and compared by nearest
+neighbours
 """
 
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ from typing import Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
-from voxgran._base.config import parameter, to_mapping
+from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly
@@ -47,6 +48,7 @@ from voxgran.packing.control_feeding import lid_rests, lower_lid, next_event
 from voxgran.packing.control_records import Rules
 from voxgran.packing.control_setting import Setting, bed_of, memory_needed, setting_of
 from voxgran.packing.control_walk import enter_raised, make_attempts
+from voxgran.packing.down import main_axis
 from voxgran.packing.feeding import (
     MOST_SWEEPS,
     SETTLE_SWEEPS,
@@ -59,7 +61,8 @@ from voxgran.packing.feeding import (
     patience,
 )
 from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
-from voxgran.packing.gravity import gravity_text, gravity_vector, main_axis
+from voxgran.packing.gravity import gravity_text, gravity_vector
+from voxgran.packing.hand_over import packing_of_poses
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -289,24 +292,21 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that entered."""
-    placed = _placed(state)
-    shape_id = problem.shape_id[placed]
-    own = np.array([shape.diameter for shape in problem.original])
-    assembly = _assembly(problem, state)
+    assembly, gravity = _assembly(problem, state), gravity_vector(problem)
     provenance: dict[str, object] = {
-        "parameters": {**to_mapping(problem.parameters), "gravity": gravity_text(problem)},
+        "parameters": {"gravity": gravity_text(problem)},
         "lid_lowered": float(state.arrays["lid"][0]) * problem.unit_length,
-        **finishing_report(state, assembly, gravity_vector(problem)),
+        **finishing_report(state, assembly, gravity),
     }
-    return Packing.of(
-        problem.original,
-        problem.container.scaled(problem.unit_length),
-        position=assembly.position * problem.unit_length,
-        scale=problem.diameter[placed] * problem.unit_length / own[shape_id],
-        shape_id=shape_id,
+    return packing_of_poses(
+        problem,
+        _placed(state),
+        position=assembly.position,
         orientation=normalized(assembly.orientation),
         provenance=provenance,
-        stop_reason=state.stop_reason or "interrupted",
+        stop_reason=state.stop_reason,
+        gravity=gravity,
+        contact_gap=problem.parameters.spacing,
     )
 
 
@@ -420,7 +420,8 @@ def _assembly(problem: Problem, state: State) -> Assembly:
 registration = PackingMethod(
     name="control_point",
     summary="grains as control points on their surfaces, moved and turned by small random steps under gravity",
-    source="Sajjadi & Khalili 2015, Control points in packing of particles of arbitrary shape, section 5-2",
+    source="Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element "
+    "Analysis of Discontinuous Materials, section 5-2",
     parameters=ControlPoint,
     prepare=prepare,
     advance=advance,

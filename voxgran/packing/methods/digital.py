@@ -54,7 +54,8 @@ from voxgran.packing.feeding import (
 )
 from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
 from voxgran.packing.gravity import gravity_text, gravity_vector
-from voxgran.packing.lattice import MOST_ORIENTATIONS, packing_of_poses, positions_on
+from voxgran.packing.hand_over import packing_of_poses
+from voxgran.packing.lattice import MOST_ORIENTATIONS, positions_on
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -267,6 +268,8 @@ def finish(problem: Problem, state: State) -> Packing:
         provenance=provenance,
         voxel_size=setting.lattice.voxel_size,
         stop_reason=state.stop_reason,
+        gravity=setting.gravity,
+        contact_gap=setting.lattice.voxel_size,
     )
 
 

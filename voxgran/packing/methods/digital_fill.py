@@ -22,7 +22,8 @@ from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran.packing.bits import Canvas, Field, Words
-from voxgran.packing.gravity import axis_of, gravity_text
+from voxgran.packing.down import axis_of
+from voxgran.packing.gravity import gravity_text
 from voxgran.packing.lattice import (
     MOST_ORIENTATIONS,
     ContainerLattice,
@@ -161,6 +162,7 @@ def finish(problem: Problem, state: State) -> Packing:
         orientation=setting.oriented.orientation[member],
         provenance={"parameters": {"gravity": gravity_text(problem)}},
         stop_reason=state.stop_reason,
+        gravity=_gravity(problem),
     )
 
 

@@ -137,6 +137,7 @@ def finish(problem: Problem, state: State) -> Packing:
             "voxel_solid_fraction": float(setting.oriented.voxels[member].sum() / max(room, 1)),
         },
         stop_reason=state.stop_reason,
+        gravity=None,
     )
 
 

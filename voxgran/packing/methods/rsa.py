@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Integers, as_count
-from voxgran._base.config import parameter, to_mapping
+from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.contacts.assembly import Assembly
@@ -40,6 +40,7 @@ from voxgran.contacts.parts import is_one_ball
 from voxgran.packing.bits import Words
 from voxgran.packing.candidates import DROP, NEXT, SCAN, TURN, Coordinates, add_candidates
 from voxgran.packing.graded_cells import Bed, link_all
+from voxgran.packing.hand_over import packing_of_poses
 from voxgran.packing.late_grains import aim, left_out, open_late
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
@@ -194,22 +195,15 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that found a place."""
     placed = np.flatnonzero(state.arrays["entered"])
-    shape_id = problem.shape_id[placed]
-    position = state.arrays["position"][placed]
-    position *= problem.unit_length
-    own = np.array([shape.diameter for shape in problem.original])
-    provenance: dict[str, Any] = {"parameters": to_mapping(problem.parameters)}
-    if "cell" in state.arrays:
-        provenance["saturation"] = _proof(problem, state)
-    return Packing.of(
-        problem.original,
-        problem.container.scaled(problem.unit_length),
-        position=position,
-        scale=problem.diameter[placed] * problem.unit_length / own[shape_id],
-        shape_id=shape_id,
+    return packing_of_poses(
+        problem,
+        placed,
+        position=state.arrays["position"][placed],
         orientation=orientations(problem, placed),
-        provenance=provenance,
-        stop_reason=state.stop_reason or "interrupted",
+        provenance={"saturation": _proof(problem, state)} if "cell" in state.arrays else {},
+        stop_reason=state.stop_reason,
+        gravity=None,
+        contact_gap=0.0,
     )
 
 

@@ -6,7 +6,8 @@ of a tenth of its size around the origin: the union is one piece, and no two sol
 
 References
 ----------
-Sajjadi & Khalili 2015, random shapes as unions of base solids on work planes of random orientation
+Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element Analysis of
+Discontinuous Materials: random shapes as unions of base solids on work planes of random orientation
 """
 
 from dataclasses import dataclass

@@ -1,0 +1,67 @@
+"""One unit for all lengths of a packing: shapes and containers of other units are converted to it.
+
+Whatever has no unit, such as the regular shapes, is taken to be in that unit.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from voxgran._base.units import common_unit, unit_factor
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.model import Container
+from voxgran.shapes.model import Shape
+
+
+def in_one_unit(
+    shapes: Sequence[Shape], container: Container, unit: str | None
+) -> tuple[tuple[Shape, ...], Container, str]:
+    """Return shapes and container with all lengths in one unit, and that unit.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        Of any units.
+    container : Container
+        Only a closed mesh has a unit of its own.
+    unit : str or None
+        What is wanted; left out or ``"1"``: the only one that is known.
+
+    Raises
+    ------
+    InputError
+        If no unit is wanted and several are known.
+    UnknownNameError
+        If the unit that is wanted is unknown; the message gives the nearest one.
+    """
+    solid = container.shape if isinstance(container, ClosedMesh) else None
+    units = [shape.unit for shape in shapes] + ([] if solid is None else [solid.unit])
+    chosen = common_unit(unit, units, "shapes" if solid is None else "shapes and container")
+    if isinstance(container, ClosedMesh) and container.shape.unit not in (None, chosen):
+        container = container.to_unit(chosen)
+    return tuple(s if s.unit in (None, chosen) else s.to_unit(chosen) for s in shapes), container, chosen
+
+
+def converted(
+    shapes: Sequence[Shape], container: Container, source: str, target: str
+) -> tuple[tuple[Shape, ...], Container]:
+    """Return shapes and container of a packing with their lengths in another unit.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        In the first unit, also those without a unit.
+    container : Container
+        The same.
+    source, target : str
+        The units.
+
+    Raises
+    ------
+    InputError
+        If only one of them is a unit.
+    """
+    factor = unit_factor(source, target)
+    solids = tuple(replace(shape, unit=source).to_unit(target) for shape in shapes)
+    if isinstance(container, ClosedMesh):
+        return solids, ClosedMesh(replace(container.shape, unit=source).to_unit(target))
+    return solids, container.scaled(factor)

@@ -1,0 +1,246 @@
+"""Groups of packings and how they differ: in numbers with their standard errors, and in distributions over grains."""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import InputError
+from voxgran._base.units import NO_UNIT
+from voxgran.measure.coordination import coordination_number, usual_gap
+from voxgran.measure.model import measure
+from voxgran.packing.asked import check_packing
+from voxgran.packing.model import Packing
+from voxgran.report.significance import (
+    EQUAL,
+    LEVEL,
+    all_equal,
+    distance_of,
+    permutation_p_value,
+    standard_error,
+    welch_p_value,
+)
+
+if TYPE_CHECKING:
+    from xarray import DataTree
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Packings that are compared as one.
+
+    Attributes
+    ----------
+    name : str
+        What the page calls them.
+    packings : tuple of Packing
+        One, or several independent ones, such as those of several seeds.
+    trees : tuple of DataTree
+        Their measures.
+    neighbours : tuple of ndarray
+        Coordination numbers of the grains of each packing, up to the same gap in all groups; empty where they were not
+        asked for.
+    gap : float
+        That gap, in mean diameters.
+    """
+
+    name: str
+    packings: tuple[Packing, ...]
+    trees: "tuple[DataTree, ...]"
+    neighbours: tuple[Floats, ...]
+    gap: float
+
+    def numbers(self) -> dict[str, Floats]:
+        """Return each single number that all packings have, (k,); NaN where one is not known."""
+        names = [
+            str(name)
+            for name, value in self.trees[0].data_vars.items()
+            if not value.ndim and value.dtype.kind in "biuf" and all(name in tree for tree in self.trees)
+        ]
+        return {name: np.array([float(tree[name]) for tree in self.trees]) for name in names}
+
+    def distributions(self) -> dict[str, tuple[Floats, ...]]:
+        """Return what each grain of each packing has, by meaning; only what all packings have."""
+        if not all(packing.count for packing in self.packings):
+            return {}
+        sizes = {"equivalent diameter": tuple(packing.diameters for packing in self.packings)}
+        return {**sizes, "coordination number": self.neighbours} if self.neighbours else sizes
+
+
+def groups_of(packings: Mapping[str, Packing | Sequence[Packing]], which: Sequence[str] | None) -> list[Group]:
+    """Measure the packings of all groups.
+
+    Parameters
+    ----------
+    packings : mapping of str to Packing or sequence of Packing
+        At least two groups.
+    which : sequence of str or None
+        Measures; None for all that apply.
+
+    Returns
+    -------
+    list of Group
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two groups, one of them is empty, holds the same packing twice or something else, or the
+        unit of only some packings is known.
+    UnknownNameError
+        If there is no measure of that name.
+    """
+    if len(packings) < 2:
+        raise InputError(f"packings has {len(packings)} entries: a comparison needs at least two; add another")
+    chosen = {name: tuple(given) if isinstance(given, Sequence) else (given,) for name, given in packings.items()}
+    for name, group in chosen.items():
+        if not group:
+            raise InputError(f"packings {name!r} is empty: give at least one packing")
+        for packing in group:
+            check_packing(packing, f"packings {name!r}")
+        places = [packing.position.tobytes() + packing.scale.tobytes() for packing in group if packing.count]
+        if len(set(places)) < len(places):
+            raise InputError(
+                f"packings {name!r} holds the same packing twice: those of a group must be independent of each other, "
+                "such as those of several seeds; leave one out"
+            )
+    unit = next(iter(chosen.values()))[0].unit
+    chosen = {name: tuple(_in_unit(packing, unit, name) for packing in group) for name, group in chosen.items()}
+    gap = max(usual_gap(packing) for group in chosen.values() for packing in group)
+    return [_group(name, group, which, gap=gap) for name, group in chosen.items()]
+
+
+def _in_unit(packing: Packing, unit: str, name: str) -> Packing:
+    """Return a packing in the unit of the first one."""
+    if packing.unit != unit and NO_UNIT in (packing.unit, unit):
+        has, first = (f"in {known}" if known != NO_UNIT else "without a unit" for known in (packing.unit, unit))
+        raise InputError(f"packings {name!r} has lengths {has}, the first one {first}: give both a unit, or neither")
+    return packing.to_unit(unit)
+
+
+def _group(name: str, packings: tuple[Packing, ...], which: Sequence[str] | None, *, gap: float) -> Group:
+    """Measure the packings of a group."""
+    trees = tuple(_measured(packing, _label(name, packings, k), which) for k, packing in enumerate(packings))
+    neighbours: tuple[Floats, ...] = ()
+    if all("/grains" in tree.groups and "coordination_number" in tree["/grains"] for tree in trees):
+        # counted up to one gap, since what a method leaves open between grains that touch differs
+        found = (coordination_number(packing, [gap], reference_gap=gap).of_grain for packing in packings)
+        neighbours = tuple(values.astype(np.float64) for values in found)
+    return Group(name, packings, trees, neighbours, gap)
+
+
+def _label(name: str, group: tuple[Packing, ...], index: int) -> str:
+    """Return what a warning calls a packing of a group."""
+    seed = group[index].provenance.get("seed")
+    which = f"packing {index + 1}" if seed is None else f"seed {seed}"
+    return name if len(group) == 1 else f"{name}, {which}"
+
+
+def _measured(packing: Packing, label: str, which: Sequence[str] | None) -> "DataTree":
+    """Measure a packing; warnings say which one they are of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        tree = measure(packing, which=which)
+    for one in caught:
+        warnings.warn(f"{label}: {one.message}", one.category, stacklevel=6)
+    return tree
+
+
+def compared(groups: Sequence[Group]) -> list[dict[str, Any]]:
+    """Return each number of all groups, its difference from the first group, and how likely that is by chance.
+
+    Parameters
+    ----------
+    groups : sequence of Group
+        The first is the reference.
+
+    Returns
+    -------
+    list of dict
+        With ``name``, ``long_name``, ``unit`` and, by group, ``known`` (packings that have the number), ``mean`` (None
+        where none has), ``standard_error`` (None for one), ``difference`` (0 where means differ by rounding),
+        ``p_value`` (Welch's t-test; None where a group has fewer than two packings, or neither has any scatter) and
+        ``verdict``: ``"equal"``, ``"significant"``, ``"not significant"`` or ``"not tested"``.
+    """
+    all_numbers = [group.numbers() for group in groups]
+    meaning = {name: groups[0].trees[0][name].attrs for name in all_numbers[0]}
+    if all(group.neighbours for group in groups):
+        meaning["coordination_number"] = {
+            "long_name": f"mean coordination number, at a gap of at most {groups[0].gap:.3g} mean diameters"
+        }
+        for numbers, group in zip(all_numbers, groups, strict=True):
+            means = [values.mean() if len(values) else np.nan for values in group.neighbours]
+            numbers["coordination_number"] = np.array(means)
+    rows = []
+    for name, attrs in meaning.items():
+        first = all_numbers[0][name]
+        entries = {groups[0].name: _entry(first, None)}
+        for group, numbers in zip(groups[1:], all_numbers[1:], strict=True):
+            if name in numbers:
+                entries[group.name] = _entry(numbers[name], first)
+        if len(entries) < 2:
+            continue
+        long_name, unit = str(attrs.get("long_name", name)), str(attrs.get("units", "1"))
+        rows.append({"name": name, "long_name": long_name, "unit": unit, "groups": entries})
+    return rows
+
+
+def _entry(given: Floats, reference: Floats | None) -> dict[str, Any]:
+    """Return mean and standard error of the values of a group, and their difference from the reference."""
+    values = given[np.isfinite(given)]
+    entry: dict[str, Any] = {
+        "known": len(values),
+        "mean": float(values.mean()) if len(values) else None,
+        "standard_error": standard_error(values) if len(values) > 1 else None,
+    }
+    if reference is None:
+        return entry
+    known = reference[np.isfinite(reference)]
+    p_value = None
+    if not len(values) or not len(known):
+        difference, verdict = None, "not tested"
+    elif all_equal(np.array([values.mean(), known.mean()])):
+        difference, verdict = 0.0, "equal"
+    else:
+        difference, p_value = float(values.mean() - known.mean()), welch_p_value(values, known)
+        verdict = _verdict(p_value)
+    return {**entry, "difference": difference, "p_value": p_value, "verdict": verdict}
+
+
+def _verdict(p_value: float | None) -> str:
+    """Say in words what a probability means."""
+    if p_value is None:
+        return "not tested"
+    return "significant" if p_value < LEVEL else "not significant"
+
+
+def distributions(groups: Sequence[Group]) -> list[dict[str, Any]]:
+    """Compare the sizes and coordination numbers of the grains with those of the first group.
+
+    Parameters
+    ----------
+    groups : sequence of Group
+        The first is the reference.
+
+    Returns
+    -------
+    list of dict
+        With ``what``, ``group``, the Kolmogorov-Smirnov ``distance`` by number, its ``p_value`` (a permutation of
+        packings; None where there are too few) and ``verdict``, as :func:`compared` has it.
+    """
+    found = []
+    first = groups[0].distributions()
+    for what, reference in first.items():
+        for group in groups[1:]:
+            values = group.distributions().get(what)
+            if values is None:
+                continue
+            distance = distance_of(reference, values)
+            p_value = permutation_p_value(reference, values) if distance > EQUAL else None
+            verdict = _verdict(p_value) if distance > EQUAL else "equal"
+            found.append(
+                {"what": what, "group": group.name, "distance": distance, "p_value": p_value, "verdict": verdict}
+            )
+    return found

@@ -1,0 +1,155 @@
+"""Whether groups of packings differ: standard errors, Welch's t-test, and permutations of whole packings.
+
+The independent samples are packings, such as those of several seeds. Grains of one packing are neighbours of each
+other and no independent samples, however many they are: a distribution over grains is described by the
+Kolmogorov-Smirnov distance, and a probability comes from regrouping whole packings only.
+
+References
+----------
+Welch 1947, Biometrika 34, 28-35, doi:10.1093/biomet/34.1-2.28: means of groups with unequal variances
+Phipson & Smyth 2010, Stat. Appl. Genet. Mol. Biol. 9(1) 39, doi:10.2202/1544-6115.1585: probabilities by permutation
+"""
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.lazy import load
+from voxgran._base.seeds import stream
+
+#: probability below which a difference is called significant
+LEVEL = 0.05
+#: numbers that differ by less, relatively, differ by rounding
+EQUAL = 1e-9
+#: regroupings that are all tried; of more, so many are drawn at random
+MOST_REGROUPINGS = 10_000
+#: sizes at which distributions of permuted packings are compared
+MOST_POINTS = 1000
+_BATCH = 256
+
+
+def all_equal(values: Floats) -> bool:
+    """Return whether numbers differ by rounding only.
+
+    Parameters
+    ----------
+    values : (n,) ndarray of float
+        Finite numbers.
+    """
+    return not len(values) or bool(np.ptp(values) <= EQUAL * np.abs(values).max())
+
+
+def standard_error(values: Floats) -> float:
+    """Return the standard error of the mean: 0 where all are equal to rounding, NaN for a single value.
+
+    Parameters
+    ----------
+    values : (n,) ndarray of float
+        One number of each packing.
+    """
+    if len(values) < 2:
+        return math.nan
+    return 0.0 if all_equal(values) else float(values.std(ddof=1) / math.sqrt(len(values)))
+
+
+def welch_p_value(one: Floats, other: Floats) -> float | None:
+    """Return the probability of a difference of means as large by chance, by Welch's t-test.
+
+    Parameters
+    ----------
+    one, other : (n,), (m,) ndarray of float
+        One number of each packing of two groups.
+
+    Returns
+    -------
+    float or None
+        None where a group has fewer than two packings, or neither has any scatter: then nothing is tested.
+    """
+    if min(len(one), len(other)) < 2:
+        return None
+    # from the moments, since SciPy warns of equal values where it computes them itself
+    moments = [(x.mean(), standard_error(x) * math.sqrt(len(x)), len(x)) for x in (one, other)]
+    if not moments[0][1] and not moments[1][1]:
+        return None
+    return float(load("scipy.stats").ttest_ind_from_stats(*moments[0], *moments[1], equal_var=False).pvalue)
+
+
+def distance_of(one: Sequence[Floats], other: Sequence[Floats]) -> float:
+    """Return the Kolmogorov-Smirnov distance of two groups: the largest difference of their cumulative shares.
+
+    Parameters
+    ----------
+    one, other : sequence of (n,) ndarray of float
+        What each grain of each packing has, not negative. Within a group each packing has the same weight.
+
+    Returns
+    -------
+    float
+        From 0, where both are distributed alike, to 1.
+    """
+    points = np.unique(np.concatenate([*one, *other]))
+    difference = np.zeros(len(points))
+    for group, sign in ((one, 1.0), (other, -1.0)):
+        for values in group:
+            difference += sign / len(group) * _share_up_to(values, points)
+    return float(np.abs(difference).max())
+
+
+def permutation_p_value(one: Sequence[Floats], other: Sequence[Floats]) -> float | None:
+    """Return the share of regroupings of the packings whose distance is as large as that of the two groups.
+
+    All regroupings are tried up to 10,000 of them, else so many are drawn at random, always the same.
+
+    Parameters
+    ----------
+    one, other : sequence of (n,) ndarray of float
+        As :func:`distance_of`.
+
+    Returns
+    -------
+    float or None
+        None where a group has fewer than two packings, or so few packings that no result could be significant.
+    """
+    first, count = len(one), len(one) + len(other)
+    regroupings = math.comb(count, first)
+    # equal groups that change places have the same distance
+    least = (2 if 2 * first == count else 1) / regroupings
+    if min(first, count - first) < 2 or least >= LEVEL:
+        return None
+    points = np.unique(np.concatenate([*one, *other]))
+    points = points[np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(np.int64))]
+    shares = np.stack([_share_up_to(values, points) for values in (*one, *other)])
+    drawn = regroupings > MOST_REGROUPINGS
+    found = np.concatenate([_distances(shares, chosen, first) for chosen in _regrouped(count, first, drawn=drawn)])
+    # the first one is how they are grouped, which counts as one of those drawn
+    return float((found >= found[0] * (1 - EQUAL)).mean())
+
+
+def _share_up_to(values: Floats, points: Floats) -> Floats:
+    """Return the share of values up to each point; what differs by rounding is one point."""
+    return np.searchsorted(np.sort(values), points * (1 + EQUAL), side="right") / len(values)
+
+
+def _regrouped(count: int, first: int, *, drawn: bool) -> Iterator[np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
+    """Yield batches of the packings of the first group, beginning with how they are grouped."""
+    if not drawn:
+        every = itertools.combinations(range(count), first)
+        while batch := list(itertools.islice(every, _BATCH)):
+            yield np.array(batch, dtype=np.int64)
+        return
+    generator = stream(0, "regroupings")
+    yield np.arange(first, dtype=np.int64)[None]
+    for _ in range(MOST_REGROUPINGS // _BATCH):
+        yield generator.random((_BATCH, count)).argsort(axis=1)[:, :first]
+
+
+def _distances(shares: Floats, chosen: np.ndarray[tuple[int, int], np.dtype[np.int64]], first: int) -> Floats:
+    """Return the distance for each choice of the packings of the first group."""
+    count = len(shares)
+    weights = np.full((len(chosen), count), -1.0 / (count - first))
+    np.put_along_axis(weights, chosen, 1.0 / first, axis=1)
+    distances: Floats = np.abs(weights @ shares).max(axis=1)
+    return distances
