@@ -166,7 +166,7 @@ class Scene:
             raise FileFormatError(f"{found} is a packing and no scene: give the .toml file, or 'voxgran measure' it")
         try:
             mapping = tomllib.loads(found.read_text(encoding="utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        except (ValueError, RecursionError) as error:
             raise FileFormatError(f"{found} is not TOML ({error}): mend that line") from error
         return cls.from_mapping(mapping, folder=found.parent)
 
