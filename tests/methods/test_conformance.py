@@ -6,12 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+import zlib
 
 import numpy as np
 import pytest
 
 import voxgran as vg
 from voxgran._base.errors import GrainTooLargeError, InputError
+from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.packing.method import method_registry
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.run import Drive, drive
@@ -24,6 +26,13 @@ VARIANTS = {
     "control_point, open surfaces": {"contact": "points"},
 }
 METHODS = [*vg.packing_methods(), *VARIANTS]
+#: what else goes on after a stop
+STAGES = {
+    "advancing_front, dense": {"mode": "dense"},
+    "rsa, saturated": {"until": "saturated", "tries": 20},
+    "digital, settling": {"cover": "center", "settling": 20, "shaking": 5},
+    "control_point, settling": {"settling": 20},
+}
 #: what makes a method quick here; anything else is its default
 QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 24}
 
@@ -34,7 +43,7 @@ def name_of(method):
 
 def quick(method):
     known = {field.name for field in dataclasses.fields(method_registry().get(name_of(method)).parameters)}
-    return {name: value for name, value in QUICK.items() if name in known} | VARIANTS.get(method, {})
+    return {name: value for name, value in QUICK.items() if name in known} | {**VARIANTS, **STAGES}.get(method, {})
 
 
 def task_of(method, count=10, seed=1):
@@ -94,8 +103,8 @@ def test_single_attempts_give_the_same(method):
     for chunk in (1, 600):
         task = task_of(method)
         state = task.method.prepare(task.problem)
-        for _ in range(600 // chunk):
-            state = task.method.advance(task.problem, state, chunk)
+        while state.done < 600 and not state.stop_reason:
+            state = task.method.advance(task.problem, state, min(chunk, 600 - state.done))
         runs.append(b"".join(array.tobytes() for array in state.arrays.values()))
     assert runs[0] == runs[1]
 
@@ -132,25 +141,67 @@ def test_periodic_grains_wrap(packing):
     assert vg.verify(moved).ok == vg.verify(packing).ok
 
 
+def contents_of(state):
+    """Return all that a checkpoint holds."""
+    arrays = {name: (array.dtype, array.shape, array.tobytes()) for name, array in state.arrays.items()}
+    return arrays, dict(state.counters), state.done, state.total, state.stop_reason
+
+
+@pytest.mark.parametrize("which", [*METHODS, *STAGES])
+def test_no_attempts_change_nothing(which):
+    """What follows from the problem is made in a chunk of none, before signals are noted."""
+    task = task_of(which)
+    state = task.method.prepare(task.problem)
+    before = contents_of(state)
+    state = task.method.advance(task.problem, state, 0)
+    assert contents_of(state) == before
+    assert not state.stop_reason
+
+
+@pytest.mark.parametrize("which", [*METHODS, *STAGES])
+def test_stopped_at_any_look_it_goes_on_to_the_same_bits(which):
+    """What was begun is lost and nothing else, be it kept in memory or read from a checkpoint."""
+    count = 80 if which == "rsa, saturated" else 10
+    task, again = task_of(which, count), task_of(which, count)
+    whole, looks, stops = drive(task.method, task.problem, Drive(chunk=200)), [0], 0
+    state, wait = again.method.prepare(again.problem), 1
+
+    def is_time():
+        looks[0] += 1
+        return stops < 40 and looks[0] % wait == 0
+
+    while not state.stop_reason:
+        before = state.done
+        try:
+            with stopping_when(is_time):
+                state = again.method.advance(again.problem, state, 200)
+        except Stopped:
+            stops += 1
+            if stops % 10 == 0:
+                state.derived = {}
+        # so long as nothing comes of it, later and later
+        wait = wait + 1 if state.done == before else max(1, wait // 2)
+    assert contents_of(state) == contents_of(whole)
+    assert stops or which not in ("digital_fill", "rsa, saturated", "digital, settling", "control_point, settling")
+
+
 KILLED = """
 import sys
 sys.path.insert(0, {folder!r})
 from test_conformance import task_of, drive, Drive
 import voxgran.packing.run as run
 run.CHECKPOINT_SECONDS = 0.0
-task = task_of({method!r})
+task = task_of({method!r}, count={count})
 print("ready", flush=True)
-drive(task.method, task.problem, Drive(checkpoint={path!r}, resume=True, chunk=200))
+drive(task.method, task.problem, Drive(checkpoint={path!r}, resume=True, chunk={chunk}))
 print("done", flush=True)
 """
 
 
-def test_killed_and_resumed_to_the_same_bits(method, packing, tmp_path):
-    """SIGKILL at random moments, also while a checkpoint is being written, until it comes through."""
-    path, folder = str(tmp_path / "checkpoint"), os.path.dirname(__file__)
-    random = np.random.Generator(np.random.Philox(3))
-    for delay in (*random.uniform(0.02, 0.3, 3), None):
-        code = KILLED.format(folder=folder, method=method, path=path)
+def killed_and_resumed(method, path, delays, *, count=10, chunk=200):
+    """Return the packing of a run that is killed after each of some delays, and then comes through."""
+    for delay in (*delays, None):
+        code = KILLED.format(folder=os.path.dirname(__file__), method=method, path=str(path), count=count, chunk=chunk)
         run = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
         assert run.stdout.readline() == "ready\n"
         if delay is not None:
@@ -158,9 +209,30 @@ def test_killed_and_resumed_to_the_same_bits(method, packing, tmp_path):
             run.send_signal(signal.SIGKILL)
         out, _ = run.communicate(timeout=120)
     assert out == "done\n"
-    task = task_of(method)
-    state = drive(task.method, task.problem, Drive(checkpoint=path, resume=True, chunk=200))
-    assert bits_of(task.method.finish(task.problem, state)) == bits_of(packing)
+    task = task_of(method, count=count)
+    state = drive(task.method, task.problem, Drive(checkpoint=path, resume=True, chunk=chunk))
+    return task.method.finish(task.problem, state)
+
+
+def test_killed_and_resumed_to_the_same_bits(method, packing, tmp_path):
+    """SIGKILL at random moments, also while a checkpoint is being written, until it comes through."""
+    delays = np.random.Generator(np.random.Philox(3)).uniform(0.02, 0.3, 3)
+    assert bits_of(killed_and_resumed(method, tmp_path / "checkpoint", delays)) == bits_of(packing)
+    # what was killed holds no lock, and what came through removed its own
+    assert [file.name for file in tmp_path.iterdir()] == ["checkpoint"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", [*METHODS, *STAGES])
+def test_killed_at_twenty_moments_and_resumed_to_the_same_bits(which, tmp_path):
+    """SIGKILL over the whole length of a run, while it prepares, walks, parts, shakes, settles and writes."""
+    began = time.monotonic()
+    whole = packed(which, count=30)
+    seconds = time.monotonic() - began
+    random = np.random.Generator(np.random.Philox([4, zlib.crc32(which.encode())]))
+    again = killed_and_resumed(which, tmp_path / "run", random.uniform(0, 0.4 * seconds, 20), count=30, chunk=None)
+    assert bits_of(again) == bits_of(whole)
+    assert again.stop_reason == whole.stop_reason
 
 
 def test_a_start_stays_in_order_and_goes_on(method, packing, tmp_path):

@@ -186,6 +186,26 @@ def test_signals_leave_a_checkpoint_and_the_command_that_resumes(scene, tmp_path
     assert (out / "checkpoint.voxgran").exists()
 
 
+def test_a_second_run_in_one_folder_is_refused_in_one_line(scene, tmp_path, capsys):
+    scene.write_text(scene.read_text().replace("sweeps = 200", "sweeps = 1000000000"))
+    out = tmp_path / "out"
+    words = ["run", str(scene), "-o", str(out)]
+    run = subprocess.Popen([sys.executable, "-m", "voxgran", *words], stderr=subprocess.PIPE, text=True)
+    try:
+        deadline, lock = time.monotonic() + 120, out / ".voxgran.lock"
+        while not (lock.exists() and lock.stat().st_size) and time.monotonic() < deadline:
+            time.sleep(0.1)
+        for more in ([], ["--overwrite"], ["--resume"]):
+            status, line = complaint(capsys, *words, *more)
+            assert status == 2
+            assert f"in use by process {run.pid} " in line
+        assert run.poll() is None
+    finally:
+        run.terminate()
+        run.communicate(timeout=60)
+    assert not lock.exists()
+
+
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount a small disk")
 def test_a_full_disk_is_one_line(scene, tmp_path):
     disk = tmp_path / "disk"

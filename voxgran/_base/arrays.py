@@ -92,9 +92,11 @@ def as_points(value: ArrayLike, name: str = "points", *, dimension: int = 3) -> 
     Raises
     ------
     InputError
-        As :func:`as_floats`.
+        As :func:`as_floats`, or if a coordinate is beyond 1e60.
     """
-    return as_floats(value, name, shape=(None, dimension))
+    points = as_floats(value, name, shape=(None, dimension))
+    check_coordinates(points, name)
+    return points
 
 
 def as_vector(value: ArrayLike, name: str, *, length: int = 3) -> Floats:
@@ -274,6 +276,22 @@ def check_lengths(values: ArrayLike, name: str) -> None:
     if len(wrong):
         raise InputError(
             f"{name} is {wrong[0]:g}: it must be between {SHORTEST:g} and {LONGEST:g}; choose another unit of lengths"
+        )
+
+
+def check_coordinates(points: Floats, name: str) -> None:
+    """Refuse finite coordinates so large that volumes and their second moments are no numbers any more.
+
+    Raises
+    ------
+    InputError
+        If one is beyond 1e60.
+    """
+    if points.size and max(float(points.max()), -float(points.min())) > LONGEST:
+        row, axis = (int(k) for k in np.argwhere(np.abs(points) > LONGEST)[0])
+        raise InputError(
+            f"{name} is {points[row, axis]:g} at index ({row}, {axis}): coordinates must be at most {LONGEST:g} in "
+            "magnitude; mend it or choose another unit of lengths"
         )
 
 

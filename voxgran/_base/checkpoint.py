@@ -8,15 +8,15 @@ import hashlib
 import io
 import json
 import os
-import zipfile
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.errors import CheckpointError
+from voxgran._base.errors import CheckpointError, FileFormatError
 from voxgran._base.files import existing_file, written_whole
+from voxgran._base.guarded import refused
 
 _MAGIC = b"voxgran checkpoint 1"
 
@@ -70,7 +70,8 @@ def load_checkpoint(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[
     CheckpointError
         If it is damaged or not a checkpoint.
     """
-    raw = existing_file(path).read_bytes()
+    found = existing_file(path)
+    raw = found.read_bytes()
     line, _, body = raw.partition(b"\n")
     words = line.removeprefix(_MAGIC).split()
     if not line.startswith(_MAGIC) or len(words) != 2:
@@ -81,9 +82,11 @@ def load_checkpoint(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[
             "start anew without it"
         )
     try:
-        with np.load(io.BytesIO(body), allow_pickle=False) as archive:
+        with refused(found), np.load(io.BytesIO(body), allow_pickle=False) as archive:
             members = {name: archive[name] for name in archive.files}
-        header = json.loads(members.pop("header").tobytes().decode())
-    except (KeyError, ValueError, zipfile.BadZipFile) as error:
-        raise CheckpointError(f"{path} cannot be read ({error}): start anew without it") from error
+            header = dict(json.loads(members.pop("header").tobytes().decode()))
+    except FileFormatError as error:
+        raise CheckpointError(
+            f"{path} holds no archive of arrays with a header: another program wrote it; start anew without it"
+        ) from error
     return header, {name.removeprefix("array_"): array for name, array in members.items()}

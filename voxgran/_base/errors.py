@@ -71,6 +71,12 @@ class OutputExistsError(VoxgranError, FileExistsError):
     exit_code: ClassVar[int] = 2
 
 
+class InUseError(VoxgranError, BlockingIOError):
+    """An output that another process is writing."""
+
+    exit_code: ClassVar[int] = 2
+
+
 class OutputError(VoxgranError, OSError):
     """An output that could not be written."""
 
@@ -85,12 +91,21 @@ class TooLargeError(VoxgranError, MemoryError):
     exit_code: ClassVar[int] = 2
 
 
-class Interrupted(VoxgranError, KeyboardInterrupt):  # noqa: N818  (it is a request, not an error)
-    """A run that was asked to stop; `signal_number` tells by which signal."""
+class Interrupted(KeyboardInterrupt):
+    """A run that was asked to stop, by SIGINT or SIGTERM: a request and no error, which ``except Exception`` lets pass.
+
+    Attributes
+    ----------
+    signal_number : int
+        The signal.
+    exit_code : int
+        What the command line returns: 130 or 143.
+    """
 
     def __init__(self, message: str, signal_number: int) -> None:
         super().__init__(message)
         self.signal_number = signal_number
+        self.exit_code = 128 + signal_number
 
 
 class DirtyMeshWarning(UserWarning):

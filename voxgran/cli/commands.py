@@ -143,6 +143,7 @@ def labels(options: argparse.Namespace) -> None:
         options.file,
         voxel_size=options.voxel_size,
         border=options.border,
+        surface=options.surface,
         periodic=options.periodic,
         unit=options.unit,
         key=options.key,

@@ -57,7 +57,7 @@ def _run(words: list[str]) -> int:
     except Interrupted as stop:
         complain(f"{stop}")
         _say_how_to_go_on(options, words)
-        return 128 + stop.signal_number
+        return stop.exit_code
     except KeyboardInterrupt:
         complain("stopped")
         _say_how_to_go_on(options, words)
@@ -100,13 +100,13 @@ def _end_softly() -> None:
 
 
 def _say_how_to_go_on(options: argparse.Namespace, words: Sequence[str]) -> None:
-    """Name the command that goes on, where a checkpoint of `run` is left."""
+    """Name the command that goes on, where `run` has left a checkpoint or finished some of its seeds."""
     if getattr(options, "command", "") != "run":
         return
-    from voxgran.scene.run import CHECKPOINT
+    from voxgran.scene.run import CHECKPOINT, SUMMARY
 
-    folder = Path(options.output)
-    if next(folder.glob(CHECKPOINT), None) or next(folder.glob(f"seed_*/{CHECKPOINT}"), None):
+    left = (CHECKPOINT, f"seed_*/{CHECKPOINT}", f"seed_*/{SUMMARY}")
+    if any(next(Path(options.output).glob(name), None) for name in left):
         complain(f"to go on: voxgran {_resumed(words)}")
 
 

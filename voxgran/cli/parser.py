@@ -81,6 +81,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         (("file",), {"help": "label image: .npy, .npz, .tif, .vti or .nrrd"}),
         (("--voxel-size",), {"type": float, "help": "edge of a voxel; left out: as the file says"}),
         (("--border",), {"choices": ("keep", "drop"), "default": "keep", "help": "grains that the image cuts"}),
+        (("--surface",), {"choices": ("smooth", "voxel"), "default": "smooth", "help": "smooth, or faces of voxels"}),
         (("--periodic",), {"default": "", "help": "axes along which the image repeats, such as xy"}),
         (("--unit",), {"help": "unit of the voxel size"}),
         (("--key",), {"help": "which array of an .npz or .vti file"}),

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_number
+from voxgran._base.stopping import stop_if_asked
 from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
@@ -112,6 +113,7 @@ def meeting_pairs(assembly: Assembly, depth: float, looked_at: Collection[PairKe
         proven = surface_gaps(assembly, pairs.where(surfaces), 0.0, tree_of=tests.tree)[3]
         meet[surfaces] = ~proven
         for k, key in zip(surfaces[~proven], pair_keys(pairs.where(surfaces[~proven])), strict=True):
+            stop_if_asked()
             if key in looked_at:
                 meet[k] = tests.meet(key[0], key[1], pairs.offset[k], depth)
     return pairs.where(meet)
@@ -192,6 +194,7 @@ def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool) 
         distance[proven_pairs], normal[proven_pairs], point[proven_pairs] = (part[proven] for part in known)
         rest[proven_pairs] = False
     for k in np.flatnonzero(rest):
+        stop_if_asked()
         i, j = int(pairs.i[k]), int(pairs.j[k])
         touch = tests.touch(i, j, pairs.offset[k], gap)
         distance[k], normal[k], point[k] = touch.gap, touch.normal, touch.point
@@ -222,6 +225,7 @@ def relative_pose(assembly: Assembly, i: int, j: int, offset: Floats) -> tuple[F
 
 def _search(assembly: Assembly, pairs: Pairs, k: int, distance: Floats, normal: Floats, point: Floats) -> None:
     """Replace the depth of a pair that lies too deep for a closed form where a search finds more."""
+    stop_if_asked()
     i, j = int(pairs.i[k]), int(pairs.j[k])
     inner = [
         placed(

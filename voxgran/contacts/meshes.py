@@ -97,19 +97,20 @@ def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: 
     normal, point : (3,) ndarray of float
         Unit vector from `one` to `other`, and the middle between the deepest point and the surface.
     """
-    if not len(body.triangles):
-        return 0.0, np.zeros(3), offset / 2
     factor = stretch_of(matrix)
     back = matrix.T / factor**2
-    depth, point, nearest = deepest_of_triangles(one.tree, body.triangles)
-    turned, theirs, their_nearest = deepest_of_triangles(other.tree, (body.triangles - offset) @ back.T)
+    triangles = _within_both(one, other, body.triangles, back=back, offset=offset)
+    if not len(triangles):
+        return 0.0, np.zeros(3), offset / 2
+    depth, point, nearest = deepest_of_triangles(one.tree, triangles)
+    turned, theirs, their_nearest = deepest_of_triangles(other.tree, (triangles - offset) @ back.T)
     sign = 1.0
     if turned * factor > depth:
         depth, sign = turned * factor, -1.0
         point, nearest = matrix @ theirs + offset, matrix @ their_nearest + offset
     if body.volume > DEEP * min(one.mesh.volume, other.mesh.volume * factor**3):
         inner_other = placed(other.inner_distance, matrix=matrix, offset=offset)
-        corners = body.triangles.reshape(-1, 3)
+        corners = triangles.reshape(-1, 3)
         low, high = corners.min(axis=0), corners.max(axis=0)
         found, where, _ = deepest_point(one.inner_distance, inner_other, low, high)
         if found > depth:
@@ -121,6 +122,18 @@ def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: 
     else:
         normal = -matrix @ outward(other, back @ (point - offset), -offset) / factor
     return depth, normal, (point + nearest) / 2
+
+
+def _within_both(one: Solid, other: Solid, triangles: Floats, *, back: Floats, offset: Floats) -> Floats:
+    """Return the triangles of a common body that lie in both meshes.
+
+    Where surfaces coincide up to rounding, a body without volume may bridge a crease, outside of one of them.
+    """
+    middle = triangles.mean(axis=1)
+    theirs = (middle - offset) @ back.T
+    kept = one.tree.signed_distance(middle) <= ROUNDING * (one.tree.size + float(np.linalg.norm(offset)))
+    kept &= other.tree.signed_distance(theirs) <= ROUNDING * (other.tree.size + float(np.linalg.norm(back @ offset)))
+    return triangles[kept]
 
 
 def outward(solid: Solid, point: Floats, fallback: Floats) -> Floats:

@@ -11,11 +11,15 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
+from voxgran._base.stopping import stop_if_asked
 from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs
 from voxgran.contacts.meshes import ROUNDING
 from voxgran.contacts.triangles import find_nearest_pair
+
+#: pairs that are walked between two looks whether to stop
+AT_ONCE = 64
 
 
 def surface_gaps(
@@ -44,6 +48,11 @@ def surface_gaps(
         Middle between the nearest points, from the centroid of grain i.
     proven : (m,) ndarray of bool
         Whether the two are apart; where not, the rest means nothing.
+
+    Raises
+    ------
+    Stopped
+        If the run was asked to stop.
     """
     m = pairs.count
     found, near = np.full(m, np.inf), np.zeros((m, 6))
@@ -53,22 +62,18 @@ def surface_gaps(
     stretch = assembly.scale[pairs.j] / scale
     matrix = np.einsum("kji,kjl->kil", turn, assembly.matrices[pairs.j]) * stretch[:, None, None]
     offset = np.einsum("kji,kj->ki", turn, pairs.offset) / scale[:, None]
-    for a, b in np.unique(np.column_stack([one, other]), axis=0):
+    for a, b in np.unique(np.column_stack([one, other]), axis=0).tolist():
         some = np.flatnonzero((one == a) & (other == b))
-        trees = tree_of(int(a)), tree_of(int(b))
+        trees = tree_of(a), tree_of(b)
         far = np.linalg.norm(offset[some], axis=1)
         margin = ROUNDING * (trees[0].size + stretch[some] * trees[1].size + far)
         reach = np.maximum(max(gap, 0.0) / scale[some], margin)
         distance, points = np.full(len(some), np.inf), np.zeros((len(some), 6))
-        _nearest_of_pairs(
-            *trees[0].arrays,
-            *trees[1].arrays,
-            np.ascontiguousarray(matrix[some]),
-            offset[some],
-            reach,
-            distance,
-            points,
-        )
+        poses = np.ascontiguousarray(matrix[some]), offset[some], reach, distance, points
+        for first in range(0, len(some), AT_ONCE):
+            stop_if_asked()
+            part = (array[first : first + AT_ONCE] for array in poses)
+            _nearest_of_pairs(*trees[0].arrays, *trees[1].arrays, *part)
         found[some], near[some] = distance, points
         proven[some] = (distance > margin) & ~_nested(trees, matrix[some], offset[some], stretch[some])
     apart = near[:, 3:] - near[:, :3]

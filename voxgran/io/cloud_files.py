@@ -13,6 +13,7 @@ import numpy as np
 
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
 from voxgran._base.files import as_path, existing_file, written_whole
+from voxgran._base.guarded import Content, read_guarded, reason_of
 from voxgran._base.lazy import load
 from voxgran.io.cloud_of_packing import cloud_of_packing
 from voxgran.io.pcd_format import pcd_columns
@@ -74,7 +75,7 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
     try:
         return Cloud.of(*columns, name=found.stem, unit=unit)
     except InputError as error:
-        raise FileFormatError(f"{found}: {error}") from error
+        raise FileFormatError(f"{found}: {reason_of(error, most=300)}") from error
 
 
 def save_cloud(
@@ -144,7 +145,7 @@ def _read_pcd(path: Path) -> Columns:
         log.warning("%s: %d of %d points are NaN, rays that met nothing; they are left out", path, lost, many)
         points, columns = points[met], {name: column[met] for name, column in columns.items()}
     normals = None
-    if "normal_x" in columns:
+    if {"normal_x", "normal_y", "normal_z"} <= columns.keys():
         normals = np.column_stack([columns[f"normal_{axis}"] for axis in "xyz"])
     return points, normals, columns.get("grain")
 
@@ -174,17 +175,33 @@ def _write_open3d(cloud: Cloud, path: Path) -> None:
 
 def _read_laser(path: Path) -> Columns:
     """Return the points of a LAS file."""
+    _, found = read_guarded(laser_points, path)
+    return found["points"], None, None
+
+
+def laser_points(path: Path) -> Content:
+    """Read the points of a LAS file, to be run by `read_guarded`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    facts : dict
+        Empty.
+    arrays : dict of str to ndarray
+        ``points`` (n, 3).
+
+    Raises
+    ------
+    MissingLibraryError
+        If laspy is not installed.
+    """
     try:
         reader = load("laspy")
     except MissingLibraryError as error:
         raise MissingLibraryError(f"{path} needs laspy to be read: install it with 'pip install laspy'") from error
-    try:
-        found = reader.read(str(path))
-    except Exception as error:  # laspy raises many kinds, its own and those of its parsers
-        raise FileFormatError(f"{path} cannot be read as points ({_line(error)}): write it again") from error
-    return np.column_stack([found.x, found.y, found.z]).astype(np.float64), None, None
-
-
-def _line(error: BaseException) -> str:
-    """Return the first line of what a library says."""
-    return str(error).strip().split("\n", 1)[0][:200]
+    found = reader.read(str(path))
+    return {}, {"points": np.column_stack([found.x, found.y, found.z]).astype(np.float64)}

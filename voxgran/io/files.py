@@ -14,7 +14,7 @@ from voxgran.io.particles import packing_of
 from voxgran.io.spheres import save_spheres
 from voxgran.io.tables import read_table
 from voxgran.io.vtk_files import is_own, load_packing, save_packing
-from voxgran.io.vtk_points import READERS, read_vtk_points
+from voxgran.io.vtk_points import SUFFIXES, read_vtk_points
 from voxgran.packing.asked import check_packing
 from voxgran.packing.model import Packing
 
@@ -116,7 +116,7 @@ def load(
         raise FileFormatError(
             f"{found} is a scene and no packing: 'voxgran run {found}' packs it; give the packing.vtp"
         )
-    if found.suffix.lower() in READERS:
+    if found.suffix.lower() in SUFFIXES:
         particles = read_vtk_points(found)
     elif "\0" in head:
         raise FileFormatError(_unknown(found))

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_vector
-from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError
+from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.files import written_whole
 from voxgran._base.kernels import kernel
-from voxgran.io.vtk_data import image_data, write_data
-from voxgran.lattice.grid import Grid
+from voxgran._base.vtk_data import image_data, write_data
+from voxgran.lattice.grid import Grid, check_voxel_size
 from voxgran.packing.model import Packing
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
@@ -23,7 +23,7 @@ from voxgran.voxels.occupy import occupy
 VOXEL_LIMIT = 4 * 10**9
 
 
-def to_image(packing: Packing, voxel_size: float, *, labels: bool = True) -> NDArray[Any]:
+def to_image(packing: Packing, voxel_size: float, *, labels: bool | ArrayLike = True) -> NDArray[Any]:
     """Put a packing on a lattice over the bounds of its container.
 
     Parameters
@@ -32,19 +32,22 @@ def to_image(packing: Packing, voxel_size: float, *, labels: bool = True) -> NDA
         Any packing.
     voxel_size : float
         Edge of a voxel, in the unit of lengths.
-    labels : bool
-        Whether voxels tell which grain they belong to, or only whether they are solid.
+    labels : bool or (n,) array_like of int
+        Whether voxels tell which grain they belong to, or only whether they are solid; or the label of each grain,
+        above 0, such as ``packing.provenance["labels"]`` of a packing that was made of a label image.
 
     Returns
     -------
-    (nx, ny, nz) ndarray of int32 or bool
-        Axes x, y, z; in 2D nz = 1. With labels 0 is void and k + 1 is grain k, otherwise True is solid (``~image`` is
-        the pore space). Voxel (0, 0, 0) has its corner at ``packing.container.bounds[0]``.
+    (nx, ny, nz) ndarray of int32, int64 or bool
+        Axes x, y, z; in 2D nz = 1. With labels 0 is void and k + 1 is grain k, unless they were given (int64, where one
+        is beyond int32); otherwise True is solid (``~image`` is the pore space). Voxel (0, 0, 0) has its corner at
+        ``packing.container.bounds[0]``.
 
     Raises
     ------
     InputError
-        If the voxel size is not a finite number above 0, or a grain is an open surface.
+        If the voxel size is not a finite number above 0 or larger than the container is wide, a grain is an open
+        surface, or the labels are not one whole number above 0 for each grain.
     TooLargeError
         If there are more than VOXEL_LIMIT voxels.
 
@@ -58,6 +61,7 @@ def to_image(packing: Packing, voxel_size: float, *, labels: bool = True) -> NDA
     A voxel belongs to a grain that holds its center; where several do, to the first of them. Grains continue across
     periodic faces. Outside of a container that is no box the image is void.
     """
+    known = None if isinstance(labels, bool | np.bool_) else _checked(labels, packing.count)
     grid = image_grid(packing, voxel_size)
     image = np.zeros(grid.shape, dtype=np.int32)
     shifts = _shifts(packing)
@@ -66,7 +70,19 @@ def to_image(packing: Packing, voxel_size: float, *, labels: bool = True) -> NDA
     _paint_round(image, grid, packing, np.flatnonzero(round_ones), shifts)
     for grain in np.flatnonzero(~round_ones):
         _paint_other(image, grid, packing, int(grain), shifts)
+    if known is not None:
+        return known[image]
     return image if labels else image > 0
+
+
+def _checked(labels: ArrayLike, count: int) -> NDArray[Any]:
+    """Return 0 for void and the label of each grain."""
+    given = np.asarray(labels)
+    whole = given.shape == (count,) and (given.dtype.kind in "iu" or not count)
+    if not whole or (count and not 0 < int(given.min()) <= int(given.max()) < 2**63):
+        raise InputError(f"labels is {shown(labels)}: give one whole number above 0 for each of the {count} grains")
+    small = int(given.max(initial=0)) < 2**31
+    return np.concatenate([[0], given]).astype(np.int32 if small else np.int64)
 
 
 def image_grid(packing: Packing, voxel_size: float) -> Grid:
@@ -87,12 +103,13 @@ def image_grid(packing: Packing, voxel_size: float) -> Grid:
     Raises
     ------
     InputError
-        If the voxel size is not a finite number above 0.
+        If the voxel size is not a finite number above 0, or larger than the container is wide.
     TooLargeError
         If there are more than VOXEL_LIMIT voxels.
     """
     size = as_length(voxel_size, "voxel_size")
     lower, upper = packing.container.bounds
+    check_voxel_size(size, float((upper - lower)[: packing.dimension].min()), "the container")
     exact = (upper - lower) / size
     counts = np.where(np.abs(exact - np.rint(exact)) < 1e-9 * np.maximum(exact, 1), np.rint(exact), np.ceil(exact))
     nx, ny, nz = (max(int(n), 1) for n in counts)

@@ -6,12 +6,13 @@ Formats: the pages `read_data` and `dump` of the LAMMPS manual, docs.lammps.org.
 """
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
-from voxgran._base.errors import FileFormatError
+from voxgran._base.arrays import LONGEST, SHORTEST, Floats
+from voxgran._base.errors import FileFormatError, InputError
 from voxgran.containers.box import Box
 from voxgran.io.particles import Particles, refuse_bad_spheres
 
@@ -62,7 +63,7 @@ def read_lammps_data(path: Path) -> Particles:
     rows, numbers = _section(lines, start + 1)
     if len(rows) != count:
         raise FileFormatError(
-            f"{path} has {len(rows)} lines of atoms where its head says {count}: it is cut off or changed; write it "
+            f"{path} has {len(rows)} lines of atoms where its head says {count:g}: it is cut off or changed; write it "
             "again"
         )
     style, assumed = hint, {"periodic": "nowhere: a data file does not say"}
@@ -71,13 +72,12 @@ def read_lammps_data(path: Path) -> Particles:
         assumed["atom style"] = f"{style}, by the number of values"
     if style not in STYLES:
         raise FileFormatError(
-            f"{path}, line {start + 1}: the atom style is {style or 'not known'}; only {' and '.join(STYLES)} have "
-            "diameters: write the file with one of these"
+            f"{path}, line {start + 1}: the atom style is {style[:40] or 'not known'}; only {' and '.join(STYLES)} "
+            "have diameters: write the file with one of these"
         )
-    table = _numbers(rows, numbers, path)
     diameter, density, x = STYLES[style]
-    order = np.argsort(table[:, 0], kind="stable") if len(table) else np.zeros(0, np.int64)
-    table = table[order] if len(table) else np.zeros((0, 7))
+    table = _numbers(rows, numbers, path, width=max(len(rows[0]) if rows else 0, x + 3))
+    table = table[np.argsort(table[:, 0], kind="stable")]
     centers, radii = table[:, x : x + 3], table[:, diameter] / 2
     refuse_bad_spheres(centers, radii, path, row="atom")
     densities = np.unique(table[:, density])
@@ -117,16 +117,16 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
     begin = starts[frame]
     end = starts[starts.index(begin) + 1] if begin != starts[-1] else len(lines)
     block = lines[begin:end]
-    names = {line.split()[1]: k for k, line in enumerate(block) if line.startswith("ITEM:")}
-    if not {"NUMBER", "BOX", "ATOMS"} <= names.keys():
+    names = {words[0]: place for place, words in _items(block)}
+    if not {"NUMBER", "BOX", "ATOMS"} <= names.keys() or len(block) < max(names["NUMBER"] + 2, names["BOX"] + 4):
         raise FileFormatError(f"{path}, line {begin + 1}: the frame is cut off; dump it again or choose another one")
-    count = int(_numbers([block[names["NUMBER"] + 1].split()], [begin + names["NUMBER"] + 2], path)[0, 0])
+    count = _numbers([block[names["NUMBER"] + 1].split()], [begin + names["NUMBER"] + 2], path, width=1)[0, 0]
     columns = block[names["ATOMS"]].split()[2:]
     first = names["ATOMS"] + 1
     rows = [line.split() for line in block[first:] if line.strip()]
     if len(rows) != count:
         raise FileFormatError(
-            f"{path} has {len(rows)} lines of atoms in the frame of line {begin + 1}, which says {count}: it is cut "
+            f"{path} has {len(rows)} lines of atoms in the frame of line {begin + 1}, which says {count:g}: it is cut "
             "off; dump it again or choose another frame"
         )
     flags = [word for word in block[names["BOX"]].split()[3:] if len(word) == 2 and word[0] in "pfsm"]
@@ -135,9 +135,10 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
         line = begin + names["BOX"] + 1
         raise FileFormatError(f"{path}, line {line}: the box is tilted: give an upright one")
     place = begin + names["BOX"] + 2
-    bounds = _numbers([block[names["BOX"] + 1 + k].split() for k in range(3)], [place, place + 1, place + 2], path)
-    table = _numbers(rows, list(range(begin + first + 1, begin + first + 1 + count)), path, text=_texts(columns))
-    table = table.reshape(-1, len(columns))
+    lines_of_box = [block[names["BOX"] + 1 + k].split() for k in range(3)]
+    bounds = _numbers(lines_of_box, [place, place + 1, place + 2], path, width=2)
+    numbers = [begin + k + 1 for k, line in enumerate(block) if k >= first and line.strip()]
+    table = _numbers(rows, numbers, path, width=len(columns), text=_texts(columns))
     if "id" in columns:
         table = table[np.argsort(table[:, columns.index("id")], kind="stable")]
     centers, radii = _columns(table, columns, bounds, path)
@@ -149,6 +150,14 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
     return Particles(centers=centers, radii=radii, container=_box(bounds, periodic, path), unit=unit, assumed=assumed)
 
 
+def _items(block: list[str]) -> Iterator[tuple[int, list[str]]]:
+    """Yield place and words of each heading of a frame."""
+    for place, line in enumerate(block):
+        words = line.split()
+        if words[:1] == ["ITEM:"] and len(words) > 1:
+            yield place, words[1:]
+
+
 def _text_lines(path: Path) -> list[str]:
     """Return the lines of a text file."""
     try:
@@ -157,17 +166,17 @@ def _text_lines(path: Path) -> list[str]:
         raise FileFormatError(f"{path} is no text ({error.reason}): give a text file of LAMMPS") from error
 
 
-def _data_head(lines: list[str], path: Path) -> tuple[Floats, int]:
+def _data_head(lines: list[str], path: Path) -> tuple[Floats, float]:
     """Return the bounds of the box and the number of atoms."""
-    bounds, count = np.full((3, 2), np.nan), -1
+    bounds, count = np.full((3, 2), np.nan), -1.0
     for number, line in enumerate(lines[:HEAD_LINES], 1):
         words = line.partition("#")[0].split()
         if words[-1:] == ["atoms"]:
-            count = int(_numbers([words[:1]], [number], path)[0, 0])
+            count = _numbers([words[:1]], [number], path, width=1)[0, 0]
         for axis, name in enumerate("xyz"):
             if words[-2:] == [f"{name}lo", f"{name}hi"]:
-                bounds[axis] = _numbers([words[:2]], [number], path)[0]
-        tilted = words[-3:] == ["xy", "xz", "yz"] and bool(_numbers([words[:3]], [number], path).any())
+                bounds[axis] = _numbers([words[:2]], [number], path, width=2)[0]
+        tilted = words[-3:] == ["xy", "xz", "yz"] and bool(_numbers([words[:3]], [number], path, width=3).any())
         if tilted or words[-1:] in (["avec"], ["bvec"], ["cvec"]):
             raise FileFormatError(f"{path}, line {number}: the box is tilted: give an upright one")
     if not np.isfinite(bounds).all():
@@ -194,11 +203,12 @@ def _texts(columns: list[str]) -> tuple[int, ...]:
     return tuple(k for k, name in enumerate(columns) if name in ("element", "type", "typelabel"))
 
 
-def _numbers(rows: list[list[str]], numbers: list[int], path: Path, *, text: tuple[int, ...] = ()) -> Floats:
+def _numbers(
+    rows: list[list[str]], numbers: list[int], path: Path, *, width: int, text: tuple[int, ...] = ()
+) -> Floats:
     """Return rows as numbers; the first row that is none, or has another length, is named."""
     if text:
         rows = [["0" if k in text else word for k, word in enumerate(row)] for row in rows]
-    width = len(rows[0]) if rows else 0
     try:
         table: Floats = np.array(rows, dtype=np.float64).reshape(len(rows), width)
         return table
@@ -227,7 +237,7 @@ def _columns(table: Floats, columns: list[str], bounds: Floats, path: Path) -> t
     size = next((name for name in ("radius", "diameter") if name in columns), None)
     if centers is None or size is None:
         raise FileFormatError(
-            f"{path} has the columns {' '.join(columns)}: x y z and radius or diameter are needed; dump these too"
+            f"{path} has the columns {' '.join(columns)[:80]}: x y z and radius or diameter are needed; dump these too"
         )
     radii = table[:, columns.index(size)] / (2.0 if size == "diameter" else 1.0)
     return centers, radii
@@ -236,7 +246,13 @@ def _columns(table: Floats, columns: list[str], bounds: Floats, path: Path) -> t
 def _box(bounds: Floats, periodic: str, path: Path) -> Box:
     """Return the box of a file."""
     lengths = bounds[:, 1] - bounds[:, 0]
-    if not (np.isfinite(bounds).all() and (lengths > 0).all()):
-        raise FileFormatError(f"{path} has a box of {lengths.tolist()}: all lengths must be above 0; write it again")
+    if not ((np.abs(bounds) <= LONGEST).all() and (lengths >= SHORTEST).all()):
+        raise FileFormatError(
+            f"{path} has a box of {lengths.tolist()}: all lengths must be above 0, and bounds at most {LONGEST:g} in "
+            "magnitude; write it again"
+        )
     x, y, z = lengths.tolist()
-    return Box((x, y, z), periodic, origin=tuple(bounds[:, 0].tolist()))
+    try:
+        return Box((x, y, z), periodic, origin=tuple(bounds[:, 0].tolist()))
+    except InputError as error:
+        raise FileFormatError(f"{path}: {error}") from error

@@ -5,12 +5,14 @@ The engine is always named: without it xarray may fall back on one that turns in
 
 import json
 import os
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran._base.errors import FileFormatError, OutputError
+from voxgran._base.errors import OutputError
 from voxgran._base.files import existing_file, written_whole
+from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
 from voxgran.measure.accessor import register_accessor
 
@@ -81,18 +83,44 @@ def load_statistics(path: str | os.PathLike[str]) -> "DataTree":
     FileFormatError
         If it is damaged or no netCDF4 file.
     """
-    load("netCDF4")
     found = existing_file(path)
-    try:
+    # HDF5 crashes on some damaged files; what another process has read to the end can be read here
+    read_guarded(netcdf_values, found)
+    with refused(found):
+        load("netCDF4")
         with load("xarray").open_datatree(found, engine="netcdf4") as tree:
             loaded: DataTree = tree.load()
-    except (OSError, RuntimeError, ValueError, KeyError, AttributeError) as error:
-        reason = " ".join(str(error).split())
-        raise FileFormatError(f"{found} cannot be read as netCDF4 ({reason}): write it again") from error
     loaded.name = loaded.attrs.pop(_NAME, None)
     for node in loaded.subtree:
         node.attrs = {name: _python(value) for name, value in node.attrs.items()}
     return loaded
+
+
+def netcdf_values(path: Path) -> Content:
+    """Read all values and attributes of a netCDF4 file and keep none, to be run by `read_guarded`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    facts : dict
+        ``groups``: how many there are.
+    arrays : dict of str to ndarray
+        Empty.
+    """
+    with load("netCDF4").Dataset(path) as file:
+        groups = [file]
+        for group in groups:
+            groups.extend(group.groups.values())
+            for entry in (group, *group.variables.values()):
+                for name in entry.ncattrs():
+                    entry.getncattr(name)
+            for variable in group.variables.values():
+                variable[...]
+    return {"groups": len(groups)}, {}
 
 
 def _with_safe_attributes(data: "Dataset") -> "Dataset":

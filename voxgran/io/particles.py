@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import LONGEST, SHORTEST, Booleans, Floats, Integers
 from voxgran._base.axes import Periodic
 from voxgran._base.errors import FileFormatError, InputError, shown, with_article
 from voxgran._base.rotation import quaternions_of
@@ -22,6 +22,10 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
+#: which spheres are good
+SPHERE_RULE = f"all must be finite and at most {LONGEST:g} in magnitude, and r above 0 (at least {SHORTEST:g})"
+#: largest number of a clump
+LARGEST_CLUMP = 2.0**53
 #: clumps whose spheres agree within this part of their size share a shape
 SAME = 1e-6
 
@@ -60,8 +64,22 @@ class Particles:
     flat: bool = False
 
 
+def good_spheres(centers: Floats, radii: Floats) -> Booleans:
+    """Return for each sphere whether its center and radius are lengths that can be computed with, (n,).
+
+    Parameters
+    ----------
+    centers : (n, 3) ndarray of float
+        Centers; good ones are finite and at most 1e60 in magnitude.
+    radii : (n,) ndarray of float
+        Radii; good ones are between 1e-60 and 1e60.
+    """
+    good: Booleans = (np.abs(centers) <= LONGEST).all(axis=1) & (radii >= SHORTEST) & (radii <= LONGEST)
+    return good
+
+
 def refuse_bad_spheres(centers: Floats, radii: Floats, path: Path, *, row: str = "sphere") -> None:
-    """Refuse coordinates that are not finite and radii that are not above 0.
+    """Refuse spheres that are not good ones.
 
     Parameters
     ----------
@@ -79,13 +97,12 @@ def refuse_bad_spheres(centers: Floats, radii: Floats, path: Path, *, row: str =
     FileFormatError
         If there is one; the message gives the first.
     """
-    good = np.isfinite(centers).all(axis=1) & np.isfinite(radii) & (radii > 0)
+    good = good_spheres(centers, radii)
     if not good.all():
         k = int(good.argmin())
         x, y, z = centers[k].tolist()
         raise FileFormatError(
-            f"{path}, {row} {k}: x y z r is {x:g} {y:g} {z:g} {float(radii[k]):g}; all must be finite and r above 0; "
-            "mend or remove it"
+            f"{path}, {row} {k}: x y z r is {x:g} {y:g} {z:g} {float(radii[k]):g}; {SPHERE_RULE}; mend or remove it"
         )
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
+from voxgran._base.guarded import reason_of
 
 #: kinds of numbers, by their letter in the file
 KINDS = {"F": "f", "I": "i", "U": "u"}
@@ -30,13 +31,17 @@ def pcd_columns(raw: bytes, name: str) -> dict[str, Floats]:
         kinds = [KINDS[kind] + size for kind, size in zip(head["TYPE"], head["SIZE"], strict=True)]
         row = np.dtype([(key, "<" + kind, (count,)) for key, kind, count in zip(fields, kinds, counts, strict=True)])
         many = int(head["POINTS"][0])
+        if many < 0:
+            raise ValueError(f"it counts {many} points")
         records = _text(body, row, many) if head["DATA"][0] == "ascii" else _binary(body, row, many)
-    except (ValueError, KeyError, IndexError, TypeError) as error:
-        raise FileFormatError(f"{name} cannot be read as PCD ({error}): it is cut or damaged; write it again") from None
+    except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
+        raise FileFormatError(
+            f"{name} cannot be read as PCD ({reason_of(error)}): it is cut or damaged; write it again"
+        ) from None
     columns = {key: np.asarray(records[key][:, 0], dtype=np.float64) for key, count in zip(fields, counts, strict=True)
                if count == 1}  # fmt: skip
     if not {"x", "y", "z"} <= columns.keys():
-        raise FileFormatError(f"{name} has the fields {', '.join(fields)}: x, y and z are needed; write it again")
+        raise FileFormatError(f"{name} has the fields {', '.join(fields)[:80]}: x, y and z are needed; write it again")
     return columns
 
 
@@ -61,6 +66,8 @@ def _text(body: bytes, row: np.dtype[np.void], many: int) -> np.ndarray[tuple[in
     if len(lines) < many:
         raise ValueError(f"it holds {len(lines)} of {many} points")
     table = np.array(lines[:many], dtype=np.float64).reshape(many, -1)
+    if many and table.shape[1] != sum(row[key].shape[0] for key in row.names or ()):
+        raise ValueError(f"its points have {table.shape[1]} numbers")
     records, place = np.zeros(many, dtype=row), 0
     for key in row.names or ():
         width = records[key].shape[1]

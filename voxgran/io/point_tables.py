@@ -48,16 +48,18 @@ def _cells(line: str) -> list[str]:
 
 def _numbers(rows: list[list[str]], width: int, path: Path) -> Floats:
     """Return rows as numbers."""
-    table = np.zeros((len(rows), width))
+    table = []
     for k, row in enumerate(rows):
         try:
-            table[k] = [float(cell) for cell in row]
+            table.append([float(cell) for cell in row])
+            if len(row) != width:
+                raise ValueError
         except ValueError:
             raise FileFormatError(
-                f"{path} is no table of numbers: row {k + 1} is {' | '.join(row)!r}, and {width} numbers are needed; "
-                "mend it, or name the columns x, y, z in the first row"
+                f"{path} is no table of numbers: row {k + 1} is {' | '.join(row)[:60]!r}, and {width} numbers are "
+                "needed; mend it, or name the columns x, y, z in the first row"
             ) from None
-    return table
+    return np.array(table, dtype=np.float64).reshape(len(rows), width)
 
 
 def _by_name(table: Floats, names: list[str]) -> tuple[Any, Any, Any]:

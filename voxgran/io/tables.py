@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.errors import FileFormatError, VoxgranError
+from voxgran._base.guarded import reason_of
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
-from voxgran.io.particles import Particles
+from voxgran.io.particles import LARGEST_CLUMP, SPHERE_RULE, Particles, good_spheres
 
 #: comments at the top in which :func:`save_spheres` keeps container and unit
 CONTAINER, UNIT = "# container ", "# unit "
@@ -67,6 +68,12 @@ NAMES: dict[str, tuple[str, ...]] = {
     "d": ("d", "diameter", "dia", "diam"),
     "clump": ("clumpid", "clump", "idclump"),
 }
+
+
+#: characters of a name of a column that are looked at
+LONGEST_NAME = 100
+#: a name and its unit in brackets
+_BRACKET = re.compile(r"([^\[(]*)[\[(]([^\])]*)[\])]\s*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +134,10 @@ def read_table(path: Path) -> Particles:
         flat = container is not None and container.dimension == 2
         return Particles(centers=table[:, :3], radii=table[:, 3], container=container, unit=unit, flat=flat)
     columns, assumed = layout.columns, {}
-    radii = table[:, columns["r"]] if "r" in columns else table[:, columns["d"]] / 2
     clump = None
     if "clump" in columns:
         clump = table[:, columns["clump"]].astype(np.int64)
-    elif layout.width == 5 and not layout.named and len(table) and (table[:, 4] == np.floor(table[:, 4])).all():
+    elif layout.width == 5 and not layout.named and len(table) and _whole(table[:, 4]):
         clump = table[:, 4].astype(np.int64)
         assumed["clumps"] = "the fifth column tells the clump of each sphere"
     flat = "z" not in columns
@@ -144,7 +150,7 @@ def read_table(path: Path) -> Particles:
     centers[:, : len(places)] = table[:, places]
     return Particles(
         centers=centers,
-        radii=radii,
+        radii=_radii(table, layout),
         clump=clump,
         container=container,
         unit=unit or layout.unit,
@@ -212,12 +218,12 @@ def _places(words: list[str]) -> tuple[dict[str, int], str | None]:
     found: dict[str, int] = {}
     unit = None
     for place, word in enumerate(words):
-        bracket = re.search(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$", word)
-        plain = re.sub(r"[^a-z0-9]", "", (word[: bracket.start()] if bracket else word).lower())
+        bracket = _BRACKET.fullmatch(word[:LONGEST_NAME])
+        plain = re.sub(r"[^a-z0-9]", "", (bracket[1] if bracket else word[:LONGEST_NAME]).lower())
         for name, known in NAMES.items():
             if plain in known and name not in found:
                 found[name] = place
-                unit = unit or (bracket.group(1) if bracket and name in "xyzrd" else None)
+                unit = unit or (bracket[2].strip() if bracket and name in "xyzrd" else None)
     return found, unit
 
 
@@ -250,17 +256,26 @@ def _rows(path: Path, layout: Layout) -> Floats:
 
 
 def _good(rows: Floats, layout: Layout) -> bool:
-    """Tell whether all spheres are finite and have a size."""
-    used = rows[:, [layout.columns[name] for name in "xyz" if name in layout.columns]]
-    size = rows[:, layout.columns.get("r", layout.columns.get("d", 3))]
+    """Return whether all spheres are good and clumps are whole numbers."""
+    centers = rows[:, [layout.columns[name] for name in "xyz" if name in layout.columns]]
     clump = rows[:, layout.columns["clump"]] if "clump" in layout.columns else np.zeros(1)
-    return bool(np.isfinite(used).all() and np.isfinite(size).all() and (size > 0).all() and np.isfinite(clump).all())
+    return bool(good_spheres(centers, _radii(rows, layout)).all()) and _whole(clump)
+
+
+def _whole(clump: Floats) -> bool:
+    """Return whether values can be numbers of clumps."""
+    return bool(((np.abs(clump) <= LARGEST_CLUMP) & (clump == np.rint(clump))).all())
+
+
+def _radii(rows: Floats, layout: Layout) -> Floats:
+    """Return the radii of rows."""
+    radii: Floats = rows[:, layout.columns["r"]] if "r" in layout.columns else rows[:, layout.columns["d"]] / 2
+    return radii
 
 
 def _slow_rows(path: Path, layout: Layout) -> Floats:
     """Read line by line and refuse the first bad one; columns that are not needed may hold anything."""
     needed = [layout.columns[name] for name in ("x", "y", "z", "r", "d", "clump") if name in layout.columns]
-    size = layout.columns.get("r", layout.columns.get("d", 3))
     rows = []
     for number, text in _lines(path):
         if number <= layout.skipped:
@@ -280,11 +295,11 @@ def _slow_rows(path: Path, layout: Layout) -> Floats:
                 row[place] = float(word.replace(",", ".") if layout.mark == ";" else word)
             elif place in needed:
                 raise FileFormatError(f"{path}, line {number}: {text[:60]!r} is not x y z r; mend or remove the line")
-        if not (np.isfinite([row[place] for place in needed]).all() and row[size] > 0):
-            shown = " ".join(f"{row[place]:g}" for place in needed)
-            raise FileFormatError(
-                f"{path}, line {number}: x y z r is {shown}; all must be finite and r above 0; mend or remove the line"
-            )
+        if not _good(np.array([row]), layout):
+            names = "x y z r clump" if "clump" in layout.columns else "x y z r"
+            values = " ".join(f"{row[place]:g}" for place in needed)
+            rule = f"{SPHERE_RULE}, and clumps whole numbers" if "clump" in layout.columns else SPHERE_RULE
+            raise FileFormatError(f"{path}, line {number}: {names} is {values}; {rule}; mend or remove the line")
         rows.append(row)
     return np.array(rows, dtype=np.float64).reshape(-1, layout.width)
 
@@ -313,9 +328,9 @@ def json_of(text: str, path: Path, number: int) -> Any:
     """
     try:
         return json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise FileFormatError(
-            f"{path}, line {number}: the container cannot be read ({error}); mend or remove the line"
+            f"{path}, line {number}: the container cannot be read ({reason_of(error)}); mend or remove the line"
         ) from error
 
 
@@ -323,7 +338,8 @@ def _container(mapping: Any, path: Path, number: int) -> Container:
     """Return the container of a comment."""
     try:
         return make_container(mapping)
-    except (InputError, KeyError, TypeError, ValueError) as error:
+    except (VoxgranError, KeyError, TypeError, ValueError, OverflowError) as error:
         raise FileFormatError(
-            f"{path}, line {number}: the container cannot be read ({error}); mend or remove the line"
+            f"{path}, line {number}: the container cannot be read ({reason_of(error, most=300)}); mend or "
+            "remove the line"
         ) from error

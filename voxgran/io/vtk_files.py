@@ -1,7 +1,7 @@
 """VTK files: packings (.vtp) that reload bit for bit, and scenes (.vtm) for ParaView.
 
-A packing file ends with a seal, an XML comment that holds the SHA-256 of all bytes before it. The seal is checked
-before VTK sees the file, because the readers of VTK print, or worse, on damaged input.
+A packing file ends with a seal, an XML comment that holds the SHA-256 of all bytes before it. A file with a right seal
+is read here; any other in a process of its own, because the readers of VTK print, or worse, on damaged input.
 """
 
 import hashlib
@@ -16,9 +16,11 @@ import numpy as np
 from voxgran._base.arrays import as_number
 from voxgran._base.errors import FileFormatError
 from voxgran._base.files import as_path, existing_file, refuse_to_replace, write_text, written_whole
+from voxgran._base.guarded import read_guarded
+from voxgran._base.vtk_data import attach, attach_texts, poly_data, write_data
+from voxgran._base.vtk_readers import vtk_points
 from voxgran.io.record import Record, from_record, to_record
 from voxgran.io.surfaces import merged_surfaces
-from voxgran.io.vtk_data import attach, attach_texts, detach, numpy_support, poly_data, read_data, write_data
 from voxgran.packing.asked import check_packing
 from voxgran.packing.model import Packing
 from voxgran.shapes.primitive import Primitive
@@ -93,14 +95,11 @@ def load_packing(path: str | os.PathLike[str]) -> Packing:
     sealed = not _is_rewritten(found)
     if sealed:
         _check_seal(found)
-    data = read_data("vtkXMLPolyDataReader", found)
-    arrays, texts = detach(data.GetFieldData())
-    per_grain, _ = detach(data.GetPointData())
-    position = np.zeros((0, 3))
-    if data.GetNumberOfPoints():
-        position = np.array(numpy_support().vtk_to_numpy(data.GetPoints().GetData()))
+    facts, arrays = vtk_points(found) if sealed else read_guarded(vtk_points, found)
+    per_grain = {key.removeprefix("point/"): array for key, array in arrays.items() if key.startswith("point/")}
+    whole = {key.removeprefix("field/"): array for key, array in arrays.items() if key.startswith("field/")}
     try:
-        packing = from_record(Record(np.asarray(position, dtype=np.float64), per_grain, arrays, texts))
+        packing = from_record(Record(arrays["points"], per_grain, whole, facts["texts"]))
     except FileFormatError as error:
         raise FileFormatError(f"{found}: {error}") from error
     if sealed:

@@ -5,6 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import InputError
+
+#: share by which rounding may make a voxel larger than the length that it fills
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,3 +69,24 @@ class Grid:
     def indices(self, points: Floats) -> Integers:
         """Return the (n, 3) indices of the voxels that hold (n, 3) points; outside they are out of range."""
         return np.floor((np.asarray(points) - np.array(self.origin)) / self.voxel_size).astype(np.int64)
+
+
+def check_voxel_size(voxel_size: float, extent: float, what: str) -> None:
+    """Check that a voxel is no larger than what it shall resolve.
+
+    Parameters
+    ----------
+    voxel_size : float
+        Edge of a voxel.
+    extent : float
+        Extent that must hold a voxel at least, in the same unit.
+    what : str
+        What has this extent, as the message names it.
+
+    Raises
+    ------
+    InputError
+        If it is larger.
+    """
+    if voxel_size > extent * (1 + ROUNDING):
+        raise InputError(f"voxel_size is {voxel_size:.6g}: {what} is only {extent:.6g} wide; make the voxels smaller")

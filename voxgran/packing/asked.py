@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: parts of the container, by length and by volume, below which sizes are likely in another unit than the container
 TINY, NOTHING = 1e-3, 1e-6
+#: what an object must have to be a container
+CONTAINER = ("kind", "dimension", "periodic", "volume", "bounds", "signed_distance", "mesh", "scaled", "to_mapping")
 
 
 def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Shape, ...]:
@@ -35,9 +37,11 @@ def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Sh
         If one of them is of another type, or a shape or the container is smaller than 1e-60 or larger than 1e60.
     """
     given = check_shapes(shapes)
-    known = all(hasattr(container, name) for name in ("dimension", "bounds", "signed_distance"))
-    if isinstance(container, type) or not known:
+    missing = [name for name in CONTAINER if not hasattr(container, name)]
+    if isinstance(container, type) or "signed_distance" in missing:
         raise InputError(f"container is {shown(container)}: it must be a container; give a Box, or a Rectangle in 2D")
+    if missing:
+        raise InputError(f"container has no {', '.join(missing)}: a container needs {', '.join(CONTAINER)}; add them")
     if sizes is not None and not isinstance(sizes, SizeDistribution):
         raise InputError(f"sizes is {shown(sizes)}: it must be a size distribution; for one size give sizes.fixed")
     if start is not None:

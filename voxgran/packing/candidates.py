@@ -28,7 +28,8 @@ class Rules(NamedTuple):
     """How candidates are made.
 
     retain: one of DROP, NEXT, SCAN.  tries: coordinates for each grain where radii are dropped.  many: coordinates in
-    all.  corrections: how often a candidate is moved away from a grain.  slack: overlap that does not count.
+    all.  corrections: how often a candidate is moved away from a grain.  slack: overlap that does not count.  ends:
+    whether the first grain that is dropped ends it.
     """
 
     retain: int
@@ -36,6 +37,7 @@ class Rules(NamedTuple):
     many: int
     corrections: int
     slack: float
+    ends: bool
 
 
 class Coordinates(NamedTuple):
@@ -62,7 +64,7 @@ def add_candidates(
 ) -> int:
     """Make attempts `first` ... `last` - 1, a candidate each; return the number of the next one.
 
-    It ends early when no grain or no coordinate is left.
+    It ends early when no grain or no coordinate is left, or with the first grain that is dropped, where the rules ask.
     """
     for attempt in range(first, last):
         c = _next_coordinate(rules, coordinates, queue, tally, attempt)
@@ -92,6 +94,8 @@ def _next_coordinate(rules, coordinates, queue, tally, attempt):  # type: ignore
         if rules.retain == DROP:
             if tally[TRIED] < rules.tries:
                 return tally[TURN] * rules.tries + tally[TRIED]
+            if rules.ends:
+                return -1
         else:
             kind = coordinates.kind[queue[tally[TURN]]]
             c = coordinates.pointer[kind]

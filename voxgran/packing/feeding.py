@@ -11,9 +11,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_count
 from voxgran._base.errors import InputError
-from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.box import Box
 from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.down import main_axis
 from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.method import State
@@ -38,13 +38,12 @@ USUAL_RATE = 0.05
 def entry_of(problem: Problem, gravity: Floats) -> Integers:
     """Return the lattice vector against which grains enter, zero where they enter anywhere.
 
-    The top of a mesh, a sphere or a cylinder that lies may have no room for any grain: there they enter anywhere.
+    Boxes and cylinders that stand have a flat top. That of any other container may have no room for a grain: there
+    they enter anywhere.
     """
     container, down = problem.container, main_axis(gravity)
-    lies = isinstance(container, Cylinder) and down[2] == 0
-    if problem.parameters.feed == "at_once" or isinstance(container, ClosedMesh | Sphere) or lies:
-        return np.zeros(3, dtype=np.int64)
-    return down
+    stands = isinstance(container, Box | Rectangle) or (isinstance(container, Cylinder) and down[2] != 0)
+    return down if stands and problem.parameters.feed != "at_once" else np.zeros(3, dtype=np.int64)
 
 
 def feed_share(problem: Problem, state: State) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.seeds import stream
+from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.walls import beyond_lid
 from voxgran.packing.down import main_axis
@@ -119,18 +120,29 @@ def finish_some(state: State, finishing: Finishing, assembly: Assembly, *, last:
         The attempt before which to stop.
     entered : bool
         Whether all grains of the problem have entered.
+
+    Raises
+    ------
+    Stopped
+        If the run was asked to stop; the sweep is then not made.
     """
     counters, grains = state.counters, max(assembly.count, 1)
     settles = counters["settling_at"] >= 0
     begin, sweep = ("settling_at", "settling_sweeps") if settles else ("walked", "parting_sweeps")
     due = counters[begin] + (counters[sweep] + 1) * grains
-    state.done = min(last, due)
-    if state.done < due:
+    if last < due:
+        state.done = last
         return
-    if settles:
-        _settle(state, finishing, under_lid(state, finishing, assembly), entered=entered)
-    else:
-        _part(state, finishing, assembly)
+    before, state.done = state.done, due
+    try:
+        if settles:
+            _settle(state, finishing, under_lid(state, finishing, assembly), entered=entered)
+        else:
+            _part(state, finishing, assembly)
+    except Stopped:
+        # a sweep changes the state at its end only
+        state.done = before
+        raise
 
 
 def finishing_report(state: State, assembly: Assembly, gravity: Floats) -> dict[str, dict[str, float]]:

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from voxgran._base.axes import Periodic, as_periodic, axis_names
 from voxgran.containers.box import Box
+from voxgran.lattice.census import census
 from voxgran.packing.model import Packing
 from voxgran.shapes.image_files import voxel_sizes
-from voxgran.shapes.labels import image_of, labelled_grains
+from voxgran.shapes.labels import LabelledGrain, image_of, labelled_grains
 
 
 def packing_of_labels(
@@ -18,6 +19,7 @@ def packing_of_labels(
     *,
     voxel_size: Any = None,
     border: str = "keep",
+    surface: str = "smooth",
     smoothing: float = 1.0,
     periodic: Periodic = False,
     unit: str | None = None,
@@ -32,7 +34,13 @@ def packing_of_labels(
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; left out: as the file says.
     border : {"keep", "drop"}
-        What becomes of grains that touch the border of the image, where they are cut.
+        What becomes of grains that touch the border of the image, where they are cut: they are kept, and end in the
+        wall, as the sample does; or they are left out.
+    surface : {"smooth", "voxel"}
+        Smooth surfaces, or the faces of the voxels. Either way neighbours that share faces of voxels touch and do not
+        overlap. Smooth grains keep their volume where there is void around them; without, the edges between three
+        grains, and those of the image, stay open by less than a voxel, and ``largest_volume_error`` of the provenance
+        says by how much the volumes differ.
     smoothing : float
         Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels.
     periodic : str, bool or sequence
@@ -46,8 +54,9 @@ def packing_of_labels(
     Returns
     -------
     Packing
-        In the box of the image; each grain has a shape of its own. Smoothed neighbours may overlap by a fraction of a
-        voxel, which `verify` tells.
+        In the box of the image; each grain has a shape of its own. Where grains were left out the container is the box
+        around the others, along axes that do not repeat: beyond it the sample is not known. What those left out took
+        within it counts as void, so that solid fractions are those of the sample with ``"keep"`` only.
 
     Raises
     ------
@@ -62,19 +71,19 @@ def packing_of_labels(
     """
     turns = as_periodic(periodic)
     image = image_of(source, key)
-    grains = list(
-        labelled_grains(image, voxel_size=voxel_size, border=border, smoothing=smoothing, periodic=turns, unit=unit)
-    )
+    how: dict[str, Any] = {"border": border, "surface": surface, "smoothing": smoothing, "periodic": turns}
+    grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=True, **how))
     size = np.array(voxel_sizes(voxel_size, image))
-    x, y, z = (np.array(image.values.shape) * size).tolist()
+    box = Box(np.array(image.values.shape) * size, periodic, origin=image.origin)
+    if border == "drop" and len(grains) < len(census(image.values).label):
+        box = _around(grains, box)
     errors = np.abs([grain.volume_error for grain in grains])
     record = {
         "method": "labels",
         "parameters": {
             "source": str(source) if isinstance(source, str | os.PathLike) else "array",
             "voxel_size": size.tolist(),
-            "border": border,
-            "smoothing": smoothing,
+            **how,
             "periodic": axis_names(turns),
         },
         "labels": [grain.label for grain in grains],
@@ -82,7 +91,7 @@ def packing_of_labels(
     }
     return Packing.of(
         tuple(grain.shape for grain in grains),
-        Box((x, y, z), turns, origin=image.origin),
+        box,
         position=np.array([grain.position for grain in grains]),
         shape_id=np.arange(len(grains)),
         provenance=record,
@@ -90,3 +99,12 @@ def packing_of_labels(
         gravity=None,
         contact_gap=float(size.max()),
     )
+
+
+def _around(grains: list[LabelledGrain], box: Box) -> Box:
+    """Return the box around grains, along its periodic axes as long as it was."""
+    low = np.min([grain.position + grain.shape.vertices.min(axis=0) for grain in grains], axis=0)
+    high = np.max([grain.position + grain.shape.vertices.max(axis=0) for grain in grains], axis=0)
+    lower, upper = box.bounds
+    low, high = np.where(box.periodic, lower, low), np.where(box.periodic, upper, high)
+    return Box(high - low, box.periodic, origin=low)

@@ -10,9 +10,11 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
-from voxgran.lattice.grid import Grid
+from voxgran.containers.sphere import Sphere
+from voxgran.lattice.grid import Grid, check_voxel_size
 from voxgran.packing.hand_over import packing_of_poses
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -74,15 +76,11 @@ def container_lattice(problem: Problem, voxel_size: float) -> ContainerLattice:
             f"voxel_size is {voxel_size * problem.unit_length:.6g}: the voxels of the container would take more than "
             f"{MOST_VOXELS // 2**33} GiB, a bit each; make them larger"
         )
+    check_voxel_size(voxel_size * problem.unit_length, float(lengths.min()) * problem.unit_length, "the container")
     wraps = [k for k in range(container.dimension) if container.periodic[k]]
     size = _dividing_size(lengths[wraps], voxel_size, problem.unit_length) if wraps else voxel_size
     counts = np.ones(3, dtype=np.int64)
-    counts[: container.dimension] = np.floor(lengths / size + WHOLE).astype(np.int64)
-    if counts.min() < 1:
-        raise InputError(
-            f"voxel_size is {size * problem.unit_length:.6g}: the container is only "
-            f"{lengths.min() * problem.unit_length:.6g} wide; make the voxels smaller"
-        )
+    counts[: container.dimension] = np.maximum(np.floor(lengths / size + WHOLE), 1)
     return ContainerLattice(lower.copy(), float(size), counts)
 
 
@@ -124,7 +122,9 @@ def free_voxels(container: Container, lattice: ContainerLattice) -> Booleans | N
         offset = np.asarray(container.shape.offset)
         surface = occupy(container.shape, grid, offset=offset, cover="surface")
         return occupy(container.shape, grid, offset=offset, cover="center") & ~surface
-    # the other containers are convex: a cube lies inside when its corners do
+    if not isinstance(container, Cylinder | Sphere):
+        return _far_from_walls(container, lattice)
+    # these are convex: a cube lies inside when its corners do
     axes = [corner[k] + np.arange(n + 1) * lattice.voxel_size for k, n in enumerate((x, y, z))]
     inside = np.zeros((x + 1, y + 1, z + 1), dtype=bool)
     for k, height in enumerate(axes[2]):
@@ -132,6 +132,18 @@ def free_voxels(container: Container, lattice: ContainerLattice) -> Booleans | N
         inside[:, :, k] = container.signed_distance(points.reshape(-1, 3)).reshape(x + 1, y + 1) <= WHOLE
     for axis in range(3):
         inside = np.delete(inside, -1, axis) & np.delete(inside, 0, axis)
+    return inside
+
+
+def _far_from_walls(container: Container, lattice: ContainerLattice) -> Booleans:
+    """Return which voxels have a center farther inside than their corners are from it, whatever the container."""
+    size, flat = lattice.voxel_size, container.dimension == 2
+    x, y, z = (lattice.corner[k] + (np.arange(n) + 0.5) * size for k, n in enumerate(lattice.shape))
+    inside = np.zeros(lattice.shape.tolist(), dtype=bool)
+    for k, height in enumerate([0.0] if flat else z):
+        points = np.stack(np.broadcast_arrays(x[:, None], y[None, :], height), axis=-1).reshape(-1, 3)
+        depth = -np.asarray(container.signed_distance(points))
+        inside[:, :, k] = (depth >= 0.5 * size * np.sqrt(container.dimension)).reshape(inside.shape[:2])
     return inside
 
 

@@ -1,8 +1,10 @@
 """What a packing method is: three functions over plain arrays, and the registry that finds them.
 
-A method never sees checkpoints, signals, clocks or progress; :mod:`voxgran.packing.pack` does these for all. Therefore
+A method never sees checkpoints, signals, clocks or progress; :mod:`voxgran.packing.run` does these for all. Therefore
 its state is arrays and counters and nothing else, and what attempt number k does depends on the state and k alone, so
-that results do not depend on how many attempts are computed in one call.
+that results do not depend on how many attempts are computed in one call. A call with none makes what follows from the
+problem and changes nothing. Where an attempt may take more than half a second the method calls
+:func:`voxgran._base.stopping.stop_if_asked` in between, with arrays and counters as after the last attempt.
 """
 
 from collections.abc import Callable
@@ -92,6 +94,9 @@ class PackingMethod:
         Whether it takes grains as candidates, of which there may be more than the container has room for.
     open_surfaces : bool
         Whether it packs open surfaces, which have no inside.
+    any_container : bool
+        Whether it packs into any object with the attributes of a :class:`Container`, by its signed distance; otherwise
+        into those of voxgran.
     """
 
     name: str
@@ -107,6 +112,7 @@ class PackingMethod:
     libraries: tuple[str, ...] = ("numba",)
     selects: bool = False
     open_surfaces: bool = False
+    any_container: bool = False
 
 
 def method_registry() -> Registry[PackingMethod]:

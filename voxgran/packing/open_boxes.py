@@ -4,10 +4,13 @@ What a box blocks for the centre of another one is a box. So the room that is le
 boxes, which is a few boxes again: nothing is approximated, however narrow the room between two faces.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
+from voxgran._base.stopping import stop_if_asked
 from voxgran.packing.graded_cells import Bed, Cells, gather
 from voxgran.packing.room import Room
 
@@ -17,6 +20,8 @@ NEAR = 256
 PIECES = 4096
 #: room narrower than this times what rounding does to a place is none
 NARROW = 16.0
+#: cells that are looked at between two looks whether to stop
+AT_ONCE = 2**15
 
 
 def open_boxes(bed: Bed, cells: Cells, room: Room, before: Floats, half: Floats) -> Floats:
@@ -30,14 +35,39 @@ def open_boxes(bed: Bed, cells: Cells, room: Room, before: Floats, half: Floats)
         Lower corners and edges.
     half : (3,) ndarray of float
         Half the extents of the grains that are to enter.
+
+    Raises
+    ------
+    Stopped
+        If the run was asked to stop.
     """
-    room_for, many = 0, 2 * len(before) + PIECES
     near, pieces = np.zeros((NEAR, 6)), np.zeros((PIECES, 6))
-    after = np.zeros((0, 6))
-    while many > room_for:
-        room_for, after = many, np.zeros((many, 6))
-        many = int(_cut_away(bed, cells, room, before, half, NARROW * room.slack, near, pieces, after))
-    return after[:many].copy()
+    after = [np.zeros((0, 6))]
+    for part in slices(len(before)):
+        few, room_for, many = before[part], 0, 2 * len(before[part]) + PIECES
+        while many > room_for:
+            room_for, left = many, np.zeros((many, 6))
+            many = int(_cut_away(bed, cells, room, few, half, NARROW * room.slack, near, pieces, left))
+        after.append(left[:many].copy())
+    return np.concatenate(after)
+
+
+def slices(many: int) -> Iterator[slice]:
+    """Yield slices of cells that are looked at between two looks whether to stop.
+
+    Parameters
+    ----------
+    many : int
+        Number of cells.
+
+    Raises
+    ------
+    Stopped
+        If the run was asked to stop.
+    """
+    for first in range(0, many, AT_ONCE):
+        stop_if_asked()
+        yield slice(first, first + AT_ONCE)
 
 
 @bare_kernel

@@ -30,7 +30,7 @@ from voxgran.packing.bits import Words
 from voxgran.packing.candidates import PLACED, REFUSED, TRIED, TURN
 from voxgran.packing.graded_cells import Bed, Cells, enter, extents, find_overlap, gather, is_within
 from voxgran.packing.lattice import WHOLE
-from voxgran.packing.open_boxes import NEAR, open_boxes
+from voxgran.packing.open_boxes import NEAR, open_boxes, slices
 from voxgran.packing.room import Room, is_barred, is_between, is_held
 
 #: misses, per open cell, after which cells are halved
@@ -175,8 +175,9 @@ def cut_cells(bed: Bed, cells: Cells, room: Room, classes: Classes, known: Open,
     else:
         kept = np.zeros(end - begin, dtype=np.uint8)
         shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], classes.parts[kind])
-        near = np.zeros((NEAR, 6))
-        many = int(_look_at_parts(bed, cells, room, known.cell[begin:end], *shape, near, kept))
+        near, many = np.zeros((NEAR, 6)), 0
+        for part in slices(end - begin):
+            many += int(_look_at_parts(bed, cells, room, known.cell[begin:end][part], *shape, near, kept[part]))
         width = max(_width(classes, depth), known.cell.shape[1])
         cell = _parts_in_place(known.cell, begin, kept, many, classes.parts[kind], width)
     bounds = known.bounds.copy()

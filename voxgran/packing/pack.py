@@ -18,9 +18,15 @@ from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.progress import OnStep
 from voxgran._base.units import NO_UNIT, as_unit
+from voxgran.containers.box import Box
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.sphere import Sphere
 from voxgran.packing.asked import check_asked, check_drive, warn_of_units
 from voxgran.packing.grains import Grains, draw_grains, size_distance
+from voxgran.packing.memory import check_memory, packing_memory
 from voxgran.packing.method import PackingMethod, State, method_registry
 from voxgran.packing.model import Packing
 from voxgran.packing.one_unit import in_one_unit
@@ -30,10 +36,15 @@ from voxgran.packing.start import Start, check_start
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution
 
+#: containers whose walls all methods know
+CONTAINERS = (Box, ClosedMesh, Cylinder, Rectangle, Sphere)
 #: what helps where a count or a solid fraction is missed, and where the method found that there is no room
 FEWER = "make the container larger, the grains fewer, or give the method more attempts"
 LESS = "ask for less, give the method more attempts or choose a method that packs denser"
 NO_ROOM = "no grain finds room any more; ask for less, take smaller grains or choose a method that packs denser"
+
+#: voxels in median diameters beyond which grains are so enlarged that this is why they find no room
+COARSEST = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +121,8 @@ def pack(
     resume : bool
         Whether to go on from that file where it is there.
     time_limit : float, optional
-        Seconds after which the run stops at the end of a chunk, with a checkpoint; the stop reason is then
-        ``interrupted``.
+        Seconds after which the run stops, though not before the first attempt, with a checkpoint; the stop reason is
+        then ``interrupted``.
     on_step : callable, optional
         Told of each step of the work.
     recorder : Recorder, optional
@@ -136,13 +147,16 @@ def pack(
     GrainTooLargeError
         If no grain can fit.
     TooLargeError
-        If more than 100 million grains are asked for, or more than the method can hold.
+        If more than 100 million grains are asked for, or the packing does not fit in memory.
     CheckpointError
         If the checkpoint is damaged or belongs to another run.
     OutputError
         If the checkpoint cannot be written.
+    InUseError
+        If another process writes that checkpoint.
     Interrupted
-        On SIGINT or SIGTERM, after a checkpoint was written.
+        On SIGINT or SIGTERM: after a checkpoint was written; before the first attempt, and on a second signal, at once.
+        It is a KeyboardInterrupt, which ``except Exception`` lets pass.
 
     Warns
     -----
@@ -174,6 +188,7 @@ def pack(
     )
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
     check_drive(checkpoint, resume, on_step, recorder)
+    check_memory(task.method, packing_memory(task.method, task.problem), "the packing")
     how = Drive(checkpoint, resume, on_step, time_limit=limit, recorder=recorder)
     state = drive(task.method, task.problem, how)
     packing = with_provenance(task, state, task.method.finish(task.problem, state), seconds=time.monotonic() - began)
@@ -250,6 +265,7 @@ def prepare_task(
         given = (*start.shapes, *given)
     problem = _problem(given, container, grains, settings, seed=seed, start=start)
     problem.unit, problem.density = unit, 1.0 if density is None else as_positive(density, "density")
+    problem.target = count is not None or solid_fraction is not None
     warn_of_units(problem)
     return Task(chosen, problem, grains.removed, asked, sizes)
 
@@ -260,7 +276,7 @@ def _arguments() -> tuple[str, ...]:
 
 
 def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Container) -> None:
-    """Refuse what the method does not pack: shapes of another dimension, a container of one, open surfaces."""
+    """Refuse what the method does not pack: shapes and containers of another dimension or kind, open surfaces."""
     for shape in shapes:
         if shape.dimension != container.dimension:
             raise InputError(
@@ -273,6 +289,13 @@ def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: C
         raise InputError(
             f"method {method.name!r} packs in dimension {method.dimensions}: the container has {container.dimension}; "
             "choose another method"
+        )
+    if not method.any_container and not isinstance(container, CONTAINERS):
+        names = ", ".join(kind.__name__ for kind in CONTAINERS)
+        remedy = "make a mesh of it, ClosedMesh(Shape.from_mesh(*container.mesh()))"
+        raise InputError(
+            f"container is of type {type(container).__name__}: method {method.name!r} knows the walls of {names} only; "
+            f"{remedy if container.dimension == 3 else 'use a Rectangle'}, or choose a digital method"
         )
 
 
@@ -390,4 +413,14 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
             parts[0] += f" where the method stopped ({reason})"
     if parts and reason != "interrupted":
         remedy = NO_ROOM if reason in ("saturated", "full") else FEWER if missed["count"] and asked["count"] else LESS
-        warnings.warn(f"{' and '.join(parts)}: {remedy}", PackingWarning, stacklevel=4)
+        text = f"{' and '.join(parts)}: {_too_coarse(task.problem) or remedy}"
+        warnings.warn(text, PackingWarning, stacklevel=4)
+
+
+def _too_coarse(problem: Problem) -> str:
+    """Return that voxels are too coarse, and how coarse they may be; empty where they are not."""
+    settings, coarsest = problem.parameters, COARSEST * problem.unit_length
+    voxel = getattr(settings, "voxel_size", None)
+    if voxel is None or voxel <= coarsest or settings.cover != "touch":
+        return ""
+    return f"a grain takes all voxels that it touches, and voxel_size is {voxel:.4g}; make it at most {coarsest:.4g}"

@@ -15,7 +15,11 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans, Integers
 from voxgran._base.kernels import kernel
+from voxgran._base.stopping import stop_if_asked
 from voxgran.packing.bits import Words, pack_columns
+
+#: words that are joined between two looks whether to stop, and runs at the least: columns are grown anew for these
+JOINED_WORDS, FEWEST_RUNS = 2**26, 16
 
 
 class Room(NamedTuple):
@@ -69,8 +73,11 @@ def overlap_table(here: Booleans, here_low: Integers, there: Booleans, there_low
     """
     size = np.array(here.shape) + np.array(there.shape) - 1
     words = np.zeros((size[0], -(-size[2] // 64), size[1]), dtype=np.uint64)
-    columns = np.ascontiguousarray(pack_columns(here).transpose(0, 2, 1))
-    dilate(columns, runs_of(there), np.array(there.shape), words)
+    columns, runs = np.ascontiguousarray(pack_columns(here).transpose(0, 2, 1)), runs_of(there)
+    step = max(FEWEST_RUNS, JOINED_WORDS // max(columns.size, 1))
+    for first in range(0, len(runs), step):
+        stop_if_asked()
+        dilate(columns, runs[first : first + step], np.array(there.shape), words)
     return Table(words, here_low - (there_low + np.array(there.shape) - 1), size.astype(np.int64))
 
 
@@ -122,7 +129,7 @@ def add_table(words: Words, room: Room, table: Table, place: Integers) -> None:
 
 @kernel
 def dilate(columns: Words, runs: Integers, size: Integers, table: Words) -> None:
-    """Fill a table with the differences of voxels in columns and voxels in runs; size: extents of the runs."""
+    """Add the differences of voxels in columns and voxels in runs to a table; size: extents of all runs."""
     wide, count, deep = columns.shape
     longest = np.int64(1)
     for r in range(len(runs)):
@@ -295,9 +302,11 @@ def nth_free_among(words: Words, sites: Integers, room_y: int, room_z: int, rank
 
 
 @kernel
-def count_contacts(words: Words, periodic: Integers, places: Integers, histogram: Integers) -> None:
-    """Count the free places by how many of their six neighbours are blocked."""
-    for i in range(words.shape[0]):
+def count_contacts(
+    words: Words, periodic: Integers, places: Integers, histogram: Integers, first: int, last: int
+) -> None:
+    """Count the free places of a slab along x by how many of their six neighbours are blocked."""
+    for i in range(first, last):
         for w in range(words.shape[1]):
             for j in range(words.shape[2]):
                 free = ~words[i, w, j]
@@ -309,10 +318,13 @@ def count_contacts(words: Words, periodic: Integers, places: Integers, histogram
 
 @kernel
 def nth_of_contacts(
-    words: Words, periodic: Integers, places: Integers, contacts: int, rank: int, place: Integers
-) -> None:
-    """Find the free place of a rank among those with so many blocked neighbours."""
-    for i in range(words.shape[0]):
+    words: Words, periodic: Integers, places: Integers, contacts: int, rank: int, place: Integers, first: int, last: int
+) -> int:
+    """Find the free place of a rank among those of a slab with so many blocked neighbours.
+
+    Return the rank that is left where it lies beyond the slab, else -1.
+    """
+    for i in range(first, last):
         for w in range(words.shape[1]):
             for j in range(words.shape[2]):
                 free = ~words[i, w, j]
@@ -325,7 +337,8 @@ def nth_of_contacts(
                     rank -= many
                     continue
                 place[0], place[1], place[2] = i, j, 64 * w + _nth_bit(free, rank)
-                return
+                return -1
+    return rank
 
 
 @kernel

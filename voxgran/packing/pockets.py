@@ -17,8 +17,10 @@ from voxgran.packing.tangent import ABOVE, BENEATH, PLANE, SIDE, foot_of_balls
 
 #: overlap that does not count here, in radii: the visit decides
 LENIENT = 1e-9
-#: what is missing for the next step: nothing, places in the front, neighbours, pockets
-FRONT_SHORT, NEAR_SHORT, FOUND_SHORT = 1, 2, 3
+#: what is missing for the next step: nothing, places in the front, neighbours, pockets, or only time for more balls
+FRONT_SHORT, NEAR_SHORT, FOUND_SHORT, MORE_TO_RANK = 1, 2, 3, 4
+#: balls whose pockets are listed at a time, at most
+RANKS = 64
 #: faces that an attempt adds, at most
 FACES = 3
 
@@ -55,9 +57,14 @@ def advance_front(
     """
     while True:
         tally[MISSING] = 0
+        listed = 0
         while tally[RANKED] < tally[PLACED]:
+            if listed == RANKS:
+                tally[MISSING] = MORE_TO_RANK
+                return done
             if not _list_pockets(bed, front, cells, room, rules, scratch, tally, tally[RANKED]):
                 return done
+            listed += 1
         if done >= last or tally[PLACED] == len(bed.order) or tally[MISSED] >= rules.patience:
             return done
         if tally[SIZE] + FACES > len(front.key):

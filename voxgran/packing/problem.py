@@ -52,6 +52,8 @@ class Problem:
         The user's unit of lengths.
     density : float
         Density of the material.
+    target : bool
+        Whether so many grains are asked for, by number or by volume; otherwise they are as many as could be needed.
     byte_limit : int
         How many bytes of representations are kept.
     made : dict of str to set of int
@@ -70,6 +72,7 @@ class Problem:
     start: Start | None = None
     unit: str = "1"
     density: float = 1.0
+    target: bool = False
     byte_limit: int = 2**26
     made: dict[str, set[int]] = field(default_factory=lambda: {"voxelized_shapes": set(), "sampled_shapes": set()})
     _kept: "OrderedDict[tuple[Any, ...], Any]" = field(default_factory=OrderedDict)

@@ -29,18 +29,21 @@ def project(
     order: Integers,
     weight: Floats,
     rest: Floats,
-    iterations: int,
+    first: int,
+    last: int,
     close: float,
     flat: bool,
-) -> None:
+) -> bool:
     """Change slides and spins until no gap closes further than its limit: projected Gauss-Seidel over the contacts.
+
+    Iterations `first` ... `last` - 1 are made, of which number 0 begins; return whether that was enough.
 
     light, easy: reciprocal masses and moments of inertia.  push: accumulated impulses along the normals.  drag: those
     of friction across them, no larger than `friction` times the push; both may be those of an earlier projection.
     order: whose turn it is, to and fro; along the fall, a push runs through the bed at once.  weight, rest: a number
-    for each contact and three more to work with.
+    for each contact, kept from the beginning on, and three more to work with.
     """
-    for k in range(len(one)):
+    for k in range(len(one) if first == 0 else 0):
         weight[k] = light[one[k]] + easy[one[k]] * _square_across(arm_one[k], normal[k], flat)
         if other[k] >= 0:
             weight[k] += light[other[k]] + easy[other[k]] * _square_across(arm_other[k], normal[k], flat)
@@ -48,7 +51,7 @@ def project(
             rest[c] = push[k] * normal[k, c] + drag[k, c]
         _press(slide, spin, one[k], other[k], arm_one[k], arm_other[k], light, easy, rest, flat)
     many = len(one)
-    for turn in range(iterations):
+    for turn in range(first, last):
         most = 0.0
         for place in range(many):
             k = order[place if turn % 2 == 0 else many - 1 - place]
@@ -72,7 +75,8 @@ def project(
                           rest, flat),
                 )  # fmt: skip
         if most < close:
-            break
+            return True
+    return False
 
 
 @bare_kernel

@@ -53,7 +53,7 @@ class Setting:
     rules : Rules
         How candidates are made.
     classes : Classes or None
-        Classes of sizes of a saturated run.
+        Classes of sizes where open places are searched.
     boxes : bool
         Whether grains are boxes.
     """
@@ -70,8 +70,27 @@ class Setting:
     boxes: bool
 
 
-def make_setting(problem: Problem) -> Setting:
+def searches(problem: Problem) -> bool:
+    """Return whether open places are searched as soon as a grain has made all its tries in vain.
+
+    They are where so many grains are asked for and nothing else is said, in the scheme that only drops: the law is the
+    same, and what has room is found.
+    """
+    settings = problem.parameters
+    return bool(
+        settings.until is None and problem.target and settings.scheme == "classic" and settings.numbers == "philox"
+    )
+
+
+def make_setting(problem: Problem, search_from: int) -> Setting:
     """Return the setting of a problem, with no grain in its cells yet.
+
+    Parameters
+    ----------
+    problem : Problem
+        In the normalized frame.
+    search_from : int
+        From which turn on open places are searched; -1: they are not.
 
     Raises
     ------
@@ -81,22 +100,17 @@ def make_setting(problem: Problem) -> Setting:
         If there are more than 2**31 coordinates, and they must be kept.
     """
     settings, room, half = problem.parameters, room_of(problem.container), half_extents(problem)
-    saturate, scan = settings.until == "saturated", settings.retaining == SCAN
-    many = settings.tries * newcomers(problem)
-    if (settings.tabled or scan) and many > MOST_COORDINATES:
-        raise TooLargeError(
-            f"tries gives {many} coordinates to be sorted, replayed or scanned: at most {MOST_COORDINATES} can be "
-            "kept; make tries or the grains fewer"
-        )
+    search, scan = search_from >= 0, settings.retaining == SCAN
+    many = coordinate_count(problem)
     level = sort_into_levels(half[:, : problem.dimension])
     queue = queue_of(problem, half, room)
-    kind = np.zeros(0, dtype=np.int32)
-    if saturate or scan:
+    kind, rest = np.zeros(0, dtype=np.int32), queue[max(search_from, 0) :]
+    if search or scan:
         kind = np.zeros(problem.count, dtype=np.int32)
-        found = sizes_of(half[queue], CLASSES if saturate else None)
+        found = sizes_of(half[rest], CLASSES if search else None)
         # where all are in the first class zeros take no memory
         if found.any():
-            kind[queue] = found
+            kind[rest] = found
     corrections = settings.corrections if settings.correcting else 0
     return Setting(
         half=half,
@@ -106,10 +120,30 @@ def make_setting(problem: Problem) -> Setting:
         queue=queue,
         kind=kind,
         table=coordinate_table(problem, many),
-        rules=Rules(settings.retaining, settings.tries, many, corrections, TOUCHING if corrections else 0.0),
-        classes=make_classes(half, kind, queue, room, problem.dimension, settings.tries) if saturate else None,
+        rules=Rules(
+            settings.retaining, settings.tries, many, corrections, TOUCHING if corrections else 0.0, searches(problem)
+        ),
+        classes=make_classes(half, kind, rest, room, problem.dimension, settings.tries) if search else None,
         boxes=bool(settings.aligned),
     )
+
+
+def coordinate_count(problem: Problem) -> int:
+    """Return how many coordinates are drawn at the most.
+
+    Raises
+    ------
+    TooLargeError
+        If there are more than 2**31, and they must be kept.
+    """
+    settings = problem.parameters
+    many: int = settings.tries * newcomers(problem)
+    if (settings.tabled or settings.retaining == SCAN) and many > MOST_COORDINATES:
+        raise TooLargeError(
+            f"tries gives {many} coordinates to be sorted, replayed or scanned: at most {MOST_COORDINATES} can be "
+            "kept; make tries or the grains fewer"
+        )
+    return many
 
 
 def half_extents(problem: Problem) -> Floats:

@@ -6,13 +6,9 @@ import json
 import logging
 import math
 import os
-import signal
-import threading
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 from typing import Any, Protocol
 
 import numpy as np
@@ -21,15 +17,18 @@ from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import CheckpointError, Interrupted, OutputError
 from voxgran._base.files import remove_drafts
+from voxgran._base.lock import locked_file
 from voxgran._base.progress import OnStep, Step
+from voxgran._base.stopping import Signals, Stopped, stopping_when
 from voxgran.packing.method import PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
 log = logging.getLogger(__name__)
 
-#: a chunk is as many attempts as take about this long; no result depends on it
-CHUNK_SECONDS = 0.5
+#: a chunk is as many attempts as take about this long, but at most twice as many as the one before; no result depends
+#: on it
+CHUNK_SECONDS, FIRST_CHUNK = 0.25, 1
 CHECKPOINT_SECONDS = 10.0
 #: a checkpoint is written at most so often that it takes this share of the time
 CHECKPOINT_SHARE = 0.05
@@ -61,7 +60,7 @@ class Drive:
     chunk : int or None
         Attempts per chunk; None adapts it to the clock.
     time_limit : float or None
-        Seconds after which the run stops at the end of a chunk.
+        Seconds after which the run stops, though not before the first attempt.
     recorder : Recorder or None
         Given the packing whenever a snapshot is due.
     """
@@ -98,33 +97,55 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
         If the checkpoint is damaged or belongs to another run.
     OutputError
         If the checkpoint cannot be written; the one before is then still good.
+    InUseError
+        If another process writes that checkpoint.
     Interrupted
-        On SIGINT or SIGTERM, after a checkpoint was written.
+        On SIGINT or SIGTERM: after a checkpoint was written; before the first attempt, and on a second signal, at once.
     """
-    state = method.prepare(problem)
-    mark = fingerprint(method, problem)
-    if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
-        _restore(problem, state, how.checkpoint, mark)
-    keeper = _Keeper(problem, how.checkpoint, mark)
-    chunk = how.chunk or 1000
-    with _signals() as asked:
-        while not state.stop_reason:
-            began, due = time.monotonic(), math.inf if how.recorder is None else how.recorder.due(state.done)
-            taken = int(min(chunk, due - state.done))
-            state = method.advance(problem, state, taken)
-            now = time.monotonic()
-            if how.chunk is None:
-                chunk = int(np.clip(taken * CHUNK_SECONDS / max(now - began, 1e-4), chunk / 4 + 1, chunk * 4))
-            _tell(how, state)
-            if how.recorder is not None and (state.done >= due or state.stop_reason):
-                how.recorder.record(method.finish(problem, state), state.done)
-            stop = bool(asked) and not state.stop_reason
-            late = how.time_limit is not None and not state.stop_reason and now - how.started > how.time_limit
-            keeper.keep(state, at_once=stop or late or bool(state.stop_reason))
-            if stop:
-                raise Interrupted(_farewell(how, state), asked[0])
-            if late:
-                state.stop_reason = "interrupted"
+    with locked_file(how.checkpoint), Signals() as signals:
+        state = method.prepare(problem)
+        mark = fingerprint(method, problem)
+        if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
+            _restore(problem, state, how.checkpoint, mark)
+        if not state.stop_reason:
+            # what follows from the problem is made here: nothing is lost where a signal ends that at once
+            state = method.advance(problem, state, 0)
+            signals.patient = True
+            keeper = _Keeper(problem, how.checkpoint, mark)
+            state = _make_attempts(method, problem, state, how, keeper, signals)
+            keeper.keep(state, at_once=True)
+    if signals.number:
+        raise Interrupted(_farewell(how, state), signals.number)
+    if state.stop_reason and state.done and how.recorder is not None:
+        how.recorder.record(method.finish(problem, state), state.done)
+    state.stop_reason = state.stop_reason or "interrupted"
+    return state
+
+
+def _make_attempts(
+    method: PackingMethod, problem: Problem, state: State, how: Drive, keeper: "_Keeper", signals: Signals
+) -> State:
+    """Return the state after all attempts, or those that were made before the run was asked to stop."""
+    chunk, begin, moved = how.chunk or FIRST_CHUNK, state.done, False
+
+    def is_over() -> bool:
+        late = how.time_limit is not None and time.monotonic() - how.started > how.time_limit
+        # whoever goes on again and again with a short limit still gets to the end
+        return signals.number != 0 or (late and moved)
+
+    while not state.stop_reason and not is_over():
+        began, before = time.monotonic(), state.done
+        due = math.inf if how.recorder is None else how.recorder.due(state.done)
+        with contextlib.suppress(Stopped), stopping_when(is_over):
+            state = method.advance(problem, state, int(min(chunk, due - state.done)))
+        moved = state.done > begin
+        if how.chunk is None and state.done > before:
+            share = CHUNK_SECONDS / max(time.monotonic() - began, 1e-6)
+            chunk = int(np.clip((state.done - before) * share, 1, 2 * chunk))
+        _tell(how, state)
+        if how.recorder is not None and state.done >= due and not state.stop_reason:
+            how.recorder.record(method.finish(problem, state), state.done)
+        keeper.keep(state, at_once=False)
     return state
 
 
@@ -140,7 +161,7 @@ class _Keeper:
     def keep(self, state: State, *, at_once: bool) -> None:
         """Write a checkpoint where it is time."""
         began = time.monotonic()
-        if self.path is None or not (at_once or began > self.next):
+        if self.path is None or not (began > self.next or (at_once and self.done < state.done)):
             return
         try:
             _save(self.problem, state, self.path, self.mark)
@@ -159,6 +180,7 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
         "parameters": to_mapping(problem.parameters),
         "container": problem.container.to_mapping(),
         "seed": problem.seed,
+        "target": problem.target,
         "shapes": [shape.key for shape in problem.shapes],
     }
     digest.update(json.dumps(head, sort_keys=True, default=str).encode())
@@ -211,28 +233,8 @@ def _tell(how: Drive, state: State) -> None:
 
 def _farewell(how: Drive, state: State) -> str:
     """Say where the run stopped and how to go on."""
+    ended = bool(state.stop_reason)
+    made = f"all {state.done} attempts" if ended else f"{state.done} of {state.total} attempts"
     if how.checkpoint is None:
-        return (
-            f"stopped after {state.done} of {state.total} attempts without a checkpoint: give one to be able to resume"
-        )
-    return f"stopped after {state.done} of {state.total} attempts; to go on, resume from {how.checkpoint}"
-
-
-@contextlib.contextmanager
-def _signals() -> Iterator[list[int]]:
-    """Note SIGINT and SIGTERM in a list instead of dying, while in the main thread."""
-    asked: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield asked
-        return
-
-    def note(number: int, frame: FrameType | None) -> None:
-        del frame
-        asked.append(number)
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield asked
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        return f"stopped after {made} without a checkpoint: give one to be able to resume"
+    return f"stopped after {made}; to {'finish' if ended else 'go on'}, resume from {how.checkpoint}"

@@ -20,6 +20,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.rotation import normalized, product
+from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import PairKey, gaps_of_pairs, meeting_pairs, pair_keys
@@ -30,6 +31,8 @@ from voxgran.packing.wishes import Wish
 
 #: most iterations of the projection, and the change, in steps, at which it ends: far below the slack
 ITERATIONS, CLOSE = 400, 3e-3
+#: contacts that are solved between two looks whether to stop
+AT_ONCE = 2**20
 #: overlaps up to here are round-off, in median diameters
 ROUND_OFF = 1e-12
 #: mean way along gravity, in steps, below which a sweep counts as calm
@@ -198,6 +201,7 @@ def _meeting_places(
         return places_of(moved, replace(alone, offset=pairs.offset - (1.0 - part)[:, None] * apart), reach)
 
     for _ in range(BISECTIONS):
+        stop_if_asked()
         part = (low + high) / 2
         free = np.zeros(n, dtype=np.bool_)
         free[at(part).i] = True
@@ -226,10 +230,16 @@ def _motion(
     slide, spin = (np.where(held[:, None], 0.0, motion) for motion in (wish.slide, wish.spin))
     push, drag = np.ascontiguousarray(impulses[:, 0]), np.ascontiguousarray(impulses[:, 1:])
     order = np.argsort(-(assembly.position[touching.i] @ wish.fall), kind="stable")
-    project(
-        touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light, easy, friction, slide,
-        spin, push, drag, order, np.zeros(len(push)), np.zeros(3), ITERATIONS, CLOSE * step, assembly.dimension == 2,
-    )  # fmt: skip
+    weight, rest = np.zeros(len(push)), np.zeros(3)
+    some = max(1, AT_ONCE // max(len(push), 1))
+    for first in range(0, ITERATIONS, some):
+        stop_if_asked()
+        if project(
+            touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light, easy, friction,
+            slide, spin, push, drag, order, weight, rest, first, min(first + some, ITERATIONS), CLOSE * step,
+            assembly.dimension == 2,
+        ):  # fmt: skip
+            break
     impulses[:, 0], impulses[:, 1:] = push, drag
     slide *= np.minimum(1.0, FARTHEST * step / np.maximum(np.linalg.norm(slide, axis=1), 1e-300))[:, None]
     turned = np.linalg.norm(spin, axis=1) * assembly.bounding_radii
@@ -263,5 +273,6 @@ def _count_near(assembly: Assembly, distance: float) -> int:
 
 def _wrong(assembly: Assembly, flush: Collection[PairKey] = ()) -> tuple[Pairs, Booleans]:
     """Return the pairs of grains that are not apart, or overlap though they lay flush, and who is beyond a wall."""
+    stop_if_asked()
     limit = ROUND_OFF * float(np.median(assembly.diameters))
     return meeting_pairs(assembly, limit, flush), np.asarray(escape_depths(assembly) > limit, dtype=np.bool_)

@@ -46,7 +46,7 @@ def spread(assembly: Assembly, room: float, up: Floats) -> Assembly:
         project(
             touching.i, touching.j, touching.normal, limits, touching.arm_i, touching.arm_j, light,
             np.zeros(assembly.count), 0.0, slide, spin, np.zeros(many), np.zeros((many, 3)), order, np.zeros(many),
-            np.zeros(3), ITERATIONS, 0.1 * CLOSE * room, assembly.dimension == 2,
+            np.zeros(3), 0, ITERATIONS, 0.1 * CLOSE * room, assembly.dimension == 2,
         )  # fmt: skip
         slide *= np.minimum(1.0, room / np.maximum(np.linalg.norm(slide, axis=1), 1e-300))[:, None]
         position = assembly.position + slide

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import gaps_of_pairs, is_closed_surface, surface_trees
@@ -87,6 +88,7 @@ def _corners_near(
     assembly: Assembly, face: Mesh, corner: Mesh, grain: Integers, partner: Integers, offset: Floats, reach: float
 ) -> Touching:
     """Return where corners of one mesh, moved to each partner, are near the surface of another."""
+    stop_if_asked()
     turn, scale = assembly.matrices, assembly.scale
     arm = np.einsum("kij,vj->kvi", turn[partner], corner.vertices) * scale[partner, None, None]
     place = np.einsum("kji,kvj->kvi", turn[grain], arm + offset[:, None]) / scale[grain, None, None]
@@ -159,6 +161,7 @@ def _near_side(assembly: Assembly, ball: Booleans, normal: Floats, room: Floats,
     balls = np.flatnonzero(near & ball)
     parts = [_at_wall(balls, np.tile(normal, (len(balls), 1)), (room - radius)[balls], radius[balls, None] * normal)]
     for grain in np.flatnonzero(near & ~ball).tolist():
+        stop_if_asked()
         arms = assembly.world_vertices(grain) - assembly.position[grain]
         gaps = room[grain] - arms @ normal
         if len(gaps) > WALL_CORNERS:
@@ -172,6 +175,7 @@ def _near_side(assembly: Assembly, ball: Booleans, normal: Floats, room: Floats,
 
 def _near_round(assembly: Assembly, grain: int, reach: float, *, ball: bool) -> Touching:
     """Return where a grain is nearest to walls that are not flat."""
+    stop_if_asked()
     container, position = assembly.container, assembly.position[grain]
     radius = float(assembly.bounding_radii[grain])
     corners = position[None] if ball else assembly.world_vertices(grain)

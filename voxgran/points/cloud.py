@@ -28,6 +28,8 @@ from voxgran.points.normals import turned_alike
 
 #: fewest points of a cloud with which anything can be done
 FEWEST = 4
+#: largest number up to which every whole number is a float
+WHOLE = 2.0**53
 #: smallest cubes of a thinned cloud, in its extents
 FINEST = 1e-8
 
@@ -103,7 +105,7 @@ class Cloud:
         found = np.array(as_points(points))
         directions = None
         if normals is not None:
-            directions = np.array(as_floats(normals, "normals", shape=(len(found), 3)))
+            directions = np.array(as_floats(as_points(normals, "normals"), "normals", shape=(len(found), 3)))
             lengths = np.linalg.norm(directions, axis=1)
             if (lengths == 0).any():
                 raise InputError(
@@ -113,9 +115,9 @@ class Cloud:
         labels = None
         if grain is not None:
             numbers = as_floats(grain, "grain", shape=(len(found),))
-            if (numbers != np.rint(numbers)).any():
-                odd = float(numbers[numbers != np.rint(numbers)][0])
-                raise InputError(f"grain is {odd:g}: numbers of grains are whole; round them")
+            odd = numbers[(numbers != np.rint(numbers)) | (np.abs(numbers) > WHOLE)]
+            if len(odd):
+                raise InputError(f"grain is {odd[0]:g}: numbers of grains are whole and at most 2^53; number anew")
             labels = read_only(numbers.astype(np.int64))
         return cls(read_only(found), directions, labels, name, stated_unit(unit))
 

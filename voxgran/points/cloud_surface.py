@@ -20,7 +20,7 @@ from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.lazy import load
 from voxgran.points.backend_open3d import without_stderr
 from voxgran.points.cloud import Cloud, Frame
-from voxgran.shapes.diagnose import diagnose
+from voxgran.shapes.diagnose import bounds_solid
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repair import repair
 
@@ -299,7 +299,7 @@ def _refuse_far(cloud: Cloud, apart: Floats, largest: float) -> None:
 
 def _closed(corners: Floats, faces: Integers, name: str, unit: str | None) -> tuple[Shape, tuple[str, ...]]:
     """Return the shape of a surface, mended where it is not closed, and what was mended."""
-    if diagnose(corners, faces).ok:
+    if bounds_solid(corners, faces):
         return Shape.from_mesh(corners, faces, name=name, unit=unit), ()
     try:
         mended = repair(corners, faces, bodies="largest", largest_hole=1.0, name=name, unit=unit)

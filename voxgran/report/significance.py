@@ -115,9 +115,7 @@ def permutation_p_value(one: Sequence[Floats], other: Sequence[Floats]) -> float
     """
     first, count = len(one), len(one) + len(other)
     regroupings = math.comb(count, first)
-    # equal groups that change places have the same distance
-    least = (2 if 2 * first == count else 1) / regroupings
-    if min(first, count - first) < 2 or least >= LEVEL:
+    if min(first, count - first) < 2 or 1 / regroupings >= LEVEL:
         return None
     points = np.unique(np.concatenate([*one, *other]))
     points = points[np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(np.int64))]

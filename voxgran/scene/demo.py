@@ -23,7 +23,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.packing.verify import Verification, verify
 from voxgran.report.page import write_report
-from voxgran.scene.run import open_folder, summary_of
+from voxgran.scene.run import opened_folder, summary_of
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape
@@ -72,12 +72,19 @@ def run_demo(
     ------
     OutputExistsError
         If the folder holds something and `overwrite` is not set.
+    InUseError
+        If another process writes into the folder.
     OutputError
         If something cannot be written.
     MissingFileError
         If the scans are not installed.
     """
-    target = open_folder(folder, resume=False, overwrite=overwrite)
+    with opened_folder(folder, resume=False, overwrite=overwrite) as target:
+        return _run_in(target, grains, on_step)
+
+
+def _run_in(target: Path, grains: int, on_step: OnStep | None) -> list[dict[str, Any]]:
+    """Pack, check, measure and draw in a folder that no other process uses."""
     # one core each: the second method works in a process of its own while the first shows its progress here
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as other:
         waiting = other.submit(_packed, "control_point", grains)

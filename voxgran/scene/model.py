@@ -11,6 +11,7 @@ from voxgran._base.arrays import as_count, as_number, as_positive, check_type
 from voxgran._base.config import from_mapping, parameter, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
+from voxgran._base.guarded import reason_of
 from voxgran._base.progress import OnStep
 from voxgran._base.registry import nearest, unknown
 from voxgran._base.units import as_unit
@@ -167,7 +168,8 @@ class Scene:
         try:
             mapping = tomllib.loads(found.read_text(encoding="utf-8"))
         except (ValueError, RecursionError) as error:
-            raise FileFormatError(f"{found} is not TOML ({error}): mend that line") from error
+            # a number of too many digits is a bare ValueError, values in too many brackets are a RecursionError
+            raise FileFormatError(f"{found} is not TOML ({reason_of(error)}): mend that line") from error
         return cls.from_mapping(mapping, folder=found.parent)
 
     @classmethod
@@ -301,6 +303,8 @@ class Scene:
         ------
         OutputExistsError
             If the folder holds something and neither `resume` nor `overwrite` is set.
+        InUseError
+            If another process writes into the folder.
         OutputError
             If something cannot be written.
         InputError

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.errors import TooLargeError
-from voxgran._base.machine import memory_limit
+from voxgran.packing.memory import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.model import REMEDIES, Scene, ShapeEntry
 from voxgran.shapes.diagnose import merged, refuse_open
@@ -18,10 +17,6 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.surface import Surface
 
-#: bytes that the interpreter and the libraries take while a method packs (measured)
-PACKING_BYTES = 120 * 2**20
-#: what Open3D adds where a method samples surfaces (measured)
-SAMPLING_BYTES = 310 * 2**20
 #: bytes with the libraries that check, measure and save, when the method's own arrays are gone (measured)
 FINISHING_BYTES = 245 * 2**20
 #: and what the libraries that draw take beside them (measured)
@@ -102,15 +97,9 @@ def make_plan(scene: Scene) -> Plan:
     """
     task = task_of(scene, tuple(_stand_in(entry) for entry in scene.shapes))
     cost = task.method.cost(task.problem)
-    sampling = SAMPLING_BYTES if "open3d" in task.method.libraries else 0
     finishing = FINISHING_BYTES + (DRAWING_BYTES if scene.output.report else 0)
-    memory = max(PACKING_BYTES + sampling + cost.memory, finishing)
-    available = memory_limit()
-    if memory > available:
-        raise TooLargeError(
-            f"the scene needs about {memory / 2**30:.1f} GiB: this machine has {available / 2**30:.1f} GiB; make the "
-            "voxels larger or the grains fewer"
-        )
+    memory = max(packing_memory(task.method, task.problem), finishing)
+    check_memory(task.method, memory, "the scene")
     computed, skipped, libraries = _steps(scene, task)
     volume = float((task.problem.volumes).sum() / task.problem.container.volume)
     return Plan(
@@ -155,7 +144,7 @@ def _stand_in(entry: ShapeEntry) -> Shape:
     """Return a shape that costs as much as the real one: meshes checked for holes, random solids as an ellipsoid."""
     if entry.source == "file":
         points, faces = read_surface(entry.name)
-        known = {"name": entry.name, "unit": entry.parameters.get("unit")}
+        known: dict[str, Any] = {"name": entry.name, "unit": entry.parameters.get("unit")}
         if entry.parameters.get("surface"):
             return Shape.of(Surface(points, faces), **known)
         if not entry.parameters.get("repair"):
@@ -197,8 +186,6 @@ def _steps(scene: Scene, task: Task) -> tuple[tuple[str, ...], tuple[str, ...], 
             skipped.append(f"{step}: not asked for in [output]")
     if any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes) or _makes_unions(scene):
         libraries.add("manifold3d")
-    if any(entry.name.endswith(".msh") for entry in scene.shapes):
-        libraries.add("meshio")
     if task.problem.dimension == 2:
         skipped.append("anything in three dimensions: the container is flat")
     if scene.sizes is None:

@@ -1,15 +1,18 @@
 """Running a scene: pack, check, measure and save."""
 
+import contextlib
 import json
 import os
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from voxgran._base.errors import CheckpointError, OutputError, OutputExistsError
+from voxgran._base.errors import CheckpointError, OutputExistsError
 from voxgran._base.files import as_path, write_text
 from voxgran._base.lazy import loaded
+from voxgran._base.lock import FOLDER_LOCK, locked_folder
 from voxgran._base.progress import OnStep, Step
 from voxgran.io.files import load, save
 from voxgran.io.netcdf import save_statistics
@@ -21,7 +24,8 @@ from voxgran.packing.pack import pack
 from voxgran.packing.verify import Verification, verify
 from voxgran.report.page import write_report
 from voxgran.scene.model import Scene
-from voxgran.scene.plan import make_plan
+from voxgran.scene.plan import Plan, make_plan
+from voxgran.shapes.model import Shape
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -87,6 +91,8 @@ def run_scene(
     ------
     OutputExistsError
         If the folder holds something and neither `resume` nor `overwrite` is set.
+    InUseError
+        If another process writes into the folder.
     OutputError
         If something cannot be written.
     InputError
@@ -115,6 +121,8 @@ def run_one(
     ------
     OutputExistsError
         If the folder holds something and neither `resume` nor `overwrite` is set.
+    InUseError
+        If another process writes into the folder.
     OutputError
         If something cannot be written.
     InputError
@@ -125,12 +133,20 @@ def run_one(
         On SIGINT or SIGTERM, after a checkpoint was written.
     """
     place = as_path(folder)
-    checkpoint = place / CHECKPOINT
-    if resume and not checkpoint.exists() and is_complete(place):
+    if resume and is_complete(place) and not (place / FOLDER_LOCK).exists():
         return read_folder(scene, place)
-    plan = make_plan(scene)
-    shapes = tuple(entry.make() for entry in scene.shapes)
-    target = open_folder(folder, resume=resume, overwrite=overwrite)
+    plan, shapes = make_plan(scene), tuple(entry.make() for entry in scene.shapes)
+    with opened_folder(folder, resume=resume, overwrite=overwrite) as target:
+        if resume and is_complete(target):
+            return read_folder(scene, target)
+        return _run_in(target, scene, plan, shapes, resume=resume, on_step=on_step)
+
+
+def _run_in(
+    target: Path, scene: Scene, plan: Plan, shapes: tuple[Shape, ...], *, resume: bool, on_step: OnStep | None
+) -> SceneResult:
+    """Pack, check, measure and save a scene in a folder that no other process uses."""
+    checkpoint = target / CHECKPOINT
     if not resume:
         checkpoint.unlink(missing_ok=True)
     recorder = None
@@ -165,8 +181,8 @@ def run_one(
 
 
 def is_complete(folder: Path) -> bool:
-    """Tell whether a run has left all of its results in a folder."""
-    return (folder / SUMMARY).is_file() and (folder / PACKING).is_file()
+    """Return whether a run has left all of its results in a folder, and no checkpoint to go on from."""
+    return (folder / SUMMARY).is_file() and (folder / PACKING).is_file() and not (folder / CHECKPOINT).exists()
 
 
 def read_folder(scene: Scene, folder: Path) -> SceneResult:
@@ -193,32 +209,27 @@ def read_folder(scene: Scene, folder: Path) -> SceneResult:
     )
 
 
-def open_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bool) -> Path:
-    """Return the folder for results, made if needed.
+@contextlib.contextmanager
+def opened_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bool) -> Iterator[Path]:
+    """Give the folder for results, made if needed, and keep other processes from it (context manager).
 
     Raises
     ------
     OutputExistsError
         If it holds something and neither `resume` nor `overwrite` is set.
+    InUseError
+        If another process writes into it.
     OutputError
         If it cannot be made or written to.
     """
     target = as_path(folder)
     if target.exists() and not target.is_dir():
         raise OutputExistsError(f"{target} is a file: results need a folder; name another")
-    try:
-        # a link to a folder that is not there yet makes that folder
-        os.makedirs(os.path.realpath(target), exist_ok=True)
-        if any(target.iterdir()) and not (resume or overwrite):
+    # a link to a folder that is not there yet makes that folder
+    with locked_folder(os.path.realpath(target)):
+        if not (resume or overwrite) and any(entry.name != FOLDER_LOCK for entry in target.iterdir()):
             raise OutputExistsError(f"{target} is not empty: name another folder, or ask with --overwrite or --resume")
-        probe = target / f".probe-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
-    except OutputExistsError:
-        raise
-    except OSError as error:
-        raise OutputError(f"{target} cannot be written to ({error.strerror}): name another folder") from error
-    return target
+        yield target
 
 
 def finish_folder(packing: Packing, folder: Path, *, scene: Scene, on_step: OnStep | None = None) -> SceneResult:

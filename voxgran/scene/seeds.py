@@ -19,7 +19,7 @@ from voxgran.io.vtk_files import load_packing
 from voxgran.packing.model import Packing
 from voxgran.report.significance import standard_error
 from voxgran.scene.model import Scene
-from voxgran.scene.run import PACKING, SUMMARY, SceneResult, open_folder, run_one
+from voxgran.scene.run import PACKING, SUMMARY, SceneResult, opened_folder, run_one
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -57,6 +57,8 @@ def run_seeds(
     ------
     OutputExistsError
         If the folder holds something and neither `resume` nor `overwrite` is set.
+    InUseError
+        If another process writes into the folder.
     OutputError
         If something cannot be written.
     InputError
@@ -66,7 +68,12 @@ def run_seeds(
     Interrupted
         On SIGINT or SIGTERM, after a checkpoint was written.
     """
-    target = open_folder(folder, resume=resume, overwrite=overwrite)
+    with opened_folder(folder, resume=resume, overwrite=overwrite) as target:
+        return _run_in(target, scene, resume=resume, overwrite=overwrite, on_step=on_step)
+
+
+def _run_in(target: Path, scene: Scene, *, resume: bool, overwrite: bool, on_step: OnStep | None) -> SceneResult:
+    """Pack a scene once per seed in a folder that no other process uses, and average."""
     first: SceneResult | None = None
     runs: list[dict[str, Any]] = []
     trees: list[DataTree] = []

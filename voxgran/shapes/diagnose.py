@@ -164,8 +164,7 @@ def diagnose(vertices: ArrayLike | Any, faces: ArrayLike | None = None) -> Diagn
     bad = int((~np.isfinite(points)).sum())
     if bad or not len(triangles):
         return Diagnosis(faces=len(triangles), not_finite=bad)
-    corners, triangles = merged(points, triangles)
-    return _examine(corners, triangles)
+    return _examine(*merged(points, triangles), whole=True)
 
 
 def refuse_dirty(vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON) -> None:
@@ -187,9 +186,22 @@ def refuse_dirty(vertices: Floats, faces: Integers, name: str, *, remedies: Reme
     DirtyMeshError
         If it does not; the message names the gravest reason.
     """
-    wrong = diagnose(vertices, faces).sentences(name, remedies=remedies)
+    wrong = _examine(vertices, faces, whole=False).sentences(name, remedies=remedies)
     if wrong:
         raise DirtyMeshError(wrong[0])
+
+
+def bounds_solid(vertices: Floats, faces: Integers) -> bool:
+    """Return whether a triangle mesh of finite coordinates bounds one solid, without looking for all that is wrong.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points; those that coincide count as one.
+    faces : (m, 3) ndarray of int
+        Triangles.
+    """
+    return _examine(*merged(vertices, faces), whole=False).ok
 
 
 def refuse_open(vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON) -> None:
@@ -281,12 +293,19 @@ def _near(points: Floats, weld: float) -> tuple[Integers, Integers] | None:
     return first[order], place[label]
 
 
-def _examine(vertices: Floats, faces: Integers) -> Diagnosis:
-    """Diagnose a merged mesh of finite coordinates."""
+def _examine(vertices: Floats, faces: Integers, *, whole: bool) -> Diagnosis:
+    """Diagnose a merged mesh of finite coordinates; where it is not to be whole, no further than to wrong edges.
+
+    Triangles that lie on each other, as in damaged files, take time with the square of their number.
+    """
+    if not len(faces):
+        return Diagnosis(faces=0)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     size = float(np.linalg.norm(high - low)) or 1.0
     points = (vertices - (low + high) / 2) / size
     open_edges, crowded, unlike = (int(n) for n in edge_faults(faces, len(points)))
+    if not whole and (open_edges or crowded):
+        return Diagnosis(faces=len(faces), open_edges=open_edges, non_manifold_edges=crowded)
     shells: dict[str, int] = {}
     if not (open_edges or crowded):
         shells = {"bodies": count_apart(points, faces)} if unlike else shell_counts(points, faces)

@@ -1,32 +1,34 @@
 """Mesh files in and out.
 
-STL, OBJ, OFF and PLY are read by :mod:`voxgran.shapes.mesh_formats`, VTK files by VTK and Gmsh files by meshio.
+STL, OBJ, OFF and PLY are read by :mod:`voxgran.shapes.mesh_formats`, VTK files by VTK and Gmsh files by meshio, in a
+process of its own.
 """
 
-import contextlib
-import io
 import logging
 import os
 import struct
-import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, check_type
-from voxgran._base.errors import FileFormatError, InputError, OutputError, shown
+from voxgran._base.arrays import Floats, Integers, check_coordinates, check_type
+from voxgran._base.errors import FileFormatError, InputError, shown
 from voxgran._base.files import as_path, existing_file, written_whole
+from voxgran._base.guarded import Content, read_guarded
 from voxgran._base.lazy import load
+from voxgran._base.vtk_data import poly_data, write_data
+from voxgran._base.vtk_readers import vtk_triangles
 from voxgran.shapes.diagnose import Remedies, merged, refuse_dirty
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.mesh_formats import Polygons, read_obj, read_off, read_ply, read_stl
+from voxgran.shapes.mesh_formats import Polygons, gmsh_polygons, read_obj, read_off, read_ply, read_stl
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repair import repaired
 from voxgran.shapes.surface import Surface, refuse_unfit
 
-log = logging.getLogger(__name__)
+#: most corners of a polygon that is clipped, which takes time with their square and a deep stack
+MOST_CORNERS = 5000
 
 #: of `load_shape`
 LOADING = Remedies(
@@ -34,9 +36,7 @@ LOADING = Remedies(
     keep_open="give surface=True",
     hole="use vg.repair with a larger largest_hole",
 )
-
-#: what meshio and its parsers raise for a file that they cannot read
-UNREADABLE = (ValueError, KeyError, IndexError, TypeError, AssertionError, OSError, struct.error, SystemExit)
+log = logging.getLogger(__name__)
 
 
 def load_shape(
@@ -212,6 +212,10 @@ def _refuse_damaged(points: Floats, faces: Integers, path: Path) -> None:
         raise FileFormatError(
             f"{path} has {bad} coordinates that are not finite: every one must be a number; mend the file"
         )
+    try:
+        check_coordinates(points, "coordinate")
+    except InputError as error:
+        raise FileFormatError(f"{path}: {error}") from error
 
 
 def _triangles(points: Floats, polygons: Sequence[Sequence[int]] | Integers, path: Path) -> Integers:
@@ -224,10 +228,21 @@ def _triangles(points: Floats, polygons: Sequence[Sequence[int]] | Integers, pat
     parts, places = [], []
     for count in np.unique(counts):
         chosen = np.flatnonzero(counts == count)
-        rings = np.array([polygons[k] for k in chosen.tolist()], dtype=np.int64)
+        try:
+            rings = np.array([polygons[k] for k in chosen.tolist()], dtype=np.int64)
+        except OverflowError:
+            raise FileFormatError(
+                f"{path} has a face with a vertex beyond 2^63 of {len(points)}: it is cut or damaged; write it again"
+            ) from None
         _refuse_damaged(points, rings, path)
         fans = np.stack([rings[:, [0, k, k + 1]] for k in range(1, count - 1)], axis=1)
-        for k in np.flatnonzero(~_convex(points[rings])) if count > 3 else ():
+        bent = np.flatnonzero(~_convex(points[rings])) if count > 3 else np.zeros(0, dtype=np.int64)
+        if len(bent) and count > MOST_CORNERS:
+            raise FileFormatError(
+                f"{path} has a face of {count} corners that is not convex: at most {MOST_CORNERS} can be cut into "
+                "triangles; triangulate it first"
+            )
+        for k in bent:
             fans[k] = rings[k][_clipped(points[rings[k]])]
         parts.append(fans.reshape(-1, 3))
         places.append(np.repeat(chosen, count - 2))
@@ -269,69 +284,17 @@ def _from_bytes(parse: Callable[[bytes, str], Polygons]) -> Callable[[Path], Pol
     return lambda path: parse(path.read_bytes(), str(path))
 
 
-def _read_msh(path: Path) -> Polygons:
-    """Return triangles and quadrangles of a Gmsh file."""
-    reader = load("meshio").gmsh
-    silence = io.StringIO()
-    try:
-        with contextlib.redirect_stdout(silence), contextlib.redirect_stderr(silence), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            mesh = reader.read(str(path))
-    except (load("meshio").ReadError, *UNREADABLE) as error:
-        raise FileFormatError(
-            f"{path} cannot be read as a Gmsh file ({_line(error)}): it is cut or damaged; write it again"
-        ) from None
-    cells = [block.data.tolist() for block in mesh.cells if block.type in ("triangle", "quad")]
-    return np.asarray(mesh.points, dtype=np.float64).reshape(-1, 3), [row for rows in cells for row in rows]
+def _guarded(read: Callable[[Path], Content]) -> Callable[[Path], Polygons]:
+    """Return the reader of a file that a library parses, in a process of its own."""
 
+    def reader(path: Path) -> Polygons:
+        _, found = read_guarded(read, path)
+        if "counts" not in found:
+            return found["points"], found["faces"]
+        corners = np.split(found["corners"], np.cumsum(found["counts"])[:-1])
+        return found["points"], [polygon.tolist() for polygon in corners]
 
-def _line(error: BaseException) -> str:
-    """Return what an error says, on one line, or its class where it says nothing."""
-    return " ".join(str(error).split())[:80] or type(error).__name__
-
-
-def _read_vtk(path: Path) -> Polygons:
-    """Return the polygons of a VTK file, XML or legacy; of a volume mesh its outer faces."""
-    legacy = path.suffix.lower() == ".vtk"
-    with _silent_vtk():
-        if legacy:
-            reader = load("vtkmodules.vtkIOLegacy").vtkGenericDataObjectReader()
-        else:
-            reader = load("vtkmodules.vtkIOXML").vtkXMLGenericDataObjectReader()
-        reader.SetFileName(str(path))
-        reader.Update()
-        output = reader.GetOutput()
-        if output is None or not output.IsA("vtkPointSet") or not output.GetNumberOfPoints():
-            raise FileFormatError(f"{path} holds no surface that VTK can read: it is cut or damaged; write it again")
-        if not output.IsA("vtkPolyData"):
-            surface = load("vtkmodules.vtkFiltersGeometry").vtkGeometryFilter()
-            surface.SetInputData(output)
-            surface.Update()
-            output = surface.GetOutput()
-        cutter = load("vtkmodules.vtkFiltersCore").vtkTriangleFilter()
-        cutter.PassVertsOff()
-        cutter.PassLinesOff()
-        cutter.SetInputData(output)
-        cutter.Update()
-    numpy_support = load("vtkmodules.util.numpy_support")
-    cut = cutter.GetOutput()
-    if not cut.GetNumberOfPolys():
-        return np.zeros((0, 3)), []
-    points = numpy_support.vtk_to_numpy(cut.GetPoints().GetData()).astype(np.float64)
-    cells = numpy_support.vtk_to_numpy(cut.GetPolys().GetConnectivityArray()).astype(np.int64)
-    return points, cells.reshape(-1, 3)
-
-
-@contextlib.contextmanager
-def _silent_vtk() -> Iterator[None]:
-    """Keep VTK from writing to the terminal."""
-    base = load("vtkmodules.vtkCommonCore").vtkObject
-    before = base.GetGlobalWarningDisplay()
-    base.GlobalWarningDisplayOff()
-    try:
-        yield
-    finally:
-        base.SetGlobalWarningDisplay(before)
+    return reader
 
 
 def _write_stl(vertices: Floats, faces: Integers, path: Path) -> None:
@@ -374,24 +337,7 @@ def _write_ply(vertices: Floats, faces: Integers, path: Path) -> None:
 
 def _write_vtp(vertices: Floats, faces: Integers, path: Path) -> None:
     """Write VTK XML PolyData in double precision."""
-    model, support = load("vtkmodules.vtkCommonDataModel"), load("vtkmodules.util.numpy_support")
-    points = load("vtkmodules.vtkCommonCore").vtkPoints()
-    points.SetData(support.numpy_to_vtk(np.ascontiguousarray(vertices), deep=True))
-    cells = model.vtkCellArray()
-    starts = 3 * np.arange(len(faces) + 1, dtype=np.int64)
-    cells.SetData(
-        support.numpy_to_vtkIdTypeArray(starts, deep=True),
-        support.numpy_to_vtkIdTypeArray(np.ascontiguousarray(faces).ravel(), deep=True),
-    )
-    data = model.vtkPolyData()
-    data.SetPoints(points)
-    data.SetPolys(cells)
-    writer = load("vtkmodules.vtkIOXML").vtkXMLPolyDataWriter()
-    writer.SetFileName(str(path))
-    writer.SetInputData(data)
-    with _silent_vtk():
-        if writer.Write() != 1:
-            raise OutputError(f"{path} cannot be written by VTK: free space or choose another place")
+    write_data("vtkXMLPolyDataWriter", poly_data(vertices, "Polys", faces), path)
 
 
 READERS: dict[str, Callable[[Path], Polygons]] = {
@@ -399,10 +345,10 @@ READERS: dict[str, Callable[[Path], Polygons]] = {
     ".obj": _from_bytes(read_obj),
     ".off": _from_bytes(read_off),
     ".ply": _from_bytes(read_ply),
-    ".msh": _read_msh,
-    ".vtk": _read_vtk,
-    ".vtp": _read_vtk,
-    ".vtu": _read_vtk,
+    ".msh": _guarded(gmsh_polygons),
+    ".vtk": _guarded(vtk_triangles),
+    ".vtp": _guarded(vtk_triangles),
+    ".vtu": _guarded(vtk_triangles),
 }
 WRITERS: dict[str, Callable[[Floats, Integers, Path], None]] = {
     ".stl": _write_stl,

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import check_lengths, float_array
-from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, TooLargeError, shown
+from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, shown
 from voxgran._base.files import existing_file
+from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
+from voxgran._base.vtk_readers import chosen_name, vtk_image
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,43 +69,62 @@ def read_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
         raise FileFormatError(
             f"{found} has the suffix {found.suffix!r}: images are read from {', '.join(READERS)}; convert it"
         )
-    try:
+    with refused(found):
         return reader(found, key)
-    except (FileFormatError, MissingLibraryError):
-        raise
-    except MemoryError as error:
-        raise TooLargeError(
-            f"{found} does not fit in memory ({found.stat().st_size / 2**30:.1f} GiB in the file): save it as .npy, "
-            "which is read piece by piece"
-        ) from error
-    # each library has errors of its own for what it cannot read
-    except Exception as error:
-        reason = " ".join(str(error).split())[:100] or type(error).__name__
-        raise FileFormatError(f"{found} cannot be read ({reason}): it is cut or damaged; write it again") from error
 
 
 def _read_npy(path: Path, key: str | None) -> Image:
     """Map a .npy file."""
     del key
+    _refuse_others(path, b"\x93NUMPY")
     return Image(np.load(path, mmap_mode="r", allow_pickle=False))
 
 
 def _read_npz(path: Path, key: str | None) -> Image:
     """Read one array of a .npz file."""
+    _refuse_others(path, b"PK")
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        return Image(archive[_chosen(list(archive.files), key, path)])
+        return Image(archive[chosen_name(list(archive.files), key, path)])
+
+
+def _refuse_others(path: Path, begin: bytes) -> None:
+    """Refuse a file that does not begin as arrays of NumPy do, which NumPy would take for pickled objects."""
+    with path.open("rb") as file:
+        found = file.read(len(begin))
+    if found != begin:
+        raise FileFormatError(f"{path} begins with {found!r}: a {path.suffix} file of NumPy is needed; write it again")
 
 
 def _read_tiff(path: Path, key: str | None) -> Image:
     """Read a stack of pages; those that are not compressed are mapped."""
     del key
+    facts, found = read_guarded(tiff_pages, path)
+    pages = found["pages"] if "pages" in found else np.memmap(path, mode="r", **facts)
+    # one page is a picture: y points up
+    return Image(np.moveaxis(pages, (0, 1, 2), (2, 1, 0)) if pages.ndim == 3 else pages[::-1].T)
+
+
+def tiff_pages(path: Path) -> Content:
+    """Read the pages of a TIFF file, to be run by `read_guarded`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    facts : dict
+        ``offset``, ``dtype`` and ``shape`` where the pages can be mapped.
+    arrays : dict of str to ndarray
+        ``pages``, where they cannot.
+    """
     tifffile = _extra("tifffile")
     try:
         pages = tifffile.memmap(path, mode="r")
     except ValueError:
-        pages = tifffile.imread(path)
-    # one page is a picture: y points up
-    return Image(np.moveaxis(pages, (0, 1, 2), (2, 1, 0)) if pages.ndim == 3 else pages[::-1].T)
+        return {}, {"pages": tifffile.imread(path, maxworkers=1)}
+    return {"offset": pages.offset, "dtype": pages.dtype.str, "shape": pages.shape}, {}
 
 
 def _read_png(path: Path, key: str | None) -> Image:
@@ -117,6 +138,26 @@ def _read_png(path: Path, key: str | None) -> Image:
 def _read_nrrd(path: Path, key: str | None) -> Image:
     """Read a .nrrd file, whose first axis runs fastest: x."""
     del key
+    facts, found = read_guarded(nrrd_values, path)
+    size = facts["spacing"]
+    return Image(found["values"].reshape(facts["shape"], order="F"), None if size is None else tuple(size))
+
+
+def nrrd_values(path: Path) -> Content:
+    """Read the values of a .nrrd file, to be run by `read_guarded`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    facts : dict
+        ``shape``, and ``spacing`` or None where it does not tell.
+    arrays : dict of str to ndarray
+        ``values``, flat, the first axis running fastest.
+    """
     values, header = _extra("nrrd").read(str(path))
     directions = header.get("space directions")
     if directions is not None and np.asarray(directions).shape == (3, 3):
@@ -124,34 +165,14 @@ def _read_nrrd(path: Path, key: str | None) -> Image:
     else:
         spacing = np.asarray(header.get("spacings", [np.nan] * 3), dtype=float)
     good = spacing.shape == (3,) and bool(np.isfinite(spacing).all())
-    x, y, z = spacing.tolist() if good else (1.0, 1.0, 1.0)
-    return Image(np.asarray(values), (x, y, z) if good else None)
+    facts = {"shape": values.shape, "spacing": spacing.tolist() if good else None}
+    return facts, {"values": np.asarray(values).ravel(order="F")}
 
 
 def _read_vti(path: Path, key: str | None) -> Image:
-    """Read cells, or else points, of a VTK image; a point stands for the voxel about it."""
-    with path.open("rb") as file:
-        head = file.read(1024)
-        file.seek(max(path.stat().st_size - 1024, 0))
-        tail = file.read()
-    # the readers of VTK end the process on some files that are cut off
-    if b"<VTKFile" not in head or b"</VTKFile>" not in tail:
-        raise FileFormatError(f"{path} is no whole VTK file: it is cut off or damaged; write it again")
-    reader = load("vtkmodules.vtkIOXML").vtkXMLImageDataReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    image, support = reader.GetOutput(), load("vtkmodules.util.numpy_support")
-    shape = np.array(image.GetDimensions())
-    data, cells = image.GetCellData(), True
-    if not data.GetNumberOfArrays():
-        data, cells = image.GetPointData(), False
-    names = [data.GetArrayName(k) for k in range(data.GetNumberOfArrays())]
-    values = support.vtk_to_numpy(data.GetArray(_chosen(names, key, path)))
-    size = np.array(image.GetSpacing())
-    origin = np.array(image.GetOrigin()) - (0.0 if cells else size / 2)
-    grid = values.reshape(shape - 1 if cells else shape, order="F")
-    x, y, z = size.tolist()
-    return Image(grid, (x, y, z), tuple(origin.tolist()))
+    """Read a VTK image."""
+    facts, found = read_guarded(vtk_image, path, key=key)
+    return Image(found["values"].reshape(facts["shape"], order="F"), tuple(facts["spacing"]), tuple(facts["origin"]))
 
 
 def _extra(name: str) -> Any:
@@ -162,15 +183,6 @@ def _extra(name: str) -> Any:
         raise MissingLibraryError(
             f"{name} is not installed: it reads such images; install it with pip install 'voxgran[images]'"
         ) from error
-
-
-def _chosen(names: list[str], key: str | None, path: Path) -> str:
-    """Return the name of the array to read."""
-    if key is not None and key not in names:
-        raise FileFormatError(f"{path} has no array {key!r}: there are {', '.join(names) or 'none'}; choose one")
-    if key is None and len(names) != 1:
-        raise FileFormatError(f"{path} has the arrays {', '.join(names) or 'none'}: say which one by its key")
-    return names[0] if key is None else key
 
 
 def voxel_sizes(value: Any, image: Image) -> tuple[float, float, float]:

@@ -1,6 +1,7 @@
 """Grains of a label image: one shape per label, and a table of what is there.
 
-Each label is cut out, and its surface is the smooth one that keeps its volume (:mod:`voxgran.lattice.surface`).
+Each label is cut out. Its surface is the smooth one that keeps its volume (:mod:`voxgran.lattice.surface`), that of its
+voxels (:mod:`voxgran.lattice.cuberille`), or one that its neighbours share (:mod:`voxgran.lattice.interfaces`).
 """
 
 import os
@@ -17,6 +18,8 @@ from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
 from voxgran._base.lazy import load
 from voxgran.lattice.census import Census, census
+from voxgran.lattice.cuberille import voxel_surface
+from voxgran.lattice.interfaces import fitted_surface
 from voxgran.lattice.surface import smooth_surface
 from voxgran.shapes.bodies import split
 from voxgran.shapes.image_files import Image, read_image, voxel_sizes
@@ -26,7 +29,7 @@ from voxgran.shapes.repair import repair
 if TYPE_CHECKING:
     from xarray import Dataset
 
-BORDER = ("drop", "keep")
+BORDER, SURFACES = ("drop", "keep"), ("smooth", "voxel")
 #: widest Gaussian, in voxels: it takes six times that around each grain
 WIDEST = 20.0
 
@@ -47,6 +50,8 @@ class LabelledGrain:
         How many separate pieces the label has; the largest one is the shape.
     volume_error : float
         Relative difference of the volumes of the shape and of the voxels.
+    cut : bool
+        Whether it touches the border of the image along an axis that does not repeat.
     """
 
     label: int
@@ -54,13 +59,15 @@ class LabelledGrain:
     position: Floats
     pieces: int
     volume_error: float
+    cut: bool
 
 
 def load_labels(
     source: str | os.PathLike[str] | NDArray[Any],
     *,
     voxel_size: Any = None,
-    border: str = "drop",
+    border: str = "keep",
+    surface: str = "smooth",
     smoothing: float = 1.0,
     periodic: Periodic = False,
     unit: str | None = None,
@@ -75,8 +82,11 @@ def load_labels(
         memory.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; left out: as the file says.
-    border : {"drop", "keep"}
-        What becomes of grains that touch the border of the image, where they are cut.
+    border : {"keep", "drop"}
+        What becomes of grains that touch the border of the image, where they are cut: they are kept as they are, with a
+        warning, or left out. As in :func:`voxgran.packing_of_labels` no grain is left out unasked.
+    surface : {"smooth", "voxel"}
+        The smooth surface that keeps the volume, or the faces of the voxels. Voxels that share no face are not joined.
     smoothing : float
         Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels; at most 20.
     periodic : str, bool or sequence
@@ -108,15 +118,20 @@ def load_labels(
     Warns
     -----
     PackingWarning
-        If labels have several pieces.
+        If labels have several pieces, or grains that are kept are cut by the border of the image.
     """
     image = image_of(source, key)
-    return [
-        grain.shape
-        for grain in labelled_grains(
-            image, voxel_size=voxel_size, border=border, smoothing=smoothing, periodic=periodic, unit=unit
+    how: dict[str, Any] = {"border": border, "surface": surface, "smoothing": smoothing, "periodic": periodic}
+    grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=False, **how))
+    cut = [grain.label for grain in grains if grain.cut]
+    if cut:
+        warnings.warn(
+            f"{len(cut)} of {len(grains)} labels are cut by the border of the image (label {cut[0]} first): their "
+            "shapes are what is left of them; leave them out with border='drop'",
+            PackingWarning,
+            stacklevel=2,
         )
-    ]
+    return [grain.shape for grain in grains]
 
 
 def label_table(
@@ -182,9 +197,20 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any], key: str | None = No
 
 
 def labelled_grains(
-    image: Image, *, voxel_size: Any, border: str, smoothing: float, periodic: Periodic, unit: str | None
+    image: Image,
+    *,
+    voxel_size: Any,
+    border: str,
+    surface: str,
+    smoothing: float,
+    periodic: Periodic,
+    unit: str | None,
+    fitted: bool,
 ) -> Iterator[LabelledGrain]:
     """Yield the grains of a label image, rising by label.
+
+    Where they are to be fitted, smooth surfaces of neighbours do not overlap but are one, and none bulges through the
+    border of the image.
 
     Raises
     ------
@@ -192,6 +218,7 @@ def labelled_grains(
         As :func:`load_labels`.
     """
     as_choice(border, "border", BORDER)
+    exact = as_choice(surface, "surface", SURFACES) == "voxel"
     sigma, size = as_number(smoothing, "smoothing", above=0.0, at_most=WIDEST), np.array(voxel_sizes(voxel_size, image))
     wraps, found = np.array(as_periodic(periodic)), _counted(image)
     cut = ((found.lower == 0) | (found.upper == np.array(image.values.shape)))[:, ~wraps].any(axis=1)
@@ -205,12 +232,18 @@ def labelled_grains(
         label, upper = int(found.label[k]), found.upper[k]
         mask = np.asarray(image.values[tuple(slice(a, b) for a, b in zip(found.lower[k], upper, strict=True))]) == label
         mask, lower = _unwrapped(mask, found.lower[k], wraps & (mask.shape == np.array(image.values.shape)))
-        shape, pieces = _solid(mask, size, sigma, f"label {label}", unit)
-        if pieces > 1:
+        if exact:
+            bodies = split(*voxel_surface(mask))
+        elif fitted:
+            bodies = _fitted(image.values, label, mask, lower, wraps, sigma)
+        else:
+            bodies = _smooth(mask, sigma)
+        if len(bodies) > 1:
             several.append(label)
+        shape = _solid(*bodies[0], size, f"label {label}", unit)
         position = np.array(shape.offset) + np.array(image.origin) + lower * size
         error = shape.volume / (found.count[k] * size.prod()) - 1
-        yield LabelledGrain(label, shape, position, pieces, float(error))
+        yield LabelledGrain(label, shape, position, len(bodies), float(error), bool(cut[k]))
     if several:
         warnings.warn(
             f"{len(several)} of {len(kept)} labels have several pieces (label {several[0]} first): the largest piece "
@@ -241,17 +274,40 @@ def _counted(image: Image) -> Census:
     return found
 
 
-def _solid(mask: Any, size: Floats, smoothing: float, name: str, unit: str | None) -> tuple[Shape, int]:
-    """Return the solid of a mask and the number of its pieces; smoothing is less where it would tear it apart."""
+def _smooth(mask: Booleans, smoothing: float) -> list[tuple[Floats, Integers]]:
+    """Return the bodies of the smooth surface of a mask; smoothing is less where it would tear it apart."""
     while True:
-        vertices, faces = smooth_surface(mask, smoothing=smoothing)
-        bodies = split(vertices, faces)
+        bodies = split(*smooth_surface(mask, smoothing=smoothing))
         if len(bodies) == 1 or smoothing < 0.3:
-            break
+            return bodies
         smoothing /= 2
-    points, triangles = bodies[0]
+
+
+def _fitted(
+    values: NDArray[Any], label: int, mask: Booleans, lower: Integers, wraps: Booleans, smoothing: float
+) -> list[tuple[Floats, Integers]]:
+    """Return the bodies of a grain with a surface that its neighbours share, in voxels from its lower corner."""
+    ring = int(np.ceil(3 * smoothing)) + 2
+    places, beyond = [], np.zeros(np.array(mask.shape) + 2 * ring, dtype=np.bool_)
+    for axis, many in enumerate(values.shape):
+        place = lower[axis] - ring + np.arange(beyond.shape[axis])
+        if not wraps[axis]:
+            outside = (place < 0) | (place >= many)
+            beyond |= outside.reshape([-1 if k == axis else 1 for k in range(3)])
+            # the image is mirrored at its border
+            place = np.minimum(place % (2 * many), 2 * many - 1 - place % (2 * many))
+        places.append(place % many)
+    around, own = np.asarray(values[np.ix_(*places)]), np.pad(mask, ring)
+    if not beyond.any() and not around[~own].any():
+        # nothing is near
+        return _smooth(mask, smoothing)
+    vertices, faces = fitted_surface(around.astype(np.int64), own, beyond, smoothing=smoothing)
+    return split(vertices - ring, faces)
+
+
+def _solid(points: Floats, faces: Integers, size: Floats, name: str, unit: str | None) -> Shape:
+    """Return the solid that a surface in voxels bounds."""
     try:
-        shape = Shape.from_mesh(points * size, triangles, name=name, unit=unit)
+        return Shape.from_mesh(points * size, faces, name=name, unit=unit)
     except DirtyMeshError:
-        shape = repair(points * size, triangles, name=name, unit=unit, bodies="largest").shape
-    return shape, len(bodies)
+        return repair(points * size, faces, name=name, unit=unit, bodies="largest").shape

@@ -1,18 +1,21 @@
-"""Readers of the mesh formats STL, OBJ, OFF and PLY, from bytes to corner points and polygons.
+"""Readers of the mesh formats STL, OBJ, OFF and PLY, from bytes to corner points and polygons; and of Gmsh files.
 
-They are written here, and not left to meshio or VTK, because these read coordinates as float32, take no mixed
+The four are written here, and not left to meshio or VTK, because these read coordinates as float32, take no mixed
 polygons or other properties, or return what they could of a cut file in silence.
 """
 
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError
+from voxgran._base.guarded import Content, reason_of
+from voxgran._base.lazy import load
 
 #: vertices (n, 3), and the vertex indices of each polygon
 Polygons = tuple[Floats, list[list[int]] | Integers]
@@ -70,7 +73,7 @@ def _read_text_stl(raw: bytes, name: str) -> Polygons:
     try:
         points = np.array([[float(word) for word in words[k + 1 : k + 4]] for k in marks])
     except ValueError as error:
-        raise FileFormatError(f"{name} is no STL file ({error}): write it again") from None
+        raise FileFormatError(f"{name} is no STL file ({reason_of(error)}): write it again") from None
     if len(marks) != 3 * ends[0] or not ends[1] or (len(marks) and points.shape != (len(marks), 3)):
         raise FileFormatError(
             f"{name} holds {len(marks)} vertices for {ends[0]} complete triangles: it is cut; write it again"
@@ -128,12 +131,14 @@ def read_off(raw: bytes, name: str) -> Polygons:
     head, rows = (rows[0][1:], rows[1:]) if len(rows[0]) > 1 else (rows[1] if len(rows) > 1 else [], rows[2:])
     try:
         vertex_count, face_count = int(head[0]), int(head[1])
+        if min(vertex_count, face_count) < 0:
+            raise ValueError(f"it counts {vertex_count} vertices and {face_count} faces")
         body = rows[:vertex_count], rows[vertex_count : vertex_count + face_count]
         points = np.array([[float(w) for w in row[:3]] for row in body[0]]).reshape(-1, 3)
         polygons = [[int(w) for w in row[1 : 1 + int(row[0])]] for row in body[1]]
         whole = all(len(p) == int(row[0]) for p, row in zip(polygons, body[1], strict=True))
     except (ValueError, IndexError) as error:
-        raise FileFormatError(f"{name} cannot be read as OFF ({error}): write it again") from None
+        raise FileFormatError(f"{name} cannot be read as OFF ({reason_of(error)}): write it again") from None
     if len(points) < vertex_count or len(polygons) < face_count or not whole:
         raise FileFormatError(
             f"{name} holds {len(points)} of {vertex_count} vertices and {len(polygons)} of {face_count} faces: it is "
@@ -161,8 +166,10 @@ def read_ply(raw: bytes, name: str) -> Polygons:
     """
     found = ply_elements(raw, name)
     face = found.get("face", {})
-    lists = [face[key] for key in ("vertex_indices", "vertex_index") if key in face]
-    return ply_columns(found, "xyz", name), lists[0] if lists else []
+    lists = next((face[key] for key in ("vertex_indices", "vertex_index") if key in face), [])
+    if lists and not isinstance(lists[0], list):
+        raise FileFormatError(f"{name} gives one corner for each face: a list is needed; write it again")
+    return ply_columns(found, "xyz", name), lists
 
 
 def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, list[Any]]]:
@@ -177,8 +184,10 @@ def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, list[Any]]]:
         order, elements, body = _ply_header(raw)
         walk = _ply_binary(body, elements, order) if order else _ply_text(body, elements)
         return {element.name: columns for element, columns in zip(elements, walk, strict=True)}
-    except (ValueError, KeyError, IndexError, TypeError) as error:
-        raise FileFormatError(f"{name} cannot be read as PLY ({error}): it is cut or damaged; write it again") from None
+    except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
+        raise FileFormatError(
+            f"{name} cannot be read as PLY ({reason_of(error)}): it is cut or damaged; write it again"
+        ) from None
 
 
 def ply_columns(found: dict[str, dict[str, list[Any]]], keys: Sequence[str], name: str) -> Floats:
@@ -191,8 +200,10 @@ def ply_columns(found: dict[str, dict[str, list[Any]]], keys: Sequence[str], nam
     """
     try:
         return np.column_stack([np.asarray(found["vertex"][key], dtype=np.float64) for key in keys])
-    except (ValueError, KeyError, TypeError) as error:
-        raise FileFormatError(f"{name} cannot be read as PLY ({error}): it is cut or damaged; write it again") from None
+    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        raise FileFormatError(
+            f"{name} cannot be read as PLY ({reason_of(error)}): it is cut or damaged; write it again"
+        ) from None
 
 
 def _ply_header(raw: bytes) -> tuple[str, list[_Element], bytes]:
@@ -213,6 +224,10 @@ def _ply_header(raw: bytes) -> tuple[str, list[_Element], bytes]:
             elements[-1].properties.append((words[2], (PLY_TYPES[words[1]],)))
     if order is None:
         raise ValueError("its header names no format")
+    for element in elements:
+        if element.count < 0 or (element.count and not element.properties):
+            many = len(element.properties)
+            raise ValueError(f"its header counts {element.count} {element.name[:40]} of {many} properties")
     return order, elements, body[2:] if body.startswith(b"\r\n") else body[1:]
 
 
@@ -222,6 +237,8 @@ def _ply_text(body: bytes, elements: list[_Element]) -> Iterator[dict[str, list[
     place = 0
     for element in elements:
         columns: dict[str, list[Any]] = {key: [] for key, _ in element.properties}
+        if len(words) - place < element.count * len(element.properties):
+            raise ValueError(f"it ends within {element.name[:40]} records")
         for _ in range(element.count):
             for key, types in element.properties:
                 if len(types) == 1:
@@ -230,8 +247,8 @@ def _ply_text(body: bytes, elements: list[_Element]) -> Iterator[dict[str, list[
                     continue
                 length = int(words[place])
                 items = words[place + 1 : place + 1 + length]
-                if len(items) < length:
-                    raise ValueError(f"it ends within {element.name} records")
+                if not 0 <= length == len(items):
+                    raise ValueError(f"it holds {len(items)} of {length} items of a list")
                 columns[key].append([int(float(item)) for item in items])
                 place += 1 + length
         yield columns
@@ -245,18 +262,48 @@ def _ply_binary(body: bytes, elements: list[_Element], order: str) -> Iterator[d
         if all(len(types) == 1 for _, types in element.properties):
             row = np.dtype([(key, order + types[0]) for key, types in element.properties])
             if len(body) - place < row.itemsize * element.count:
-                raise ValueError(f"it ends within {element.name} records")
+                raise ValueError(f"it ends within {element.name[:40]} records")
             records = np.frombuffer(body, dtype=row, count=element.count, offset=place)
             place += row.itemsize * element.count
             yield {key: records[key].tolist() for key in columns}
             continue
+        if len(body) - place < element.count * sum(np.dtype(types[0]).itemsize for _, types in element.properties):
+            raise ValueError(f"it ends within {element.name[:40]} records")
         for _ in range(element.count):
             for key, types in element.properties:
                 length = 1
                 if len(types) == 2:
                     length = int(np.frombuffer(body, order + types[0], 1, place)[0])
                     place += np.dtype(types[0]).itemsize
+                    if length < 0:
+                        raise ValueError(f"it has a list of {length} items")
                 items = np.frombuffer(body, order + types[-1], length, place).tolist() if length else []
                 place += np.dtype(types[-1]).itemsize * length
                 columns[key].append(items[0] if len(types) == 1 else items)
         yield columns
+
+
+def gmsh_polygons(path: Path) -> Content:
+    """Read the triangles and quadrangles of a Gmsh file, to be run by `read_guarded`.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    facts : dict
+        Empty.
+    arrays : dict of str to ndarray
+        ``points`` (n, 3), the ``corners`` of all polygons one after the other, and their ``counts``.
+    """
+    mesh = load("meshio").gmsh.read(str(path))
+    cells = [np.asarray(block.data) for block in mesh.cells if block.type in ("triangle", "quad")]
+    corners = [np.zeros(0, np.int64), *(block.ravel() for block in cells)]
+    counts = [np.zeros(0, np.int64), *(np.full(len(block), block.shape[1]) for block in cells)]
+    return {}, {
+        "points": np.asarray(mesh.points, dtype=np.float64).reshape(-1, 3),
+        "corners": np.concatenate(corners).astype(np.int64),
+        "counts": np.concatenate(counts),
+    }

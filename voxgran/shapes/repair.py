@@ -20,7 +20,7 @@ from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.shapes.bodies import outward, shells_of, split, without_flat
 from voxgran.shapes.boolean import united
 from voxgran.shapes.crossing import crossing_faces
-from voxgran.shapes.diagnose import IN_PYTHON, Remedies, diagnose, merged
+from voxgran.shapes.diagnose import IN_PYTHON, Remedies, bounds_solid, merged
 from voxgran.shapes.holes import closed_loop, extent, hole_loops
 from voxgran.shapes.model import Shape
 from voxgran.shapes.patches import without_doubles, without_flaps, without_pinches, wound_alike
@@ -176,7 +176,7 @@ def repaired(
     triangles = as_faces(np.asarray(faces), len(given))
     if not len(triangles):
         raise InputError(f"{name} has 0 faces: a solid needs a closed surface; check the file")
-    if diagnose(given, triangles).ok:
+    if bounds_solid(given, triangles):
         whole = Shape.from_mesh(given, triangles, name=name, unit=unit)
         return Repair(shapes=(whole,), sentences=(), volume_before=whole.volume, volume=whole.volume)
     done: list[str] = []
@@ -206,9 +206,11 @@ class _Rules:
 
 def _mended(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> tuple[Floats, Integers]:
     """Return a closed surface of faces that are wound alike; say what was done."""
-    corners, triangles = _closed(points, faces, rules, done)
-    triangles, flat = without_flat(corners, triangles)
-    _say(done, flat, "left out {} shells that enclose nothing")
+    corners, triangles = points, faces
+    if len(triangles):
+        corners, triangles = _closed(points, faces, rules, done)
+        triangles, flat = without_flat(corners, triangles)
+        _say(done, flat, "left out {} shells that enclose nothing")
     if not len(triangles):
         raise DirtyMeshError(f"{rules.name} encloses no volume: a grain must be a solid; check the file")
     triangles, turned = outward(corners, triangles)

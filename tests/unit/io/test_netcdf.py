@@ -65,7 +65,7 @@ def test_a_damaged_file_is_one_sentence(tree, share, tmp_path, capfd):
     save_statistics(tree, tmp_path / "s.nc")
     whole = (tmp_path / "s.nc").read_bytes()
     (tmp_path / "s.nc").write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(FileFormatError, match="cannot be read as netCDF4") as caught:
+    with pytest.raises(FileFormatError, match=r"cannot be read as a \.nc file") as caught:
         load_statistics(tmp_path / "s.nc")
     assert "\n" not in str(caught.value)
     assert capfd.readouterr().err == ""

@@ -1,5 +1,6 @@
 """The advancing front: against plain programs of the same rules, and by what each place promises."""
 
+import contextlib
 import heapq
 import itertools
 import math
@@ -10,6 +11,7 @@ from scipy.spatial import ConvexHull, cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.packing.methods.advancing_front import ASIDE
 from voxgran.packing.pack import prepare_task
 
@@ -403,3 +405,37 @@ def test_chunks_do_not_matter_where_walls_stand_in():
         found.append((state.done, state.counters, state.arrays["balls"].tobytes()))
     assert found[0][0] > 1000
     assert all(one == found[0] for one in found)
+
+
+def test_the_pockets_of_a_start_are_listed_with_looks_between():
+    """Balls of a start are many that come at once; a stop among them changes nothing."""
+    start = pack(SPHERE, vg.Box((6, 6, 6)), count=100)
+    task = prepare_task(
+        [SPHERE],
+        vg.Box((6, 6, 9)),
+        method="advancing_front",
+        count=40,
+        solid_fraction=None,
+        sizes=None,
+        weights=None,
+        weights_by="number",
+        seed=1,
+        start=start,
+        parameters={"mode": "dense"},
+    )
+    runs, looks = [], []
+
+    def is_time():
+        looks.append(True)
+        return len(looks) % 2 == 1
+
+    for asked in (lambda: False, is_time):
+        state = task.method.prepare(task.problem)
+        while not state.stop_reason:
+            with contextlib.suppress(Stopped), stopping_when(asked):
+                state = task.method.advance(task.problem, state, 10)
+        runs.append((state.arrays["balls"].tobytes(), state.counters, state.done))
+    assert runs[0] == runs[1]
+    # 100 balls, 64 at a time
+    assert looks
+    assert state.counters["placed"] > 130

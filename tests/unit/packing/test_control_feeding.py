@@ -266,7 +266,8 @@ def test_the_way_of_the_lid_is_in_the_unit_of_lengths():
 
 
 @pytest.mark.parametrize("way", [{"lid": True}, {"feed": "layers"}, {"gravity": (0.5, 0.0, -1.0)}], ids=str)
-def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path):
+def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypatch):
+    monkeypatch.setattr("voxgran.packing.run.FIRST_CHUNK", 1000)
     told = {"method": "control_point", "count": 12, "spacing": 0.25, "sweeps": 200, "cycles": 2, "seed": 3, **way}
     shape, path, stops = vg.make_shape("solid_union", seed=2), tmp_path / "run.checkpoint", 0
     whole = vg.pack(shape, BOX, **told)
@@ -323,7 +324,7 @@ class Other:
 
 
 def test_a_container_of_an_unknown_kind_is_refused_and_its_mesh_is_not():
-    with pytest.raises(InputError, match="'other' has walls that control_point does not know"):
+    with pytest.raises(InputError, match="container is of type Other: method 'control_point' knows the walls of Box, "):
         run(task_of(vg.make_shape("sphere"), Other(BOX), count=2))
     mesh = vg.ClosedMesh(vg.Shape.from_mesh(*Other(BOX).mesh()))
     _, packing = run(task_of(vg.make_shape("sphere"), mesh, count=2, lid=True))

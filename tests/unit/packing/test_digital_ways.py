@@ -244,7 +244,8 @@ def test_sleeping_grains_are_passed_over_and_the_bed_is_as_dense():
 @pytest.mark.parametrize(
     "way", [{"lid": True}, {"schedule": "sleeping", "guided": 0.3}, {"feed": "layers"}, {"schedule": "sorted"}], ids=str
 )
-def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path):
+def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypatch):
+    monkeypatch.setattr("voxgran.packing.run.FIRST_CHUNK", 1000)
     options = {"method": "digital", "count": 15, "voxel_size": 0.125, "sweeps": 200, "cycles": 2, "seed": 3, **way}
     shape, path, stops = vg.make_shape("solid_union", seed=2), tmp_path / "run.checkpoint", 0
     whole = vg.pack(shape, BOX, **options)

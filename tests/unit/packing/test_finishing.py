@@ -90,7 +90,8 @@ def test_grains_of_centered_voxels_are_parted_before_they_settle(name):
     assert top(packing) == pytest.approx(top(touch), rel=0.25)
 
 
-def test_parting_and_lid_go_on_after_a_stop_to_the_same_bits(tmp_path):
+def test_parting_and_lid_go_on_after_a_stop_to_the_same_bits(tmp_path, monkeypatch):
+    monkeypatch.setattr("voxgran.packing.run.FIRST_CHUNK", 1000)
     options = {**DIGITAL, "count": 10, "settling": 8, "shaking": 4, "cover": "center", "lid": True}
     shape, box = vg.make_shape("ellipsoid"), vg.Box((3, 3, 4))
     whole = vg.pack(shape, box, **options)

@@ -98,12 +98,16 @@ def test_contacts_are_counted_side_by_side(periodic):
 
     free = [tuple(p) for p in np.argwhere(~blocked)]
     histogram = np.zeros(7, dtype=np.int64)
-    count_contacts(words, turns, places, histogram)
+    for first, last in ((0, 1), (1, 4)):
+        count_contacts(words, turns, places, histogram, first, last)
     expected = np.bincount([sides_of(p) for p in free], minlength=7)
     assert np.array_equal(histogram, expected)
     place, seen = np.zeros(3, dtype=np.int64), set()
     for rank in range(expected[4]):
-        nth_of_contacts(words, turns, places, 4, rank, place)
+        left = nth_of_contacts(words, turns, places, 4, rank, place, 0, 1)
+        if left >= 0:
+            left = nth_of_contacts(words, turns, places, 4, left, place, 1, 4)
+        assert left == -1
         seen.add(tuple(place.tolist()))
     assert seen == {p for p in free if sides_of(p) == 4}
     for axis, level in ((0, 2), (1, 0), (2, 65)):

@@ -1,5 +1,7 @@
 """Random sequential addition: against plain programs, its proof of saturation, every container, what it refuses."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -122,8 +124,9 @@ def test_every_scheme_is_that_of_a_plain_program(scheme, dimension, periodic):
     numbers = "lcg" if periodic == "x" else "philox"
     for retain in ("scan", "next") if scheme in ("2", "3", "4c", "4d") else ("scan",):
         task = task_of(
-            shape, room, count=90, sizes=GRADED, seed=4, scheme=scheme, tries=3, retain=retain, numbers=numbers
-        )
+            *(shape, room), count=90, sizes=GRADED, seed=4,
+            scheme=scheme, tries=3, retain=retain, numbers=numbers, until="tries",
+        )  # fmt: skip
         state, plain = run_of(task.problem), Plain(task.problem).run()
         assert np.flatnonzero(state.arrays["entered"]).tolist() == sorted(plain.placed)
         assert len(plain.placed) > 15
@@ -480,14 +483,15 @@ def test_other_methods_go_on_from_it(method):
 
 def test_what_is_missed_is_told():
     sphere = vg.make_shape("sphere")
-    packing = vg.pack(sphere, vg.Box((6, 6, 6), "xyz"), method="rsa", until="saturated", solid_fraction=0.6)
+    with pytest.warns(PackingWarning, match=r"instead of 0\.6"):
+        packing = vg.pack(sphere, vg.Box((6, 6, 6), "xyz"), method="rsa", until="saturated", solid_fraction=0.6)
     missed = packing.provenance["missed"]
     assert packing.stop_reason == "saturated"
     assert missed["solid_fraction"] == pytest.approx(0.6 - packing.solid_fraction)
     assert missed["count"] == int(np.ceil(0.6 * 216 / (np.pi / 6))) - packing.count
     assert missed["gradation"] == 0.0
     with pytest.warns(PackingWarning, match="of 4000 grains"):
-        two = vg.pack(sphere, vg.Box((6, 6, 6)), method="rsa", tries=1, sizes=GRADED, count=4000)
+        two = vg.pack(sphere, vg.Box((6, 6, 6)), method="rsa", until="tries", tries=1, sizes=GRADED, count=4000)
     asked = task_of(sphere, vg.Box((6, 6, 6)), count=4000, sizes=GRADED).problem
     shares = [
         [np.count_nonzero(values <= size + 1e-9) / len(values) for size in (0.3, 0.6, 1.0)]
@@ -509,7 +513,9 @@ def test_targets_denser_than_the_densest_lattice_are_refused():
         (sphere, vg.Box((4, 4, 4)), {"count": 5}),
         (sphere, vg.Cylinder(0.51, 1.01), {}),
     ):
-        assert vg.pack(shapes, room, method="rsa", solid_fraction=0.75, tries=5, **more).count > 0
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PackingWarning)
+            assert vg.pack(shapes, room, method="rsa", solid_fraction=0.75, tries=5, **more).count > 0
 
 
 def test_what_cannot_be_asked_is_refused():
@@ -537,3 +543,67 @@ def test_a_grain_whose_bounding_ball_is_wider_than_a_period_stays_out():
     with pytest.warns(PackingWarning, match="0 of 3 grains"):
         packing = vg.pack(rod, vg.Box((3.02, 9, 9), "x"), method="rsa", count=3)
     assert packing.count == 0
+
+
+@pytest.fixture(scope="module")
+def crowd():
+    """Return the room of 2000 spheres at a solid fraction of 0.33, which random tries alone do not reach."""
+    return vg.Box(((2000 * np.pi / 6 / 0.33) ** (1 / 3),) * 3)
+
+
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+def test_a_count_that_has_room_is_met(crowd):
+    sphere = vg.make_shape("sphere")
+    tried = vg.pack(sphere, crowd, method="rsa", count=2000, seed=3, until="tries", tries=50)
+    assert (tried.stop_reason, tried.provenance["counters"]["search_from"]) == ("steps", -1)
+    assert tried.count < 1990
+    found = vg.pack(sphere, crowd, method="rsa", count=2000, seed=3, tries=50)
+    assert (found.stop_reason, found.count) == ("count", 2000)
+    assert vg.verify(found).ok
+    # grains before the first that was dropped stand where they stood
+    begun = found.provenance["counters"]["search_from"]
+    assert 0 < begun < 2000
+    assert np.array_equal(found.position[:begun], tried.position[:begun])
+    again = vg.pack(sphere, crowd, method="rsa", count=2000, seed=3, tries=50)
+    assert np.array_equal(again.position, found.position)
+    few = [vg.pack(sphere, crowd, method="rsa", count=900, seed=3, **more) for more in ({}, {"until": "tries"})]
+    assert np.array_equal(few[0].position, few[1].position)
+
+
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+def test_a_target_without_room_is_proven_to_have_none_and_no_target_is_not_searched():
+    sphere, box = vg.make_shape("sphere"), vg.Box((5, 5, 5))
+    for asked in ({"count": 150}, {"solid_fraction": 0.5}):
+        packing = vg.pack(sphere, box, method="rsa", seed=2, tries=20, **asked)
+        assert packing.stop_reason == "saturated"
+        assert packing.provenance["saturation"]["proven"]
+        kept = vg.pack([], box, method="rsa", until="saturated", start=packing)
+        more = vg.pack(sphere, box, method="rsa", until="saturated", start=packing, count=5)
+        assert kept.count == more.count == packing.count
+    free = vg.pack(sphere, box, method="rsa", seed=2, tries=20)
+    assert free.stop_reason == "steps"
+    assert free.provenance["counters"]["search_from"] == -1
+    # the schemes of the paper are what they are
+    for scheme in ("1", "2", "4a"):
+        one, two = (
+            vg.pack(sphere, box, method="rsa", seed=2, tries=3, count=70, scheme=scheme, until=until)
+            for until in (None, "tries")
+        )
+        assert np.array_equal(one.position, two.position)
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 100_000])
+@pytest.mark.parametrize("options", [{}, {"aligned": True}])
+def test_the_search_depends_neither_on_chunks_nor_on_what_is_made_again(chunk, options):
+    shape, sizes = vg.make_shape("box", lengths=(1, 1, 1)), vg.sizes.lognormal(0.9, 0.2)
+    runs = []
+    for many, again in ((chunk, True), (5000, False)):
+        problem = task_of(shape, vg.Box((4, 4, 4), "x"), count=60, sizes=sizes, seed=5, tries=10, **options).problem
+        state = rsa.prepare(problem)
+        while not state.stop_reason:
+            state = rsa.advance(problem, state, many)
+            if again and state.done % 3 == 0:
+                state.derived.clear()
+        assert 0 < state.counters["search_from"] < 60
+        runs.append((state.arrays["position"].tobytes(), state.counters, state.stop_reason))
+    assert runs[0] == runs[1]

@@ -2,15 +2,20 @@
 
 import itertools
 import shutil
+import signal
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint
-from voxgran._base.errors import InputError, OutputError
+from voxgran._base.errors import InputError, Interrupted, InUseError, OutputError
 from voxgran._base.files import remove_drafts
+from voxgran._base.lock import locked_file
+from voxgran._base.stopping import stop_if_asked
 from voxgran.packing import run
-from voxgran.packing.method import method_registry
+from voxgran.packing.method import State, method_registry
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.run import Drive, drive
 
@@ -143,3 +148,140 @@ def test_what_a_kill_left_half_written_is_removed(tmp_path):
 def test_time_limits_are_checked(limit):
     with pytest.raises(InputError, match="time_limit is"):
         vg.pack(vg.make_shape("sphere"), vg.Box((4, 4, 4)), method="rsa", count=2, time_limit=limit)
+
+
+def counting(total, attempt=lambda state: None):
+    """Return a method that counts its attempts, and does something in each."""
+
+    def prepare(problem):
+        return State({"made": np.zeros(1)}, {}, 0, total)
+
+    def advance(problem, state, attempts):
+        for _ in range(attempts):
+            attempt(state)
+            state.arrays["made"] += 1
+            state.done += 1
+            if state.done == total:
+                state.stop_reason = "count"
+                break
+        return state
+
+    return replace(method_registry().get("rsa"), prepare=prepare, advance=advance)
+
+
+@pytest.mark.parametrize("cost", [1e-6, 1e-3, 0.2, lambda done: 1e-5 if done < 10_000 else 2e-5])
+def test_chunks_grow_from_one_attempt_to_a_quarter_of_a_second(cost, monkeypatch):
+    clock, steps = [0.0], []
+    monkeypatch.setattr(run.time, "monotonic", lambda: clock[0])
+
+    def attempt(state):
+        clock[0] += cost(state.done) if callable(cost) else cost
+
+    method = counting(200_000 if callable(cost) else int(10 / cost) if cost < 1e-4 else int(4 / cost), attempt)
+    drive(method, task_of("rsa").problem, Drive(on_step=lambda step: steps.append((step.done, clock[0]))))
+    assert steps[0][0] == 1
+    seconds = np.diff([0.0, *(at for _, at in steps)])
+    assert seconds.max() <= 0.5
+    # most of the work is done in chunks that are long enough not to cost anything
+    assert len(steps) < 30 + clock[0] / 0.2
+
+
+def test_a_signal_in_the_last_chunk_is_not_lost(tmp_path):
+    path, problem = tmp_path / "run.voxgran", task_of("rsa").problem
+
+    def attempt(state):
+        if state.done == 9:
+            signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(Interrupted, match=r"after all 10 attempts; to finish, resume from .*run.voxgran") as stop:
+        drive(counting(10, attempt), problem, Drive(path, chunk=10))
+    assert stop.value.exit_code == 143
+    steps = []
+    ended = drive(counting(10, attempt), problem, Drive(path, resume=True, on_step=steps.append))
+    assert (ended.stop_reason, ended.done, steps) == ("count", 10, [])
+
+
+def test_a_signal_is_looked_for_within_an_attempt(tmp_path):
+    path, problem = tmp_path / "run.voxgran", task_of("rsa").problem
+    heard = []
+
+    def attempt(state):
+        if state.done == 4 and not heard:
+            heard.append(True)
+            signal.raise_signal(signal.SIGINT)
+        stop_if_asked()
+
+    with pytest.raises(Interrupted, match="after 4 of 10 attempts; to go on, resume from") as stop:
+        drive(counting(10, attempt), problem, Drive(path, chunk=10))
+    assert stop.value.exit_code == 130
+    assert drive(counting(10, attempt), problem, Drive(path, resume=True)).arrays["made"] == 10
+    heard.clear()
+    with pytest.raises(Interrupted, match="after 4 of 10 attempts without a checkpoint"):
+        drive(counting(10, attempt), problem, Drive(chunk=10))
+
+
+def test_a_second_signal_ends_at_once(tmp_path):
+    path = tmp_path / "run.voxgran"
+
+    def attempt(state):
+        signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(Interrupted, match="stopped at once"):
+        drive(counting(10, attempt), task_of("rsa").problem, Drive(path, chunk=10))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_signal_before_the_first_attempt_ends_at_once(tmp_path):
+    task = task_of("rsa")
+
+    def prepare(problem):
+        signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(Interrupted, match="before the next attempt"):
+        drive(replace(task.method, prepare=prepare), task.problem, Drive(tmp_path / "run.voxgran"))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_time_limit_leaves_one_attempt_and_ends_others_within(tmp_path):
+    looks = []
+
+    def attempt(state):
+        looks.append(state.done)
+        stop_if_asked()
+
+    for made in (1, 2, 3):
+        how = Drive(tmp_path / "run.voxgran", resume=True, time_limit=0.0)
+        ended = drive(counting(3, attempt), task_of("rsa").problem, how)
+        assert (ended.done, ended.stop_reason) == (made, "count" if made == 3 else "interrupted")
+    assert looks == [0, 1, 2]
+
+
+def test_the_last_snapshot_is_taken_once_also_after_a_stop(tmp_path):
+    taken = []
+
+    class Recorder:
+        def due(self, done):
+            return (done // 4 + 1) * 4
+
+        def record(self, packing, done):
+            taken.append(done)
+
+    def attempt(state):
+        if state.done == 9:
+            signal.raise_signal(signal.SIGTERM)
+
+    path, method = tmp_path / "run.voxgran", replace(counting(10, attempt), finish=lambda problem, state: None)
+    with pytest.raises(Interrupted):
+        drive(method, task_of("rsa").problem, Drive(path, recorder=Recorder()))
+    assert taken == [4, 8]
+    drive(method, task_of("rsa").problem, Drive(path, resume=True, recorder=Recorder()))
+    assert taken == [4, 8, 10]
+
+
+def test_a_checkpoint_is_written_by_one_run_at_a_time(tmp_path):
+    path = tmp_path / "run.voxgran"
+    with locked_file(path), pytest.raises(InUseError, match=r"run.voxgran is in use by process \d+ on"):
+        drive(counting(1), task_of("rsa").problem, Drive(path))
+    assert not list(tmp_path.iterdir())
+    drive(counting(1), task_of("rsa").problem, Drive(path))
+    assert [file.name for file in tmp_path.iterdir()] == ["run.voxgran"]

@@ -143,7 +143,8 @@ def test_bad_settling_is_refused(parameters, words):
 
 
 @pytest.mark.parametrize("shaking", [0, 6])
-def test_settling_goes_on_after_a_stop_to_the_same_bits(tmp_path, shaking):
+def test_settling_goes_on_after_a_stop_to_the_same_bits(tmp_path, shaking, monkeypatch):
+    monkeypatch.setattr("voxgran.packing.run.FIRST_CHUNK", 1000)
     options = {"method": "digital", "count": 10, "voxel_size": 0.125, "sweeps": 100, "cycles": 1, "settling": 12}
     options["shaking"] = shaking
     shape, box = vg.make_shape("box"), vg.Box((3, 3, 4))

@@ -1,5 +1,6 @@
 """Scene files: what they mean, what they cost, and what is wrong with them."""
 
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -12,11 +13,13 @@ from voxgran._base.errors import (
     FileFormatError,
     GrainTooLargeError,
     InputError,
+    InUseError,
     MissingFileError,
     OutputExistsError,
     TooLargeError,
     UnknownNameError,
 )
+from voxgran._base.lock import FOLDER_LOCK
 
 SCENE = """
 [scene]
@@ -192,3 +195,45 @@ def test_what_is_complete_is_not_packed_again(write, tmp_path):
     other = vg.Scene.from_toml(write("count = 8", "count = 7"))
     with pytest.raises(CheckpointError, match="another scene"):
         other.run(tmp_path / "out", resume=True)
+
+
+@pytest.mark.parametrize("seeds", ["", "\nseeds = 2"])
+def test_two_runs_in_one_folder_are_noticed(write, tmp_path, seeds):
+    """The second one is told of the first, and costs it nothing; what a dead one left is no obstacle."""
+    out = tmp_path / "out"
+    scene = vg.Scene.from_toml(write("seed = 1", f"seed = 1{seeds}"))
+    refused = []
+
+    def second(step):
+        files = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
+        for way in ({}, {"overwrite": True}, {"resume": True}):
+            with pytest.raises(
+                InUseError, match=rf"out is in use by process {os.getpid()} on .* since .*: wait for it"
+            ):
+                scene.run(out, **way)
+            refused.append(way)
+        assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == files
+
+    scene.run(out, on_step=second)
+    assert refused
+    assert not list(tmp_path.rglob("*.lock"))
+    (out / FOLDER_LOCK).write_text('{"pid": 1, "host": "dead"}')
+    scene.run(out, resume=True)
+    assert not list(tmp_path.rglob("*.lock"))
+
+
+def test_a_folder_that_holds_the_lock_of_a_dead_run_alone_is_empty(write, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / FOLDER_LOCK).touch()
+    vg.Scene.from_toml(write()).run(out)
+    assert not (out / FOLDER_LOCK).exists()
+
+
+def test_a_folder_that_only_can_be_read_is_read(write, tmp_path):
+    """What is complete needs no lock."""
+    scene = vg.Scene.from_toml(write())
+    scene.run(tmp_path / "out")
+    stamp = (tmp_path / "out").stat().st_mtime_ns
+    scene.run(tmp_path / "out", resume=True)
+    assert (tmp_path / "out").stat().st_mtime_ns == stamp

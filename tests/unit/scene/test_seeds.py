@@ -112,10 +112,13 @@ def test_the_packings_of_a_run_are_those_of_its_seeds(scene, tmp_path):
     scene.run(tmp_path / "out")
     found = packings_of_run(tmp_path / "out")
     assert [packing.provenance["seed"] for packing in found] == [5, 6, 7]
+    # what an earlier run with more seeds has left is not of this one
+    summary = tmp_path / "out" / "summary.json"
+    summary.write_text(json.dumps({**json.loads(summary.read_text()), "seeds": [6, 5]}))
+    assert [packing.provenance["seed"] for packing in packings_of_run(tmp_path / "out")] == [6, 5]
     single = replace(scene, general=replace(scene.general, seeds=1))
     single.run(tmp_path / "single")
     assert [packing.provenance["seed"] for packing in packings_of_run(tmp_path / "single")] == [5]
-    # what an earlier run has left is not of this one
     single.run(tmp_path / "out", overwrite=True)
     assert len(packings_of_run(tmp_path / "out")) == 1
     # a run that was cut short has no summary

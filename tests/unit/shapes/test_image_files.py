@@ -6,7 +6,6 @@ import pyvista
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, MissingLibraryError
-from voxgran.shapes import image_files
 from voxgran.shapes.image_files import read_image
 
 IMAGE = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
@@ -86,11 +85,8 @@ def test_objects_are_not_unpickled(tmp_path):
 
 def test_a_missing_library_is_named_with_its_remedy(tmp_path, monkeypatch):
     (tmp_path / "image.nrrd").write_text("NRRD0004\n")
-
-    def missing(name):
-        raise MissingLibraryError(f"{name} cannot be loaded")
-
-    monkeypatch.setattr(image_files, "load", missing)
+    (tmp_path / "nrrd.py").write_text("raise ImportError('not installed')\n")
+    monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(MissingLibraryError, match=r"voxgran\[images\]"):
         read_image(tmp_path / "image.nrrd")
 

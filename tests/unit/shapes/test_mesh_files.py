@@ -229,9 +229,9 @@ BAD = {
     "nan_text.stl": (stl_text(FACES, NAN), "not finite"),
     "words.vtp": (b"this is no XML", "VTK"),
     "words.vtk": (b"this is no VTK file", "VTK"),
-    "words.msh": (b"this is no Gmsh file", "Gmsh"),
-    "cut.msh": (b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 8 1 8\n2 1 0 8\n1\n2\n", "Gmsh"),
-    "version.msh": (b"$MeshFormat\n9.9 0 8\n$EndMeshFormat\n", "Gmsh"),
+    "words.msh": (b"this is no Gmsh file", "as a .msh file"),
+    "cut.msh": (b"$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 8 1 8\n2 1 0 8\n1\n2\n", "as a .msh file"),
+    "version.msh": (b"$MeshFormat\n9.9 0 8\n$EndMeshFormat\n", "as a .msh file"),
 }
 
 

@@ -38,11 +38,6 @@ from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
 from voxgran.packing.control_checks import check_distance, check_overlap, check_surfaces
 from voxgran.packing.control_feeding import lid_rests, lower_lid, next_event
 from voxgran.packing.control_records import Rules
@@ -204,14 +199,9 @@ def prepare(problem: Problem) -> State:
     ------
     InputError
         If gravity points along a periodic axis, a grain of the start finds no place, the distance leaves no room for
-        two grains, the overlap is deeper than a grain is thick, open surfaces are to be compared by signed distances or
-        to settle, or the container is of a kind whose walls the method does not know.
+        two grains, the overlap is deeper than a grain is thick, or open surfaces are to be compared by signed distances
+        or to settle.
     """
-    if not isinstance(problem.container, Box | ClosedMesh | Cylinder | Rectangle | Sphere):
-        raise InputError(
-            f"container {problem.container.kind!r} has walls that control_point does not know: make a closed mesh of "
-            "it, such as ClosedMesh(Shape.from_mesh(*container.mesh()))"
-        )
     gravity_vector(problem)
     check_surfaces(problem)
     check_distance(problem)
@@ -277,7 +267,8 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         if state.counters["ended"] >= 0:
             entered = state.counters["placed"] == problem.count
             finish_some(state, _finishing(problem), _assembly(problem, state), last=last, entered=entered)
-            continue
+            # a sweep takes longer than any chunk of the walk
+            return state
         setting, due = setting_of(problem, state), next_event(problem, state)
         _walk(problem, state, setting, min(last, due))
         if state.counters["fed_at"] < 0:

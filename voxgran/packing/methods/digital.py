@@ -32,6 +32,7 @@ from voxgran._base.arrays import Floats, Integers, as_count, as_length, as_numbe
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import product, quaternions_of
+from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.packing.choices import Rules, Turn
 from voxgran.packing.digital_cost import digital_cost
@@ -238,7 +239,8 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
             entered = state.counters["placed"] == problem.count
             assembly = _assembly(problem, state, setting)
             finish_some(state, _finishing(problem, setting), assembly, last=last, entered=entered)
-            continue
+            # a sweep takes longer than any chunk of the walk
+            return state
         due = _next_event(problem, state)
         _walk(problem, state, setting, min(last, due))
         if state.counters["fed_at"] < 0:
@@ -347,14 +349,17 @@ def _walk(problem: Problem, state: State, setting: Setting, last: int) -> None:
     wanted = np.full(1, -1, dtype=np.int64)
     turn = Turn(**{name: arrays[name] for name in names}, wanted=wanted)
     tally = np.array([counters[name] for name in TALLY], dtype=np.int64)
-    while True:
-        known = *records(state, setting), state.derived["pairs"]
-        state.done = int(make_attempts(*known, rules, turn, arrays["queue"], tally, setting.key, state.done, last))
-        if wanted[0] < 0:
-            break
-        need_member(setting, int(wanted[0]))
-        wanted[0] = -1
-    counters.update(zip(TALLY, tally.tolist(), strict=True))
+    try:
+        while True:
+            known = *records(state, setting), state.derived["pairs"]
+            state.done = int(make_attempts(*known, rules, turn, arrays["queue"], tally, setting.key, state.done, last))
+            if wanted[0] < 0:
+                break
+            stop_if_asked()
+            need_member(setting, int(wanted[0]))
+            wanted[0] = -1
+    finally:
+        counters.update(zip(TALLY, tally.tolist(), strict=True))
 
 
 def _look_every(state: State) -> int:
@@ -421,4 +426,5 @@ registration = PackingMethod(
     finish=finish,
     cost=cost,
     dimensions=(2, 3),
+    any_container=True,
 )

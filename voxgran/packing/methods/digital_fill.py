@@ -1,9 +1,10 @@
 """Digital filling: each grain takes the best of all feasible places on a lattice, found exactly.
 
 For every orientation of every kind a map tells, a bit a place, where the grain would meet nothing. The maps are made by
-morphological dilation once and updated after each placement with the table of differences at which two oriented
-grains overlap (:mod:`voxgran.packing.places`); so the choice is among all places there are, not among some that were
-tried. Where several are equally good one is drawn at random, so that beds do not become crystals.
+morphological dilation once and, when it is the turn of their kind, updated for each grain placed since with the table
+of differences at which two oriented grains overlap (:mod:`voxgran.packing.places`); so the choice is among all places
+there are, not among some that were tried. Where several are equally good one is drawn at random, so that beds do not
+become crystals.
 
 References
 ----------
@@ -12,15 +13,17 @@ lowest feasible place of all orientations: Burke et al. 2006, A new bottom-left-
 two-dimensional irregular packing problem, doi:10.1287/opre.1060.0293.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_count, as_length
+from voxgran._base.arrays import Booleans, Floats, Integers, as_count, as_length
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
+from voxgran._base.stopping import stop_if_asked
 from voxgran.packing.bits import Canvas, Field, Words
 from voxgran.packing.down import axis_of
 from voxgran.packing.gravity import gravity_text
@@ -56,6 +59,8 @@ Ranked: TypeAlias = tuple[tuple[int, int], int]
 
 #: what is counted
 TALLY = ("placed", "skipped", "map_updates")
+#: words of a map that are looked at between two looks whether to stop
+SLAB_WORDS = 2**18
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -134,15 +139,15 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     for _ in range(attempts):
         grain = int(state.arrays["order"][n + state.done])
         word = philox_block(key[0], key[1], np.uint64(state.done), np.uint64(0))[0]
+        updates = _update_maps(problem, state, setting, int(setting.kind[grain]))
         found = _best_place(problem, setting, int(setting.kind[grain]), word)
         state.done += 1
+        state.counters["map_updates"] += updates
         if found is None:
             state.counters["skipped"] += 1
         else:
             state.arrays["member"][grain], state.arrays["site"][grain] = found
             state.counters["placed"] += 1
-            waiting = state.arrays["order"][n + state.done :]
-            state.counters["map_updates"] += _block(problem, setting, found[0], found[1], waiting)
         if state.done == state.total:
             state.stop_reason = "full" if state.counters["skipped"] else "count"
             break
@@ -183,14 +188,20 @@ def cost(problem: Problem) -> Cost:
 
 @dataclass(slots=True)
 class _Setting:
-    """What follows from the problem and the placed grains: lattice, orientations, maps and how far they are."""
+    """What follows from the problem and the placed grains: lattice, orientations, maps and how far they are.
+
+    taken: voxels that the container does not leave free.  maps: of the orientations whose turn has come.  joined: how
+    many of the order have been joined to each.  level: up to where each is known to be full.
+    """
 
     lattice: ContainerLattice
     kind: Integers
     oriented: Oriented
     first: Integers
     room: Room
-    maps: list[Words]
+    taken: Booleans | None
+    maps: dict[int, Words]
+    joined: Integers
     level: Integers
     shells: tuple[Integers, Integers]
 
@@ -209,20 +220,15 @@ def _gravity(problem: Problem) -> Integers:
 
 
 def _setting(problem: Problem, state: State) -> _Setting:
-    """Return the setting, with the maps, made again where the state was read from a checkpoint."""
+    """Return the setting, made again where the state was just made or read from a checkpoint."""
     if "setting" not in state.derived:
-        setting = _make_setting(problem)
-        state.derived["setting"] = setting
-        n = 0 if problem.start is None else problem.start.count
-        waiting = state.arrays["order"][n + state.done :]
-        for grain in np.flatnonzero(state.arrays["member"] >= 0).tolist():
-            _block(problem, setting, int(state.arrays["member"][grain]), state.arrays["site"][grain], waiting)
+        state.derived["setting"] = _make_setting(problem)
     made: _Setting = state.derived["setting"]
     return made
 
 
 def _make_setting(problem: Problem) -> _Setting:
-    """Voxelize the kinds, and make the maps of the empty container."""
+    """Voxelize the kinds."""
     settings: DigitalFill = problem.parameters
     lattice = container_lattice(problem, _voxel_size(problem))
     kind, grains = kinds_of(problem)
@@ -236,16 +242,12 @@ def _make_setting(problem: Problem) -> _Setting:
     free = free_voxels(problem.container, lattice)
     taken = None if free is None else ~free
     first = np.searchsorted(oriented.kind, np.arange(len(grains) + 1)).astype(np.int64)
-    maps = [
-        blocked_map(room, taken, oriented.low[m], oriented.masks[m], lattice.shape)
-        for m in range(int(first[-1]) if len(first) else 0)
-    ]
-    level = np.zeros(len(maps), dtype=np.int64)
+    level = np.zeros(int(first[-1]) if len(first) else 0, dtype=np.int64)
     gravity = _gravity(problem)
     if gravity.max() > 0:
         level[:] = places[int(np.argmax(gravity))] - 1
     shells = _shells(problem, lattice, room) if settings.place == "wall" else (level[:0], level[:0])
-    return _Setting(lattice, kind, oriented, first, room, maps, level, shells)
+    return _Setting(lattice, kind, oriented, first, room, taken, {}, np.zeros_like(level), level, shells)
 
 
 def _shells(problem: Problem, lattice: ContainerLattice, room: Room) -> tuple[Integers, Integers]:
@@ -260,15 +262,31 @@ def _shells(problem: Problem, lattice: ContainerLattice, room: Room) -> tuple[In
     return wall_shells(distance / lattice.voxel_size)
 
 
-def _block(problem: Problem, setting: _Setting, member: int, place: Integers, waiting: Integers) -> int:
-    """Block the places that a grain takes in the maps of the kinds that still wait; return how many maps that were."""
-    oriented, updates = setting.oriented, 0
-    for kind in np.unique(setting.kind[waiting]).tolist():
-        for other in range(int(setting.first[kind]), int(setting.first[kind + 1])):
-            table = problem.keep(("overlap", member, other), lambda: _table(oriented, member, other))  # noqa: B023
-            add_table(setting.maps[other], setting.room, table, place)
-            updates += 1
-    return updates
+def _update_maps(problem: Problem, state: State, setting: _Setting, kind: int) -> int:
+    """Block the places that all grains placed so far take in the maps of a kind.
+
+    Return how many updates that is after those of the last turn of the kind; more are made where the state was read
+    from a checkpoint.
+    """
+    arrays, oriented, room = state.arrays, setting.oriented, setting.room
+    n = 0 if problem.start is None else problem.start.count
+    came = arrays["order"][: n + state.done]
+    members = range(int(setting.first[kind]), int(setting.first[kind + 1]))
+    for other in members:
+        if other not in setting.maps:
+            stop_if_asked()
+            low, mask = oriented.low[other], oriented.masks[other]
+            setting.maps[other] = blocked_map(room, setting.taken, low, mask, setting.lattice.shape)
+        for grain in came[setting.joined[other] :].tolist():
+            member = int(arrays["member"][grain])
+            if member >= 0:
+                stop_if_asked()
+                table = problem.keep(("overlap", member, other), lambda: _table(oriented, member, other))  # noqa: B023
+                add_table(setting.maps[other], room, table, arrays["site"][grain])
+            setting.joined[other] += 1
+    turns = np.flatnonzero(setting.kind[came[n:]] == kind)
+    since = came[n + (int(turns[-1]) if len(turns) else 0) :]
+    return len(members) * int(np.count_nonzero(arrays["member"][since] >= 0))
 
 
 def _table(oriented: Oriented, here: int, there: int) -> Table:
@@ -300,8 +318,19 @@ def _best_place(problem: Problem, setting: _Setting, kind: int, word: int) -> tu
         part = sites[begin[level] : begin[level + 1]]
         nth_free_among(words, part, int(room.places[1]), int(room.places[2]), rank, place)
     else:
-        nth_of_contacts(words, room.periodic, room.places, -best[0], rank, place)
+        for first, last in _slabs(words):
+            rank = int(nth_of_contacts(words, room.periodic, room.places, -best[0], rank, place, first, last))
+            if rank < 0:
+                break
     return member, place
+
+
+def _slabs(words: Words) -> Iterator[tuple[int, int]]:
+    """Yield slabs of a map along x, begin and end, that are looked at between two looks whether to stop."""
+    step = max(1, SLAB_WORDS // words[0].size)
+    for first in range(0, len(words), step):
+        stop_if_asked()
+        yield first, min(first + step, len(words))
 
 
 def _axis(problem: Problem) -> int:
@@ -318,6 +347,7 @@ def _lowest(problem: Problem, setting: _Setting, member: int) -> Ranked:
     down = int(_gravity(problem)[axis])
     end = -1 if down > 0 else int(setting.room.places[axis])
     while setting.level[member] != end:
+        stop_if_asked()
         sides, count = best_at(words, int(setting.level[member]), axis, setting.room.periodic, setting.room.places)
         if count:
             return (-down * int(setting.level[member]), -int(sides)), int(count)
@@ -329,6 +359,7 @@ def _nearest_to_wall(problem: Problem, setting: _Setting, member: int) -> Ranked
     """Return distance and number of the free places nearest to a wall."""
     sites, begin = setting.shells
     while setting.level[member] < len(begin) - 1:
+        stop_if_asked()
         level = int(setting.level[member])
         part = sites[begin[level] : begin[level + 1]]
         count = int(free_among(setting.maps[member], part, int(setting.room.places[1]), int(setting.room.places[2])))
@@ -340,8 +371,9 @@ def _nearest_to_wall(problem: Problem, setting: _Setting, member: int) -> Ranked
 
 def _most_contacts(problem: Problem, setting: _Setting, member: int) -> Ranked:
     """Return the largest number of blocked sides, negative, and the number of free places with it."""
-    histogram = np.zeros(7, dtype=np.int64)
-    count_contacts(setting.maps[member], setting.room.periodic, setting.room.places, histogram)
+    words, histogram = setting.maps[member], np.zeros(7, dtype=np.int64)
+    for first, last in _slabs(words):
+        count_contacts(words, setting.room.periodic, setting.room.places, histogram, first, last)
     filled = np.flatnonzero(histogram)
     return ((-int(filled[-1]), 0), int(histogram[filled[-1]])) if len(filled) else ((0, 0), 0)
 
@@ -371,4 +403,5 @@ registration = PackingMethod(
     finish=finish,
     cost=cost,
     dimensions=(2, 3),
+    any_container=True,
 )

@@ -258,4 +258,5 @@ registration = PackingMethod(
     finish=finish,
     cost=cost,
     dimensions=(2, 3),
+    any_container=True,
 )

@@ -14,7 +14,8 @@ coordinate; but then all radii go in, in the shares that were asked, and the pap
 the same radius again: the nearest reading of the numbers that was found.
 
 With ``until="saturated"`` the room that is left is tracked by cells that shrink (:mod:`voxgran.packing.open_cells`)
-until there is none: proof, not patience.
+until there is none: proof, not patience. Where a count or a solid fraction is asked for, scheme ``classic`` does the
+same from the first grain on that has made all its tries in vain, unless ``until="tries"`` is given.
 
 References
 ----------
@@ -38,7 +39,7 @@ from voxgran._base.seeds import philox_key
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.parts import is_one_ball
 from voxgran.packing.bits import Words
-from voxgran.packing.candidates import DROP, NEXT, SCAN, TURN, Coordinates, add_candidates
+from voxgran.packing.candidates import DROP, NEXT, SCAN, TRIED, TURN, Coordinates, add_candidates
 from voxgran.packing.graded_cells import Bed, link_all
 from voxgran.packing.hand_over import packing_of_poses
 from voxgran.packing.late_grains import aim, left_out, open_late
@@ -56,7 +57,7 @@ from voxgran.packing.open_cells import (
     volumes_up_to,
 )
 from voxgran.packing.problem import Problem
-from voxgran.packing.rsa_setting import Setting, make_setting, newcomers, orientations
+from voxgran.packing.rsa_setting import Setting, coordinate_count, make_setting, newcomers, orientations, searches
 from voxgran.packing.start import Start
 from voxgran.packing.verify import verify
 
@@ -85,13 +86,16 @@ class Rsa:
     scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"] = parameter(
         "classic", doc="what becomes of a candidate that overlaps, after Chu 2011; 4a to 4d sort first"
     )
-    until: Literal["tries", "saturated"] = parameter(
-        "tries", doc="when to stop: after so many tries, or when it is proven that no grain fits any more"
+    until: Literal["tries", "saturated"] | None = parameter(
+        None,
+        doc="when to stop: after so many tries, or when it is proven that no grain fits any more; left out: after the "
+        "tries, but where a count or a solid fraction is asked for, in the scheme classic, when it is met or proven to "
+        "have no room",
     )
     tries: int = parameter(
         1000,
-        doc="coordinates that are drawn; until saturated: throws in vain after which a grain is put off, where there "
-        "are more than 32 sizes",
+        doc="coordinates that are drawn; where open places are searched: throws in vain after which a grain is put "
+        "off, where there are more than 32 sizes",
         unit="per grain",
     )
     retain: Literal["scan", "next"] = parameter(
@@ -156,11 +160,12 @@ def prepare(problem: Problem) -> State:
     n, many = problem.count, problem.parameters.tries * newcomers(problem)
     arrays: dict[str, Any] = {"position": np.zeros((n, 3)), "entered": np.zeros(n, dtype=np.int8)}
     state = State(arrays, dict.fromkeys(TALLY, 0), 0, _most_attempts(problem))
+    state.counters["search_from"] = 0 if problem.parameters.until == "saturated" else -1
     if problem.start is not None and problem.start.count:
         _enter_start(problem, state, problem.start)
-    setting = make_setting(problem)
+    setting = make_setting(problem, state.counters["search_from"])
     if setting.classes is not None:
-        arrays.update(first_cells(setting.classes, setting.boxes)._asdict(), late=setting.queue[:0].copy())
+        _open_cells(state, setting)
     else:
         arrays["used"] = np.zeros(many if problem.parameters.retaining == SCAN else 0, dtype=np.int8)
         arrays["pointer"] = np.zeros(int(setting.kind.max(initial=-1)) + 1, dtype=np.int64)
@@ -174,20 +179,29 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     if state.stop_reason:
         return state
     if "setting" not in state.derived:
-        _keep(problem, state, make_setting(problem))
+        _keep(problem, state, make_setting(problem, state.counters["search_from"]))
     setting: Setting = state.derived["setting"]
     bed = _bed_of(state, setting)
     tally = np.array([state.counters[name] for name in TALLY], dtype=np.int64)
-    key, last = philox_key(problem.seed, "rsa"), state.done + attempts
-    if setting.classes is not None:
-        _throw(state, setting, bed, tally, key, last)
-    else:
-        known = Coordinates(setting.table, state.arrays["used"], state.arrays["pointer"], setting.kind)
-        run = (setting.queue, tally, key, state.done, last)
-        state.done = int(add_candidates(bed, setting.cells, setting.room, setting.rules, known, *run))
-        if state.done < last:
-            tally[TURN] = len(setting.queue)
-    state.counters.update(zip(TALLY, tally.tolist(), strict=True))
+    last = state.done + attempts
+    try:
+        if setting.classes is None:
+            known = Coordinates(setting.table, state.arrays["used"], state.arrays["pointer"], setting.kind)
+            run = (setting.queue, tally, philox_key(problem.seed, "rsa"), state.done, last)
+            state.done = int(add_candidates(bed, setting.cells, setting.room, setting.rules, known, *run))
+            if state.done < last and setting.rules.ends and tally[TURN] < len(setting.queue):
+                state.counters["search_from"], tally[TRIED] = int(tally[TURN]), 0
+                setting = make_setting(problem, int(tally[TURN]))
+                _open_cells(state, setting)
+                _keep(problem, state, setting)
+            elif state.done < last:
+                tally[TURN] = len(setting.queue)
+        if setting.classes is not None:
+            # what was drawn as coordinates is not drawn again
+            stage = "rsa" if problem.parameters.until == "saturated" else "rsa, search"
+            _throw(state, setting, bed, tally, philox_key(problem.seed, stage), last)
+    finally:
+        state.counters.update(zip(TALLY, tally.tolist(), strict=True))
     _look(problem, state, setting)
     return state
 
@@ -208,11 +222,17 @@ def finish(problem: Problem, state: State) -> Packing:
 
 
 def cost(problem: Problem) -> Cost:
-    """Return what a run takes; of a saturated one the attempts are an estimate."""
+    """Return what a run takes; of a saturated one the attempts are an estimate.
+
+    Raises
+    ------
+    TooLargeError
+        If there are more than 2**31 coordinates, and they must be kept.
+    """
     settings: Rsa = problem.parameters
-    n, many = problem.count, settings.tries * newcomers(problem)
+    n, many = problem.count, coordinate_count(problem)
     memory = n * BYTES_PER_GRAIN
-    if settings.until == "saturated":
+    if settings.until == "saturated" or searches(problem):
         memory += n * BYTES_OF_CELLS
     else:
         memory += many * (24 * settings.tabled + (settings.retaining == SCAN))
@@ -228,7 +248,7 @@ def _most_attempts(problem: Problem) -> int:
     if settings.retaining == SCAN:
         sizes = len(np.unique(np.column_stack([problem.shape_id, problem.diameter]), axis=0))
         return sizes * settings.tries * m
-    return settings.tries * m
+    return (settings.tries + THROWS * searches(problem)) * m
 
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
@@ -272,6 +292,13 @@ def _keep(problem: Problem, state: State, setting: Setting) -> None:
     state.derived["setting"] = setting
 
 
+def _open_cells(state: State, setting: Setting) -> None:
+    """Open the first cells of all grains that are to be thrown."""
+    assert setting.classes is not None
+    cells = first_cells(setting.classes, setting.boxes)
+    state.arrays.update(cells._asdict(), late=setting.queue[:0].copy())
+
+
 def _bed_of(state: State, setting: Setting) -> Bed:
     """Return the grains as kernels take them."""
     arrays = state.arrays
@@ -297,9 +324,11 @@ def _throw(state: State, setting: Setting, bed: Bed, tally: Integers, key: Words
         turn, own = int(tally[LATE]), tally.copy()
         aim(bed, room, classes, late, turn)
         own[TURN] = turn
-        _turns(state, setting, bed, late[: turn + 1], own, key, last, late=True)
+        try:
+            _turns(state, setting, bed, late[: turn + 1], own, key, last, late=True)
+        finally:
+            tally[TURN + 1 :] = own[TURN + 1 :]
         done = own[TURN] > turn
-        tally[TURN + 1 :] = own[TURN + 1 :]
         if done and not bed.entered[late[turn]]:
             # a place was not found before cells came to their finest; or there is none, for no larger grain either
             tally[UNPROVEN] += tally[UNPROVEN] and len(late) - turn - 1

@@ -1,4 +1,4 @@
-"""The adapter to VTK: arrays into data sets, data sets into XML files and back.
+"""The adapter to VTK: arrays into data sets, and data sets into XML files.
 
 Errors of VTK are heard by observers and raised; nothing is printed.
 """
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import FileFormatError, OutputError
+from voxgran._base.errors import OutputError
 from voxgran._base.lazy import load
 
 
@@ -52,18 +52,6 @@ def attach_texts(place: Any, texts: Mapping[str, str]) -> None:
         place.AddArray(array)
 
 
-def detach(place: Any) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
-    """Return arrays and texts of the point, cell or field data, by name."""
-    arrays, texts = {}, {}
-    for index in range(place.GetNumberOfArrays()):
-        array = place.GetAbstractArray(index)
-        if array.IsA("vtkStringArray"):
-            texts[array.GetName()] = str(array.GetValue(0))
-        else:
-            arrays[array.GetName()] = np.array(numpy_support().vtk_to_numpy(array))
-    return arrays, texts
-
-
 def image_data(image: NDArray[Any], name: str, *, voxel_size: float, origin: tuple[float, float, float]) -> Any:
     """Return an (nx, ny, nz) array as the cells of an image."""
     data = load("vtkmodules.vtkCommonDataModel").vtkImageData()
@@ -93,7 +81,7 @@ def write_data(writer_name: str, data: Any, path: Path) -> None:
         If VTK cannot write it.
     """
     writer = getattr(load("vtkmodules.vtkIOXML"), writer_name)()
-    heard = _watched(writer)
+    heard = watched(writer, writer.GetExecutive())
     writer.SetFileName(str(path))
     writer.SetInputData(data)
     writer.SetDataModeToAppended()
@@ -106,46 +94,16 @@ def write_data(writer_name: str, data: Any, path: Path) -> None:
         raise OutputError(f"{path.parent} cannot be written to ({reason}): free space or choose another place")
 
 
-def read_data(reader_name: str, path: Path) -> Any:
-    """Read one data set.
-
-    Parameters
-    ----------
-    reader_name : str
-        Class of ``vtkmodules.vtkIOXML``.
-    path : Path
-        What to read.
-
-    Returns
-    -------
-    vtkDataSet
-
-    Raises
-    ------
-    FileFormatError
-        If VTK cannot read it.
-    """
-    reader = getattr(load("vtkmodules.vtkIOXML"), reader_name)()
-    heard = _watched(reader)
-    forward = load("vtkmodules.vtkCommonCore").vtkEventForwarderCommand()
-    forward.SetTarget(reader)
-    reader.SetParserErrorObserver(forward)
-    reader.SetFileName(str(path))
-    reader.Update()
-    if heard:
-        raise FileFormatError(f"{path} cannot be read by VTK ({heard[0]}): write it again")
-    return reader.GetOutput()
-
-
-def _watched(algorithm: Any) -> list[str]:
-    """Collect the errors of a reader or writer, which it then does not print."""
+def watched(*sources: Any) -> list[str]:
+    """Return the list to which errors of readers, filters and writers are added, which these then do not print."""
     heard: list[str] = []
 
-    def hear(caller: object, event: str, message: str = "") -> None:
+    def hear(caller: object, event: str, message: str | None = None) -> None:
         del caller, event
-        heard.append(" ".join(message.partition("): ")[2].split()))
+        text = message or "an error without words"
+        heard.append(" ".join((text.partition("): ")[2] or text).split()))
 
     hear.CallDataType = "string0"  # type: ignore[attr-defined]
-    algorithm.AddObserver("ErrorEvent", hear)
-    algorithm.GetExecutive().AddObserver("ErrorEvent", hear)
+    for source in sources:
+        source.AddObserver("ErrorEvent", hear)
     return heard

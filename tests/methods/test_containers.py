@@ -1,0 +1,104 @@
+"""Every packing method in every container, also in a user's own: grains stay inside, or the container is refused."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError, PackingWarning
+from voxgran.packing.method import method_registry
+
+BALL = vg.make_shape("sphere", diameter=0.8)
+
+
+class Ring:
+    """A user's own container: what is between two upright cylinders of radius 0.5 and 2."""
+
+    kind, dimension, periodic = "ring", 3, (False, False, False)
+
+    def __init__(self, size=1.0):
+        self.size = size
+
+    volume = property(lambda self: np.pi * (2**2 - 0.5**2) * 3 * self.size**3)
+    bounds = property(lambda self: self.size * np.array([[-2.0, -2.0, 0.0], [2.0, 2.0, 3.0]]))
+
+    def signed_distance(self, points):
+        x, y, z = np.asarray(points, dtype=float).T / self.size
+        away = np.hypot(x, y)
+        return self.size * np.max([away - 2.0, 0.5 - away, -z, z - 3.0], axis=0)
+
+    def mesh(self):
+        return vg.Cylinder(2.0 * self.size, 3.0 * self.size).mesh()
+
+    def scaled(self, factor):
+        return Ring(self.size * factor)
+
+    def to_mapping(self):
+        return {"kind": self.kind, "size": self.size}
+
+
+class Ward(Ring):
+    """A user's own container in two dimensions."""
+
+    kind, dimension = "ward", 2
+    volume = property(lambda self: np.pi * (2**2 - 0.5**2) * self.size**2)
+    bounds = property(lambda self: self.size * np.array([[-2.0, -2.0, 0.0], [2.0, 2.0, 0.0]]))
+
+    def signed_distance(self, points):
+        away = np.linalg.norm(np.asarray(points, dtype=float)[:, :2], axis=1) / self.size
+        return self.size * np.maximum(away - 2.0, 0.5 - away)
+
+    def scaled(self, factor):
+        return Ward(self.size * factor)
+
+
+def bent():
+    """Return a mesh that is not convex: two boxes that make an L."""
+    corners = np.array([(0, 0), (3, 0), (3, 1.4), (1.4, 1.4), (1.4, 3), (0, 3)])
+    vertices = np.vstack([np.column_stack([corners, np.full(6, z)]) for z in (0.0, 3.0)])
+    top = np.array([(0, 1, 2), (0, 2, 3), (0, 3, 5), (3, 4, 5)])
+    sides = [(k, (k + 1) % 6, 6 + k) for k in range(6)] + [((k + 1) % 6, 6 + (k + 1) % 6, 6 + k) for k in range(6)]
+    return vg.ClosedMesh(vg.Shape.from_mesh(vertices, np.vstack([top[:, ::-1], top + 6, sides])))
+
+
+SOLID = {
+    "box": vg.Box((3, 3, 3), "x"),
+    "cylinder": vg.Cylinder(2.0, 3.0),
+    "sphere": vg.Sphere(2.0, origin=(5, 0, 0)),
+    "mesh": bent(),
+    "own": Ring(),
+}
+FLAT = {"rectangle": vg.Rectangle((3, 3), "x"), "own, flat": Ward()}
+
+
+@pytest.mark.parametrize("container", [*SOLID, *FLAT])
+@pytest.mark.parametrize("method", vg.packing_methods())
+def test_grains_stay_inside_or_the_container_is_refused(method, container):
+    where, shape = {**SOLID, **FLAT}[container], BALL if container in SOLID else vg.make_shape("disk", diameter=0.8)
+    known = method_registry().get(method)
+    if where.dimension not in known.dimensions:
+        pytest.skip("another dimension")
+    if container.startswith("own") and not known.any_container:
+        words = f"container is of type {type(where).__name__}: method '{method}' knows the walls of Box, ClosedMesh, "
+        with pytest.raises(InputError, match=words):
+            vg.pack(shape, where, method=method, count=5)
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PackingWarning)
+        packing = vg.pack(shape, where, method=method, count=12 if where.dimension == 3 else 5)
+    assert packing.count >= 4
+    assert vg.verify(packing).escaped == 0
+    if where.dimension == 3 or container.startswith("own"):
+        assert where.signed_distance(packing.position).max() <= -0.4 + 1e-9
+
+
+def test_what_is_not_wholly_a_container_is_told_what_it_lacks():
+    class Half:
+        dimension, bounds = 3, np.array([[0.0] * 3, [1.0] * 3])
+
+        def signed_distance(self, points):
+            return np.zeros(len(points))
+
+    with pytest.raises(InputError, match="container has no kind, periodic, volume, mesh, scaled, to_mapping: a cont"):
+        vg.pack(BALL, Half(), method="digital", count=1)

@@ -1,0 +1,150 @@
+"""Packings of label images whose grains touch, or are cut: no grain overlaps another or reaches through the border."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import voxgran as vg
+from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.seeds import stream
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*several pieces")
+
+
+def cells(n, seeds, reach, *, seed=0, period=None):
+    """Return an image of n voxels along each axis: the cells of random points, cut at a distance from them."""
+    points = stream(seed, "cells").random((seeds, 3)) * n
+    places = np.stack(np.indices((n, n, n)), axis=-1).reshape(-1, 3) + 0.5
+    distance, nearest = cKDTree(points, boxsize=period).query(places)
+    return np.where(distance <= reach, nearest + 1, 0).reshape(n, n, n)
+
+
+def noise(seed=0, labels=3):
+    """Return an image in which every label meets every other in faces, edges and corners."""
+    return stream(seed, "noise").integers(0, labels + 1, (7, 6, 8))
+
+
+def segmented():
+    """Return the labels that a watershed finds in the image of a packing."""
+    made = vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 3)), method="digital", count=10, voxel_size=0.1, sweeps=100)
+    grey = np.where(vg.to_image(made, 0.1, labels=False), 200.0, 20.0)
+    return vg.segment(grey, threshold=100.0)
+
+
+IMAGES = {
+    "with void": (cells(26, 16, 6.5), {}),
+    "without void": (cells(20, 12, 99.0), {}),
+    "on a torus": (cells(24, 14, 6.5, period=24.0), {"periodic": "xyz"}),
+    "periodic along one": (cells(24, 14, 6.5, period=[0, 24, 0]), {"periodic": "y"}),
+    "noise": (noise(), {}),
+    "periodic noise": (noise(1), {"periodic": "xz"}),
+    "one label through it all": (np.pad(np.ones((9, 3, 3), int), ((0, 0), (3, 3), (3, 3))), {"periodic": "x"}),
+    "one voxel": (np.ones((1, 1, 1), int), {}),
+}
+#: largest relative errors of smooth grains: none where there is void around, but in corners of the image
+KEPT = {
+    "with void": 0.05,
+    "on a torus": 1e-9,
+    "segmented": 1e-9,
+    "one label through it all": 1e-9,
+    "without void": 0.15,
+}
+
+
+@pytest.mark.parametrize("surface", ["smooth", "voxel"])
+@pytest.mark.parametrize("name", [*IMAGES, "segmented"])
+def test_grains_neither_overlap_nor_escape(name, surface):
+    image, options = IMAGES[name] if name in IMAGES else (segmented(), {})
+    packing = vg.packing_of_labels(image, voxel_size=0.1, surface=surface, **options)
+    proof = vg.verify(packing)
+    assert proof.ok
+    assert proof.escaped == proof.overlapping_pairs == 0
+    assert packing.count == len(np.unique(image[image > 0]))
+    if name in KEPT:
+        counted = np.array([(image == label).sum() for label in packing.provenance["labels"]]) * 1e-3
+        np.testing.assert_allclose(packing.volumes, counted, rtol=KEPT[name] if surface == "smooth" else 1e-4)
+        assert packing.solid_fraction == pytest.approx((image > 0).mean(), rel=0.02)
+
+
+@pytest.mark.parametrize("surface", ["smooth", "voxel"])
+def test_neighbours_that_share_faces_touch(surface):
+    image = np.zeros((14, 8, 8), int)
+    image[2:7, 2:6, 2:6], image[7:12, 2:6, 2:6] = 1, 2
+    packing = vg.packing_of_labels(image, voxel_size=1.0, surface=surface)
+    contacts = packing.contacts(gap=1e-9)
+    assert len(contacts.i) == 1
+    assert abs(contacts.gap[0]) < 1e-12
+    # the face that they share is flat but at its rim
+    assert abs(contacts.normal[0][0]) > (0.95 if surface == "smooth" else 1 - 1e-9)
+    assert packing.volumes == pytest.approx([80, 80], rel=1e-9)
+
+
+def test_cut_grains_end_in_the_wall():
+    image = cells(26, 16, 6.5)
+    packing = vg.packing_of_labels(image, voxel_size=0.1)
+    bounds = [
+        (packing.position[k] + shape.vertices.min(axis=0), packing.position[k] + shape.vertices.max(axis=0))
+        for k, shape in enumerate(packing.shapes)
+    ]
+    table = vg.label_table(image, voxel_size=0.1)
+    low, high = (np.array(corner) for corner in zip(*bounds, strict=True))
+    cut = table["touches_border"].values
+    assert cut.sum() > 5
+    for found, wall, at in ((low, 0.0, table["lower"].values), (high, 2.6, table["upper"].values)):
+        ends = np.isclose(at, wall)
+        assert ends.any()
+        np.testing.assert_allclose(found[ends], wall, atol=1e-12)
+
+
+def test_the_image_comes_back_with_its_own_numbers():
+    image = 1000 * cells(18, 9, 5.5)
+    packing = vg.packing_of_labels(image, voxel_size=0.25, surface="voxel")
+    labels = packing.provenance["labels"]
+    assert np.array_equal(vg.to_image(packing, 0.25, labels=labels), image)
+    assert vg.to_image(packing, 0.25).max() == packing.count
+    far = np.array(labels) + 2**40
+    assert np.array_equal(vg.to_image(packing, 0.25, labels=far), np.where(image, image + 2**40, 0))
+    for wrong in (labels[1:], [0, *labels[1:]], np.array(labels) / 1.0, "abc", [2**63, *labels[1:]]):
+        with pytest.raises(InputError, match=f"give one whole number above 0 for each of the {packing.count} grains"):
+            vg.to_image(packing, 0.25, labels=wrong)
+
+
+def test_what_is_left_without_cut_grains_has_the_box_around_it():
+    image = np.zeros((30, 12, 12), int)
+    image[0:5, 2:8, 2:8], image[8:14, 3:9, 2:8], image[16:22, 4:8, 4:8] = 1, 2, 3
+    packing = vg.packing_of_labels(image, voxel_size=1.0, border="drop", surface="voxel")
+    assert packing.provenance["labels"] == [2, 3]
+    np.testing.assert_allclose(packing.container.bounds, [(8, 3, 2), (22, 9, 8)], atol=1e-12)
+    assert packing.solid_fraction == pytest.approx((216 + 96) / (14 * 6 * 6))
+    assert vg.verify(packing).ok
+    # along a periodic axis, and where no grain is left out, the box is that of the image
+    wrapped = vg.packing_of_labels(image, voxel_size=1.0, border="drop", periodic="x")
+    assert (wrapped.count, wrapped.container.lengths) == (3, (30.0, 12.0, 12.0))
+    image[:, 0, 0] = 4
+    wrapped = vg.packing_of_labels(image, voxel_size=1.0, border="drop", surface="voxel", periodic="x")
+    np.testing.assert_allclose(wrapped.container.bounds, [(0, 2, 2), (30, 9, 8)], atol=1e-12)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        vg.load_labels(image, voxel_size=1.0, border="drop")
+    with pytest.warns(PackingWarning, match="2 of 4 labels are cut"):
+        vg.load_labels(image, voxel_size=1.0)
+
+
+def test_smoothing_brings_a_sphere_nearer_to_its_shape():
+    n, radius = 30, 9.3
+    away = np.linalg.norm(np.stack(np.indices((n, n, n)), axis=-1) + 0.5 - (14.9, 15.2, 14.6), axis=-1)
+    image = np.where(away <= radius, 1, 0)
+    # another grain near it, so that it is fitted
+    image[:2] = 2
+    image[2:6, 13:16, 13:16] = 2
+    found = {}
+    for surface in ("smooth", "voxel"):
+        packing = vg.packing_of_labels(image, voxel_size=1.0, surface=surface)
+        assert packing.volumes[0] == pytest.approx((image == 1).sum(), rel=1e-12)
+        corners = packing.shapes[0].vertices + packing.position[0]
+        off = np.linalg.norm(corners - (14.9, 15.2, 14.6), axis=1) - radius
+        found[surface] = np.sqrt(np.mean(off[corners[:, 0] > 8] ** 2))
+    assert found["smooth"] < 0.15
+    assert found["voxel"] > 2 * found["smooth"]

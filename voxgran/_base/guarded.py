@@ -1,0 +1,272 @@
+"""Readers of files that other programs wrote, run in a process of their own.
+
+On a damaged file a library may crash, compute without end, ask for more memory than there is, or print. In a process of
+its own that costs the caller one exception. The process is started as a plain Python program, and not by
+`multiprocessing`, so that scripts need no ``__main__`` guard; it imports only the reader, has limits of memory and of
+processor time that grow with the file, and sends numbers and arrays through a pipe.
+"""
+
+import contextlib
+import importlib
+import json
+import math
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Any, NoReturn, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base import errors
+from voxgran._base.errors import FileFormatError, MissingLibraryError, TooLargeError, VoxgranError
+from voxgran._base.machine import memory_limit
+
+#: what a reader returns: JSON-able facts, and arrays of numbers
+Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]
+
+#: processor time in seconds that a reader may take: for any file, and for each byte of it
+SECONDS, SECONDS_PER_BYTE = 2.5, 5e-6
+#: memory in bytes that a reader may take: for any file, and for each byte of it (DEFLATE makes at most 1032 of one)
+MEMORY, MEMORY_PER_BYTE = 2**31, 4000
+#: how many times its processor time a reader may take on a clock, since other processes run too
+PATIENCE = 20.0
+
+_START = (
+    "import sys; request = sys.argv[1]; sys.path[:] = sys.argv[2:]; "
+    "from voxgran._base.guarded import serve; serve(request)"
+)
+#: one thread is enough, and the stacks of many count as memory
+_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "VTK_SMP_BACKEND_IN_USE": "Sequential"}
+_READY = b"ready\n"
+
+
+def read_guarded(reader: Callable[..., Content], path: Path, **options: Any) -> Content:
+    """Run a reader in a process of its own.
+
+    Parameters
+    ----------
+    reader : callable
+        Public function of a module, called with the path and the options. What it raises that is no VoxgranError is
+        raised here as FileFormatError.
+    path : Path
+        The file.
+    **options
+        JSON-able values.
+
+    Returns
+    -------
+    facts : dict
+        JSON-able values.
+    arrays : dict of str to ndarray
+        Arrays of numbers.
+
+    Raises
+    ------
+    FileFormatError
+        If the reader refuses the file, ends without an answer, or takes more time or memory than the size of the file
+        explains.
+    TooLargeError
+        If the content does not fit in memory.
+    MissingLibraryError
+        If the process cannot be started or a library is missing.
+    """
+    size = path.stat().st_size
+    seconds, memory = SECONDS + SECONDS_PER_BYTE * size, MEMORY + MEMORY_PER_BYTE * size
+    request = {
+        "module": reader.__module__,
+        "name": reader.__qualname__,
+        "path": str(path),
+        "options": options,
+        "seconds": seconds,
+        "memory": min(memory, memory_limit()),
+    }
+    with _process(json.dumps(request)) as process:
+        clock = threading.Timer(PATIENCE * seconds, process.send_signal, [signal.SIGXCPU])
+        clock.daemon = True
+        clock.start()
+        try:
+            return _answer(process, path, seconds)
+        except TooLargeError as error:
+            if memory > memory_limit():
+                raise
+            raise FileFormatError(
+                f"{path} of {size} bytes asks for more than {memory / 2**30:.3g} GiB of memory: it is damaged; write "
+                "it again"
+            ) from error
+        finally:
+            clock.cancel()
+
+
+@contextlib.contextmanager
+def refused(path: Path) -> Iterator[None]:
+    """Turn any exception of a library that reads a file into a FileFormatError, and show no warning (context manager).
+
+    Parameters
+    ----------
+    path : Path
+        The file, for the message.
+
+    Raises
+    ------
+    FileFormatError
+        For any exception that is neither a VoxgranError nor a lack of memory.
+    TooLargeError
+        If the content does not fit in memory.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except VoxgranError:
+        raise
+    except MemoryError as error:
+        raise TooLargeError(_too_large(path)) from error
+    # each library has exceptions of its own for what it cannot read; meshio also exits
+    except (Exception, SystemExit) as error:
+        raise FileFormatError(
+            f"{path} cannot be read as a {path.suffix} file ({reason_of(error)}): it is cut or damaged; write it again"
+        ) from error
+
+
+def reason_of(error: BaseException, *, most: int = 100) -> str:
+    """Return what an exception says, on one line of at most so many characters, or its class where it says nothing."""
+    text = " ".join(str(error)[: 10 * most].split()) or type(error).__name__
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def serve(request: str) -> NoReturn:
+    """Read one file and write what it holds to the standard output: what the process does that `read_guarded` starts.
+
+    Parameters
+    ----------
+    request : str
+        JSON that names reader, file, options and limits.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    # what libraries print goes where the standard error goes, which is nowhere
+    channel = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    asked = json.loads(request)
+    reader = getattr(importlib.import_module(asked["module"]), asked["name"])
+    channel.write(_READY)
+    channel.flush()
+    _limit(asked["seconds"], asked["memory"])
+    path, arrays = Path(asked["path"]), dict[str, NDArray[Any]]()
+    try:
+        with refused(path):
+            facts, found = reader(path, **asked["options"])
+            arrays = {key: _of_numbers(array, path) for key, array in found.items()}
+            answer = {"facts": facts, "arrays": {key: (a.dtype.str, a.shape) for key, a in arrays.items()}}
+    except VoxgranError as error:
+        answer = {"error": type(error).__name__, "message": str(error)}
+    channel.write(json.dumps(answer).encode() + b"\n")
+    for array in arrays.values():
+        channel.write(array.reshape(-1).view(np.uint8).data)
+    channel.flush()
+    # without the destructors of libraries, which may crash on what they have read
+    os._exit(0)
+
+
+def _of_numbers(array: NDArray[Any], path: Path) -> NDArray[Any]:
+    """Return an array in C order; refuse one that does not hold numbers."""
+    if array.dtype.kind not in "biufc":
+        raise FileFormatError(f"{path} holds values of the type {array.dtype}: numbers are needed; write these")
+    return np.asarray(array, order="C")
+
+
+def _limit(seconds: float, memory: int) -> None:
+    """Set the limits of this process, counted from what it has used so far."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    until = math.ceil(used.ru_utime + used.ru_stime + seconds)
+    with contextlib.suppress(OSError):
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        memory += pages * os.sysconf("SC_PAGE_SIZE")
+    for kind, most in ((resource.RLIMIT_CORE, 0), (resource.RLIMIT_CPU, until), (resource.RLIMIT_AS, memory)):
+        _, hard = resource.getrlimit(kind)
+        resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+@contextlib.contextmanager
+def _process(request: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Start the process and see that it ends."""
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-c", _START, request, *map(str, sys.path)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, **_ENVIRONMENT},
+        )
+    except (OSError, ValueError) as error:
+        raise MissingLibraryError(
+            f"{sys.executable or 'Python'} cannot be started as a second process ({reason_of(error)}): such files are "
+            "read in one; free processes and memory"
+        ) from error
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def _answer(process: subprocess.Popen[bytes], path: Path, seconds: float) -> Content:
+    """Return what the process answers, or raise what it could not do."""
+    assert process.stdout is not None
+    stream = process.stdout
+    if stream.readline() != _READY:
+        raise MissingLibraryError(
+            f"{sys.executable} cannot import voxgran in a second process, in which {path} is read: install it for "
+            "this Python"
+        )
+    line = stream.readline()
+    if not line.endswith(b"\n"):
+        raise _ended(process, path, seconds)
+    answer = json.loads(line)
+    if "error" in answer:
+        raise getattr(errors, answer["error"])(answer["message"])
+    arrays = {}
+    for key, (kind, shape) in answer["arrays"].items():
+        try:
+            arrays[key] = np.empty(shape, dtype=kind)
+        except MemoryError as error:
+            raise TooLargeError(_too_large(path)) from error
+        if not _filled(arrays[key], stream):
+            raise _ended(process, path, seconds)
+    return answer["facts"], arrays
+
+
+def _filled(array: NDArray[Any], stream: IO[bytes]) -> bool:
+    """Fill an array from a stream; return whether there was enough."""
+    rest = array.reshape(-1).view(np.uint8).data
+    while len(rest):
+        count = stream.readinto(rest)  # type: ignore[attr-defined]
+        if not count:
+            return False
+        rest = rest[count:]
+    return True
+
+
+def _ended(process: subprocess.Popen[bytes], path: Path, seconds: float) -> FileFormatError:
+    """Return the error for a process that ended without an answer."""
+    code = process.wait()
+    if code == -signal.SIGXCPU:
+        return FileFormatError(
+            f"{path} cannot be read within {seconds:.3g} s of computing: it is damaged; write it again"
+        )
+    name = signal.Signals(-code).name if code < 0 else f"code {code}"
+    return FileFormatError(f"{path} cannot be read (its reader ended by {name}): it is damaged; write it again")
+
+
+def _too_large(path: Path) -> str:
+    """Say that the content of a file does not fit in memory."""
+    return (
+        f"{path} of {path.stat().st_size} bytes does not fit in memory as its header describes it: it is damaged, or "
+        "must be cut into parts"
+    )

@@ -1,0 +1,185 @@
+"""Locks: two processes do not write the same output, and what a dead one left is taken over.
+
+The operating system holds a lock for as long as its process lives (``flock``). Where a file system has no such locks,
+the file tells which process holds it, and that is asked for.
+"""
+
+import contextlib
+import errno
+import json
+import logging
+import os
+import socket
+import time
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from voxgran._base.errors import InUseError, OutputError
+
+log = logging.getLogger(__name__)
+
+#: the file that locks a folder
+FOLDER_LOCK = ".voxgran.lock"
+#: what `flock` raises where there is no such thing
+_UNKNOWN = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOLCK)
+
+
+@contextlib.contextmanager
+def locked_folder(folder: str | os.PathLike[str]) -> Iterator[None]:
+    """Keep other processes from writing into a folder, which is made if needed (context manager).
+
+    Parameters
+    ----------
+    folder : path-like
+        The folder.
+
+    Raises
+    ------
+    InUseError
+        If another process holds it.
+    OutputError
+        If nothing can be written there.
+    """
+    with _locked(Path(folder) / FOLDER_LOCK, Path(folder)):
+        yield
+
+
+@contextlib.contextmanager
+def locked_file(path: str | os.PathLike[str] | None) -> Iterator[None]:
+    """Keep other processes from writing a file, which need not be there (context manager).
+
+    Parameters
+    ----------
+    path : path-like or None
+        The file; whatever its name, the lock beside it has a short one. Nothing is done without a path, and for what
+        is no regular file.
+
+    Raises
+    ------
+    InUseError
+        If another process holds it.
+    OutputError
+        If nothing can be written beside it.
+    """
+    target = None if path is None else Path(os.path.realpath(path))
+    if target is None or (os.path.exists(target) and not os.path.isfile(target)):
+        yield
+        return
+    with _locked(target.with_name(f".voxgran-{zlib.crc32(os.fsencode(target.name)):08x}.lock"), target):
+        yield
+
+
+@contextlib.contextmanager
+def _locked(path: Path, target: Path) -> Iterator[None]:
+    """Hold a lock file while work goes on, and remove it at the end."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = _taken(path, target)
+    except InUseError:
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise OutputError(f"{target} cannot be written ({reason}): choose another place") from error
+    try:
+        yield
+    finally:
+        # whoever waits for this file finds it gone and makes a new one
+        with contextlib.suppress(OSError):
+            path.unlink()
+        os.close(file)
+
+
+def _taken(path: Path, target: Path) -> int:
+    """Return the open lock file, with this process written into it."""
+    while True:
+        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        try:
+            _take(file, path, target)
+            if _is_same(file, path):
+                os.ftruncate(file, 0)
+                os.pwrite(file, json.dumps(_this_process()).encode(), 0)
+                return file
+        except BaseException:
+            os.close(file)
+            raise
+        # its holder removed it in this moment
+        os.close(file)
+
+
+def _take(file: int, path: Path, target: Path) -> None:
+    """Lock an open file, or say who holds it."""
+    import fcntl
+
+    known = _read(file)
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise InUseError(f"{target} is in use by {_named(known)}: wait for it, stop it, or name another") from error
+    except OSError as error:
+        if error.errno not in _UNKNOWN:
+            raise
+        if known and _may_live(known):
+            raise InUseError(
+                f"{target} is in use by {_named(known)}: wait for it, stop it, or, if it is dead, remove {path}"
+            ) from error
+    if known:
+        log.info("%s was left by %s, which is dead: taken over", target, _named(known))
+
+
+def _is_same(file: int, path: Path) -> bool:
+    """Return whether a path still leads to an open file."""
+    try:
+        return os.path.samestat(os.fstat(file), os.stat(path))
+    except FileNotFoundError:
+        return False
+
+
+def _this_process() -> dict[str, Any]:
+    """Return what tells this process from all others."""
+    pid = os.getpid()
+    since = time.strftime("%Y-%m-%d %H:%M:%S")
+    return {"pid": pid, "host": socket.gethostname(), "since": since, "began": _began(pid)}
+
+
+def _read(file: int) -> dict[str, Any]:
+    """Return who wrote a lock file; nothing where that is not known."""
+    try:
+        known = json.loads(os.pread(file, 4096, 0).decode())
+    except ValueError:
+        return {}
+    return known if isinstance(known, dict) else {}
+
+
+def _named(known: dict[str, Any]) -> str:
+    """Return a process in words."""
+    if not known:
+        return "another process"
+    return f"process {known.get('pid')} on {known.get('host')} since {known.get('since')}"
+
+
+def _may_live(known: dict[str, Any]) -> bool:
+    """Return whether the process that wrote a lock file may be alive; one on another machine always may."""
+    if known.get("host") != socket.gethostname():
+        return True
+    pid = known.get("pid")
+    if not isinstance(pid, int) or pid <= 0:
+        return False
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        pass
+    # a later process may have the same number
+    return _began(pid) == known.get("began")
+
+
+def _began(pid: int) -> str:
+    """Return when a process began, as the system counts; empty where that is not known."""
+    try:
+        words = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()
+    except OSError:
+        return ""
+    return words[19] if len(words) > 19 else ""

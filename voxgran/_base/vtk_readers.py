@@ -1,0 +1,181 @@
+"""Readers of VTK files, XML and legacy, to be run by `read_guarded`: VTK crashes on some damaged files.
+
+What VTK complains about is heard by an observer and raised; nothing is printed.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.errors import FileFormatError
+from voxgran._base.guarded import Content
+from voxgran._base.lazy import load
+from voxgran._base.vtk_data import numpy_support, watched
+
+
+def vtk_points(path: Path) -> Content:
+    """Read the points of a ``.vtp`` or ``.vtu`` file, with their arrays and those of the field data.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    facts : dict
+        ``texts``: texts of the field data by name.
+    arrays : dict of str to ndarray
+        ``points`` (n, 3); arrays of the points under ``point/NAME`` and of the field data under ``field/NAME``.
+
+    Raises
+    ------
+    FileFormatError
+        If VTK cannot read it.
+    """
+    data = _read(path)
+    points = np.zeros((0, 3))
+    if data.GetNumberOfPoints():
+        points = np.asarray(numpy_support().vtk_to_numpy(data.GetPoints().GetData()), dtype=np.float64)
+    arrays, _ = _detached(data.GetPointData(), "point/")
+    fields, texts = _detached(data.GetFieldData(), "field/")
+    return {"texts": texts}, {"points": points, **arrays, **fields}
+
+
+def vtk_triangles(path: Path) -> Content:
+    """Read the polygons of a ``.vtk``, ``.vtp`` or ``.vtu`` file, cut into triangles; of a volume mesh its outer faces.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    facts : dict
+        Empty.
+    arrays : dict of str to ndarray
+        ``points`` (n, 3) and ``faces`` (m, 3).
+
+    Raises
+    ------
+    FileFormatError
+        If VTK cannot read it.
+    """
+    output = _read(path)
+    if not output.IsA("vtkPointSet") or not output.GetNumberOfPoints():
+        raise FileFormatError(f"{path} holds no surface that VTK can read: it is cut or damaged; write it again")
+    if not output.IsA("vtkPolyData"):
+        output = _filtered(load("vtkmodules.vtkFiltersGeometry").vtkGeometryFilter(), output, path)
+    cutter = load("vtkmodules.vtkFiltersCore").vtkTriangleFilter()
+    cutter.PassVertsOff()
+    cutter.PassLinesOff()
+    cut = _filtered(cutter, output, path)
+    if not cut.GetNumberOfPolys():
+        return {}, {"points": np.zeros((0, 3)), "faces": np.zeros((0, 3), dtype=np.int64)}
+    points = numpy_support().vtk_to_numpy(cut.GetPoints().GetData()).astype(np.float64)
+    cells = numpy_support().vtk_to_numpy(cut.GetPolys().GetConnectivityArray()).astype(np.int64)
+    return {}, {"points": points, "faces": cells.reshape(-1, 3)}
+
+
+def vtk_image(path: Path, *, key: str | None) -> Content:
+    """Read one array of the cells, or else of the points, of a ``.vti`` file; a point stands for the voxel about it.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    key : str or None
+        Name of the array; None for the only one.
+
+    Returns
+    -------
+    facts : dict
+        ``shape``, ``spacing`` and ``origin`` of the voxels.
+    arrays : dict of str to ndarray
+        ``values``, flat, x running fastest.
+
+    Raises
+    ------
+    FileFormatError
+        If VTK cannot read it, or it holds several arrays or none and no key is given.
+    """
+    image = _read(path)
+    shape, spacing = np.array(image.GetDimensions()), np.array(image.GetSpacing())
+    data, cells = image.GetCellData(), True
+    if not data.GetNumberOfArrays():
+        data, cells = image.GetPointData(), False
+    names = [data.GetArrayName(k) for k in range(data.GetNumberOfArrays())]
+    values = numpy_support().vtk_to_numpy(data.GetArray(chosen_name(names, key, path)))
+    shape = shape - 1 if cells else shape
+    if values.shape != (shape.prod(),):
+        raise FileFormatError(
+            f"{path} holds an array of shape {values.shape} for {shape.prod()} voxels: one number a voxel is needed; "
+            "write it again"
+        )
+    origin = np.array(image.GetOrigin()) - (0.0 if cells else spacing / 2)
+    facts = {"shape": shape.tolist(), "spacing": spacing.tolist(), "origin": origin.tolist()}
+    return facts, {"values": values}
+
+
+def chosen_name(names: list[str], key: str | None, path: Path) -> str:
+    """Return the name of the array to read.
+
+    Raises
+    ------
+    FileFormatError
+        If there is none of that name, or no name is given and there is not exactly one array.
+    """
+    if key is not None and key not in names:
+        raise FileFormatError(f"{path} has no array {key!r}: there are {', '.join(names) or 'none'}; choose one")
+    if key is None and len(names) != 1:
+        raise FileFormatError(f"{path} has the arrays {', '.join(names) or 'none'}: say which one by its key")
+    return names[0] if key is None else key
+
+
+def _read(path: Path) -> Any:
+    """Return the data set of a file."""
+    core = load("vtkmodules.vtkCommonCore")
+    if path.suffix.lower() == ".vtk":
+        reader = load("vtkmodules.vtkIOLegacy").vtkGenericDataObjectReader()
+        # the reader of the type that it finds has no other observer; such files are never read in the caller's process
+        heard = watched(reader, core.vtkOutputWindow.GetInstance())
+    else:
+        reader, forward = load("vtkmodules.vtkIOXML").vtkXMLGenericDataObjectReader(), core.vtkEventForwarderCommand()
+        forward.SetTarget(reader)
+        reader.SetReaderErrorObserver(forward)
+        reader.SetParserErrorObserver(forward)
+        heard = watched(reader, reader.GetExecutive())
+    reader.SetFileName(str(path))
+    return _output(reader, heard, path)
+
+
+def _filtered(algorithm: Any, data: Any, path: Path) -> Any:
+    """Return what a filter makes of a data set."""
+    algorithm.SetInputData(data)
+    return _output(algorithm, watched(algorithm, algorithm.GetExecutive()), path)
+
+
+def _output(algorithm: Any, heard: list[str], path: Path) -> Any:
+    """Run a reader or filter and return its output; what it complains about is raised."""
+    algorithm.Update()
+    output = algorithm.GetOutput()
+    if heard or output is None:
+        reason = heard[0][:100] if heard else "it holds no data set"
+        raise FileFormatError(f"{path} cannot be read by VTK ({reason}): it is cut or damaged; write it again")
+    return output
+
+
+def _detached(place: Any, prefix: str) -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+    """Return arrays and texts of the point or field data, by name."""
+    arrays, texts = {}, {}
+    for index in range(place.GetNumberOfArrays()):
+        array = place.GetAbstractArray(index)
+        name = str(array.GetName())
+        if array.IsA("vtkStringArray"):
+            texts[name] = str(array.GetValue(0)) if array.GetNumberOfValues() else ""
+        else:
+            arrays[prefix + name] = np.array(numpy_support().vtk_to_numpy(array))
+    return arrays, texts

@@ -1,0 +1,135 @@
+"""The surface of one grain of a label image, such that the surfaces of all grains fit together.
+
+Every voxel center is a node, and cubes of eight nodes are cut into six tetrahedra along their diagonals (Freudenthal
+1942, Kuhn 1960). On each edge between a node of the grain and another node lies one vertex of the surface, which both
+sides share. Whatever its place on the edge, the parts of a tetrahedron that belong to different labels do not overlap:
+neighbours meet in the same triangles, and no surface crosses itself. Places follow the smoothed image: where the shares
+of the two labels are equal; at the border of the image in its plane. Towards the void they are shifted, all by one
+share, so that the grain keeps its volume.
+"""
+
+import itertools
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.lazy import load
+
+#: a vertex lies no nearer to a node than this, in edges
+MARGIN = 0.05
+#: difference of shares along an edge below which it counts as this much: no vertex may jump
+LEAST_SLOPE = 0.05
+#: steps in which the shift is searched
+MOST_SHIFTS = 100
+
+#: edges of the outward triangles in a right-handed tetrahedron, by the nodes that belong to the grain, as bits
+_ONE = {1: ("01", "02", "03"), 2: ("01", "13", "12"), 4: ("23", "02", "12"), 8: ("23", "13", "03")}
+_TWO = {3: ("02", "03", "13", "12"), 5: ("03", "01", "12", "23"), 9: ("01", "02", "23", "13")}
+_HALF = {
+    **{case: [edges] for case, edges in _ONE.items()},
+    **{case: [(a, b, c), (a, c, d)] for case, (a, b, c, d) in _TWO.items()},
+}
+#: the other side of a cut is the same triangles, seen from behind
+TRIANGLES = {**_HALF, **{15 - case: [(c, b, a) for a, b, c in made] for case, made in _HALF.items()}}
+
+
+def fitted_surface(labels: Integers, own: Booleans, beyond: Booleans, *, smoothing: float) -> tuple[Floats, Integers]:
+    """Return the surface of a grain, which its neighbours share.
+
+    Parameters
+    ----------
+    labels : (nx, ny, nz) ndarray of int
+        Labels around the grain, 0 for void, as far as the smoothing reaches beyond it; what is beyond the border of the
+        image mirrored.
+    own : (nx, ny, nz) ndarray of bool
+        Which voxels are those of the grain; none in the outermost layer.
+    beyond : (nx, ny, nz) ndarray of bool
+        Which voxels are beyond the border of the image.
+    smoothing : float
+        Standard deviation of the Gaussian that rounds the steps, in voxels, above 0.
+
+    Returns
+    -------
+    vertices : (n, 3) ndarray of float
+        In voxels; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
+    faces : (m, 3) ndarray of int
+        Outward; cavities inward. The volume enclosed is the number of voxels, unless there is too little void around.
+    """
+    lower, upper, faces = _cut_edges(own)
+    inside = own.ravel()[lower]
+    here, there = np.where(inside, lower, upper), np.where(inside, upper, lower)
+    nodes = np.column_stack(np.unravel_index(here, own.shape)) + 0.5
+    way = np.column_stack(np.unravel_index(there, own.shape)) + 0.5 - nodes
+    share, slope = _crossings(labels, own, beyond, here, there, smoothing)
+    free = np.where(labels.ravel()[there] == 0, 1.0 / slope, 0.0) * ~beyond.ravel()[there]
+
+    def vertices(shift: float) -> Floats:
+        """Return the vertices where the grain has a larger share at the void."""
+        return nodes + np.clip(share + shift * free, MARGIN, 1 - MARGIN)[:, None] * way
+
+    wanted = float(own.sum())
+    low, high = -1.0, 1.0
+    for _ in range(MOST_SHIFTS):
+        shift = (low + high) / 2
+        if shift in (low, high):
+            break
+        low, high = (shift, high) if _volume(vertices(shift), faces) < wanted else (low, shift)
+    return vertices((low + high) / 2), faces
+
+
+def _cut_edges(own: Booleans) -> tuple[Integers, Integers, Integers]:
+    """Return the edges between nodes of the grain and others, by both nodes, and the triangles between them."""
+    cells = tuple(n - 1 for n in own.shape)
+    mixed = np.zeros(cells, dtype=np.uint8)
+    for corner in itertools.product((0, 1), repeat=3):
+        mixed += own[tuple(slice(c, c + n) for c, n in zip(corner, cells, strict=True))]
+    place = np.nonzero((mixed > 0) & (mixed < 8))
+    steps = np.array([own.shape[1] * own.shape[2], own.shape[2], 1])
+    first, taken = np.ravel_multi_index(place, own.shape), own.ravel()
+    found = []
+    for order in itertools.permutations(range(3)):
+        path = np.concatenate([[0], np.cumsum(steps[list(order)])])
+        code = np.concatenate([[0], np.cumsum(4 >> np.array(order))])
+        case = sum(taken[first + path[k]].astype(np.int64) << k for k in range(4))
+        # a path along the axes in cyclic order is right-handed
+        odd = order in ((0, 2, 1), (1, 0, 2), (2, 1, 0))
+        for which, made in TRIANGLES.items():
+            base = first[case == which]
+            for edges in made:
+                ends = [(int(edge[0]), int(edge[1])) for edge in (edges[::-1] if odd else edges)]
+                found.append(np.column_stack([(base + path[a]) * 8 + code[b] - code[a] for a, b in ends]))
+    keys, faces = np.unique(np.concatenate(found), return_inverse=True)
+    lower, way = keys // 8, keys % 8
+    upper = lower + (way >> 2 & 1) * steps[0] + (way >> 1 & 1) * steps[1] + (way & 1)
+    return lower, upper, faces.reshape(-1, 3).astype(np.int64)
+
+
+def _crossings(
+    labels: Integers, own: Booleans, beyond: Booleans, here: Integers, there: Integers, smoothing: float
+) -> tuple[Floats, Floats]:
+    """Return where edges are cut, as the part of the way from the grain, and how steeply its share falls there."""
+    smooth, flat = load("scipy.ndimage").gaussian_filter, labels.ravel()
+    part, slope, other = np.full(len(here), 0.5), np.ones(len(here)), flat[there]
+    label = flat[here[0]]
+
+    def shares(of: int) -> Floats:
+        """Return the smoothed share of a label at all nodes."""
+        return np.asarray(smooth((labels == of).astype(np.float64), smoothing, truncate=3.0).ravel())
+
+    mine = shares(int(label))
+    # the border of the image, and a grain that meets itself across a periodic face, are half way
+    known = ~beyond.ravel()[there] & (other != label)
+    for of in np.unique(other[known]).tolist():
+        some = known & (other == of)
+        difference = mine - shares(of)
+        at_here, at_there = difference[here[some]], difference[there[some]]
+        slope[some] = np.maximum(at_here - at_there, LEAST_SLOPE)
+        # the same from both sides
+        part[some] += (at_here + at_there) / (2 * slope[some])
+    return part, slope
+
+
+def _volume(vertices: Floats, faces: Integers) -> float:
+    """Return the volume that a surface encloses."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return float(np.einsum("fi,fi->", a, np.cross(b, c))) / 6
