@@ -1,5 +1,6 @@
 """Each example runs, and one number of it is pinned."""
 
+import ast
 import doctest
 import importlib
 import json
@@ -23,6 +24,20 @@ def printed(name, capsys, monkeypatch, *arguments):
     monkeypatch.setattr("sys.argv", [name, *arguments])
     runpy.run_path(str(EXAMPLES / name), run_name="__main__")
     return capsys.readouterr().out
+
+
+def python_of(path):
+    """Return the Python of a script, or of the blocks of a page."""
+    text = path.read_text()
+    return text if path.suffix == ".py" else "\n".join(re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL))
+
+
+@pytest.mark.parametrize("path", [*sorted(EXAMPLES.glob("*.py")), EXAMPLES.parent / "README.md"], ids=lambda p: p.name)
+def test_what_is_run_twice_may_replace_its_files(path):
+    calls = [node for node in ast.walk(ast.parse(python_of(path))) if isinstance(node, ast.Call)]
+    savers = [call for call in calls if re.match(r"vg\.(save|write_)", ast.unparse(call.func))]
+    for call in savers:
+        assert "overwrite=True" in [ast.unparse(keyword) for keyword in call.keywords], ast.unparse(call)
 
 
 def test_pack_rocks(tmp_path, capsys, monkeypatch):

@@ -93,3 +93,17 @@ def test_the_output_may_be_a_stream():
     assert done.returncode == 0
     assert done.stdout.startswith("# A scene of voxgran")
     assert done.stderr == ""
+
+
+@pytest.mark.parametrize("value", ["1" + "0" * 400, "1" + "0" * 5000, "[" * 100_000, "5e-324", "1e400", "nan"])
+def test_numbers_that_are_typed_or_written_are_refused_in_a_short_sentence(value, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["shape", "sphere", "--diameter", value]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert len(said) < 300
+    Path("scene.toml").write_text(SCENE.replace("[4, 4, 4]", f"[{value}, 4, 4]"))
+    assert main(["plan", "scene.toml"]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert len(said) < 300

@@ -238,7 +238,8 @@ def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
 def _value(text: str) -> Any:
     """Read a flag's value as TOML would, lists with or without brackets; anything else is text."""
     for candidate in (text, f"[{text}]" if "," in text else text):
-        with contextlib.suppress(json.JSONDecodeError):
+        # a number of more than 4300 digits is a ValueError too, and deep brackets recurse too far
+        with contextlib.suppress(ValueError, RecursionError):
             return json.loads(candidate)
     return text.split(",") if "," in text else text
 

@@ -186,11 +186,10 @@ def pack(
         density=density,
         parameters=parameters,
     )
-    if time_limit is not None:
-        as_number(time_limit, "time_limit", at_least=0.0)
+    limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
     check_drive(checkpoint, resume, on_step, recorder)
     check_memory(task.method, packing_memory(task.method, task.problem), "the packing")
-    how = Drive(checkpoint, resume, on_step, time_limit=time_limit, recorder=recorder)
+    how = Drive(checkpoint, resume, on_step, time_limit=limit, recorder=recorder)
     state = drive(task.method, task.problem, how)
     packing = with_provenance(task, state, task.method.finish(task.problem, state), seconds=time.monotonic() - began)
     _warn_of_misses(task, packing)
