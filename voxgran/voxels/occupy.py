@@ -24,7 +24,7 @@ from voxgran._base.arrays import (
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.files import as_path, refuse_to_replace, written_whole
 from voxgran._base.rotation import rotation_matrices
-from voxgran.lattice.grid import Grid, check_voxel_size
+from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
@@ -91,9 +91,8 @@ def voxelize(
     Raises
     ------
     InputError
-        If not exactly one of voxel size and lattice is given, the voxel size is not above 0 or larger than the solid
-        in all directions, the cover is unknown, `out` has another shape or type than the mask or does not end in
-        ``.npy``, or the shape is an open surface.
+        If not exactly one of voxel size and lattice is given, the voxel size is not above 0, the cover is unknown,
+        `out` has another shape or type than the mask or does not end in ``.npy``, or the shape is an open surface.
     UnknownNameError
         If the backend is unknown.
     MissingLibraryError
@@ -222,8 +221,7 @@ def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, mar
     Raises
     ------
     InputError
-        If not exactly one of voxel size and lattice is given, or the voxel size is not above 0 or larger than the shape
-        in all directions.
+        If not exactly one of voxel size and lattice is given, or the voxel size is not above 0.
     TooLargeError
         If there would be more than 2**34 voxels.
     """
@@ -235,7 +233,6 @@ def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, mar
         raise InputError("voxel_size is missing: give it, or a grid")
     size = as_length(voxel_size, "voxel_size")
     low, high = _bounds(shape)
-    check_voxel_size(size, float((high - low).max()), f"shape {shape.name!r}")
     extents = np.maximum((high - low)[: shape.dimension] / size, 1.0) + 2.0 * (margin - 1)
     if not float(np.log2(extents).sum()) < np.log2(MOST_VOXELS):
         raise TooLargeError(

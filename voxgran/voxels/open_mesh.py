@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_length, as_points
 from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError
 from voxgran._base.lazy import load
-from voxgran.lattice.grid import Grid, check_voxel_size
+from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.bodies import outward
 from voxgran.shapes.diagnose import merged
@@ -54,8 +54,8 @@ def voxelize_mesh(
     Raises
     ------
     InputError
-        If an array has the wrong shape or holds what is not finite, there are no faces, the voxel size is not above 0
-        or larger than the mesh in all directions, or not exactly one of voxel size and lattice is given.
+        If an array has the wrong shape or holds what is not finite, there are no faces, the voxel size is not above 0,
+        or not exactly one of voxel size and lattice is given.
     TooLargeError
         If there would be more than 2**31 voxels.
 
@@ -86,7 +86,6 @@ def voxelize_mesh(
     if grid is None:
         size = as_length(voxel_size, "voxel_size") if voxel_size is not None else 1.0
         low, high = corners.min(axis=0), corners.max(axis=0)
-        check_voxel_size(size, float((high - low).max()), "the mesh")
         if not float(np.log2(np.maximum((high - low) / size, 1.0)).sum()) < np.log2(MOST_VOXELS):
             raise TooLargeError(
                 f"voxel_size is {size}: there would be more than {MOST_VOXELS} voxels; make them larger"

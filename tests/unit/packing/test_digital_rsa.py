@@ -98,7 +98,7 @@ def test_several_kinds_and_any_container():
 
 
 def test_a_lattice_that_is_too_fine_is_refused():
-    with pytest.raises(TooLargeError, match="candidates"):
+    with pytest.raises(TooLargeError, match="make the voxels larger"):
         vg.pack(vg.make_shape("sphere"), vg.Box((9, 9, 9)), method="digital_rsa", voxel_size=1e-3, count=2)
     with pytest.raises(InputError, match="orientations"):
         vg.pack(vg.make_shape("sphere"), vg.Box((9, 9, 9)), method="digital_rsa", orientations=0, count=2)

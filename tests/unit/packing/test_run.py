@@ -11,7 +11,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint
 from voxgran._base.errors import InputError, Interrupted, InUseError, OutputError
-from voxgran._base.files import remove_drafts
+from voxgran._base.files import _draft_name, remove_drafts
 from voxgran._base.lock import locked_file
 from voxgran._base.stopping import stop_if_asked
 from voxgran.packing import run
@@ -132,7 +132,7 @@ def test_large_checkpoints_are_written_less_often(tmp_path, monkeypatch):
 
 def test_what_a_kill_left_half_written_is_removed(tmp_path):
     path = tmp_path / "run.voxgran"
-    half, other = tmp_path / ".run.0a1b2c3d.voxgran", tmp_path / ".ran.0a1b2c3d.voxgran"
+    half, other = (tmp_path / _draft_name(tmp_path / name, "0a1b2c3d") for name in ("run.voxgran", "ran.voxgran"))
     for file in (path, half, other):
         file.write_text("x")
     remove_drafts(path)

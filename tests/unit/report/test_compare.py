@@ -30,7 +30,7 @@ def groups():
 
 def written(packings, tmp_path, **options):
     """Return the page and its twin."""
-    vg.write_comparison(packings, tmp_path / "c.html", **{"pictures": False, **options})
+    vg.write_comparison(packings, tmp_path / "c.html", **{"pictures": False, "overwrite": True, **options})
     return (tmp_path / "c.html").read_text(), json.loads((tmp_path / "c.json").read_text())
 
 

@@ -22,7 +22,7 @@ kind = "box"
 lengths = [4, 4, 6]
 [packing]
 method = "digital"
-solid_fraction = 0.25
+solid_fraction = 0.15
 voxel_size = 0.2
 sweeps = 50
 [measure]
