@@ -1,21 +1,31 @@
 """The kernel decorator: numba's `njit`, resolved on the first call.
 
 Decorating costs nothing, so that planning a scene or listing methods needs no numba. On the first call the function is
-compiled with `cache=True, nogil=True`, and the kernels that it calls with it. numba does not notice when a
-callee in another file changes; so the cache folder carries a hash of all kernel sources of the package.
+compiled with the kernels that it calls, and kept on disk under a hash of its code and of theirs: an edit compiles again
+what depends on it and nothing else.
 """
 
 import hashlib
+import logging
 import os
+import shutil
 import tempfile
-from collections.abc import Callable
-from functools import cache, update_wrapper
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from functools import cache, cached_property, update_wrapper
 from pathlib import Path
-from types import FunctionType
+from types import CodeType, FunctionType
 from typing import Any
+
+import numpy as np
 
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
+
+log = logging.getLogger(__name__)
+
+_told: ContextVar[Callable[[], None]] = ContextVar("told", default=lambda: None)
 
 
 class Kernel:
@@ -36,6 +46,7 @@ class Kernel:
         self._counted = counted
         self._inlined = inlined
         self._compiled: Callable[..., Any] | None = None
+        self._callee: Callable[..., Any] | None = None
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -52,15 +63,49 @@ class Kernel:
             If numba cannot be loaded.
         """
         if self._compiled is None:
-            numba = load("numba")
-            before = numba.config.CACHE_DIR
-            numba.config.CACHE_DIR = str(cache_folder())
-            try:
-                options = {"cache": True, "nogil": True, "error_model": "numpy", "_nrt": self._counted}
-                self._compiled = numba.njit(**options, forceinline=self._inlined)(self._linked())
-            finally:
-                numba.config.CACHE_DIR = before
+            made: Any = self._dispatcher(pipeline_class=load("voxgran._base.linking").CallerCompiler)
+            made._cache = load("voxgran._base.kernel_files").KernelCache(
+                made.py_func, self.code_hash[:16], cache_folder(), on_miss=self._tell
+            )
+            self._compiled = made
         return self._compiled
+
+    def callee(self) -> Callable[..., Any]:
+        """Return the dispatcher that other kernels call, made on the first request; it is not kept on its own.
+
+        Raises
+        ------
+        MissingLibraryError
+            If numba cannot be loaded.
+        """
+        if self._callee is None:
+            compiler = load("voxgran._base.linking").CalleeCompiler
+            self._callee = self._dispatcher(pipeline_class=compiler, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+        return self._callee
+
+    @cached_property
+    def code_hash(self) -> str:
+        """Hash of the code of the kernel, of the constants that it reads and of all kernels that it calls."""
+        digest = hashlib.sha256(f"{type(self).__name__} {self._counted} {self._inlined}".encode())
+        for part in _code_parts(self.plain.__code__):
+            digest.update(part)
+        names = self.plain.__globals__
+        for name in sorted(_names_of(self.plain.__code__)):
+            digest.update(f"{name}={_as_text(names.get(name))}".encode())
+        for cell in self.plain.__closure__ or ():
+            digest.update(_as_text(cell.cell_contents).encode())
+        return digest.hexdigest()
+
+    def _tell(self) -> None:
+        """Say that the kernel is compiled."""
+        log.info("compiling %s (once per machine)", self.plain.__qualname__)
+        _told.get()()
+
+    def _dispatcher(self, **options: Any) -> Callable[..., Any]:
+        """Return numba's dispatcher of the function."""
+        shared = {"nogil": True, "error_model": "numpy", "_nrt": self._counted, "forceinline": self._inlined}
+        made: Callable[..., Any] = load("numba").njit(**shared, **options)(self._linked())
+        return made
 
     def _linked(self) -> FunctionType:
         """Return the function with the kernels that it names replaced by their dispatchers."""
@@ -70,7 +115,7 @@ class Kernel:
         names = dict(plain.__globals__)
         for name in plain.__code__.co_names:
             if isinstance(names.get(name), Kernel):
-                names[name] = names[name].compiled()
+                names[name] = names[name].callee()
         linked = FunctionType(plain.__code__, names, plain.__name__, plain.__defaults__, plain.__closure__)
         linked.__module__, linked.__qualname__ = plain.__module__, plain.__qualname__
         return linked
@@ -84,6 +129,8 @@ class Instruction(Kernel):
         if self._compiled is None:
             self._compiled = load("numba.extending").intrinsic(self.plain)
         return self._compiled
+
+    callee = compiled
 
 
 def instruction(function: Callable[..., Any]) -> Instruction:
@@ -113,30 +160,85 @@ def inlined_kernel(function: Callable[..., Any]) -> Kernel:
     return Kernel(function, counted=False, inlined=True)
 
 
+@contextmanager
+def telling_of_compilation(tell: Callable[[], None]) -> Iterator[None]:
+    """Call a function before each kernel that is compiled meanwhile (context manager); that of this thread alone.
+
+    Parameters
+    ----------
+    tell : callable
+        What is called.
+    """
+    token = _told.set(tell)
+    try:
+        yield
+    finally:
+        _told.reset(token)
+
+
+def _code_parts(code: CodeType) -> Iterator[bytes]:
+    """Yield what a function does: its instructions, names and constants, and those of functions inside it."""
+    yield code.co_code
+    yield repr((code.co_names, code.co_varnames, code.co_argcount, code.co_kwonlyargcount)).encode()
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _code_parts(constant)
+        else:
+            yield repr(constant).encode()
+
+
+def _names_of(code: CodeType) -> set[str]:
+    """Return the names that a function and those inside it look up."""
+    inner = (constant for constant in code.co_consts if isinstance(constant, CodeType))
+    return set(code.co_names).union(*(_names_of(part) for part in inner))
+
+
+def _as_text(value: object) -> str:
+    """Return what of a global decides the compiled code, the same in every process."""
+    if isinstance(value, Kernel):
+        return value.code_hash
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype.str} {value.shape} {hashlib.sha256(np.ascontiguousarray(value)).hexdigest()}"
+    if isinstance(value, tuple | list):
+        return f"({', '.join(_as_text(item) for item in value)})"
+    if value is None or isinstance(value, bool | int | float | complex | str | bytes | np.generic):
+        return repr(value)
+    if isinstance(value, type) and hasattr(value, "_fields"):
+        return f"{value.__module__}.{value.__qualname__} {value._fields}"
+    # modules, classes and functions of libraries: the versions are told elsewhere
+    return (
+        f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', getattr(value, '__name__', type(value)))}"
+    )
+
+
 @cache
 def cache_folder() -> Path:
-    """Return the folder of compiled kernels, keyed by a hash of all kernel sources of the package.
+    """Return the folder of compiled kernels, of which those that were long not used are removed.
 
     It lies in ``$VOXGRAN_CACHE``, else ``$XDG_CACHE_HOME/voxgran``, else ``~/.cache/voxgran``, else (none of them
-    can be written) in the folder for temporary files.
+    can be written) in the folder for temporary files, one for each user.
     """
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parents[1].rglob("*.py")):
-        source = path.read_bytes()
-        if any(mark in source for mark in (b"@kernel", b"@bare_kernel", b"@inlined_kernel", b"@instruction")):
-            digest.update(path.name.encode() + b"\0" + source)
-    name = f"kernels-{digest.hexdigest()[:16]}"
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     for parent in (os.environ.get("VOXGRAN_CACHE"), os.path.join(home, "voxgran")):
-        if parent and (folder := _writable(Path(parent) / name)):
+        if parent and (folder := _writable(Path(parent) / "kernels")):
+            load("voxgran._base.kernel_files").remove_forgotten(folder)
+            for old in Path(parent).glob("kernels-*"):
+                # each edit of a kernel left one of these
+                shutil.rmtree(old, ignore_errors=True)
             return folder
+    shared = Path(tempfile.gettempdir()) / f"voxgran-{os.getuid() if hasattr(os, 'getuid') else 'kernels'}"
+    folder = _writable(shared)
+    own = folder is not None and (not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid())
+    # what others could have written is not run
+    if folder is not None and own and not folder.is_symlink() and not folder.stat().st_mode & 0o022:
+        return folder
     return Path(tempfile.mkdtemp(prefix="voxgran-"))
 
 
 def _writable(folder: Path) -> Path | None:
     """Return the folder, made if needed, or None where nothing can be written."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError:
         return None
     return folder if os.access(folder, os.W_OK) else None

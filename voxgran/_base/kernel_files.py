@@ -1,0 +1,127 @@
+"""Compiled kernels on disk, each under a name that all its code decides.
+
+numba's own cache knows neither the kernels that a kernel calls nor two processes that write at once, and forgets all
+kernels of a file that is edited. Here the name of a file is a hash of the code of a kernel and of all that it calls, of the
+types of its arguments, of the processor and of the versions: what is there is right, and never written twice.
+
+This file is loaded when a kernel is compiled, never before: it imports numba.
+"""
+
+import contextlib
+import hashlib
+import logging
+import os
+import pickle
+import secrets
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.serialize import dumps
+
+log = logging.getLogger(__name__)
+
+VERSIONS = f"{sys.version_info[0]}.{sys.version_info[1]} {numba.__version__} {llvmlite.__version__}"
+#: files that were not used for so long are removed
+FORGOTTEN_SECONDS = 60 * 24 * 3600.0
+#: the time of last use is noted at most so often
+NOTED_SECONDS = 24 * 3600.0
+
+
+class KernelCache(FunctionCache):
+    """The cache of one kernel, as numba's dispatchers ask for one.
+
+    Parameters
+    ----------
+    function : callable
+        The function that is compiled.
+    code : str
+        Hash of its code and of all that it calls.
+    folder : Path
+        Where compiled kernels are kept.
+    on_miss : callable
+        Told of each compilation.
+    """
+
+    def __init__(self, function: Callable[..., Any], code: str, folder: Path, *, on_miss: Callable[[], None]) -> None:
+        self._name, self._py_func = repr(function), function
+        self._impl, self._cache_path = _Results(folder), str(folder)
+        self._cache_file = _Files(folder, f"{function.__name__.strip('_')}-{code}", on_miss)
+        self.enable()
+
+
+class _Results(CompileResultCacheImpl):
+    """numba's conversion of compiled code to what can be written, without its search for a folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._locator = _Locator(folder)
+
+
+class _Locator:
+    """Makes the folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def ensure_cache_path(self) -> None:
+        """Make the folder where it is not there."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+
+
+class _Files:
+    """One file for each combination of argument types."""
+
+    def __init__(self, folder: Path, stem: str, on_miss: Callable[[], None]) -> None:
+        self.folder, self.stem, self.on_miss = folder, stem, on_miss
+
+    def _path(self, key: object) -> Path:
+        """Return the file of a combination of types and a processor."""
+        mark = hashlib.sha256(f"{VERSIONS} {key!r}".encode()).hexdigest()[:16]
+        return self.folder / f"{self.stem}-{mark}.kernel"
+
+    def load(self, key: object) -> Any:
+        """Return what was saved; None where nothing was, or nothing that can be read."""
+        path = self._path(key)
+        try:
+            data = pickle.loads(path.read_bytes())
+            if time.time() - path.stat().st_mtime > NOTED_SECONDS:
+                os.utime(path)
+        except (OSError, pickle.UnpicklingError, EOFError, AttributeError, ImportError, IndexError, ValueError):
+            self.on_miss()
+            return None
+        return data
+
+    def save(self, key: object, data: Any) -> None:
+        """Write a compiled kernel, whole or not at all; a full disk only costs its compilation the next time."""
+        path = self._path(key)
+        draft = path.with_name(f".{secrets.token_hex(8)}.draft")
+        try:
+            draft.write_bytes(dumps(data))
+            draft.replace(path)
+        except OSError as error:
+            log.info("%s was not kept: %s", path, error)
+            with contextlib.suppress(OSError):
+                draft.unlink()
+
+    def flush(self) -> None:
+        """Forget nothing: names decide what is fresh."""
+
+
+def remove_forgotten(folder: Path) -> None:
+    """Remove compiled kernels that were not used for two months, and what older versions of this cache left.
+
+    Parameters
+    ----------
+    folder : Path
+        Where compiled kernels are kept.
+    """
+    now = time.time()
+    with contextlib.suppress(OSError):
+        for path in folder.iterdir():
+            if path.suffix in (".kernel", ".draft") and now - path.stat().st_mtime > FORGOTTEN_SECONDS:
+                path.unlink()
