@@ -158,7 +158,7 @@ def test_very_many_faces_in_one_place(tmp_path):
 
 
 def test_off_files_that_count_below_zero(tmp_path, capfd):
-    assert "it counts -1 vertices" in refusal(vg.load_shape, tmp_path / "f.off", f"OFF\n-1 1 0\n{ROWS}", capfd)
+    assert "it counts -1 of something" in refusal(vg.load_shape, tmp_path / "f.off", f"OFF\n-1 1 0\n{ROWS}", capfd)
 
 
 @pytest.mark.parametrize("value", ["1e160", "-1e300"])
@@ -222,7 +222,7 @@ def test_dumps_of_ragged_rows(old, new, words, tmp_path, capfd):
     "text",
     ["[" * 10**6, '{"a":' * 10**5, '{"kind": ' + "[" * 10**5 + "]" * 10**5 + "}", '{"' + "k" * 10**6 + '": 1}',
      '{"kind": "' + "b" * 10**6 + '"}', '{"kind": "box", "lengths": [' + "1, " * 10**5 + "1]}",
-     '{"kind": "box", "lengths": [1' + "0" * 400 + ", 1, 1]}", "1" * 10**6,
+     '{"kind": "box", "lengths": [1' + "0" * 400 + ", 1, 1]}", '{"kind": "box", "lengths": [1e200, 1, 1]}', "1" * 10**6,
      '{"kind": "mesh", "vertices": [[0, 0, 1]], "faces": [[0, 0, 99999999999999999999]]}',
      '{"kind": "mesh", "file": "none.obj"}', '{"kind": "sphere", "radius": 1e999}'],
 )  # fmt: skip
@@ -232,7 +232,7 @@ def test_containers_in_comments_that_are_bombs(text, tmp_path, capfd):
 
 
 def test_a_name_of_a_column_that_is_all_brackets(tmp_path, capfd):
-    assert "there is no x, y, z" in refusal(vg.load, tmp_path / "p.csv", "[" * 50_000 + ",a,b,c\n1,2,3,4\n", capfd)
+    assert "there is no x, y:" in refusal(vg.load, tmp_path / "p.csv", "[" * 50_000 + ",a,b,c\n1,2,3,4\n", capfd)
 
 
 def test_numbers_of_clumps_that_are_none(tmp_path, capfd):
@@ -248,7 +248,7 @@ def test_a_table_of_one_long_row_and_many_short_ones(tmp_path, capfd):
 
 def test_point_clouds_that_count_below_zero_or_name_half_a_normal(tmp_path, capfd):
     head = "FIELDS x y z normal_x\nSIZE 8 8 8 8\nTYPE F F F F\nCOUNT 1 1 1 1\nPOINTS {}\nDATA ascii\n0 0 0 1\n"
-    assert "it counts -1 points" in refusal(vg.load_cloud, tmp_path / "p.pcd", head.format(-1), capfd)
+    assert "it holds 1 of -1 points" in refusal(vg.load_cloud, tmp_path / "p.pcd", head.format(-1), capfd)
     wide = head.replace("COUNT 1 1 1 1", "COUNT 1 1 1 99999999").format(1)
     assert "its points have 4 numbers" in refusal(vg.load_cloud, tmp_path / "p.pcd", wide, capfd)
     (tmp_path / "p.pcd").write_text(head.format(1))

@@ -19,7 +19,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, NoReturn, TypeAlias
+from typing import IO, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,7 +141,7 @@ def reason_of(error: BaseException, *, most: int = 100) -> str:
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
-def serve(request: str) -> NoReturn:
+def serve(request: str) -> None:
     """Read one file and write what it holds to the standard output: what the process does that `read_guarded` starts.
 
     Parameters
@@ -170,8 +170,6 @@ def serve(request: str) -> NoReturn:
     for array in arrays.values():
         channel.write(array.reshape(-1).view(np.uint8).data)
     channel.flush()
-    # without the destructors of libraries, which may crash on what they have read
-    os._exit(0)
 
 
 def _of_numbers(array: NDArray[Any], path: Path) -> NDArray[Any]:
@@ -212,6 +210,7 @@ def _process(request: str) -> Iterator[subprocess.Popen[bytes]]:
     try:
         yield process
     finally:
+        # after its answer too: the destructors of libraries may crash on what they have read
         process.kill()
         process.communicate()
 

@@ -31,8 +31,6 @@ def pcd_columns(raw: bytes, name: str) -> dict[str, Floats]:
         kinds = [KINDS[kind] + size for kind, size in zip(head["TYPE"], head["SIZE"], strict=True)]
         row = np.dtype([(key, "<" + kind, (count,)) for key, kind, count in zip(fields, kinds, counts, strict=True)])
         many = int(head["POINTS"][0])
-        if many < 0:
-            raise ValueError(f"it counts {many} points")
         records = _text(body, row, many) if head["DATA"][0] == "ascii" else _binary(body, row, many)
     except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
         raise FileFormatError(
@@ -63,7 +61,7 @@ def _header(raw: bytes) -> tuple[dict[str, list[str]], bytes]:
 def _text(body: bytes, row: np.dtype[np.void], many: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
     """Return the records of a text body."""
     lines = [line.split() for line in body.decode("ascii", errors="replace").splitlines() if line.strip()]
-    if len(lines) < many:
+    if not 0 <= many <= len(lines):
         raise ValueError(f"it holds {len(lines)} of {many} points")
     table = np.array(lines[:many], dtype=np.float64).reshape(many, -1)
     if many and table.shape[1] != sum(row[key].shape[0] for key in row.names or ()):
@@ -78,6 +76,6 @@ def _text(body: bytes, row: np.dtype[np.void], many: int) -> np.ndarray[tuple[in
 
 def _binary(body: bytes, row: np.dtype[np.void], many: int) -> np.ndarray[tuple[int], np.dtype[np.void]]:
     """Return the records of a binary body."""
-    if len(body) < many * row.itemsize:
+    if not 0 <= many * row.itemsize <= len(body):
         raise ValueError(f"it holds {len(body) // max(row.itemsize, 1)} of {many} points")
     return np.frombuffer(body, dtype=row, count=many)

@@ -97,19 +97,18 @@ def blocked_map(room: Room, taken: Booleans | None, low: Integers, mask: Boolean
     shape : (3,) ndarray of int
         Voxels of the lattice.
     """
-    nx, ny, nz = (int(n) for n in room.places)
-    blocked = np.zeros((nx, ny, nz), dtype=np.bool_)
+    full, lines = np.uint64(0xFFFFFFFFFFFFFFFF), []
     for axis in range(3):
-        line = np.arange(room.places[axis])
+        line = np.arange(room.places[axis]) + low[axis]
         if room.periodic[axis]:
-            if mask.shape[axis] >= shape[axis]:
-                blocked[...] = True
+            lines.append(np.full(len(line), mask.shape[axis] >= shape[axis]))
         else:
-            bad = (line + low[axis] < 0) | (line + low[axis] + mask.shape[axis] > shape[axis])
-            blocked[tuple(bad if k == axis else slice(None) for k in range(3))] = True
-    words = np.full((nx, room.words, ny), np.uint64(0xFFFFFFFFFFFFFFFF))
-    packed = pack_columns(np.pad(blocked, ((0, 0), (0, 0), (0, room.words * 64 - nz)), constant_values=True))
-    words[...] = packed.transpose(0, 2, 1)
+            lines.append((line < 0) | (line + mask.shape[axis] > shape[axis]))
+    column = np.pad(lines[2], (0, room.words * 64 - len(lines[2])), constant_values=True)
+    words = np.empty((len(lines[0]), room.words, len(lines[1])), dtype=np.uint64)
+    words[...] = pack_columns(column[None, None])[0, 0, :, None]
+    words[lines[0]] = full
+    words[:, :, lines[1]] = full
     if taken is not None and taken.any():
         table = overlap_table(taken, np.zeros(3, dtype=np.int64), mask, low)
         add_table(words, room, table, np.zeros(3, dtype=np.int64))

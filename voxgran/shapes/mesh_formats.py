@@ -130,9 +130,7 @@ def read_off(raw: bytes, name: str) -> Polygons:
         raise FileFormatError(f"{name} does not begin with OFF: it is no OFF file; check its format")
     head, rows = (rows[0][1:], rows[1:]) if len(rows[0]) > 1 else (rows[1] if len(rows) > 1 else [], rows[2:])
     try:
-        vertex_count, face_count = int(head[0]), int(head[1])
-        if min(vertex_count, face_count) < 0:
-            raise ValueError(f"it counts {vertex_count} vertices and {face_count} faces")
+        vertex_count, face_count = _count(head[0]), _count(head[1])
         body = rows[:vertex_count], rows[vertex_count : vertex_count + face_count]
         points = np.array([[float(w) for w in row[:3]] for row in body[0]]).reshape(-1, 3)
         polygons = [[int(w) for w in row[1 : 1 + int(row[0])]] for row in body[1]]
@@ -145,6 +143,13 @@ def read_off(raw: bytes, name: str) -> Polygons:
             "cut; write it again"
         )
     return points, polygons
+
+
+def _count(word: str) -> int:
+    """Return a number of things; one below 0 is none."""
+    if (count := int(word)) < 0:
+        raise ValueError(f"it counts {count} of something")
+    return count
 
 
 @dataclass(slots=True)
