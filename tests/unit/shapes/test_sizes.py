@@ -149,13 +149,13 @@ def test_no_grain_is_drawn_for_count_zero():
 
 
 BAD = [
-    (lambda: sizes.lognormal(0.0), "median is 0.0"),
+    (lambda: sizes.lognormal(0.0, 0.2), "median is 0.0"),
     (lambda: sizes.lognormal(1.0, -0.1), "sigma is -0.1"),
     (lambda: sizes.lognormal(1.0, math.nan), "sigma is nan"),
-    (lambda: sizes.lognormal(low=2.0, high=1.0), "low is 2.0 and high is 1.0"),
-    (lambda: sizes.lognormal(basis="mass"), "basis is 'mass'"),
+    (lambda: sizes.lognormal(1.0, 0.2, low=2.0, high=1.0), "low is 2.0 and high is 1.0"),
+    (lambda: sizes.lognormal(1.0, 0.2, basis="mass"), "basis is 'mass'"),
     (lambda: sizes.fixed(-1.0), "diameter is -1.0"),
-    (lambda: sizes.lognormal("large"), "must be a number"),
+    (lambda: sizes.lognormal("large", 0.2), "must be a number"),
     (lambda: sizes.discrete(["large"], [1.0]), "must be an array of numbers of shape"),
     (lambda: sizes.sieve([1.0, math.inf], [0.0, 1.0]), "finite"),
     (lambda: sizes.uniform(0.0, 1.0), "low is 0.0"),
