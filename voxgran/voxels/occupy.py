@@ -91,9 +91,9 @@ def voxelize(
     Raises
     ------
     InputError
-        If not exactly one of voxel size and lattice is given, the voxel size is not above 0 or larger than the solid
-        in all directions, the cover is unknown, `out` has another shape or type than the mask or does not end in
-        ``.npy``, or the shape is an open surface.
+        If not exactly one of voxel size and lattice is given, the voxel size is not above 0 or, where no shares are
+        wanted, larger than the solid in all directions, the cover is unknown, `out` has another shape or type than the
+        mask or does not end in ``.npy``, or the shape is an open surface.
     UnknownNameError
         If the backend is unknown.
     MissingLibraryError
@@ -128,7 +128,7 @@ def voxelize(
     shape.refuse_open("voxels")
     if out is not None and not isinstance(out, np.ndarray):
         _check_file(out, overwrite=overwrite)
-    lattice = lattice_of(shape, voxel_size, grid)
+    lattice = lattice_of(shape, voxel_size, grid, any_size=fraction)
     bits = _occupied(shape, lattice, backend=backend, cover=cover)
     shares = voxel_shares(shape.geometry, lattice, np.zeros(3)) if fraction else None
     surface = (shape.vertices, shape.faces) if isinstance(shape.geometry, Mesh) else None
@@ -216,8 +216,12 @@ def _occupied(
     return _occupy_mesh(vertices + place, faces, grid, backend, cover)
 
 
-def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, margin: int = 1) -> Grid:
+def lattice_of(
+    shape: Shape, voxel_size: float | None, grid: Grid | None, *, margin: int = 1, any_size: bool = False
+) -> Grid:
     """Return the lattice that was given, or one around the shape with some empty layers.
+
+    Voxels may be larger than the shape where `any_size` says so: their shares are exact.
 
     Raises
     ------
@@ -235,7 +239,8 @@ def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, mar
         raise InputError("voxel_size is missing: give it, or a grid")
     size = as_length(voxel_size, "voxel_size")
     low, high = _bounds(shape)
-    check_voxel_size(size, float((high - low).max()), f"shape {shape.name!r}")
+    if not any_size:
+        check_voxel_size(size, float((high - low).max()), f"shape {shape.name!r}")
     extents = np.maximum((high - low)[: shape.dimension] / size, 1.0) + 2.0 * (margin - 1)
     if not float(np.log2(extents).sum()) < np.log2(MOST_VOXELS):
         raise TooLargeError(

@@ -17,6 +17,7 @@ def test_every_method_is_refused_where_memory_is_short(method, monkeypatch):
         vg.pack(SPHERE, BOX, method=method, count=3)
 
 
+@pytest.mark.filterwarnings("ignore:.*a mistake of units")
 @pytest.mark.parametrize("method", ["digital", "digital_fill", "digital_rsa"])
 def test_a_lattice_beyond_the_memory_is_refused_in_a_sentence(method, monkeypatch):
     monkeypatch.setattr("voxgran.packing.memory.memory_limit", lambda: 2**33)
@@ -78,6 +79,8 @@ def test_an_image_or_voxels_coarser_than_what_they_show_are_refused():
         vg.to_image(flat, 2.5)
     rod = vg.make_shape("box", lengths=(4.0, 0.1, 0.1))
     assert vg.voxelize(rod, voxel_size=4.0, cover="touch").mask.any()
+    # shares are exact at any size
+    assert vg.voxelize(rod, voxel_size=9.0, fraction=True).volume == pytest.approx(0.04, rel=1e-12)
     mesh = rod.vertices, rod.faces
     for call in (vg.voxelize, vg.signed_distance):
         with pytest.raises(
