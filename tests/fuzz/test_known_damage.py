@@ -146,6 +146,14 @@ def test_records_that_take_no_space(order, read, tmp_path, capfd):
         assert words in message
 
 
+def test_signalling_nan_warns_of_nothing(tmp_path, capfd):
+    corner = struct.pack("<9fI2f", *[0.0] * 9, 0x7F800001, 0.0, 0.0)
+    stl = bytes(80) + struct.pack("<I", 1) + corner + bytes(2)
+    assert "not finite" in refusal(vg.load_shape, tmp_path / "nan.stl", stl, capfd)
+    head = b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nPOINTS 1\nDATA binary\n"
+    refusal(vg.load_cloud, tmp_path / "nan.pcd", head + struct.pack("<I2f", 0x7F800001, 0.0, 0.0), capfd)
+
+
 def test_faces_of_one_corner(tmp_path, capfd):
     text = PLY.format("ascii", "element face 1\nproperty int vertex_indices\n") + f"{ROWS}0\n"
     assert "gives one corner for each face" in refusal(vg.load_shape, tmp_path / "one.ply", text, capfd)

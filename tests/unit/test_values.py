@@ -302,3 +302,23 @@ def test_one_is_one_in_parameter_classes():
     law = from_mapping(Discrete, {"diameters": [VALUES[key] for key in ONES], "weights": np.ones(5)}, "[sizes]")
     assert law == Discrete(diameters=(1.0,) * 5, weights=(1.0,) * 5)
     assert {type(value) for value in (*law.diameters, *law.weights)} == {float}
+
+
+@pytest.mark.filterwarnings("ignore:the solid fraction is")
+def test_a_packing_of_odd_numbers_is_that_of_plain_ones(tmp_path):
+    plain = vg.pack(BALL, BOX, method="rsa", count=3, seed=1, solid_fraction=0.2, tries=50, time_limit=1000)
+    odd = vg.pack(
+        vg.make_shape("sphere", diameter=Fraction(1)),
+        vg.Box((Decimal(4), np.float32(4), np.array(4.0))),
+        method="rsa",
+        count=Decimal(3),
+        seed=np.int64(1),
+        solid_fraction=Decimal("0.2"),
+        tries=np.float64(50),
+        time_limit=Decimal(1000),
+    )
+    vg.save(odd, tmp_path / "odd.vtp")
+    again = vg.load(tmp_path / "odd.vtp")
+    assert again.position.tobytes() == plain.position.tobytes()
+    assert again.provenance["asked"] == plain.provenance["asked"]
+    assert again.provenance["parameters"] == plain.provenance["parameters"]

@@ -36,8 +36,10 @@ def pcd_columns(raw: bytes, name: str) -> dict[str, Floats]:
         raise FileFormatError(
             f"{name} cannot be read as PCD ({reason_of(error)}): it is cut or damaged; write it again"
         ) from None
-    columns = {key: np.asarray(records[key][:, 0], dtype=np.float64) for key, count in zip(fields, counts, strict=True)
-               if count == 1}  # fmt: skip
+    # a signalling NaN warns where it is cast
+    with np.errstate(invalid="ignore"):
+        columns = {key: np.asarray(records[key][:, 0], dtype=np.float64)
+                   for key, count in zip(fields, counts, strict=True) if count == 1}  # fmt: skip
     if not {"x", "y", "z"} <= columns.keys():
         raise FileFormatError(f"{name} has the fields {', '.join(fields)[:80]}: x, y and z are needed; write it again")
     return columns

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_points
-from voxgran._base.errors import FileFormatError, InputError, with_article
+from voxgran._base.errors import FileFormatError, InputError, VoxgranError, with_article
+from voxgran._base.guarded import reason_of
 from voxgran._base.units import known_unit
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.make import make_container
@@ -135,9 +136,10 @@ def from_record(record: Record) -> Packing:
         packing = _packing(record)
     except FileFormatError:
         raise
-    except (InputError, KeyError, IndexError, TypeError, ValueError) as error:
-        reason = str(error).replace("\n", " ")
-        raise FileFormatError(f"it holds no packing of voxgran ({reason}): write it again") from error
+    except (VoxgranError, KeyError, IndexError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise FileFormatError(
+            f"it holds no packing of voxgran ({reason_of(error, most=300)}): write it again"
+        ) from error
     # what was checked is normalized to round-off; what was read is what was saved
     return dataclasses.replace(packing, orientation=np.array(record.per_grain["orientation"]).reshape(-1, 4))
 

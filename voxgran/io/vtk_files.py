@@ -16,7 +16,7 @@ import numpy as np
 from voxgran._base.arrays import as_number
 from voxgran._base.errors import FileFormatError
 from voxgran._base.files import as_path, existing_file, refuse_to_replace, write_text, written_whole
-from voxgran._base.guarded import read_guarded
+from voxgran._base.guarded import read_guarded, reason_of
 from voxgran._base.vtk_data import attach, attach_texts, poly_data, write_data
 from voxgran._base.vtk_readers import vtk_points
 from voxgran.io.record import Record, from_record, to_record
@@ -101,7 +101,7 @@ def load_packing(path: str | os.PathLike[str]) -> Packing:
     try:
         packing = from_record(Record(arrays["points"], per_grain, whole, facts["texts"]))
     except FileFormatError as error:
-        raise FileFormatError(f"{found}: {error}") from error
+        raise FileFormatError(f"{found}: {reason_of(error, most=300)}") from error
     if sealed:
         return packing
     assumed = {

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base.arrays import as_number
 from voxgran._base.axes import Periodic, as_periodic, axis_names
 from voxgran.containers.box import Box
 from voxgran.lattice.census import census
@@ -71,10 +72,11 @@ def packing_of_labels(
     """
     turns = as_periodic(periodic)
     image = image_of(source, key)
-    how: dict[str, Any] = {"border": border, "surface": surface, "smoothing": smoothing, "periodic": turns}
+    how: dict[str, Any] = {"border": border, "surface": surface, "periodic": turns}
+    how["smoothing"] = as_number(smoothing, "smoothing")
     grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=True, **how))
     size = np.array(voxel_sizes(voxel_size, image))
-    box = Box(np.array(image.values.shape) * size, periodic, origin=image.origin)
+    box = Box(np.array(image.values.shape) * size, turns, origin=image.origin)
     if border == "drop" and len(grains) < len(census(image.values).label):
         box = _around(grains, box)
     errors = np.abs([grain.volume_error for grain in grains])

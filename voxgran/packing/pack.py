@@ -17,6 +17,7 @@ from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.progress import OnStep
+from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
@@ -249,8 +250,8 @@ def prepare_task(
         surplus=chosen.selects,
     )
     asked = {
-        "count": count,
-        "solid_fraction": solid_fraction,
+        "count": whole_number_of(count),
+        "solid_fraction": number_of(solid_fraction),
         "sizes": None if sizes is None else sizes.to_mapping(),
         "weights": None if weights is None else np.asarray(weights, dtype=float).tolist(),
         "weights_by": weights_by,

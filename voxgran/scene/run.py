@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from voxgran._base.errors import CheckpointError, OutputExistsError
 from voxgran._base.files import as_path, write_text
+from voxgran._base.guarded import refused
 from voxgran._base.lazy import loaded
 from voxgran._base.lock import FOLDER_LOCK, locked_folder
 from voxgran._base.progress import OnStep, Step
@@ -193,18 +194,20 @@ def read_folder(scene: Scene, folder: Path) -> SceneResult:
     CheckpointError
         If they are those of another scene.
     FileFormatError
-        If the packing is damaged.
+        If the packing or the summary is damaged.
     """
     packing = load(folder / PACKING)
     if packing.provenance.get("scene") != json.loads(json.dumps(scene.to_mapping())):
         raise CheckpointError(
             f"{folder} holds the packing of another scene: resume with the scene that wrote it, or ask with --overwrite"
         )
+    with refused(folder / SUMMARY):
+        summary = dict(json.loads((folder / SUMMARY).read_text(encoding="utf-8")))
     return SceneResult(
         packing=packing,
         verification=verify(packing),
         statistics=measure(packing, which=scene.which),
-        summary=json.loads((folder / SUMMARY).read_text(encoding="utf-8")),
+        summary=summary,
         folder=folder,
     )
 

@@ -61,7 +61,9 @@ def read_stl(raw: bytes, name: str) -> Polygons:
             "or no STL file; write it again"
         )
     records = np.frombuffer(raw, dtype=[("numbers", "<f4", 12), ("", "<u2")], count=count, offset=84)
-    points = records["numbers"][:, 3:].astype(np.float64).reshape(-1, 3)
+    # a signalling NaN warns where it is cast
+    with np.errstate(invalid="ignore"):
+        points = records["numbers"][:, 3:].astype(np.float64).reshape(-1, 3)
     return points, np.arange(len(points)).reshape(-1, 3)
 
 

@@ -195,6 +195,10 @@ def test_what_is_complete_is_not_packed_again(write, tmp_path):
     other = vg.Scene.from_toml(write("count = 8", "count = 7"))
     with pytest.raises(CheckpointError, match="another scene"):
         other.run(tmp_path / "out", resume=True)
+    for text in ("{", "[" * 10**5, "[1]"):
+        (tmp_path / "out" / "summary.json").write_text(text)
+        with pytest.raises(FileFormatError, match=r"summary\.json cannot be read as a \.json file"):
+            scene.run(tmp_path / "out", resume=True)
 
 
 @pytest.mark.parametrize("seeds", ["", "\nseeds = 2"])

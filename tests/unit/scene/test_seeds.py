@@ -33,7 +33,7 @@ report = false
 snapshots = 4
 """
 
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds", "ignore:the solid fraction is")
 
 
 @pytest.fixture
