@@ -59,6 +59,8 @@ HEAVY = {
 RANDOM = {"seed", "RandomState", "default_rng"}
 #: PyVista imports this file, after itself, by its entry point; voxgran never does
 PLUGIN = "io/pyvista_accessor.py"
+#: what subclasses numba, loaded by `lazy.load` when the first kernel is compiled
+COMPILER = {"_base/kernel_files.py", "_base/linking.py"}
 LONGEST_FUNCTION = 60  # lines, without the docstring
 LONGEST_FILE = 450
 
@@ -129,7 +131,7 @@ def run_at_import(nodes: list[ast.stmt]) -> Iterator[ast.stmt]:
 def heavy_imports(tree, name):
     """Find heavy libraries that are loaded when the file is imported."""
     found = []
-    if name == PLUGIN:
+    if name == PLUGIN or name in COMPILER:
         return found
     for node in run_at_import(tree.body):
         names = []

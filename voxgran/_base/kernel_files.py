@@ -1,8 +1,8 @@
 """Compiled kernels on disk, each under a name that all its code decides.
 
 numba's own cache knows neither the kernels that a kernel calls nor two processes that write at once, and forgets all
-kernels of a file that is edited. Here the name of a file is a hash of the code of a kernel and of all that it calls, of the
-types of its arguments, of the processor and of the versions: what is there is right, and never written twice.
+kernels of a file that is edited. Here the name of a file is a hash of the code of a kernel and of all that it calls, of
+the types of its arguments, of the processor and of the versions: what is there is right, and never written twice.
 
 This file is loaded when a kernel is compiled, never before: it imports numba.
 """

@@ -198,17 +198,16 @@ def _as_text(value: object) -> str:
     if isinstance(value, Kernel):
         return value.code_hash
     if isinstance(value, np.ndarray):
-        return f"{value.dtype.str} {value.shape} {hashlib.sha256(np.ascontiguousarray(value)).hexdigest()}"
+        return f"{value.dtype.str} {value.shape} {hashlib.sha256(value.tobytes()).hexdigest()}"
     if isinstance(value, tuple | list):
         return f"({', '.join(_as_text(item) for item in value)})"
     if value is None or isinstance(value, bool | int | float | complex | str | bytes | np.generic):
         return repr(value)
     if isinstance(value, type) and hasattr(value, "_fields"):
         return f"{value.__module__}.{value.__qualname__} {value._fields}"
-    # modules, classes and functions of libraries: the versions are told elsewhere
-    return (
-        f"{getattr(value, '__module__', '')}.{getattr(value, '__qualname__', getattr(value, '__name__', type(value)))}"
-    )
+    # modules, classes and functions of libraries, whose versions decide what they are
+    name = getattr(value, "__qualname__", getattr(value, "__name__", type(value).__qualname__))
+    return f"{getattr(value, '__module__', '')}.{name}"
 
 
 @cache

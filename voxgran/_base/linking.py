@@ -28,7 +28,7 @@ class CalleeLibrary(JITCodeLibrary):
 
     @property
     def codegen(self) -> "CalleeLibrary":
-        """This library, which takes the place of the one where a compiled function keeps its environment."""
+        """Return this library, in place of the one where a compiled function keeps its environment."""
         return self
 
     def set_env(self, env_name: str, env: Any) -> None:
@@ -43,21 +43,26 @@ class CallerLibrary(JITCodeLibrary):
 
     def finalize(self) -> None:
         """Link the callees, each once, and optimize all together."""
-        self._linking_libraries = _all_behind(self._linking_libraries)
+        self._linking_libraries: list[Any] = _all_behind(self._linking_libraries)
         super().finalize()
 
 
 def _all_behind(libraries: list[Any]) -> list[Any]:
-    """Return libraries, each once, with those that callees among them need."""
-    found: dict[Any, None] = {}
-    waiting = list(reversed(libraries))
+    """Return libraries with those that callees among them need: each once, and behind all that may call it.
+
+    In this order LLVM sees each call before the function: it drops what nothing calls yet.
+    """
+    ended: dict[Any, None] = {}
+    waiting = [(library, False) for library in libraries]
     while waiting:
-        library = waiting.pop()
-        if library not in found:
-            found[library] = None
+        library, is_left = waiting.pop()
+        if is_left:
+            ended[library] = None
+        elif library not in ended:
+            waiting.append((library, True))
             if isinstance(library, CalleeLibrary):
-                waiting.extend(reversed(library._linking_libraries))
-    return list(found)
+                waiting.extend((needed, False) for needed in library._linking_libraries)
+    return list(reversed(ended))
 
 
 class CallerCompiler(Compiler):

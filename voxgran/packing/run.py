@@ -8,6 +8,7 @@ import math
 import os
 import time
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -17,6 +18,7 @@ from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import CheckpointError, Interrupted, OutputError
 from voxgran._base.files import remove_drafts
+from voxgran._base.kernels import telling_of_compilation
 from voxgran._base.lock import locked_file
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals, Stopped, stopping_when
@@ -102,7 +104,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
     Interrupted
         On SIGINT or SIGTERM: after a checkpoint was written; before the first attempt, and on a second signal, at once.
     """
-    with locked_file(how.checkpoint), Signals() as signals:
+    with locked_file(how.checkpoint), telling_of_compilation(partial(_tell_of_kernels, how)), Signals() as signals:
         state = method.prepare(problem)
         mark = fingerprint(method, problem)
         if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
@@ -229,6 +231,12 @@ def _tell(how: Drive, state: State) -> None:
     if how.on_step is not None:
         text = ", ".join(f"{name} {value}" for name, value in list(state.counters.items())[:2])
         how.on_step(Step(stage="packing", done=state.done, total=state.total, text=text))
+
+
+def _tell_of_kernels(how: Drive) -> None:
+    """Report that a kernel is compiled, which takes seconds when a method is used for the first time."""
+    if how.on_step is not None:
+        how.on_step(Step(stage="compiling", done=0, total=0, text="kernels (once per machine)"))
 
 
 def _farewell(how: Drive, state: State) -> str:

@@ -1,11 +1,12 @@
 """The kernel decorator compiles late, links kernels to each other and keeps its cache by content."""
 
+import os
 import subprocess
 import sys
 
 import numpy as np
 
-from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel
+from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel, telling_of_compilation
 from voxgran._base.registry import Registry, unknown
 
 
@@ -60,3 +61,96 @@ def test_unknown_names_get_the_nearest():
         "method 'digitl' is unknown: did you mean 'digital'? known are control_point, digital"
     )
     assert Registry("tool", "voxgran._base", object, group="none").names()[:2] == ("arrays", "axes")
+
+
+@kernel
+def _leaf(x):
+    return x * 7.0
+
+
+@kernel
+def _never_calls_it(x):
+    n = 1
+    for _ in range(3):
+        n += 1
+    return _leaf(x) if n == 2 else x
+
+
+@kernel
+def _calls_it(x):
+    return _leaf(x) + 0.5
+
+
+@kernel
+def _calls_both(x):
+    return _never_calls_it(x) + _calls_it(x)
+
+
+def test_a_callee_is_there_though_its_first_caller_needs_it_no_more():
+    assert _calls_both(2.0) == _calls_both.plain(2.0) == 16.5
+
+
+def hash_of(source, name="outer", **names):
+    """Return the hash of a kernel that a text defines."""
+    made = dict(names)
+    exec(source, {"kernel": kernel, **names}, made)
+    return made[name].code_hash
+
+
+def test_the_hash_follows_all_that_the_code_depends_on():
+    outer = "@kernel\ndef outer(x):\n    return inner(x) + STEP\n"
+    inner = [Kernel(_leaf.plain), Kernel(_calls_it.plain), Kernel(_leaf.plain, counted=False)]
+    hashes = [hash_of(outer, inner=kernel, STEP=1.0) for kernel in inner]
+    hashes += [hash_of(outer, inner=inner[0], STEP=value) for value in (2.0, 1, (1.0,), np.ones(2), np.zeros(2))]
+    hashes += [hash_of(outer.replace("+", "-"), inner=inner[0], STEP=1.0)]
+    assert len(set(hashes)) == len(hashes)
+    # neither its place in a file nor what is written around it matters
+    assert hash_of("\n\n" + outer, inner=inner[0], STEP=1.0) == hashes[0]
+
+
+RUN = """
+import logging, sys
+logging.basicConfig(stream=sys.stdout, level=logging.INFO, format="%(message)s")
+import numpy as np
+from voxgran.lattice.label import connected_components
+print(connected_components(np.ones((3, 3, 3), dtype=bool))[1])
+"""
+
+
+def test_a_kernel_is_compiled_once_per_machine(tmp_path):
+    def run():
+        words = {
+            "capture_output": True,
+            "text": True,
+            "check": True,
+            "env": {**os.environ, "VOXGRAN_CACHE": str(tmp_path)},
+        }
+        return subprocess.run([sys.executable, "-c", RUN], **words).stdout
+
+    (tmp_path / "kernels-0123456789abcdef").mkdir()
+    first, files = run(), {path.name: path.stat().st_mtime_ns for path in (tmp_path / "kernels").iterdir()}
+    assert "compiling" in first
+    assert "(once per machine)" in first
+    assert not (tmp_path / "kernels-0123456789abcdef").exists()
+    assert "compiling" not in run()
+    # a damaged file is compiled again, one of a kernel that nobody used for long is removed
+    for path in (tmp_path / "kernels").iterdir():
+        path.write_bytes(b"damaged")
+    old = tmp_path / "kernels" / "old-0-0.kernel"
+    old.touch()
+    os.utime(old, (0, 0))
+    assert "compiling" in run()
+    assert not old.exists()
+    assert set(files) == {path.name for path in (tmp_path / "kernels").iterdir()}
+
+
+def test_progress_tells_that_kernels_are_compiled():
+    steps = []
+
+    @kernel
+    def new(x):
+        return x + 0.123
+
+    with telling_of_compilation(lambda: steps.append("compiling")):
+        new.compiled()._cache._cache_file.load("no such types")
+    assert steps == ["compiling"]
