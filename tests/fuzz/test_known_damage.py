@@ -11,7 +11,7 @@ import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint
 from voxgran._base.errors import CheckpointError, FileFormatError
 from voxgran._base.lazy import load
-from voxgran.shapes import files
+from voxgran.shapes import diagnose, files
 from voxgran.shapes.tessellate import unit_box
 
 VERTICES, FACES, _ = unit_box()
@@ -159,10 +159,14 @@ def test_faces_of_one_corner(tmp_path, capfd):
     assert "gives one corner for each face" in refusal(vg.load_shape, tmp_path / "one.ply", text, capfd)
 
 
-def test_very_many_faces_in_one_place(tmp_path):
-    (tmp_path / "heap.obj").write_text(OBJ + "f 1 2 8\n" * 40_000)
-    with pytest.raises(vg.VoxgranError, match="edges without exactly two faces"):
-        vg.load_shape(tmp_path / "heap.obj")
+@pytest.mark.parametrize("old", ["", "f 1 2 8\n" * 100])
+def test_where_edges_are_wrong_no_crossings_are_counted(old, tmp_path, monkeypatch):
+    """Faces that lie on each other, as in damaged files, take time with the square of their number."""
+    monkeypatch.setattr(diagnose, "count_crossings", lambda *_: pytest.fail("they were counted"))
+    text = OBJ + old if old else OBJ.replace(OBJ.splitlines(keepends=True)[-1], "")
+    (tmp_path / "open.obj").write_text(text)
+    with pytest.raises(vg.VoxgranError, match=r"edges without exactly two faces|open edges"):
+        vg.load_shape(tmp_path / "open.obj")
 
 
 def test_off_files_that_count_below_zero(tmp_path, capfd):
@@ -212,6 +216,8 @@ def test_coordinates_in_arrays_follow_the_same_rule():
         ("1 1 1 1 0.5\n", "1 1 1\n", "line 10: '1 1 1' is not 5 numbers"),
         ("0 2\n0 2\n0 2\n", "0 2\n0 2\n0\n", "line 8: '0' is not 2 numbers"),
         ("0 2\n0 2\n0 2\n", "0 2\n0 2 0\n0 2\n", "line 7: '0 2 0' is not 2 numbers"),
+        ("ITEM: BOX BOUNDS pp pp ff\n0 2\n0 2\n0 2\n", "", "the frame is cut off"),
+        ("\n1 1 1 1 0.5\n", "\n1 1 1 1 0.5\nITEM: BOX BOUNDS pp pp ff\n0 2\n0 2\n", "the frame is cut off"),
         ("ATOMS\n1\n", "ATOMS\nnan\n", "which says nan"),
         ("ATOMS\n1\n", "ATOMS\n\n", "line 4: '' is not 1 numbers"),
         ("ATOMS\n1\n", "ATOMS\n1 1\n", "line 4: '1 1' is not 1 numbers"),

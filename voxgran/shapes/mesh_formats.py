@@ -254,7 +254,7 @@ def _ply_text(body: bytes, elements: list[_Element]) -> Iterator[dict[str, list[
                     continue
                 length = int(words[place])
                 items = words[place + 1 : place + 1 + length]
-                if not 0 <= length == len(items):
+                if length != len(items):
                     raise ValueError(f"it holds {len(items)} of {length} items of a list")
                 columns[key].append([int(float(item)) for item in items])
                 place += 1 + length

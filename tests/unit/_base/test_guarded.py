@@ -41,7 +41,7 @@ def sleeps(path):
     time.sleep(1000)
 
 def greedy(path):
-    return {}, {"a": np.ones(10**10)}
+    return {}, {"a": np.zeros(4 * 10**8)}
 
 def prints(path):
     print("to the output"); print("to the errors", file=sys.stderr)
@@ -203,7 +203,7 @@ def test_ctrl_c_ends_the_reader_too(path, tmp_path):
 
 
 def test_a_lower_limit_of_the_user_stays(readers, path):
-    script = f"ulimit -v 4000000; exec {sys.executable} -c 'import sys; sys.path[:] = sys.argv[2:]\nimport pathlib\n"
+    script = f"ulimit -v 1500000; exec {sys.executable} -c 'import sys; sys.path[:] = sys.argv[2:]\nimport pathlib\n"
     script += "import readers_of_a_test as r\nfrom voxgran._base.guarded import read_guarded\n"
     script += 'print(read_guarded(r.arrays, pathlib.Path(sys.argv[1]), many=3)[0]["text"])\' "$@"'
     command = ["sh", "-c", script, "sh", str(path), *sys.path]
