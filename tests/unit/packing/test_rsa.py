@@ -537,3 +537,16 @@ def test_a_grain_whose_bounding_ball_is_wider_than_a_period_stays_out():
     with pytest.warns(PackingWarning, match="0 of 3 grains"):
         packing = vg.pack(rod, vg.Box((3.02, 9, 9), "x"), method="rsa", count=3)
     assert packing.count == 0
+
+
+def test_boxes_are_cut_some_at_a_time(monkeypatch):
+    """How many are cut between two looks whether to stop changes nothing."""
+    room = vg.Rectangle((9, 8), "x")
+    square = vg.make_shape("polygon", vertices=((0, 0), (1, 0), (1, 1), (0, 1)))
+    told = {"method": "rsa", "until": "saturated", "aligned": True, "seed": 4}
+    whole = vg.pack(square, room, **told)
+    monkeypatch.setattr("voxgran.packing.open_boxes.AT_ONCE", 3)
+    some = vg.pack(square, room, **told)
+    assert some.stop_reason == whole.stop_reason == "saturated"
+    assert some.position.tobytes() == whole.position.tobytes()
+    assert some.provenance["counters"] == whole.provenance["counters"]

@@ -182,6 +182,8 @@ def test_chunks_grow_from_one_attempt_to_a_quarter_of_a_second(cost, monkeypatch
     assert steps[0][0] == 1
     seconds = np.diff([0.0, *(at for _, at in steps)])
     assert seconds.max() <= 0.5
+    made = np.diff([0, *(done for done, _ in steps)])
+    assert (made[1:] <= 2 * made[:-1]).all()
     # most of the work is done in chunks that are long enough not to cost anything
     assert len(steps) < 30 + clock[0] / 0.2
 
