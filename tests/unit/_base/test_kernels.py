@@ -104,6 +104,8 @@ def test_the_hash_follows_all_that_the_code_depends_on():
     hashes += [hash_of(outer, inner=inner[0], STEP=value) for value in (2.0, 1, (1.0,), np.ones(2), np.zeros(2))]
     hashes += [hash_of(outer.replace("+", "-"), inner=inner[0], STEP=1.0)]
     assert len(set(hashes)) == len(hashes)
+    hashes += [hash_of(outer.replace("STEP", f"STEP * {factor}"), inner=inner[0], STEP=1.0) for factor in (2.0, 3.0)]
+    assert len(set(hashes)) == len(hashes)
     # neither its place in a file nor what is written around it matters
     assert hash_of("\n\n" + outer, inner=inner[0], STEP=1.0) == hashes[0]
 

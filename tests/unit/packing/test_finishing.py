@@ -7,8 +7,11 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError
+from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.walls import beyond_lid, escape_depths
+from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some
+from voxgran.packing.method import State
 from voxgran.packing.settle import follow
 from voxgran.packing.touching import near_walls
 from voxgran.packing.wishes import falling
@@ -122,3 +125,22 @@ def test_sweeps_that_are_used_up_are_told():
     assert short.stop_reason == "steps"
     assert short.provenance["settling"]["sweeps"] == 3
     assert vg.pack(vg.make_shape("sphere"), box, count=20, **{**DIGITAL, "settling": 400}).stop_reason == "settled"
+
+
+@pytest.mark.parametrize("settles", [False, True])
+def test_a_sweep_that_is_given_up_is_not_counted(settles):
+    box = vg.Box((3, 3, 4))
+    places = np.array([[1, 1, 1.0], [1, 1, 1.9]])
+    assembly = Assembly.of((vg.make_shape("sphere"),), box, position=places)
+    finishing = Finishing(
+        parts=not settles, distance=0.0, settling=9, shaking=0, acceleration=0.8, friction=0.0, step=0.1,
+        gravity=-UP, seed=0,
+    )  # fmt: skip
+    state = State({}, dict(COUNTERS), done=50)
+    end_walk(state, finishing, assembly, placed=np.arange(2), reason="settled")
+    before = state.done, dict(state.counters), state.arrays["position"].tobytes()
+    with stopping_when(lambda: True), pytest.raises(Stopped):
+        finish_some(state, finishing, assembly, last=90, entered=True)
+    assert (state.done, state.counters, state.arrays["position"].tobytes()) == before
+    finish_some(state, finishing, assembly, last=90, entered=True)
+    assert state.done == 52

@@ -263,6 +263,8 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     if state.stop_reason:
         return state
     last = state.done + attempts
+    if state.counters["ended"] < 0:
+        setting_of(problem, state)
     while state.done < last and not state.stop_reason:
         if state.counters["ended"] >= 0:
             entered = state.counters["placed"] == problem.count
