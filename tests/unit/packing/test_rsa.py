@@ -545,7 +545,6 @@ def test_a_grain_whose_bounding_ball_is_wider_than_a_period_stays_out():
     assert packing.count == 0
 
 
-<<<<<<< HEAD
 @pytest.fixture(scope="module")
 def crowd():
     """Return the room of 2000 spheres at a solid fraction of 0.33, which random tries alone do not reach."""
@@ -608,7 +607,8 @@ def test_the_search_depends_neither_on_chunks_nor_on_what_is_made_again(chunk, o
         assert 0 < state.counters["search_from"] < 60
         runs.append((state.arrays["position"].tobytes(), state.counters, state.stop_reason))
     assert runs[0] == runs[1]
-=======
+
+
 def test_boxes_are_cut_some_at_a_time(monkeypatch):
     """How many are cut between two looks whether to stop changes nothing."""
     room = vg.Rectangle((9, 8), "x")
@@ -620,4 +620,3 @@ def test_boxes_are_cut_some_at_a_time(monkeypatch):
     assert some.stop_reason == whole.stop_reason == "saturated"
     assert some.position.tobytes() == whole.position.tobytes()
     assert some.provenance["counters"] == whole.provenance["counters"]
->>>>>>> h-run-f
