@@ -136,6 +136,7 @@ def sphere_packing(container=None):
 
 def saved(save, path):
     """Return the bytes that a writer writes."""
+    path.unlink(missing_ok=True)
     save(path)
     return path.read_bytes()
 

@@ -250,7 +250,7 @@ def test_open_cells_hold_every_free_place():
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_open_boxes_are_the_free_room_exactly(dimension):
     """Cut anew, the boxes hold every free place and no other, and none twice."""
-    room = vg.Rectangle((6, 5), "x") if dimension == 2 else vg.Box((6, 5, 5), "x")
+    room = vg.Rectangle((9, 8), "x") if dimension == 2 else vg.Box((6, 5, 5), "x")
     corners = ((0, 0), (1, 0), (1, 1), (0, 1))
     shape = vg.make_shape("polygon", vertices=corners) if dimension == 2 else vg.make_shape("box", lengths=(1, 1, 1))
     problem = task_of(shape, room, until="saturated", aligned=True, seed=3).problem
