@@ -7,6 +7,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran.packing.lattice import ContainerLattice, free_voxels
 from voxgran.packing.method import method_registry
 
 BALL = vg.make_shape("sphere", diameter=0.8)
@@ -91,6 +92,18 @@ def test_grains_stay_inside_or_the_container_is_refused(method, container):
     assert vg.verify(packing).escaped == 0
     if where.dimension == 3 or container.startswith("own"):
         assert where.signed_distance(packing.position).max() <= -0.4 + 1e-9
+
+
+@pytest.mark.parametrize("where", [Ring(), Ward()])
+def test_free_voxels_of_any_container_lie_wholly_inside(where):
+    dimension, (lower, upper) = where.dimension, where.bounds
+    corners = np.indices((2,) * dimension + (1,) * (3 - dimension)).reshape(3, -1).T
+    for size in (0.07, 0.083, 0.1, 0.13):
+        shape = np.maximum(((upper - lower) / size).astype(np.int64), 1)
+        free = free_voxels(where, ContainerLattice(np.array(lower), size, shape))
+        for corner in corners:
+            assert where.signed_distance(lower + size * (np.argwhere(free) + corner)).max() <= 1e-12
+        assert free.sum() * size**dimension > 0.65 * where.volume
 
 
 def test_what_is_not_wholly_a_container_is_told_what_it_lacks():

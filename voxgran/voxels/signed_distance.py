@@ -91,8 +91,7 @@ def signed_distance(
     ------
     InputError
         If the shape is flat or an open surface, not exactly one of voxel size and lattice is given, the voxel size or
-        the band is not above 0, the voxel size is larger than the shape in all directions, the source is unknown, or
-        `out` has another shape or type.
+        the band is not above 0, the source is unknown, or `out` has another shape or type.
     TooLargeError
         If there would be more than 2**34 voxels.
 
