@@ -494,6 +494,7 @@ def tried(name, folder, seed, numbers):
     """Return what is wrong, by the number of the mutation."""
     suffix, write, read = FORMATS[name]
     good, path = folder / f"good{suffix}", folder / f"damaged{suffix}"
+    good.unlink(missing_ok=True)
     raw = write(good)
     found = {}
     if wrong := outcome(read, good):
