@@ -152,3 +152,25 @@ def test_a_container_without_walls_has_none_to_be_near_to():
     box = vg.Box((4, 4, 4), (True, True, True))
     with pytest.raises(InputError, match="has none"):
         vg.pack(vg.make_shape("sphere"), box, method="digital_fill", count=2, place="wall")
+
+
+@pytest.mark.parametrize("place", ["lowest", "contact"])
+def test_maps_made_again_are_those_that_were_kept(place):
+    """Also where some kinds find no place any more while others still do."""
+    shapes = [vg.make_shape("sphere", diameter=size) for size in (*6 * [0.4], 1.0, 2.0)]
+    runs = []
+    for again in (False, True):
+        problem = task_of(
+            shapes, vg.Box((3, 3, 3), (True, False, False)), count=40, voxel_size=0.125, place=place
+        ).problem
+        state = digital_fill.prepare(problem)
+        while not state.stop_reason:
+            state = digital_fill.advance(problem, state, 1)
+            if again:
+                state.derived = {}
+        assert vg.verify(digital_fill.finish(problem, state)).ok
+        runs.append((state.arrays["site"].tobytes(), state.arrays["member"].tobytes(), state.counters))
+    assert runs[0] == runs[1]
+    came = state.arrays["member"][state.arrays["order"]] >= 0
+    # some come after others have found no place
+    assert (np.diff(came.astype(int)) > 0).any()

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.seeds import philox_block, philox_key
+from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.packing.graded_cells import Bed
 from voxgran.packing.methods.rsa import registration as rsa
 from voxgran.packing.open_cells import Open, all_edges, cut_cells
@@ -620,3 +621,31 @@ def test_boxes_are_cut_some_at_a_time(monkeypatch):
     assert some.stop_reason == whole.stop_reason == "saturated"
     assert some.position.tobytes() == whole.position.tobytes()
     assert some.provenance["counters"] == whole.provenance["counters"]
+
+
+@pytest.mark.parametrize("aligned", [False, True])
+def test_grains_that_were_put_off_go_on_after_a_stop_to_the_same_bits(aligned, monkeypatch):
+    shape = vg.make_shape("box", lengths=(1, 1, 1)) if aligned else vg.make_shape("sphere")
+    options = {"until": "saturated", "tries": 5, "count": 300, "sizes": vg.sizes.uniform(0.7, 1.3), "aligned": aligned}
+    problem = task_of([shape], vg.Box((4, 4, 5), "x"), **options).problem
+    whole, looks, stops = run_of(problem), [], []
+    assert whole.counters["late"] > 1
+    monkeypatch.setattr("voxgran.packing.open_boxes.AT_ONCE", 20)
+    state = rsa.prepare(problem)
+
+    def is_time():
+        looks.append(True)
+        return len(looks) % 7 == 0
+
+    while not state.stop_reason:
+        try:
+            with stopping_when(is_time):
+                state = rsa.advance(problem, state, 50)
+        except Stopped:
+            stops.append(state.counters["late"])
+            state.derived = {}
+        if len(looks) > 200:
+            monkeypatch.setattr("voxgran.packing.open_boxes.AT_ONCE", 2**15)
+    assert max(stops) > 0
+    assert state.counters == whole.counters
+    assert all(array.tobytes() == whole.arrays[name].tobytes() for name, array in state.arrays.items())
