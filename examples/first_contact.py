@@ -15,7 +15,7 @@ from matplotlib.image import imsave
 
 import voxgran as vg
 from voxgran._base.rotation import normalized, product, rotation_matrices
-from voxgran.packing.approach import Encounter
+from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.report.scenes import picture_packing
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/first_contact")

@@ -30,8 +30,10 @@ ARROWS = {
     "clumps": {"_base", "lattice", "shapes", "voxels", "points"},
 }
 ARROWS["contacts"] = ARROWS["clumps"] | {"containers", "clumps"}
-ARROWS["packing"] = ARROWS["contacts"] | {"contacts"}
-ARROWS["measure"] = ARROWS["packing"] | {"packing"}
+ARROWS["settling"] = ARROWS["contacts"] | {"contacts"}
+ARROWS["packing"] = ARROWS["settling"] | {"settling"}
+ARROWS["deform"] = ARROWS["packing"] | {"packing"}
+ARROWS["measure"] = ARROWS["deform"] | {"deform"}
 ARROWS["io"] = ARROWS["measure"] | {"measure"}
 ARROWS["report"] = ARROWS["io"] | {"io"}
 ARROWS["scene"] = ARROWS["report"] | {"report"}

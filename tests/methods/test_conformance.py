@@ -12,9 +12,9 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import GrainTooLargeError, InputError
 from voxgran._base.stopping import Stopped, stopping_when
+from voxgran.packing.driver import Drive, drive
 from voxgran.packing.method import method_registry
 from voxgran.packing.pack import prepare_task
-from voxgran.packing.run import Drive, drive
 
 #: methods, and what else of a method has to keep it all, by name
 VARIANTS = {
@@ -161,11 +161,11 @@ def test_no_attempts_change_nothing(which):
 #: what is done between two looks whether to stop, made little
 LOOKS = {
     "voxgran.contacts.surface_pairs.AT_ONCE": 3,
-    "voxgran.packing.open_boxes.AT_ONCE": 5,
-    "voxgran.packing.settle.AT_ONCE": 50,
-    "voxgran.packing.places.JOINED_WORDS": 1,
-    "voxgran.packing.places.FEWEST_RUNS": 7,
-    "voxgran.packing.methods.digital_fill.SLAB_WORDS": 1,
+    "voxgran.packing.rsa.available_boxes.AT_ONCE": 5,
+    "voxgran.settling.settle.AT_ONCE": 50,
+    "voxgran.packing.digital.feasible_places.JOINED_WORDS": 1,
+    "voxgran.packing.digital.feasible_places.FEWEST_RUNS": 7,
+    "voxgran.packing.digital.fill_method.SLAB_WORDS": 1,
 }
 
 
@@ -202,7 +202,7 @@ KILLED = """
 import os, signal, sys, time
 sys.path.insert(0, {folder!r})
 from test_conformance import task_of, drive, Drive
-import voxgran.packing.run as run
+import voxgran.packing.driver as run
 run.CHECKPOINT_SECONDS = 0.0
 # the first run loads all kernels, so that no kill is spent on that
 for _ in range(2):

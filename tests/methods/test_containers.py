@@ -7,7 +7,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran.packing.lattice import ContainerLattice, free_voxels
+from voxgran.packing.digital.container_lattice import ContainerLattice, free_voxels
 from voxgran.packing.method import method_registry
 
 BALL = vg.make_shape("sphere", diameter=0.8)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.packing.digital_setting import setting_of
-from voxgran.packing.methods.digital import registration as digital
+from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.walk_method import registration as digital
 from voxgran.packing.pack import prepare_task
 
 LARGE = """

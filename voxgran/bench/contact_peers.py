@@ -15,8 +15,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran._base.rotation import product, rotation_matrices
-from voxgran.packing.control_walk import DECAY, GROWTH
-from voxgran.packing.methods.control_point import SHORTEST_STEP
+from voxgran.packing.control_point.attempts import DECAY, GROWTH
+from voxgran.packing.control_point.method import SHORTEST_STEP
 
 #: grain, way, axis and half the angle of each attempt, for steps of 1, to the number of accepted ones
 Moves = Callable[[Integers, Floats, Floats, Floats], int]

@@ -96,7 +96,7 @@ def report(options: argparse.Namespace) -> None:
 
 def compare(options: argparse.Namespace) -> None:
     """Write a page that compares packings."""
-    from voxgran.scene.seeds import packings_of_run
+    from voxgran.scene.replicates import packings_of_run
 
     packings: dict[str, list[Any]] = {}
     for name, path in _named(options.file):

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from voxgran.contacts.verify import verify
 from voxgran.measure.model import Measure, dataset, variable
 from voxgran.measure.window import NO_DEPTH
 from voxgran.packing.model import Packing
-from voxgran.packing.verify import verify
 
 if TYPE_CHECKING:
     from xarray import Dataset

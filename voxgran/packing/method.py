@@ -1,9 +1,9 @@
 """What a packing method is: three functions over plain arrays, and the registry that finds them.
 
-A method never sees checkpoints, signals, clocks or progress; :mod:`voxgran.packing.run` does these for all. Therefore
-its state is arrays and counters and nothing else, and what attempt number k does depends on the state and k alone, so
-that results do not depend on how many attempts are computed in one call. A call with none makes what follows from the
-problem and changes nothing. Where an attempt may take more than half a second the method calls
+A method never sees checkpoints, signals, clocks or progress; :mod:`voxgran.packing.driver` does these for all.
+Therefore its state is arrays and counters and nothing else, and what attempt number k does depends on the state and k
+alone, so that results do not depend on how many attempts are computed in one call. A call with none makes what follows
+from the problem and changes nothing. Where an attempt may take more than half a second the method calls
 :func:`voxgran._base.stopping.stop_if_asked` in between, with arrays and counters as after the last attempt.
 """
 

@@ -209,7 +209,7 @@ class Packing(Assembly):
 
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""
-        from voxgran.packing.thumbnail import packing_card
+        from voxgran.packing.notebook import packing_card
 
         return packing_card(self)
 

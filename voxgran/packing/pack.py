@@ -26,13 +26,13 @@ from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
 from voxgran.packing.asked import check_asked, check_drive, warn_of_units
-from voxgran.packing.grains import Grains, draw_grains, size_distance
+from voxgran.packing.draw import Grains, draw_grains, size_distance
+from voxgran.packing.driver import Drive, Recorder, drive
 from voxgran.packing.memory import check_memory, packing_memory
 from voxgran.packing.method import PackingMethod, State, method_registry
 from voxgran.packing.model import Packing
 from voxgran.packing.one_unit import in_one_unit
 from voxgran.packing.problem import Problem
-from voxgran.packing.run import Drive, Recorder, drive
 from voxgran.packing.start import Start, check_start
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution

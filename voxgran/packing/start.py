@@ -15,12 +15,12 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container
-from voxgran.packing.spread import spread
-from voxgran.packing.verify import verify
+from voxgran.settling.separate import spread
 
 if TYPE_CHECKING:
-    from voxgran.packing.lattice import ContainerLattice
+    from voxgran.packing.digital.container_lattice import ContainerLattice
     from voxgran.packing.problem import Problem
 
 #: puts down grains, in an order, at sites, by ways: -1 where all have found a place

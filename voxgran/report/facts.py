@@ -13,7 +13,7 @@ from voxgran.packing.model import Packing
 if TYPE_CHECKING:
     from xarray import DataTree
 
-    from voxgran.packing.verify import Verification
+    from voxgran.contacts.verify import Verification
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,7 @@ from voxgran.report.figures import Figure
 if TYPE_CHECKING:
     from xarray import DataTree
 
-    from voxgran.packing.verify import Verification
+    from voxgran.contacts.verify import Verification
 
 
 def page_numbers(

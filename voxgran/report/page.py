@@ -33,7 +33,7 @@ from voxgran.shapes.model import Shape
 if TYPE_CHECKING:
     from xarray import DataTree
 
-    from voxgran.packing.verify import Verification
+    from voxgran.contacts.verify import Verification
 
 #: how many shapes are drawn, and how many are listed
 SHAPES_DRAWN, SHAPES_LISTED = 3, 20

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from voxgran._base.errors import MissingFileError
 from voxgran._base.files import write_text
 from voxgran._base.progress import OnStep
+from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.box import Box
 from voxgran.io.files import save
 from voxgran.io.netcdf import save_statistics
@@ -21,7 +22,6 @@ from voxgran.io.vtk_files import save_scene
 from voxgran.measure.model import measure
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
-from voxgran.packing.verify import Verification, verify
 from voxgran.report.page import write_report
 from voxgran.scene.run import opened_folder, summary_of
 from voxgran.shapes.family import make_shape

@@ -15,6 +15,7 @@ from voxgran._base.guarded import refused
 from voxgran._base.lazy import loaded
 from voxgran._base.lock import FOLDER_LOCK, locked_folder
 from voxgran._base.progress import OnStep, Step
+from voxgran.contacts.verify import Verification, verify
 from voxgran.io.files import load, save
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.series import Series
@@ -22,7 +23,6 @@ from voxgran.io.vtk_files import save_scene
 from voxgran.measure.model import measure
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
-from voxgran.packing.verify import Verification, verify
 from voxgran.report.page import write_report
 from voxgran.scene.model import Scene
 from voxgran.scene.plan import Plan, make_plan
@@ -102,7 +102,7 @@ def run_scene(
         On SIGINT or SIGTERM, after a checkpoint was written.
     """
     if scene.general.seeds > 1:
-        from voxgran.scene.seeds import run_seeds
+        from voxgran.scene.replicates import run_seeds
 
         return run_seeds(scene, folder, resume=resume, overwrite=overwrite, on_step=on_step)
     return run_one(scene, folder, resume=resume, overwrite=overwrite, on_step=on_step)

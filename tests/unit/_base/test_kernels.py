@@ -47,7 +47,7 @@ def test_inlined_kernels_give_what_others_give():
 
 
 def test_decorating_loads_no_numba():
-    code = "import sys, voxgran.packing.bits, voxgran._base.seeds; sys.exit('numba' in sys.modules)"
+    code = "import sys, voxgran.packing.digital.bit_columns, voxgran._base.seeds; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

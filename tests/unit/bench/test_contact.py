@@ -6,7 +6,7 @@ import pytest
 import voxgran as vg
 from voxgran.bench.contact_peers import Grains, grid_moves, tree_moves
 from voxgran.bench.tradeoffs import contact
-from voxgran.packing.approach import Encounter
+from voxgran.packing.control_point.first_contact import Encounter
 
 
 def test_peers_accept_the_same_attempts():

@@ -2,7 +2,7 @@ import numpy as np
 
 from voxgran.bench.tradeoffs.digital import measure_beds, measure_bodies, measure_spheres, walking_task
 from voxgran.bench.walk_peers import front_walk, numpy_walk, occupied
-from voxgran.packing.digital_setting import setting_of
+from voxgran.packing.digital.precompute import setting_of
 from voxgran.shapes.family import make_shape
 
 

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull, cKDTree
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.stopping import Stopped, stopping_when
-from voxgran.packing.methods.advancing_front import ASIDE
+from voxgran.packing.advancing_front.method import ASIDE
 from voxgran.packing.pack import prepare_task
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")

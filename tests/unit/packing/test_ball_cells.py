@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from voxgran.packing.ball_cells import is_free, lay_cells, link, link_all, unlink
+from voxgran.packing.advancing_front.level_grid import is_free, lay_cells, link, link_all, unlink
 
 CASES = {
     "a box": ((9.0, 7.0, 11.0), (0, 0, 0), 3, 400),

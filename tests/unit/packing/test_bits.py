@@ -5,7 +5,7 @@ import pytest
 
 from voxgran._base.rotation import lattice_rotations
 from voxgran._base.seeds import stream
-from voxgran.packing.bits import (
+from voxgran.packing.digital.bit_columns import (
     Canvas,
     Field,
     grain_words,
@@ -16,7 +16,7 @@ from voxgran.packing.bits import (
     unpack_columns,
     write_turned,
 )
-from voxgran.packing.stamps import (
+from voxgran.packing.digital.stamping import (
     close_layer,
     count_layer,
     look,

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.packing import close_lists
-from voxgran.packing.methods.control_point import registration as control_point
+from voxgran.packing.control_point import verlet_lists as close_lists
+from voxgran.packing.control_point.method import registration as control_point
 from voxgran.packing.pack import prepare_task
 
 

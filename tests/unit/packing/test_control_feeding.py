@@ -6,12 +6,12 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import GrainTooLargeError, InputError
 from voxgran._base.seeds import philox_key
-from voxgran.packing.control_feeding import LID_STEP
-from voxgran.packing.control_walk import GROWTH
-from voxgran.packing.feeding import LAYER_REFUSALS
-from voxgran.packing.methods.control_point import registration as control_point
+from voxgran.packing.control_point.attempts import GROWTH
+from voxgran.packing.control_point.method import registration as control_point
+from voxgran.packing.control_point.schedule import LID_STEP
+from voxgran.packing.driver import Drive, drive
 from voxgran.packing.pack import prepare_task
-from voxgran.packing.run import Drive, drive
+from voxgran.packing.walking.feeding import LAYER_REFUSALS
 
 BOX = vg.Box((4, 4, 6))
 
@@ -267,7 +267,7 @@ def test_the_way_of_the_lid_is_in_the_unit_of_lengths():
 
 @pytest.mark.parametrize("way", [{"lid": True}, {"feed": "layers"}, {"gravity": (0.5, 0.0, -1.0)}], ids=str)
 def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypatch):
-    monkeypatch.setattr("voxgran.packing.run.FIRST_CHUNK", 1000)
+    monkeypatch.setattr("voxgran.packing.driver.FIRST_CHUNK", 1000)
     told = {"method": "control_point", "count": 12, "spacing": 0.25, "sweeps": 200, "cycles": 2, "seed": 3, **way}
     shape, path, stops = vg.make_shape("solid_union", seed=2), tmp_path / "run.checkpoint", 0
     whole = vg.pack(shape, BOX, **told)

@@ -11,7 +11,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran.contacts.triangles import nearest_points
-from voxgran.packing.control_setting import KEPT, WAY
+from voxgran.packing.control_point.precompute import KEPT, WAY
 from voxgran.packing.pack import prepare_task
 from voxgran.points.control import edge_points, sample_controls
 

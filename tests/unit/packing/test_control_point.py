@@ -12,16 +12,16 @@ import voxgran as vg
 from voxgran._base.errors import InputError, Interrupted, PackingWarning, UnknownNameError
 from voxgran._base.rotation import product, rotation_matrices
 from voxgran._base.seeds import philox_key
-from voxgran.packing.control_points import is_within, meets
-from voxgran.packing.control_records import Bed
-from voxgran.packing.control_walk import DECAY, GROWTH
-from voxgran.packing.field_contacts import meets_field
-from voxgran.packing.fields import PLANES
-from voxgran.packing.methods.control_point import SHORTEST_STEP
-from voxgran.packing.methods.control_point import registration as control_point
+from voxgran.packing.control_point.attempts import DECAY, GROWTH
+from voxgran.packing.control_point.distance_fields import PLANES
+from voxgran.packing.control_point.method import SHORTEST_STEP
+from voxgran.packing.control_point.method import registration as control_point
+from voxgran.packing.control_point.point_contact import is_within, meets
+from voxgran.packing.control_point.records import Bed
+from voxgran.packing.control_point.relative_poses import write_matrix
+from voxgran.packing.control_point.sdf_contact import meets_field
+from voxgran.packing.driver import Drive, drive
 from voxgran.packing.pack import prepare_task
-from voxgran.packing.poses import write_matrix
-from voxgran.packing.run import Drive, drive
 from voxgran.points.control import inner_points
 from voxgran.shapes.curvature import largest_curvature
 

@@ -9,9 +9,9 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import CheckpointError, InputError, Interrupted, PackingWarning, UnknownNameError
 from voxgran._base.seeds import philox_key
-from voxgran.packing.methods.digital import registration as digital
+from voxgran.packing.digital.walk_method import registration as digital
+from voxgran.packing.driver import Drive, drive
 from voxgran.packing.pack import prepare_task
-from voxgran.packing.run import Drive, drive
 
 
 def task_of(shapes, container, *, count=8, seed=0, **parameters):

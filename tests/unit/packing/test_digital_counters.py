@@ -5,10 +5,10 @@ from scipy.ndimage import binary_dilation, binary_erosion
 
 import voxgran as vg
 from voxgran._base.seeds import philox_key
-from voxgran.packing import digital_setting
-from voxgran.packing.bits import pack_columns
-from voxgran.packing.digital_setting import setting_of
-from voxgran.packing.methods.digital import registration as digital
+from voxgran.packing.digital import precompute as digital_setting
+from voxgran.packing.digital.bit_columns import pack_columns
+from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.walk_method import registration as digital
 from voxgran.packing.pack import prepare_task
 
 

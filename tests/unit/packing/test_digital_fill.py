@@ -5,7 +5,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran.packing.methods.digital_fill import registration as digital_fill
+from voxgran.packing.digital.fill_method import registration as digital_fill
 from voxgran.packing.pack import prepare_task
 
 

@@ -7,7 +7,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.rotation import rotation_matrices
 from voxgran._base.seeds import philox_key, shuffled
-from voxgran.packing.methods.digital_rsa import registration as digital_rsa
+from voxgran.packing.digital.rsa_method import registration as digital_rsa
 from voxgran.packing.pack import prepare_task
 
 

@@ -8,10 +8,10 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import philox_key
-from voxgran.packing.digital_setting import setting_of
-from voxgran.packing.methods.digital import registration as digital
+from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.walk_method import registration as digital
+from voxgran.packing.driver import Drive, drive
 from voxgran.packing.pack import prepare_task
-from voxgran.packing.run import Drive, drive
 
 BOX = vg.Box((4, 4, 6))
 
@@ -245,7 +245,7 @@ def test_sleeping_grains_are_passed_over_and_the_bed_is_as_dense():
     "way", [{"lid": True}, {"schedule": "sleeping", "guided": 0.3}, {"feed": "layers"}, {"schedule": "sorted"}], ids=str
 )
 def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypatch):
-    monkeypatch.setattr("voxgran.packing.run.FIRST_CHUNK", 1000)
+    monkeypatch.setattr("voxgran.packing.driver.FIRST_CHUNK", 1000)
     options = {"method": "digital", "count": 15, "voxel_size": 0.125, "sweeps": 200, "cycles": 2, "seed": 3, **way}
     shape, path, stops = vg.make_shape("solid_union", seed=2), tmp_path / "run.checkpoint", 0
     whole = vg.pack(shape, BOX, **options)

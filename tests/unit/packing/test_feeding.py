@@ -3,11 +3,11 @@
 import pytest
 
 import voxgran as vg
-from voxgran.packing.feeding import SINK_DEPTH, SINK_SWEEPS
-from voxgran.packing.methods.control_point import registration as control_point
-from voxgran.packing.methods.digital import registration as digital
+from voxgran.packing.control_point.method import registration as control_point
+from voxgran.packing.digital.walk_method import registration as digital
+from voxgran.packing.driver import Drive, drive
 from voxgran.packing.pack import prepare_task
-from voxgran.packing.run import Drive, drive
+from voxgran.packing.walking.feeding import SINK_DEPTH, SINK_SWEEPS
 
 SPHERE = vg.make_shape("sphere")
 ROOMY = vg.Box((4, 4, 8))

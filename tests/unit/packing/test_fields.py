@@ -5,9 +5,18 @@ import pytest
 
 import voxgran as vg
 from voxgran.contacts.inside import inner_distance
-from voxgran.packing.field_contacts import find_near
-from voxgran.packing.fields import BALLS, GRID, PLANES, ROUGH, SINGLE, STEEP, distances, make_fields
-from voxgran.packing.trees import make_trees, stack_room
+from voxgran.packing.control_point.distance_fields import (
+    BALLS,
+    GRID,
+    PLANES,
+    ROUGH,
+    SINGLE,
+    STEEP,
+    distances,
+    make_fields,
+)
+from voxgran.packing.control_point.point_trees import make_trees, stack_room
+from voxgran.packing.control_point.sdf_contact import find_near
 from voxgran.points.sample import sample_surface
 from voxgran.shapes.spheres import Spheres
 

@@ -10,11 +10,11 @@ from voxgran._base.errors import InputError
 from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.walls import beyond_lid, escape_depths
-from voxgran.packing.finishing import COUNTERS, Finishing, end_walk, finish_some
 from voxgran.packing.method import State
-from voxgran.packing.settle import follow
-from voxgran.packing.touching import near_walls
-from voxgran.packing.wishes import falling
+from voxgran.packing.walking.finishing import COUNTERS, Finishing, end_walk, finish_some
+from voxgran.settling.contact_points import near_walls
+from voxgran.settling.settle import follow
+from voxgran.settling.trial_motion import falling
 
 DIGITAL = {"method": "digital", "voxel_size": 1 / 12, "sweeps": 100, "up": 0.0, "settling": 150, "seed": 2}
 CONTROL = {"method": "control_point", "spacing": 0.2, "sweeps": 100, "settling": 60, "seed": 2}
@@ -94,7 +94,7 @@ def test_grains_of_centered_voxels_are_parted_before_they_settle(name):
 
 
 def test_parting_and_lid_go_on_after_a_stop_to_the_same_bits(tmp_path, monkeypatch):
-    monkeypatch.setattr("voxgran.packing.run.FIRST_CHUNK", 1000)
+    monkeypatch.setattr("voxgran.packing.driver.FIRST_CHUNK", 1000)
     options = {**DIGITAL, "count": 10, "settling": 8, "shaking": 4, "cover": "center", "lid": True}
     shape, box = vg.make_shape("ellipsoid"), vg.Box((3, 3, 4))
     whole = vg.pack(shape, box, **options)

@@ -6,7 +6,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.contacts.walls import escape_depths
-from voxgran.packing.methods.advancing_front import registration as front
+from voxgran.packing.advancing_front.method import registration as front
 from voxgran.packing.pack import prepare_task
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")

@@ -3,8 +3,8 @@
 import numpy as np
 
 import voxgran as vg
-from voxgran.packing import digital_setting
-from voxgran.packing.methods.digital import registration as digital
+from voxgran.packing.digital import precompute as digital_setting
+from voxgran.packing.digital.walk_method import registration as digital
 from voxgran.packing.pack import prepare_task
 
 

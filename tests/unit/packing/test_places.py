@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import fftconvolve
 
 from voxgran._base.seeds import stream
-from voxgran.packing.bits import unpack_columns
-from voxgran.packing.places import (
+from voxgran.packing.digital.bit_columns import unpack_columns
+from voxgran.packing.digital.feasible_places import (
     Room,
     add_table,
     best_at,

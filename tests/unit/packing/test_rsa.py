@@ -10,11 +10,11 @@ import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.seeds import philox_block, philox_key
 from voxgran._base.stopping import Stopped, stopping_when
-from voxgran.packing.graded_cells import Bed
-from voxgran.packing.methods.rsa import registration as rsa
-from voxgran.packing.open_cells import Open, all_edges, cut_cells
 from voxgran.packing.pack import prepare_task
-from voxgran.packing.rsa_setting import congruential
+from voxgran.packing.rsa.available_cells import Open, all_edges, cut_cells
+from voxgran.packing.rsa.level_grid import Bed
+from voxgran.packing.rsa.method import registration as rsa
+from voxgran.packing.rsa.precompute import congruential
 
 GRADED = vg.sizes.discrete([1.0, 0.6, 0.3], [1, 2, 3])
 
@@ -616,7 +616,7 @@ def test_boxes_are_cut_some_at_a_time(monkeypatch):
     square = vg.make_shape("polygon", vertices=((0, 0), (1, 0), (1, 1), (0, 1)))
     told = {"method": "rsa", "until": "saturated", "aligned": True, "seed": 4}
     whole = vg.pack(square, room, **told)
-    monkeypatch.setattr("voxgran.packing.open_boxes.AT_ONCE", 3)
+    monkeypatch.setattr("voxgran.packing.rsa.available_boxes.AT_ONCE", 3)
     some = vg.pack(square, room, **told)
     assert some.stop_reason == whole.stop_reason == "saturated"
     assert some.position.tobytes() == whole.position.tobytes()
@@ -630,7 +630,7 @@ def test_grains_that_were_put_off_go_on_after_a_stop_to_the_same_bits(aligned, m
     problem = task_of([shape], vg.Box((4, 4, 5), "x"), **options).problem
     whole, looks, stops = run_of(problem), [], []
     assert whole.counters["late"] > 1
-    monkeypatch.setattr("voxgran.packing.open_boxes.AT_ONCE", 20)
+    monkeypatch.setattr("voxgran.packing.rsa.available_boxes.AT_ONCE", 20)
     state = rsa.prepare(problem)
 
     def is_time():
@@ -645,7 +645,7 @@ def test_grains_that_were_put_off_go_on_after_a_stop_to_the_same_bits(aligned, m
             stops.append(state.counters["late"])
             state.derived = {}
         if len(looks) > 200:
-            monkeypatch.setattr("voxgran.packing.open_boxes.AT_ONCE", 2**15)
+            monkeypatch.setattr("voxgran.packing.rsa.available_boxes.AT_ONCE", 2**15)
     assert max(stops) > 0
     assert state.counters == whole.counters
     assert all(array.tobytes() == whole.arrays[name].tobytes() for name, array in state.arrays.items())

@@ -14,10 +14,10 @@ from voxgran._base.errors import InputError, Interrupted, InUseError, OutputErro
 from voxgran._base.files import _draft_name, remove_drafts
 from voxgran._base.lock import locked_file
 from voxgran._base.stopping import stop_if_asked
-from voxgran.packing import run
+from voxgran.packing import driver as run
+from voxgran.packing.driver import Drive, drive
 from voxgran.packing.method import State, method_registry
 from voxgran.packing.pack import prepare_task
-from voxgran.packing.run import Drive, drive
 
 METHODS = vg.packing_methods()
 QUICK = {"digital": {"voxel_size": 0.2, "sweeps": 30}, "control_point": {"spacing": 0.3, "sweeps": 30}}

@@ -9,9 +9,9 @@ from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import grain_pairs
-from voxgran.packing.settle import follow
-from voxgran.packing.touching import find_touching, joined, near_corners
-from voxgran.packing.wishes import falling, shaken
+from voxgran.settling.contact_points import find_touching, joined, near_corners
+from voxgran.settling.settle import follow
+from voxgran.settling.trial_motion import falling, shaken
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -144,7 +144,7 @@ def test_bad_settling_is_refused(parameters, words):
 
 @pytest.mark.parametrize("shaking", [0, 6])
 def test_settling_goes_on_after_a_stop_to_the_same_bits(tmp_path, shaking, monkeypatch):
-    monkeypatch.setattr("voxgran.packing.run.FIRST_CHUNK", 1000)
+    monkeypatch.setattr("voxgran.packing.driver.FIRST_CHUNK", 1000)
     options = {"method": "digital", "count": 10, "voxel_size": 0.125, "sweeps": 100, "cycles": 1, "settling": 12}
     options["shaking"] = shaking
     shape, box = vg.make_shape("box"), vg.Box((3, 3, 4))

@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from voxgran.packing.ball_cells import BITS, HERE
-from voxgran.packing.tangent import PLANE, SIDE, place_at, touch_balls, touch_disks
+from voxgran.packing.advancing_front.level_grid import BITS, HERE
+from voxgran.packing.advancing_front.tangent_spheres import PLANE, SIDE, place_at, touch_balls, touch_disks
 
 LENGTHS = np.array([20.0, 20.0, 30.0])
 

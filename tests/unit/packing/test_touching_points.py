@@ -7,10 +7,10 @@ import voxgran as vg
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import overlaps
-from voxgran.packing.approach import Encounter
+from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.packing.method import method_registry
 from voxgran.packing.pack import prepare_task
-from voxgran.packing.settle import part_once
+from voxgran.settling.settle import part_once
 
 
 def poses(many, reach, seed=0):

@@ -5,7 +5,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
-from voxgran.packing.approach import Encounter
+from voxgran.packing.control_point.first_contact import Encounter
 
 BALL = vg.make_shape("sphere")
 

@@ -11,12 +11,12 @@ from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import overlaps
+from voxgran.contacts.verify import verify
 from voxgran.contacts.walls import escape_depths
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.rectangle import Rectangle
-from voxgran.packing.verify import verify
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape

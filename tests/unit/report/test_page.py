@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from voxgran._base.errors import OutputExistsError
+from voxgran.contacts.verify import verify
 from voxgran.packing.model import Packing
-from voxgran.packing.verify import verify
 from voxgran.report import facts
 from voxgran.report.page import write_report
 

@@ -9,7 +9,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import CheckpointError, InputError, MissingFileError, PackingWarning
-from voxgran.scene.seeds import averaged, packings_of_run
+from voxgran.scene.replicates import averaged, packings_of_run
 
 SCENE = """
 [scene]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.packing.thumbnail import MOST_TRIANGLES, packing_picture
+from voxgran.packing.notebook import MOST_TRIANGLES, packing_picture
 from voxgran.shapes.thumbnail import shape_picture, surface_samples
 
 

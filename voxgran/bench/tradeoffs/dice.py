@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran.bench.model import TradeOff, calibration
+from voxgran.contacts.verify import verify
 from voxgran.containers.box import Box
 from voxgran.measure.density import bulk_solid_fraction
 from voxgran.packing.pack import pack
-from voxgran.packing.verify import verify
 from voxgran.shapes.family import make_shape
 
 #: loosest and densest beds of dice (Baker & Kudrolli 2010), each to 0.01

@@ -20,11 +20,11 @@ from voxgran.bench.model import TradeOff, calibration
 from voxgran.bench.walk_peers import Walk, front_walk, numpy_walk, occupied
 from voxgran.containers.box import Box
 from voxgran.measure.density import bulk_solid_fraction
-from voxgran.packing.digital_setting import setting_of
+from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.schedule import SORT_SWEEPS
 from voxgran.packing.method import State, method_registry
 from voxgran.packing.pack import pack, prepare_task
 from voxgran.packing.problem import Problem
-from voxgran.packing.turns import SORT_SWEEPS
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape

@@ -1,0 +1,191 @@
+"""The container as kernels see it: does it hold a ball or an upright box, and may a small box hold such a centre?
+
+Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright. In a
+closed mesh the distance of a centre from the surface is exact (:mod:`voxgran._base.tree`), so that a ball that is
+held protrudes by no more than rounding.
+
+What the advancing front asks beyond that, in coordinates of its own, is in
+:mod:`voxgran.packing.advancing_front.container`.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel
+from voxgran._base.tree import STACK, is_behind, search_triangles
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.model import Container
+from voxgran.containers.sphere import Sphere
+from voxgran.shapes.mesh import Mesh
+
+#: kinds of containers: flat walls only, a cylinder, a sphere, a closed mesh
+FLAT, UPRIGHT, ROUND, MESH = 0, 1, 2, 3
+#: a grain that reaches beyond a wall by this share of the container, or less, does so by rounding
+ROUNDING = 1e-15
+
+
+class Frame(NamedTuple):
+    """What every container has: its kind, bounds, which axes have walls and which are periodic (2D: z neither).
+
+    radius: of a cylinder or a sphere.
+    """
+
+    kind: int
+    lower: Floats
+    lengths: Floats
+    walled: Integers
+    periodic: Integers
+    radius: float
+
+
+class MeshWalls(NamedTuple):
+    """The walls of a closed mesh: its tree, about `shift`, and room for searches; of other containers nothing."""
+
+    corners: Floats
+    low: Floats
+    high: Floats
+    start: Integers
+    normals: Floats
+    shift: Floats
+    stack: Integers
+
+
+class Room(NamedTuple):
+    """The container: its frame, a point of the axis of a cylinder or the centre of a sphere, and the walls of a mesh.
+
+    `slack` is what rounding does.
+    """
+
+    kind: int
+    lower: Floats
+    lengths: Floats
+    walled: Integers
+    periodic: Integers
+    radius: float
+    middle: Floats
+    slack: float
+    mesh: MeshWalls
+
+
+def frame_of(container: Container) -> Frame:
+    """Return what every container has."""
+    lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
+    periodic = np.array(container.periodic, dtype=np.int64)
+    walled = np.where(np.arange(3) < container.dimension, 1 - periodic, 0).astype(np.int64)
+    kind, radius = FLAT, 0.0
+    if isinstance(container, Cylinder | Sphere):
+        kind, radius = UPRIGHT if isinstance(container, Cylinder) else ROUND, float(container.radius)
+    elif isinstance(container, ClosedMesh):
+        kind = MESH
+    return Frame(kind, lower, upper - lower, walled, periodic, radius)
+
+
+def walls_of(container: Container, origin: Floats) -> MeshWalls:
+    """Return the walls of a closed mesh for places that are counted from an origin; of other containers none.
+
+    Parameters
+    ----------
+    container : Container
+        The container.
+    origin : (3,) ndarray of float
+        Where places are counted from.
+    """
+    if not isinstance(container, ClosedMesh):
+        return MeshWalls(
+            *(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64)),
+            *(np.zeros((0, 7, 3)), np.zeros(3), np.zeros(0, dtype=np.int64)),
+        )
+    assert isinstance(container.shape.geometry, Mesh)
+    tree = container.shape.geometry.tree
+    # copies that may be written, as the arrays of other containers may: kernels are compiled once
+    corners, low, high = tree.corners.copy(), tree.low.copy(), tree.high.copy()
+    shift = origin - np.array(container.shape.offset, dtype=np.float64)
+    stack = np.zeros(STACK, dtype=np.int64)
+    return MeshWalls(corners, low, high, tree.start.copy(), tree.normals.copy(), shift, stack)
+
+
+def room_of(container: Container) -> Room:
+    """Return a container as kernels take it."""
+    frame = frame_of(container)
+    lengths = np.where(np.arange(3) < container.dimension, frame.lengths, 1.0)
+    slack = ROUNDING * float(lengths.max() + np.abs(frame.lower).max())
+    middle = np.mean(container.bounds, axis=0)
+    walls = walls_of(container, np.zeros(3))
+    return Room(*frame._replace(lengths=lengths), middle, slack, walls)
+
+
+@bare_kernel
+def is_held(room: Room, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
+    """Tell whether the container holds a grain with its centre at (x, y, z).
+
+    hx, hy, hz: half its extents; in a round or a closed container it is the ball of radius hx.
+    """
+    if not is_between(room, x, y, z, hx, hy, hz):
+        return False
+    if room.kind in (UPRIGHT, ROUND):
+        dx, dy, dz = x - room.middle[0], y - room.middle[1], z - room.middle[2] if room.kind == ROUND else 0.0
+        return math.sqrt(dx * dx + dy * dy + dz * dz) + hx <= room.radius + room.slack
+    if room.kind == MESH:
+        return -mesh_distance(room.mesh, x, y, z) >= hx
+    return True
+
+
+@bare_kernel
+def is_between(room: Room, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
+    """Tell whether a box of half extents (hx, hy, hz) lies within the bounds along the axes that have walls."""
+    lower, lengths, walled, slack = room.lower, room.lengths, room.walled, room.slack
+    if walled[0] == 1 and (x - hx < lower[0] - slack or x + hx > lower[0] + lengths[0] + slack):
+        return False
+    if walled[1] == 1 and (y - hy < lower[1] - slack or y + hy > lower[1] + lengths[1] + slack):
+        return False
+    return walled[2] == 0 or (z - hz >= lower[2] - slack and z + hz <= lower[2] + lengths[2] + slack)
+
+
+@bare_kernel
+def is_barred(room: Room, x: float, y: float, z: float, ex: float, ey: float, ez: float, radius: float) -> bool:
+    """Tell whether no point of a box can be the centre of a ball that the container holds.
+
+    The box has its middle at (x, y, z) and half extents (ex, ey, ez).
+    """
+    if _is_beyond(room, 0, x, ex, radius) or _is_beyond(room, 1, y, ey, radius) or _is_beyond(room, 2, z, ez, radius):
+        return True
+    if room.kind in (UPRIGHT, ROUND):
+        dx = max(abs(x - room.middle[0]) - ex, 0.0)
+        dy = max(abs(y - room.middle[1]) - ey, 0.0)
+        dz = max(abs(z - room.middle[2]) - ez, 0.0) if room.kind == ROUND else 0.0
+        return math.sqrt(dx * dx + dy * dy + dz * dz) + radius > room.radius + room.slack
+    if room.kind == MESH:
+        # a depth changes by no more than the way
+        return math.sqrt(ex * ex + ey * ey + ez * ez) - mesh_distance(room.mesh, x, y, z) < radius
+    return False
+
+
+@bare_kernel
+def _is_beyond(room, axis, x, ex, radius):  # type: ignore[no-untyped-def]
+    """Tell whether all places from x - ex to x + ex are too near to a flat wall for a ball."""
+    if room.walled[axis] == 0:
+        return False
+    low, high = room.lower[axis] + radius, room.lower[axis] + room.lengths[axis] - radius
+    return x + ex < low - room.slack or x - ex > high + room.slack
+
+
+@bare_kernel
+def mesh_distance(mesh: MeshWalls, x: float, y: float, z: float) -> float:
+    """Return the distance of a point from the surface of a closed mesh, negative inside."""
+    return wall_of_mesh(mesh, x, y, z)[0]
+
+
+@bare_kernel
+def wall_of_mesh(mesh: MeshWalls, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Return the distance of a point from the surface of a closed mesh, negative inside, and its nearest point."""
+    sx, sy, sz = mesh.shift[0], mesh.shift[1], mesh.shift[2]
+    px, py, pz = x + sx, y + sy, z + sz
+    square, triangle, feature, qx, qy, qz = search_triangles(
+        mesh.corners, mesh.low, mesh.high, mesh.start, px, py, pz, np.inf, mesh.stack
+    )
+    behind = is_behind(mesh.normals, triangle, feature, px - qx, py - qy, pz - qz)
+    return -math.sqrt(square) if behind else math.sqrt(square), qx - sx, qy - sy, qz - sz

@@ -1,0 +1,1 @@
+"""Grains that deform where they overlap."""

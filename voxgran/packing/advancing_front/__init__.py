@@ -1,0 +1,1 @@
+"""The advancing front: each sphere touches three others."""

@@ -1,0 +1,1 @@
+"""Control-point packing: grains are points on their surfaces."""

@@ -1,0 +1,248 @@
+"""Who is near a grain: neighbours in cells, periodic images included, and the test of contact with each."""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran.packing.control_point.point_contact import meets, recall
+from voxgran.packing.control_point.records import SDF, Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
+from voxgran.packing.control_point.relative_poses import row_of_pair, take_row
+from voxgran.packing.control_point.sdf_contact import meets_field, recall_field
+from voxgran.packing.control_point.separating_planes import TRIES, find_plane
+from voxgran.packing.control_point.verlet_lists import list_close, strayed
+
+#: more than rounding does to the distance of two balls that touch, in median diameters
+EXACT = 1e-12
+
+
+@inlined_kernel
+def meets_own_image(
+    bed: Bed,
+    bodies: Bodies,
+    cells: Cells,
+    walls: Walls,
+    rules: Rules,
+    memory: Memory,
+    scratch: Scratch,
+    g: int,
+    moved: float,
+) -> bool:
+    """Tell whether a grain meets one of its periodic images; there is none to look at in a wide container."""
+    reach = bed.extent[g, 0] + cells.reach
+    nx, ny, nz = _images(walls, 0, reach), _images(walls, 1, reach), _images(walls, 2, reach)
+    for ix in range(-nx, nx + 1):
+        for iy in range(-ny, ny + 1):
+            for iz in range(-nz, nz + 1):
+                if ix != 0 or iy != 0 or iz != 0:
+                    dx = ix * (walls.upper[0] - walls.lower[0])
+                    dy = iy * (walls.upper[1] - walls.lower[1])
+                    dz = iz * (walls.upper[2] - walls.lower[2])
+                    if compare(bed, bodies, memory, scratch, g, g, rules.gap, dx, dy, dz, moved):
+                        return True
+    return False
+
+
+@bare_kernel
+def _images(walls, axis, reach):  # type: ignore[no-untyped-def]
+    """Return how many images along an axis, to each side, are within reach."""
+    if walls.periodic[axis] == 0:
+        return 0
+    return np.int64(np.floor(reach / (walls.upper[axis] - walls.lower[axis])))
+
+
+@inlined_kernel
+def meets_any(
+    bed: Bed,
+    bodies: Bodies,
+    cells: Cells,
+    walls: Walls,
+    rules: Rules,
+    memory: Memory,
+    scratch: Scratch,
+    g: int,
+    moved: float,
+) -> bool:
+    """Tell whether a grain meets another: first from memory, then by comparing those of whom it does not tell."""
+    pending, position = scratch.pending, bed.position
+    trees, fields, reaches = bodies.trees, bodies.fields, bodies.reaches
+    lists, slip, close = cells.lists, cells.lists.slip, 0
+    if len(lists.near) > 0 and lists.state[0] == 0:
+        close = strayed(lists.anchor, g, scratch.place, walls.lower, walls.upper, walls.periodic) <= slip * slip
+    if close:
+        count = list_close(
+            *(lists.near, lists.many, position, walls.lower, walls.upper, walls.periodic, scratch.place, g, pending)
+        )
+    else:
+        count = list_in_cells(
+            *(position, cells.head, cells.after, cells.lower, cells.width, cells.count, walls.lower, walls.upper),
+            *(walls.periodic, scratch.place, g, cells.reach + bed.extent[g, 0], pending),
+        )
+    count = _sift(
+        *(position, bed.orientation, bed.diameter, bed.extent, bed.span, bed.shape, walls.lower, walls.upper),
+        *(memory.pairs, memory.poses, memory.lists, trees.points, fields.head, fields.rows, fields.values),
+        *(reaches.values, scratch.place, scratch.turn, scratch.span, scratch.way, scratch.relative, scratch.shift),
+        *(pending, count, g, rules.gap, moved, bodies.contact),
+    )
+    for k in range(count):
+        j = pending[k, 0]
+        dx = scratch.place[0] - position[j, 0] - pending[k, 1] * (walls.upper[0] - walls.lower[0])
+        dy = scratch.place[1] - position[j, 1] - pending[k, 2] * (walls.upper[1] - walls.lower[1])
+        dz = scratch.place[2] - position[j, 2] - pending[k, 3] * (walls.upper[2] - walls.lower[2])
+        if compare(bed, bodies, memory, scratch, g, j, rules.gap, dx, dy, dz, moved):
+            return True
+    return count < 0
+
+
+@inlined_kernel
+def compare(
+    bed: Bed,
+    bodies: Bodies,
+    memory: Memory,
+    scratch: Scratch,
+    g: int,
+    j: int,
+    gap: float,
+    dx: float,
+    dy: float,
+    dz: float,
+    moved: float,
+) -> bool:
+    """Tell by the test of contact whether two grains meet."""
+    if bodies.contact == SDF:
+        return meets_field(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
+    return meets(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
+
+
+@bare_kernel
+def list_in_cells(
+    position: Floats,
+    head: Integers,
+    after: Integers,
+    origin: Floats,
+    width: Floats,
+    cells: Integers,
+    lower: Floats,
+    upper: Floats,
+    periodic: Integers,
+    place: Floats,
+    g: int,
+    reach: float,
+    pending: Integers,
+) -> int:
+    """List the neighbours of a grain within a reach, periodic images included, and return how many there are."""
+    found = 0
+    ax, bx = _cell_range(origin[0], width[0], cells[0], periodic[0], place[0], reach)
+    ay, by = _cell_range(origin[1], width[1], cells[1], periodic[1], place[1], reach)
+    az, bz = _cell_range(origin[2], width[2], cells[2], periodic[2], place[2], reach)
+    for cx in range(ax, bx + 1):
+        ix = 0 if 0 <= cx < cells[0] else cx // cells[0]
+        x = place[0] - ix * (upper[0] - lower[0])
+        for cy in range(ay, by + 1):
+            iy = 0 if 0 <= cy < cells[1] else cy // cells[1]
+            y = place[1] - iy * (upper[1] - lower[1])
+            for cz in range(az, bz + 1):
+                iz = 0 if 0 <= cz < cells[2] else cz // cells[2]
+                z = place[2] - iz * (upper[2] - lower[2])
+                j = head[((cx - ix * cells[0]) * cells[1] + cy - iy * cells[1]) * cells[2] + cz - iz * cells[2]]
+                while j >= 0:
+                    dx, dy, dz = x - position[j, 0], y - position[j, 1], z - position[j, 2]
+                    if j != g and dx * dx + dy * dy + dz * dz <= reach * reach:
+                        pending[found, 0], pending[found, 1], pending[found, 2], pending[found, 3] = j, ix, iy, iz
+                        found += 1
+                    j = after[j]
+    return found
+
+
+@inlined_kernel
+def _sift(  # type: ignore[no-untyped-def]
+    position, orientation, diameter, extent, span, shape, lower, upper, pairs, poses, lists, points, field_head,
+    field_rows, field_values, reaches, place, turn, own_span, way, relative, shift, pending, count, g, gap, moved,
+    contact,
+):  # fmt: skip
+    """Keep of the neighbours those that a grain must be compared with; -1 where it surely meets one."""
+    found = 0
+    for k in range(count):
+        j = pending[k, 0]
+        dx = place[0] - position[j, 0] - pending[k, 1] * (upper[0] - lower[0])
+        dy = place[1] - position[j, 1] - pending[k, 2] * (upper[1] - lower[1])
+        dz = place[2] - position[j, 2] - pending[k, 3] * (upper[2] - lower[2])
+        if extent[g, 8] * extent[j, 8] > 0.0:
+            apart = extent[g, 0] + extent[j, 0] + gap - EXACT
+            if dx * dx + dy * dy + dz * dz < apart * apart:
+                return -1
+            continue
+        low = gap + (max(extent[g, 5], extent[j, 5]) if contact == SDF else extent[g, 5] + extent[j, 5])
+        near = extent[g, 0] + extent[j, 0] + low
+        if dx * dx + dy * dy + dz * dz > near * near:
+            continue
+        answer = _recall(
+            *(orientation, diameter, extent, span, shape, pairs, poses, lists, points, field_head),
+            *(field_rows, field_values, reaches, turn, own_span, way, relative, shift, g, j, gap, low),
+            *(dx, dy, dz, moved, contact),
+        )
+        if answer == 1:
+            return -1
+        if answer == 2:
+            for m in range(4):
+                pending[found, m] = pending[k, m]
+            found += 1
+    return found
+
+
+@inlined_kernel
+def _recall(  # type: ignore[no-untyped-def]
+    orientation, diameter, extent, span, shape, pairs, poses, lists, points, field_head, field_rows, field_values,
+    reaches, turn, own_span, way, relative, shift, g, j, gap, low, dx, dy, dz, moved, contact,
+):  # fmt: skip
+    """Tell whether a grain meets another, 0 no, 1 yes, 2 unknown, from planes between them and from memory."""
+    # fields near edges may tell less than distances, and not any distance
+    wide = low * max(extent[g, 6], extent[j, 6]) if low > 0.0 else low
+    # a plane does not tell how deep the cores of grains that may overlap lie in each other
+    planes = len(reaches) > 0 and low <= extent[g, 7] and low <= extent[j, 7] and gap >= 0.0
+    pair = min(g, j) * len(diameter) + max(g, j)
+    row, side = row_of_pair(len(pairs), pair), 1.0 if g < j else -1.0
+    if planes:
+        if dx + own_span[0] > span[j, 1] + wide or dx + own_span[1] < span[j, 0] - wide:
+            return 0
+        if dy + own_span[2] > span[j, 3] + wide or dy + own_span[3] < span[j, 2] - wide:
+            return 0
+        if dz + own_span[4] > span[j, 5] + wide or dz + own_span[5] < span[j, 4] - wide:
+            return 0
+        way[0], way[1], way[2] = side * poses[row, 13], side * poses[row, 14], side * poses[row, 15]
+        if pairs[row, 0] != pair or (way[0] == 0.0 and way[1] == 0.0 and way[2] == 0.0):
+            apart = max(np.sqrt(dx * dx + dy * dy + dz * dz), 1e-300)
+            way[0], way[1], way[2] = dx / apart, dy / apart, dz / apart
+        way[6] = -np.inf
+        if find_plane(
+            *(reaches, shape[g], diameter[g], turn, shape[j], diameter[j], orientation[j], way, dx, dy, dz, wide, 1)
+        ):
+            return 0
+    if contact == SDF:
+        answer = recall_field(
+            *(orientation, diameter, extent, shape, pairs, poses, points, field_head, field_rows, field_values),
+            *(turn, relative, shift, g, j, gap, dx, dy, dz),
+        )
+    else:
+        answer = recall(
+            *(orientation, diameter, extent, pairs, poses, lists, points, turn, relative, shift, g, j, gap),
+            *(dx, dy, dz, moved),
+        )
+    if answer == 2 and planes:
+        found = find_plane(
+            *(reaches, shape[g], diameter[g], turn, shape[j], diameter[j], orientation[j], way, dx, dy, dz, wide),
+            TRIES,
+        )
+        take_row(pairs, poses, pair)
+        poses[row, 13], poses[row, 14], poses[row, 15] = side * way[3], side * way[4], side * way[5]
+        return 0 if found else 2
+    return answer
+
+
+@bare_kernel
+def _cell_range(origin, width, cells, periodic, x, reach):  # type: ignore[no-untyped-def]
+    """Return the first and last cell that a reach touches along an axis; beyond the ends only where it is periodic."""
+    first = np.int64(np.floor((x - reach - origin) / width))
+    last = np.int64(np.floor((x + reach - origin) / width))
+    if periodic == 0:
+        return min(max(first, 0), cells - 1), max(min(last, cells - 1), 0)
+    return first, last

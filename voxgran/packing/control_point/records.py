@@ -1,0 +1,143 @@
+"""The records that the kernels of control-point packing read: grains, shapes, walls, memory, scratch."""
+
+from typing import NamedTuple
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran.packing.control_point.distance_fields import Fields
+from voxgran.packing.control_point.point_grids import PointCells
+from voxgran.packing.control_point.point_trees import Trees
+from voxgran.packing.control_point.support_tables import Reaches
+from voxgran.packing.control_point.verlet_lists import CloseLists
+
+#: kinds of walls
+FLAT, ROUND, MESH, BALL = 0, 1, 2, 3
+#: tests of contact
+SDF, POINTS, KDTREE = 0, 1, 2
+
+
+class Bodies(NamedTuple):
+    """The shapes at unit diameter; with a mesh container, the last tree and the last triangles are its own.
+
+    `spacing` is twice the covering radius of the control points. The points `hull` with room `margin` around each hold
+    the solid in their convex hull. `contact` is the test of contact, `both` whether signed distances are asked both
+    ways; `cells` are those of the points, for the test that needs them; `reaches` tell how far shapes reach.
+    """
+
+    contact: int
+    both: bool
+    trees: Trees
+    fields: Fields
+    cells: PointCells
+    reaches: Reaches
+    radius: Floats
+    spacing: Floats
+    hull: Floats
+    hull_start: Integers
+    margin: Floats
+    triangles: Floats
+    triangle_start: Integers
+
+
+class Bed(NamedTuple):
+    """Where the grains are, how long a step each one tries at the most, its `extent` and its `span`.
+
+    The extent of a grain is its bounding radius, half the spacing of its points, volume over surface, the largest
+    curvature of its surface (below 0 where that is not smooth), the error of a smooth surface, and how near its points
+    are kept to other surfaces at the most; then stretch and limit of its `Reaches`, and 1 where it is a ball that is
+    compared with others by its center, else 0. The span is how far it reaches down and up along each axis; it is empty
+    where there are no reaches.
+    """
+
+    position: Floats
+    orientation: Floats
+    placed: Integers
+    step: Floats
+    shape: Integers
+    diameter: Floats
+    extent: Floats
+    span: Floats
+
+
+class Walls(NamedTuple):
+    """The container: its bounds, which axes have walls and which are periodic, the radius of a round one.
+
+    Where there is a `lid`, it is the flat wall against gravity, and the bounds tell where it is now.
+    """
+
+    kind: int
+    lower: Floats
+    upper: Floats
+    walled: Integers
+    periodic: Integers
+    radius: float
+    offset: Floats
+    lid: bool
+
+
+class Memory(NamedTuple):
+    """What is known of pairs of grains that were compared: tables in which later pairs push out earlier ones.
+
+    `pairs` has the number of the pair (-1: none), the two control points that refused it last (-1: none), and how many
+    rows of `lists` are filled; `poses` a relative pose (turn row by row, shift), a slack, and the direction towards
+    the grain of lower number along which the two were farthest apart last (zero: none). In that pose, all control
+    points were farther apart than they must be by the slack, those in `lists` excepted. With signed distances `lists`
+    is empty, and what refused is one control point and whether it belongs to the second grain.
+    """
+
+    pairs: Integers
+    poses: Floats
+    lists: Integers
+
+
+class Scratch(NamedTuple):
+    """Room for the pose that is tried, for a relative pose, for a walk over two trees, and for neighbours to be
+    compared.
+    """
+
+    place: Floats
+    quaternion: Floats
+    turn: Floats
+    span: Floats
+    way: Floats
+    plane: Floats
+    relative: Floats
+    shift: Floats
+    stack: Integers
+    found: Integers
+    pending: Integers
+
+
+class Cells(NamedTuple):
+    """Linked cells of the centers: the first grain of each cell, the next grain after each grain (-1: none).
+
+    `reach` is the largest bounding radius plus the largest distance at which two grains are refused; `lists` are made
+    from the cells.
+    """
+
+    lower: Floats
+    width: Floats
+    count: Integers  # type: ignore[assignment]
+    head: Integers
+    after: Integers
+    reach: float
+    lists: CloseLists
+
+
+class Rules(NamedTuple):
+    """How grains move.
+
+    entry: the lattice vector along which gravity is strongest, against which grains enter; zero where they enter
+    anywhere.  shares: upward moves kept at the start, attempts with a turn, attempts that feed, what a cycle keeps of
+    the upward share of the one before (below 0: it dies away evenly).  schedule: attempt at which feeding ended (-1:
+    not yet), attempts of all cycles, number of cycles, refusals in a row after which the container is full.
+    """
+
+    gravity: Floats
+    tilt: float
+    entry: Integers
+    shares: Floats
+    schedule: Integers
+    gap: float
+    longest: float
+    shortest: float
+    dimension: int

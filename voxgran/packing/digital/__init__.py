@@ -1,0 +1,1 @@
+"""Digital packing: grains and container are voxels."""

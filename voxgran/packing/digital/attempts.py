@@ -1,0 +1,335 @@
+"""The walk of grains over a lattice: the kernels of digital packing.
+
+Attempt number a draws block a of the random stream and nothing else, so that chunks of attempts do not matter.
+"""
+
+import numpy as np
+
+from voxgran._base.arrays import Integers
+from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
+from voxgran._base.seeds import below, philox_block, unit_float
+from voxgran.packing.digital.bit_columns import Field, Words, grain_words, turned_box, write_turned
+from voxgran.packing.digital.fast_path import make_moves
+from voxgran.packing.digital.no_fit_tables import PairTables, enlist, look_up, relist
+from voxgran.packing.digital.periodic_images import (
+    copies,
+    image_of,
+    look_along_step,
+    look_anywhere,
+    looked_at,
+    lowest_corner,
+    stamp_images,
+    stamp_step,
+    stepped,
+    wrapped,
+)
+from voxgran.packing.digital.proposals import (
+    Rules,
+    Turn,
+    cycle_start,
+    guided_direction,
+    pick_direction,
+    pick_grain,
+)
+from voxgran.packing.digital.records import Grains, Members
+from voxgran.packing.digital.sleeping import note_rest, sleeps
+from voxgran.packing.digital.stamping import sum_blocked
+
+
+@bare_kernel
+def put(field: Field, members: Members, grains: Grains, pairs: PairTables, g: int) -> None:
+    """Write the bits of a grain that has entered, and stamp it; or note its cell where pairs have tables."""
+    m = grains.member[g]
+    if len(pairs.at):
+        enlist(field, pairs, g, grains.site[g])
+        return
+    grains.at[g] = _load(members, grains, g, m, grains.turn[g])
+    low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
+    stamp_images(field, grains.bits, grains.at[g], size, lowest_corner(field, grains.site[g], low))
+
+
+@kernel
+def enter_near(
+    field: Field, members: Members, grains: Grains, g: int, member: int, turn: int, site: Integers, ways: Integers
+) -> int:
+    """Let a grain enter at a lattice site, within the walls, or by the first of the ways from there that is free.
+
+    Return which one it took, -1 where there is no place.
+    """
+    low, size = turned_box(members.low[member], members.size[member], members.turns[turn])
+    first = np.zeros(3, dtype=np.int64)
+    for axis in range(3):
+        first[axis] = site[axis] + low[axis]
+        if field.periodic[axis] == 0:
+            first[axis] = max(0, min(first[axis], field.shape[axis] - size[axis]))
+    grains.at[g] = _load(members, grains, g, member, turn)
+    for k in range(len(ways)):
+        corner = (
+            wrapped(first[0] + ways[k, 0], field.shape[0], field.periodic[0]),
+            wrapped(first[1] + ways[k, 1], field.shape[1], field.periodic[1]),
+            wrapped(first[2] + ways[k, 2], field.shape[2], field.periodic[2]),
+        )
+        if look_anywhere(field, grains.bits, grains.at[g], size, corner) >= 0:
+            stamp_images(field, grains.bits, grains.at[g], size, corner)
+            _place(grains, g, member, turn, corner, low)
+            return k
+    return -1
+
+
+@bare_kernel
+def make_attempts(
+    field: Field,
+    members: Members,
+    grains: Grains,
+    pairs: PairTables,
+    rules: Rules,
+    turn: Turn,
+    queue: Integers,
+    tally: Integers,
+    key: Words,
+    first: int,
+    last: int,
+) -> int:
+    """Make attempts `first` ... `last` - 1; return the number of the next one.
+
+    It ends early when the queue is empty, the container is full, or a member of the bank is needed that has not been
+    voxelized: then `turn.wanted` tells which, and that attempt is to be made again. The first entries of the queue
+    wait, the others have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in
+    a row, slept through, rows of columns looked at, pairs looked up.
+    """
+    feeding = rules.schedule[0] < 0
+    # nothing but moves and turns, on a canvas
+    plain = not feeding and not len(pairs.at) and not len(turn.hint) and not len(turn.slept)
+    attempt = first - 1
+    while attempt + 1 < last:
+        attempt += 1
+        if plain:
+            attempt = make_moves(
+                field.words, field.stride_x, field.stride_w, field.shape, field.margin, field.periodic,
+                members.low, members.size, members.turns, grains.site, grains.member, grains.turn, grains.bits,
+                grains.at, rules.directions, rules.classes, rules.shares, rules.schedule, queue, turn.order, tally,
+                key, attempt, last,
+            )  # fmt: skip
+            if attempt == last:
+                return last
+        r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
+        # bits that the choice of a direction does not use
+        enters = np.float64(r2 & np.uint64(0xFFFFFFFF)) < rules.shares[3] * 4294967296.0
+        if feeding and (rules.at_once or tally[0] == 0 or enters):
+            if _is_missing(members, turn, _fed_member(members, queue, tally, key, attempt, r0)):
+                return attempt
+            if _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, r0):
+                return attempt + 1
+            continue
+        g = pick_grain(queue, tally[0], turn.order, attempt, r0)
+        if len(turn.slept) and sleeps(field, members, grains, turn, g, cycle_start(rules, attempt)):
+            tally[7] += 1
+            continue
+        if unit_float(r3) < rules.shares[2]:
+            if _is_missing(members, turn, members.kind[g] * members.bases + below(r1, members.bases)):
+                return attempt
+            tally[4] += 1
+            pose = (below(r1, members.bases), below(r2, len(members.turns)))
+            tally[3] += _turn(field, members, grains, pairs, tally, g, pose)
+        else:
+            d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares, rules.schedule, attempt)
+            if len(turn.hint):
+                d = guided_direction(turn.hint[g], rules, d, r0, r3)
+            step = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2])
+            tally[2] += 1
+            moved = _move(field, members, grains, pairs, tally, g, step)
+            tally[1] += moved
+            if len(turn.hint):
+                _note_contact(field, members, grains, g, step, moved, turn.hint[g])
+        if len(turn.slept):
+            note_rest(field, members, grains, rules, turn, g, attempt)
+    return last
+
+
+@bare_kernel
+def _is_missing(members, turn, member):  # type: ignore[no-untyped-def]
+    """Tell whether a member has not been voxelized, and note that it is wanted."""
+    if members.start[member, 0] >= 0:
+        return False
+    turn.wanted[0] = member
+    return True
+
+
+@bare_kernel
+def _fed_member(members, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
+    """Return as which member the next grain enters."""
+    g = queue[below(word, len(queue) - tally[0])]
+    r0, _, _, _ = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
+    return members.kind[g] * members.bases + below(r0, members.bases)
+
+
+@bare_kernel
+def _load(members, grains, g, member, turn):  # type: ignore[no-untyped-def]
+    """Return where the bits of a grain as that member in that turn begin, written to its own ones where it has some."""
+    if len(members.at):
+        return members.at[member * len(members.turns) + turn]
+    at = grains.own[g]
+    write_turned(members.words, members.start[member], members.size[member], members.turns[turn], grains.bits, at)
+    return at
+
+
+@bare_kernel
+def _note_contact(field, members, grains, g, step, moved, hint):  # type: ignore[no-untyped-def]
+    """Note the normal of the contact that refused a move: from the middle of the blocked voxels to the centroid."""
+    hint[0], hint[1], hint[2] = 0, 0, 0
+    if moved:
+        return
+    m, t = grains.member[g], grains.turn[g]
+    low, size = turned_box(members.low[m], members.size[m], members.turns[t])
+    old = lowest_corner(field, grains.site[g], low)
+    new = stepped(field, old, step)
+    many, x, y, z = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
+    for ix in range(copies(field, 0, new[0], size[0])):
+        for iy in range(copies(field, 1, new[1], size[1])):
+            for iz in range(copies(field, 2, new[2], size[2])):
+                found = sum_blocked(field, grains.bits, grains.at[g], size, image_of(field, new, ix, iy, iz), step)
+                many, x, y, z = many + found[0], x + found[1], y + found[2], z + found[3]
+    if many:
+        # twice the centroid less twice the mean of the centers, times their number
+        hint[0] = -2 * low[0] * many - 2 * x - many
+        hint[1] = -2 * low[1] * many - 2 * y - many
+        hint[2] = -2 * low[2] * many - 2 * z - many if field.shape[2] > 1 else 0
+
+
+@bare_kernel
+def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def]
+    """Note where a grain is."""
+    grains.member[g] = member
+    grains.turn[g] = turn
+    for axis in range(3):
+        grains.site[g, axis] = corner[axis] - low[axis]
+
+
+@inlined_kernel
+def _move(field, members, grains, pairs, tally, g, step):  # type: ignore[no-untyped-def]
+    """Move a grain by one voxel where nothing is in the way; tell whether it moved."""
+    m, t = grains.member[g], grains.turn[g]
+    low, size = turned_box(members.low[m], members.size[m], members.turns[t])
+    old = lowest_corner(field, grains.site[g], low)
+    new = stepped(field, old, step)
+    at = grains.at[g]
+    if len(pairs.at):
+        return _move_in_cells(field, members, grains, pairs, tally, g, (m, t), (low, size, new))
+    found = look_along_step(field, grains.bits, at, size, new, step)
+    tally[8] += looked_at(found)
+    if found < 0:
+        return 0
+    stamp_step(field, grains.bits, at, size, old, new, step)
+    _place(grains, g, m, t, new, low)
+    return 1
+
+
+@inlined_kernel
+def _move_in_cells(field, members, grains, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
+    """Put a grain into a pose and place where the tables of pairs leave room; tell whether they do."""
+    low, size, corner = box
+    site = (corner[0] - low[0], corner[1] - low[1], corner[2] - low[2])
+    where = (grains.site, grains.member, grains.turn)
+    found = look_up(field, pairs, members.turns, where, g, pose, (site, corner, size))
+    tally[9] += looked_at(found)
+    if found < 0:
+        return 0
+    if grains.member[g] < 0:
+        _place(grains, g, pose[0], pose[1], corner, low)
+        enlist(field, pairs, g, grains.site[g])
+        return 1
+    before = (grains.site[g, 0], grains.site[g, 1], grains.site[g, 2])
+    _place(grains, g, pose[0], pose[1], corner, low)
+    relist(field, pairs, g, before, grains.site[g])
+    return 1
+
+
+@bare_kernel
+def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-untyped-def]
+    """Turn a grain about its centroid to another orientation of its bank where it fits; tell whether it turned."""
+    m, at = grains.member[g], grains.at[g]
+    new_m, turn = members.kind[g] * members.bases + pose[0], pose[1]
+    low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
+    old = lowest_corner(field, grains.site[g], low)
+    new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
+    new = lowest_corner(field, grains.site[g], new_low)
+    if len(pairs.at):
+        return _move_in_cells(field, members, grains, pairs, tally, g, (new_m, turn), (new_low, new_size, new))
+    stamp_images(field, grains.bits, at, size, old)
+    if len(members.at):
+        new_at = members.at[new_m * len(members.turns) + turn]
+        found = look_anywhere(field, grains.bits, new_at, new_size, new)
+        tally[8] += looked_at(found)
+        if found < 0:
+            stamp_images(field, grains.bits, at, size, old)
+            return 0
+        grains.at[g] = new_at
+    else:
+        zeros = grains.own[0]
+        start, extent = members.start[new_m], members.size[new_m]
+        write_turned(members.words, start, extent, members.turns[turn], grains.scratch, zeros)
+        found = look_anywhere(field, grains.scratch, zeros, new_size, new)
+        tally[8] += looked_at(found)
+        if found < 0:
+            stamp_images(field, grains.bits, at, size, old)
+            return 0
+        words = grain_words(new_size)
+        for k in range(words):
+            grains.bits[at + k] = grains.scratch[zeros + k]
+    stamp_images(field, grains.bits, grains.at[g], new_size, new)
+    _place(grains, g, new_m, turn, new, new_low)
+    return 1
+
+
+@bare_kernel
+def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
+    """Let a waiting grain enter in a random orientation, at the top or anywhere; tell whether feeding has ended."""
+    waiting = len(queue) - tally[0]
+    slot = below(word, waiting)
+    g = queue[slot]
+    r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
+    m = members.kind[g] * members.bases + below(r0, members.bases)
+    turn = below(r0 << np.uint64(32), len(members.turns))
+    low, size = turned_box(members.low[m], members.size[m], members.turns[turn])
+    corner = (
+        _entry(field, rules, 0, size[0], r1),
+        _entry(field, rules, 1, size[1], r2),
+        _entry(field, rules, 2, size[2], r3),
+    )
+    tally[5] += 1
+    if not _enter(field, members, grains, pairs, tally, g, (m, turn), (low, size, corner)):
+        tally[6] += 1
+        return tally[6] >= rules.schedule[3]
+    queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
+    tally[0] += 1
+    tally[6] = 0
+    return waiting == 1
+
+
+@bare_kernel
+def _enter(field, members, grains, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
+    """Let a grain enter where it finds room; tell whether it does."""
+    low, size, corner = box
+    if len(pairs.at):
+        return _move_in_cells(field, members, grains, pairs, tally, g, pose, box) == 1
+    grains.at[g] = _load(members, grains, g, pose[0], pose[1])
+    found = look_anywhere(field, grains.bits, grains.at[g], size, corner)
+    tally[8] += looked_at(found)
+    if found < 0:
+        return False
+    stamp_images(field, grains.bits, grains.at[g], size, corner)
+    _place(grains, g, pose[0], pose[1], corner, low)
+    return True
+
+
+@bare_kernel
+def _entry(field, rules, axis, extent, word):  # type: ignore[no-untyped-def]
+    """Return the lowest voxel of a grain that enters, along one axis; -1 where there is no room."""
+    n = field.shape[axis]
+    room = n if field.periodic[axis] else n - extent + 1
+    if room <= 0:
+        return -1
+    # along the axis where gravity is strongest, at the far side
+    if rules.entry[axis] != 0:
+        return n - extent if rules.entry[axis] < 0 else 0
+    return np.int64(below(word, room))

@@ -1,0 +1,268 @@
+"""Which grains are to be packed: how many, of what shape, how large."""
+
+import logging
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number, check_lengths
+from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
+from voxgran._base.seeds import stream
+from voxgran.contacts.parts import is_one_ball
+from voxgran.containers.box import Box
+from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
+from voxgran.packing.size_limits import can_fit
+from voxgran.shapes.descriptors import principal_extents
+from voxgran.shapes.model import Shape
+from voxgran.shapes.sizes import SizeDistribution
+
+log = logging.getLogger(__name__)
+
+#: largest solid fraction of equal disks and balls: the hexagonal and the face-centred cubic lattice
+#: (Thue 1910; Hales 2005, doi:10.4007/annals.2005.162.1065)
+DENSEST = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
+#: grains that are drawn at a time, and at the most, where no count is given
+BLOCK, MOST_DRAWN = 1024, 10_000_000
+#: grains that can be asked for: at 300 bytes each, 30 GB
+MOST_ASKED = 100_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Grains:
+    """Grains without poses.
+
+    Attributes
+    ----------
+    shape_id : (n,) ndarray of int
+        Which shape each grain has.
+    diameter : (n,) ndarray of float
+        Equivalent diameters, in the unit of lengths.
+    removed : dict
+        Count and volume of the grains that were drawn and cannot fit.
+    """
+
+    shape_id: Integers
+    diameter: Floats
+    removed: dict[str, float]
+
+
+def draw_grains(
+    shapes: Sequence[Shape],
+    container: Container,
+    sizes: SizeDistribution | None,
+    *,
+    count: int | None,
+    solid_fraction: float | None,
+    weights: ArrayLike | None,
+    weights_by: str,
+    seed: int,
+    surplus: bool = False,
+) -> Grains:
+    """Draw the grains of a packing.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        Shapes to draw from.
+    container : Container
+        What shall hold them.
+    sizes : SizeDistribution or None
+        Distribution of the equivalent diameters; None keeps each shape at its own size.
+    count : int or None
+        How many grains; None lets the solid fraction decide.
+    solid_fraction : float or None
+        Wanted solid fraction; None draws as many as fill the container without any void.
+    weights : (len(shapes),) array_like of float or None
+        Shares of the shapes; equal where None.
+    weights_by : {"number", "volume"}
+        What the shares are of.
+    seed : int
+        Seed of the run.
+    surplus : bool
+        Whether a count may have more volume than the container: the method takes those that find a place.
+
+    Returns
+    -------
+    Grains
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, the grains have more volume than the container, equal balls are asked for a solid
+        fraction beyond that of the densest lattice, or open surfaces are to be shared out or counted by volume.
+    GrainTooLargeError
+        If no grain can fit.
+    TooLargeError
+        If more than 100 million grains are asked for.
+    """
+    wanted = None if count is None else as_count(count, "count", at_most=None)
+    if wanted is not None and wanted > MOST_ASKED:
+        raise TooLargeError(
+            f"count is {shown(wanted)}: at most {MOST_ASKED} grains can be packed at a time; pack in parts"
+        )
+    target = container.volume * (
+        1.0 if solid_fraction is None else as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)
+    )
+    shares = _shares(shapes, weights, weights_by, sizes is None)
+    if wanted is None and all(shape.is_open for shape, share in zip(shapes, shares, strict=True) if share > 0):
+        raise InputError("count is None and all shapes are open surfaces: they have no volume to fill; give a count")
+    shape_id, diameter = _draw(shapes, shares, sizes, wanted, target, seed)
+    volumes = _volumes(shapes, shape_id, diameter)
+    if solid_fraction is not None and wanted is not None:
+        keep = np.cumsum(volumes) - volumes < target
+        shape_id, diameter, volumes = shape_id[keep], diameter[keep], volumes[keep]
+    if solid_fraction is not None:
+        _refuse_denser_than_lattice(shapes, container, shape_id, diameter, wanted=solid_fraction)
+    fits = can_fit(shapes, container, shape_id, diameter)
+    if len(fits) and not fits.any():
+        raise GrainTooLargeError(
+            f"the smallest grain has the diameter {diameter.min():.6g}: none can fit in the container of "
+            f"{_lengths_text(container)}, however it is turned; make the grains smaller or the container larger"
+        )
+    if wanted is not None and not surplus and volumes[fits].sum() > container.volume:
+        raise InputError(
+            f"count is {wanted}: these grains have {volumes[fits].sum() / container.volume:.3g} times the volume of "
+            "the container; ask for fewer or smaller grains or a larger container"
+        )
+    removed = {"count": int((~fits).sum()), "volume": float(volumes[~fits].sum())}
+    if removed["count"]:
+        warnings.warn(
+            f"{removed['count']} grains of volume {removed['volume']:.6g} cannot fit in the container: the "
+            "gradation is cut there; make the container larger to keep it whole",
+            PackingWarning,
+            stacklevel=5,
+        )
+    return Grains(shape_id[fits], diameter[fits], removed)
+
+
+def _refuse_denser_than_lattice(
+    shapes: Sequence[Shape], container: Container, shape_id: Integers, diameter: Floats, *, wanted: float
+) -> None:
+    """Refuse equal balls that would be denser than the densest lattice.
+
+    Boxes and rectangles only: they fill space without gaps, and so would the packings in them. A round or a closed
+    container may hold more.
+    """
+    dimension, densest = container.dimension, DENSEST[container.dimension]
+    if wanted <= densest * (1 + 1e-12) or not isinstance(container, Box | Rectangle) or not len(diameter):
+        return
+    balls = all(is_one_ball(shapes[k].geometry) for k in set(shape_id.tolist()))
+    volume = _volumes(shapes, shape_id, diameter).sum()
+    if balls and np.ptp(diameter) <= 1e-12 * diameter.max() and volume > densest * container.volume:
+        name = "disks" if dimension == 2 else "spheres"
+        raise InputError(
+            f"solid_fraction is {wanted:.6g}, a porosity of {1 - wanted:.6g}: equal {name} have a "
+            f"porosity of at least {1 - densest:.4f}, that of the densest lattice; ask for less, or for several sizes"
+        )
+
+
+def size_distance(asked: Floats, placed: Floats) -> float:
+    """Return the largest difference of the shares of grains up to a size, that of Kolmogorov and Smirnov.
+
+    Parameters
+    ----------
+    asked, placed : (n,), (m,) ndarray of float
+        Diameters; those placed are some of those asked. Without grains the difference is 0.
+    """
+    if not len(asked) or not len(placed):
+        return 0.0
+    asked, placed = np.sort(asked), np.sort(placed)
+    # sizes that differ by rounding are one size
+    sizes = np.unique(asked) * (1 + 1e-9)
+    share = np.searchsorted(asked, sizes, side="right") / len(asked)
+    share -= np.searchsorted(placed, sizes, side="right") / len(placed)
+    return float(np.abs(share).max())
+
+
+def _shares(shapes: Sequence[Shape], weights: ArrayLike | None, weights_by: str, own_size: bool) -> Floats:
+    """Return the probability of each shape by number."""
+    if not len(shapes):
+        raise InputError("shapes is empty: a packing needs at least one shape; give one")
+    share = np.ones(len(shapes)) if weights is None else as_floats(weights, "weights", shape=(len(shapes),))
+    if share.min() < 0 or share.sum() <= 0:
+        raise InputError(f"weights are {share.tolist()}: none may be negative and one must be above 0; change them")
+    by_volume = as_choice(weights_by, "weights_by", ("number", "volume")) == "volume"
+    if by_volume and any(shape.is_open for shape in shapes):
+        raise InputError("weights_by is 'volume' and a shape is an open surface: it has no volume; use 'number'")
+    if by_volume and own_size:
+        # with a size distribution all shapes have the same volumes, so that both shares are one
+        share = share / np.array([shape.volume for shape in shapes])
+    return share / share.sum()
+
+
+def _draw(
+    shapes: Sequence[Shape],
+    shares: Floats,
+    sizes: SizeDistribution | None,
+    count: int | None,
+    target: float,
+    seed: int,
+) -> tuple[Integers, Floats]:
+    """Draw shapes and diameters, in blocks until the target volume is reached where no count is given."""
+    if count is not None:
+        return _draw_block(shapes, shares, sizes, count, seed, 0)
+    shape_ids, diameters = np.zeros(BLOCK, dtype=np.int64), np.zeros(BLOCK)
+    volume, drawn = 0.0, 0
+    while drawn < MOST_DRAWN:
+        if drawn == len(shape_ids):
+            shape_ids, diameters = _doubled(shape_ids), _doubled(diameters)
+        shape_id, diameter = _draw_block(shapes, shares, sizes, BLOCK, seed, drawn // BLOCK)
+        shape_ids[drawn : drawn + BLOCK], diameters[drawn : drawn + BLOCK] = shape_id, diameter
+        volumes = volume + np.cumsum(_volumes(shapes, shape_id, diameter))
+        enough = int(np.searchsorted(volumes, target))
+        if enough < BLOCK:
+            return shape_ids[: drawn + enough + 1], diameters[: drawn + enough + 1]
+        volume, drawn = float(volumes[-1]), drawn + BLOCK
+    raise InputError(
+        f"{drawn} grains were drawn and have {volume / target:.3g} of the wanted volume: give a count or larger sizes"
+    )
+
+
+def _doubled(array: NDArray[Any]) -> NDArray[Any]:
+    """Return an array twice as long; the zeros that follow take no memory until they are written."""
+    longer = np.zeros(2 * len(array), dtype=array.dtype)
+    longer[: len(array)] = array
+    return longer
+
+
+def _draw_block(
+    shapes: Sequence[Shape], shares: Floats, sizes: SizeDistribution | None, many: int, seed: int, block: int
+) -> tuple[Integers, Floats]:
+    """Draw shapes and diameters of so many grains."""
+    shape_id = stream(seed, "shapes", block).choice(len(shapes), size=many, p=shares).astype(np.int64)
+    diameter = _diameters(shapes, shape_id, sizes, stream(seed, "sizes", block))
+    check_lengths([diameter.min(initial=1.0), diameter.max(initial=1.0)], "diameter of a grain")
+    return shape_id, diameter
+
+
+def _diameters(
+    shapes: Sequence[Shape], shape_id: Integers, sizes: SizeDistribution | None, generator: np.random.Generator
+) -> Floats:
+    """Return equivalent diameters; a size by the intermediate axis is turned into one with the axis of the shape."""
+    own = np.array([shape.diameter for shape in shapes])
+    if sizes is None:
+        return own[shape_id]
+    drawn = sizes.sample(len(shape_id), generator, dimension=shapes[0].dimension)
+    if sizes.by_intermediate_axis:
+        middle = np.array([principal_extents(shape)[1] for shape in shapes])
+        return drawn * (own / middle)[shape_id]
+    return drawn
+
+
+def _volumes(shapes: Sequence[Shape], shape_id: Integers, diameter: Floats) -> Floats:
+    """Return the true volumes of grains."""
+    dimension = shapes[0].dimension
+    unit = np.array([shape.volume / shape.diameter**dimension for shape in shapes])
+    return unit[shape_id] * diameter**dimension
+
+
+def _lengths_text(container: Container) -> str:
+    """Write the lengths of the bounds."""
+    lengths = (container.bounds[1] - container.bounds[0])[: container.dimension]
+    return " x ".join(f"{length:.6g}" for length in lengths)

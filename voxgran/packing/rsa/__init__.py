@@ -1,0 +1,1 @@
+"""Random sequential addition, to proven saturation."""

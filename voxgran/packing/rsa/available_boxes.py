@@ -1,0 +1,137 @@
+"""Open boxes: the room that is left for boxes along the axes, exactly.
+
+What a box blocks for the centre of another one is a box. So the room that is left in a cell is the cell less some
+boxes, which is a few boxes again: nothing is approximated, however narrow the room between two faces.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.kernels import bare_kernel
+from voxgran._base.stopping import stop_if_asked
+from voxgran.containers.kernel_container import Room
+from voxgran.packing.rsa.level_grid import Bed, Cells, gather
+
+#: grains near a cell that are looked at; more of them only keep it open longer
+NEAR = 256
+#: boxes into which a cell may fall at a time; where there are more, some of them stay too large for a while
+PIECES = 4096
+#: room narrower than this times what rounding does to a place is none
+NARROW = 16.0
+#: cells that are looked at between two looks whether to stop
+AT_ONCE = 2**15
+
+
+def open_boxes(bed: Bed, cells: Cells, room: Room, before: Floats, half: Floats) -> Floats:
+    """Return what is left of some boxes for the centres of grains, (m, 6): lower corners and edges.
+
+    Parameters
+    ----------
+    bed, cells, room
+        Grains and container.
+    before : (k, 6) ndarray of float
+        Lower corners and edges.
+    half : (3,) ndarray of float
+        Half the extents of the grains that are to enter.
+
+    Raises
+    ------
+    Stopped
+        If the run was asked to stop.
+    """
+    near, pieces = np.zeros((NEAR, 6)), np.zeros((PIECES, 6))
+    after = [np.zeros((0, 6))]
+    for part in slices(len(before)):
+        few, room_for, many = before[part], 0, 2 * len(before[part]) + PIECES
+        while many > room_for:
+            room_for, left = many, np.zeros((many, 6))
+            many = int(_cut_away(bed, cells, room, few, half, NARROW * room.slack, near, pieces, left))
+        after.append(left[:many].copy())
+    return np.concatenate(after)
+
+
+def slices(many: int) -> Iterator[slice]:
+    """Yield slices of cells that are looked at between two looks whether to stop.
+
+    Parameters
+    ----------
+    many : int
+        Number of cells.
+
+    Raises
+    ------
+    Stopped
+        If the run was asked to stop.
+    """
+    for first in range(0, many, AT_ONCE):
+        stop_if_asked()
+        yield slice(first, first + AT_ONCE)
+
+
+@bare_kernel
+def _cut_away(bed, cells, room, before, half, least, near, pieces, after):  # type: ignore[no-untyped-def]
+    """Write what is left of each box, as far as there is room, and return how many boxes that are."""
+    total = 0
+    for m in range(len(before)):
+        ex, ey, ez = 0.5 * before[m, 3], 0.5 * before[m, 4], 0.5 * before[m, 5]
+        x, y, z = before[m, 0] + ex, before[m, 1] + ey, before[m, 2] + ez
+        many = gather(bed, cells, room, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
+        if many < 0:
+            continue
+        pieces[0, 0], pieces[0, 1], pieces[0, 2] = -ex, -ey, -ez
+        pieces[0, 3], pieces[0, 4], pieces[0, 5] = ex, ey, ez
+        count = 1
+        for k in range(many):
+            count = _cut_one(pieces, count, near, k, least)
+        for j in range(count):
+            if total < len(after):
+                after[total, 0], after[total, 1], after[total, 2] = x + pieces[j, 0], y + pieces[j, 1], z + pieces[j, 2]
+                for axis in range(3):
+                    after[total, 3 + axis] = pieces[j, 3 + axis] - pieces[j, axis]
+            total += 1
+    return total
+
+
+@bare_kernel
+def _cut_one(pieces, count, near, k, least):  # type: ignore[no-untyped-def]
+    """Cut what one grain blocks away from the pieces of a cell (low and high corners); return how many there are."""
+    j, old, new = 0, count, count
+    while j < old:
+        if not _meets(pieces, j, near, k) or new + 6 > len(pieces):
+            j += 1
+            continue
+        for axis in range(3):
+            low, high = near[k, axis] - near[k, 3 + axis], near[k, axis] + near[k, 3 + axis]
+            if low - pieces[j, axis] > least:
+                _copy(pieces, j, new)
+                pieces[new, 3 + axis] = low
+                new += 1
+            if pieces[j, 3 + axis] - high > least:
+                _copy(pieces, j, new)
+                pieces[new, axis] = high
+                new += 1
+            pieces[j, axis], pieces[j, 3 + axis] = max(low, pieces[j, axis]), min(high, pieces[j, 3 + axis])
+        # the rest is blocked: the last one that is not looked at yet takes its place, and the last new one that one's
+        old, new = old - 1, new - 1
+        _copy(pieces, old, j)
+        _copy(pieces, new, old)
+    return new
+
+
+@bare_kernel
+def _meets(pieces, j, near, k):  # type: ignore[no-untyped-def]
+    """Tell whether a grain blocks part of a piece."""
+    for axis in range(3):
+        low, high = near[k, axis] - near[k, 3 + axis], near[k, axis] + near[k, 3 + axis]
+        if high <= pieces[j, axis] or low >= pieces[j, 3 + axis]:
+            return False
+    return True
+
+
+@bare_kernel
+def _copy(pieces, source, target):  # type: ignore[no-untyped-def]
+    """Copy a piece to another place."""
+    for axis in range(6):
+        pieces[target, axis] = pieces[source, axis]

@@ -1,0 +1,1 @@
+"""Packings made of other packings and of images."""

@@ -1,0 +1,1 @@
+"""What the methods share in which grains move by random steps."""

@@ -1,0 +1,1 @@
+"""Settling of true shapes under gravity."""
