@@ -37,7 +37,7 @@ CASES = {
 
 
 def distances(packing):
-    """Return the gaps of all pairs of balls that are near, in mean diameters, and which balls they are."""
+    """Return the gaps of all pairs of spheres that are near, in mean diameters, and which spheres they are."""
     radius = packing.bounding_radii
     pairs = cKDTree(packing.position).query_pairs(2.001 * radius.max(), output_type="ndarray")
     apart = np.linalg.norm(packing.position[pairs[:, 0]] - packing.position[pairs[:, 1]], axis=1)
@@ -45,13 +45,13 @@ def distances(packing):
 
 
 def inner_fraction(packing, points=200_000):
-    """Return the share of random points in the middle half of the bounds that lie in a ball."""
+    """Return the share of random points in the middle half of the bounds that lie in a sphere."""
     low, high = packing.container.bounds
     generator = np.random.Generator(np.random.Philox(1))
     where = low + (high - low) * (0.25 + 0.5 * generator.random((points, 3)))
     radius = np.append(packing.bounding_radii, 0.0)
-    away, ball = cKDTree(packing.position).query(where, k=16, distance_upper_bound=radius.max())
-    return float((away <= radius[ball]).any(axis=1).mean())
+    away, sphere = cKDTree(packing.position).query(where, k=16, distance_upper_bound=radius.max())
+    return float((away <= radius[sphere]).any(axis=1).mean())
 
 
 folder.mkdir(parents=True, exist_ok=True)
@@ -67,7 +67,7 @@ for panel, (name, (shapes, container, sizes, options)) in zip(panels, CASES.item
     touching = np.abs(gap) < 1e-9
     print(
         f"{name:10s} grains {packing.count:6d}  {seconds:5.2f} s  solid fraction {packing.solid_fraction:.4f}  "
-        f"of balls inside {inner_fraction(packing):.4f}  coordination {2 * touching.sum() / packing.count:.3f}  "
+        f"of spheres inside {inner_fraction(packing):.4f}  coordination {2 * touching.sum() / packing.count:.3f}  "
         f"residual {np.abs(gap[touching]).max():.0e}  gradation {packing.provenance['missed']['gradation']:.4f}  "
         f"verified {vg.verify(packing).ok}"
     )

@@ -1,7 +1,7 @@
 """Grains that give way: a bed packed with some overlap becomes one of deformed bodies that only touch.
 
-Balls and ellipsoids are packed by control points that may enter other grains to a small depth. Then the grains give
-way, the balls stiffer than the ellipsoids. Told are the volumes, the overlaps before and after (by exact booleans of
+Spheres and ellipsoids are packed by control points that may enter other grains to a small depth. Then the grains give
+way, the spheres stiffer than the ellipsoids. Told are the volumes, the overlaps before and after (by exact booleans of
 manifold3d), and the contacts; written are the surfaces for ParaView and a cut through the bed.
 """
 
@@ -64,7 +64,7 @@ print(f"area of a contact {soft.area.mean():.4f} mean, force {soft.force.mean():
 folder.mkdir(parents=True, exist_ok=True)
 vg.save_deformed(soft, folder / "deformed.vtp", overwrite=True)
 
-# a ball and an ellipsoid within the box, as deep in each other as any
+# a sphere and an ellipsoid within the box, as deep in each other as any
 unlike = (packing.shape_id[soft.i] != packing.shape_id[soft.j]) & ~soft.image.any(axis=1)
 i, j = (grains[np.where(unlike, soft.depth, 0.0).argmax()] for grains in (soft.i, soft.j))
 middle = soft.vertices[i][np.linalg.norm(soft.vertices[i] - packing.position[j], axis=1).argmin()]

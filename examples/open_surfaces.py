@@ -1,7 +1,7 @@
 """Random surfaces, sheets and shells packed with solid grains, as Sajjadi & Khalili 2015 pack volumes and surfaces.
 
 Open surfaces have no inside: all their control points are compared with those of the others. They rain into a periodic
-box among random solids and balls. That none crosses another is told twice: by the exact check of the packing, and by
+box among random solids and spheres. That none crosses another is told twice: by the exact check of the packing, and by
 the triangles that intersect where VTK compares each near pair.
 """
 

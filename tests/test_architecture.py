@@ -113,7 +113,7 @@ def wrong_arrows(tree, name):
 
 
 def is_type_checking(node):
-    """Tell whether a statement is ``if TYPE_CHECKING:``."""
+    """Return whether a statement is ``if TYPE_CHECKING:``."""
     return isinstance(node, ast.If) and ast.unparse(node.test).endswith("TYPE_CHECKING")
 
 
@@ -159,7 +159,7 @@ def public(tree: ast.Module) -> Iterator[tuple[str, Function | ast.ClassDef]]:
 
 
 def is_private(name):
-    """Tell whether a file's own name begins with an underscore."""
+    """Return whether a file's own name begins with an underscore."""
     stem = name.split("/")[-1].removesuffix(".py")
     return stem.startswith("_") and stem != "__init__"
 
@@ -212,7 +212,7 @@ def undocumented_errors(tree, name):
 
 
 def overloads(node):
-    """Tell whether a function only declares types, or belongs to a property with a getter."""
+    """Return whether a function only declares types, or belongs to a property with a getter."""
     marks = [ast.unparse(mark) for mark in getattr(node, "decorator_list", [])]
     return any(mark.split(".")[-1] in {"overload", "setter", "deleter"} for mark in marks)
 

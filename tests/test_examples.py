@@ -109,7 +109,7 @@ def test_chu_rsa_counts_grow_with_the_candidates(capsys, monkeypatch, tmp_path):
 def test_advancing_front(tmp_path, capsys, monkeypatch):
     text = printed("advancing_front.py", capsys, monkeypatch, str(tmp_path), "3000")
     assert text.count("verified True") == 5
-    inside = [float(value) for value in re.findall(r"of balls inside ([\d.]+)", text)]
+    inside = [float(value) for value in re.findall(r"of spheres inside ([\d.]+)", text)]
     assert min(inside) > 0.60
     assert 0.80 < inside[-1] < 0.84
     assert max(float(value) for value in re.findall(r"residual (\S+)", text)) < 1e-12

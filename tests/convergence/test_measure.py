@@ -14,7 +14,7 @@ from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 
-BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 
 
 def test_cut_cylinders_converge_with_the_square_of_the_sides(monkeypatch):
@@ -33,7 +33,7 @@ def test_cut_cylinders_converge_with_the_square_of_the_sides(monkeypatch):
     assert rates == pytest.approx([2.0] * 3, abs=0.02)
 
 
-def test_the_quadrature_of_balls_in_cylinders_converges_fast():
+def test_the_quadrature_of_spheres_in_cylinders_converges_fast():
     centers, radii = np.array([[0.9, 0.0, 0.0], [0.3, 0.4, 0.1]]), np.array([0.5, 0.7])
     found = {}
     for points in (5, 10, 20, 40, 80):

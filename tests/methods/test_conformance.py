@@ -254,7 +254,7 @@ def test_killed_at_twenty_moments_and_resumed_to_the_same_bits(which, tmp_path):
 
 
 def test_a_start_stays_in_order_and_goes_on(method, packing, tmp_path):
-    """A packing of another program: balls on a lattice that touch; then a packing of the method itself."""
+    """A packing of another program: spheres on a lattice that touch; then a packing of the method itself."""
     ticks = np.arange(3) + 0.5
     lattice = np.array(np.meshgrid(ticks, ticks, ticks[:2])).reshape(3, -1).T
     (tmp_path / "spheres.txt").write_text("\n".join(f"{x} {y} {z} 0.45" for x, y, z in lattice))
@@ -274,9 +274,9 @@ def test_a_start_stays_in_order_and_goes_on(method, packing, tmp_path):
 
 
 def test_a_start_that_has_no_place_is_refused(method):
-    balls = vg.Packing.of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), position=[(1, 1, k + 0.5) for k in range(4)])
+    spheres = vg.Packing.of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), position=[(1, 1, k + 0.5) for k in range(4)])
     with pytest.raises(InputError, match=r"grain 3 of start finds no place"):
-        vg.pack([], vg.Box((1.6, 1.6, 3.95)), method=name_of(method), start=balls, **quick(method))
+        vg.pack([], vg.Box((1.6, 1.6, 3.95)), method=name_of(method), start=spheres, **quick(method))
     flat = vg.Packing.of([vg.make_shape("disk")], vg.Rectangle((9, 9)), position=[(1, 1, 0)])
     with pytest.raises(InputError, match="start has dimension 2"):
         vg.pack([], vg.Box((3, 3, 3)), method=name_of(method), start=flat, **quick(method))

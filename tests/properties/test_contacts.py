@@ -117,12 +117,12 @@ def test_the_point_of_a_gap_lies_halfway_along_the_normal(one, other, seed):
     found = find_contacts(assembly, 3.0)
     assert np.linalg.norm(found.normal[0]) == pytest.approx(1.0, rel=1e-9)
     if found.gap[0] > 1e-6:
-        # a ball of half the gap about the point touches both grains
+        # a sphere of half the gap about the point touches both grains
         reach = found.gap[0] / 2
-        ball = Shape.of(Primitive("sphere", (reach,)), name="ball")
+        sphere = Shape.of(Primitive("sphere", (reach,)), name="sphere")
         for grain in range(2):
             alone = Assembly.of(
-                [assembly.shapes[grain], ball],
+                [assembly.shapes[grain], sphere],
                 assembly.container,
                 position=[assembly.position[grain], found.point[0]],
                 shape_id=[0, 1],

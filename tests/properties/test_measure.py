@@ -12,21 +12,21 @@ from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
 from voxgran.measure.coordination import coordination_number
 from voxgran.measure.density import window_solid_fraction
-from voxgran.measure.slices import ball_box_volume, mesh_box_volume
+from voxgran.measure.slices import mesh_box_volume, sphere_box_volume
 from voxgran.measure.window import Solids
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.tessellate import ball
+from voxgran.shapes.tessellate import sphere
 
 KINDS = {
-    "ball": Primitive("sphere", (0.5,)),
+    "sphere": Primitive("sphere", (0.5,)),
     "ellipsoid": Primitive("ellipsoid", (0.7, 0.5, 0.3)),
     "box": Primitive("box", (0.9, 0.6, 0.7)),
     "clump": Spheres(np.array([[0.0, 0, 0], [0.4, 0.1, 0]]), np.array([0.4, 0.3])),
-    "mesh": Mesh(*ball(1)[:2]),
+    "mesh": Mesh(*sphere(1)[:2]),
 }
 number = st.floats(-1.5, 1.5, allow_nan=False)
 corner = st.tuples(number, number, number)
@@ -50,7 +50,7 @@ def test_a_window_that_is_cut_holds_the_sum_of_its_parts(center, one, other, sha
     middle_low, middle_high = low.copy(), high.copy()
     middle_low[axis] = middle_high[axis] = low[axis] + share * (high[axis] - low[axis])
     whole, *parts = (
-        ball_box_volume([center], [1.0], lower=a, upper=b)[0]
+        sphere_box_volume([center], [1.0], lower=a, upper=b)[0]
         for a, b in [(low, high), (low, middle_high), (middle_low, high)]
     )
     assert sum(parts) == pytest.approx(whole, abs=5e-15)
@@ -64,22 +64,22 @@ def test_a_window_that_is_cut_holds_the_sum_of_its_parts(center, one, other, sha
     turn=st.permutations([0, 1, 2]),
     flip=st.tuples(*[st.sampled_from([-1, 1])] * 3),
 )
-def test_a_ball_has_no_direction(center, one, other, turn, flip):
+def test_a_sphere_has_no_direction(center, one, other, turn, flip):
     points = np.array([center, one, other])
     turned = points[:, turn] * np.array(flip)
     found = [
-        ball_box_volume([p[0]], [1.0], lower=np.minimum(p[1], p[2]), upper=np.maximum(p[1], p[2]))[0]
+        sphere_box_volume([p[0]], [1.0], lower=np.minimum(p[1], p[2]), upper=np.maximum(p[1], p[2]))[0]
         for p in (points, turned)
     ]
     assert found[0] == pytest.approx(found[1], abs=5e-15)
 
 
 @given(one=corner, other=corner, seed=seeds)
-def test_a_mesh_in_a_ball_fills_less_of_a_window(one, other, seed):
-    vertices, faces, error = ball(2)
+def test_a_mesh_in_a_sphere_fills_less_of_a_window(one, other, seed):
+    vertices, faces, error = sphere(2)
     low, high = np.minimum(one, other), np.maximum(one, other)
     inner = mesh_box_volume(vertices, faces, lower=low, upper=high)
-    outer = ball_box_volume([[0, 0, 0]], [1.0], lower=low, upper=high)[0]
+    outer = sphere_box_volume([[0, 0, 0]], [1.0], lower=low, upper=high)[0]
     assert -1e-14 <= inner <= outer + 1e-14
     assert outer - inner <= 4 * math.pi * error
 
@@ -106,9 +106,9 @@ def test_a_window_moved_by_periods_holds_the_same(kind, seed, one, other, turns)
 
 
 @given(seed=seeds, count=st.integers(1, 12), one=corner, other=corner)
-def test_overlapping_balls_never_fill_more_than_the_window(seed, count, one, other):
+def test_overlapping_spheres_never_fill_more_than_the_window(seed, count, one, other):
     generator = stream(seed, "overlap")
-    shape = Shape.of(KINDS["ball"], name="ball")
+    shape = Shape.of(KINDS["sphere"], name="sphere")
     packing = Packing.of(
         [shape],
         Box((1.5, 1.5, 1.5), periodic="xyz"),
@@ -125,7 +125,7 @@ def test_overlapping_balls_never_fill_more_than_the_window(seed, count, one, oth
 @given(seed=seeds, count=st.integers(0, 30))
 def test_the_neighbours_of_all_grains_are_twice_the_pairs(seed, count):
     generator = stream(seed, "pairs")
-    shape = Shape.of(KINDS["ball"], name="ball")
+    shape = Shape.of(KINDS["sphere"], name="sphere")
     box = Box((3, 3, 3), periodic=(True, False, True))
     packing = Packing.of([shape], box, position=generator.uniform(0, 3, (count, 3)))
     found = coordination_number(packing, [0.0, 0.1, 0.5], reference_gap=0.1)

@@ -99,15 +99,15 @@ def test_inertia_obeys_the_triangle_inequality(geometry):
 
 
 @given(geometries())
-def test_the_ball_of_equal_volume_has_the_least_surface(geometry):
+def test_the_sphere_of_equal_volume_has_the_least_surface(geometry):
     shape = Shape.of(geometry, name="any")
-    ball = math.pi * shape.diameter ** (shape.dimension - 1)
-    assert shape.surface_area >= ball * (1 - 1e-12)
+    sphere = math.pi * shape.diameter ** (shape.dimension - 1)
+    assert shape.surface_area >= sphere * (1 - 1e-12)
     assert shape.bounding_radius >= shape.diameter / 2 * (1 - 1e-12)
 
 
 @given(seeds, st.integers(1, 10), st.integers(0, 9))
-def test_one_more_ball_adds_volume_and_no_more_than_its_own(seed, count, copy):
+def test_one_more_sphere_adds_volume_and_no_more_than_its_own(seed, count, copy):
     union = random_spheres(seed, count)
     generator = stream(seed, "one more")
     center, radius = generator.standard_normal(3), 0.2 + generator.random()

@@ -35,7 +35,7 @@ def lattice(name, *, gap=0.0):
     edge = EDGES[name] * (1 + gap)
     position = (cells + np.array(BASES[name])).reshape(-1, 3) * edge
     box = Box((CELLS[name] * edge,) * 3, periodic=(True, True, True))
-    return Packing.of([Shape.of(Primitive("sphere", (0.5,)), name="ball")], box, position=position)
+    return Packing.of([Shape.of(Primitive("sphere", (0.5,)), name="sphere")], box, position=position)
 
 
 def hexagonal(*, gap=0.0):
@@ -78,8 +78,8 @@ def slice_area(radius, sides):
     return total
 
 
-def ball_volume(center, radius, low, high):
-    """Return the volume of a ball inside a box, by quadrature over slices between all heights where a slice changes."""
+def sphere_volume(center, radius, low, high):
+    """Return the volume of a sphere inside a box, by quadrature between all heights where a slice changes."""
     z0, z1 = max(low[2] - center[2], -radius), min(high[2] - center[2], radius)
     if z0 >= z1:
         return 0.0
@@ -109,7 +109,7 @@ def window_volume(packing, low, high):
             moved = center + (first + turn) * period
             if ((moved + 0.5 > low) & (moved - 0.5 < high)).all():
                 inside = ((moved - 0.5 >= low) & (moved + 0.5 <= high)).all()
-                total += math.pi / 6 if inside else ball_volume(moved, 0.5, low, high)
+                total += math.pi / 6 if inside else sphere_volume(moved, 0.5, low, high)
     return total
 
 
@@ -143,10 +143,10 @@ def test_windows_that_cut_spheres_agree_with_quadrature(name):
 
 
 def test_the_quadrature_of_this_file_is_good():
-    assert ball_volume(np.zeros(3), 1.0, [-2, -2, 0], [2, 2, 2]) == pytest.approx(2 * math.pi / 3, rel=1e-13)
-    assert ball_volume(np.zeros(3), 1.0, [-2, -2, 0.5], [2, 2, 2]) == pytest.approx(5 * math.pi / 24, rel=1e-13)
-    assert ball_volume(np.zeros(3), 1.0, [0, 0, 0], [2, 2, 2]) == pytest.approx(math.pi / 6, rel=1e-13)
-    assert ball_volume(np.zeros(3), 1.0, [-0.5] * 3, [0.5] * 3) == pytest.approx(1.0, rel=1e-13)
+    assert sphere_volume(np.zeros(3), 1.0, [-2, -2, 0], [2, 2, 2]) == pytest.approx(2 * math.pi / 3, rel=1e-13)
+    assert sphere_volume(np.zeros(3), 1.0, [-2, -2, 0.5], [2, 2, 2]) == pytest.approx(5 * math.pi / 24, rel=1e-13)
+    assert sphere_volume(np.zeros(3), 1.0, [0, 0, 0], [2, 2, 2]) == pytest.approx(math.pi / 6, rel=1e-13)
+    assert sphere_volume(np.zeros(3), 1.0, [-0.5] * 3, [0.5] * 3) == pytest.approx(1.0, rel=1e-13)
 
 
 @pytest.mark.parametrize("name", EDGES)

@@ -15,7 +15,7 @@ from voxgran.shapes.sizes import lognormal
 from voxgran.shapes.spheres import Spheres
 
 
-def test_two_balls_have_the_lens_of_mathworld():
+def test_two_spheres_have_the_lens_of_mathworld():
     # Weisstein, Sphere-Sphere Intersection, mathworld.wolfram.com, eq. 15 and 16
     for large, small, d in [(1.0, 1.0, 1.0), (1.0, 0.5, 0.8), (2.0, 1.0, 2.9), (1.0, 0.3, 0.71)]:
         lens = math.pi * (large + small - d) ** 2 / (12 * d)
@@ -26,8 +26,8 @@ def test_two_balls_have_the_lens_of_mathworld():
     assert 8 / 3 * math.pi - equal.volume == pytest.approx(5 * math.pi / 12, rel=1e-13)
 
 
-def test_three_balls_by_inclusion_and_exclusion():
-    # the common part of three unit balls whose centers form an equilateral triangle of side 1:
+def test_three_spheres_by_inclusion_and_exclusion():
+    # the common part of three unit spheres whose centers form an equilateral triangle of side 1:
     # slices parallel to the plane of the centers are Reuleaux-like triangles of three disks
     nodes, weights = np.polynomial.legendre.leggauss(60)
     top = math.sqrt(1 - 1 / 3)
@@ -45,17 +45,17 @@ def test_three_balls_by_inclusion_and_exclusion():
     assert union == pytest.approx(4 * math.pi - 3 * 5 * math.pi / 12 + common, rel=1e-12)
 
 
-def test_touching_balls_on_an_fcc_lattice():
+def test_touching_spheres_on_an_fcc_lattice():
     points = np.array([p for p in itertools.product(range(4), repeat=3) if sum(p) % 2 == 0], dtype=float)
     radius = math.sqrt(0.5)
     cluster = Spheres(points, np.full(len(points), radius))
     assert cluster.volume == pytest.approx(len(points) * 4 / 3 * math.pi * radius**3, rel=1e-14)
-    # four balls per cube of edge 2: pi / sqrt(18) of space (Kepler)
+    # four spheres per cube of edge 2: pi / sqrt(18) of space (Kepler)
     assert 4 * cluster.volume / len(points) / 8 == pytest.approx(math.pi / math.sqrt(18), rel=1e-14)
 
 
-def test_balls_that_cover_a_lattice():
-    # balls of radius sqrt(3) / 2 on the unit lattice cover space: in the bulk each fills a cube and has no surface
+def test_spheres_that_cover_a_lattice():
+    # spheres of radius sqrt(3) / 2 on the unit lattice cover space: in the bulk each fills a cube and has no surface
     def union(n):
         points = np.array(list(itertools.product(range(n), repeat=3)), dtype=float)
         return Spheres(points, np.full(n**3, math.sqrt(3) / 2))
@@ -82,7 +82,7 @@ def test_scans_have_the_numbers_of_their_source_page(name, volume, faces, data_d
     [((1, 1, 1), 1.0), ((2, 1, 1), 1.0768), ((1, 1, 0.5), 1.0953)],
 )
 def test_surface_of_spheroids(aspect, area):
-    # in units of the surface of the ball of equal volume: elementary formulas with the excentricity
+    # in units of the surface of the sphere of equal volume: elementary formulas with the excentricity
     a, _, c = sorted(aspect, reverse=True)
     if aspect[0] > aspect[1]:
         e = math.sqrt(1 - (c / a) ** 2)

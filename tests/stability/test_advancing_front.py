@@ -22,14 +22,14 @@ def pack(shape, container, **keywords):
 
 
 def residuals(packing, partners=3):
-    """How far each ball is from touching the nearest three, in what is promised: 1e-12 r and 8 units of the place."""
+    """How far each sphere is from touching the nearest three, in what is promised: 1e-12 r and 8 units of the place."""
     r, p = packing.bounding_radii, packing.position
     allowed = 1e-12 * r + 8 * np.spacing(np.abs(p).max())
     worst = np.zeros(packing.count)
-    for ball in range(packing.count):
-        gap = np.linalg.norm(p - p[ball], axis=1) - r - r[ball]
-        gap[ball] = np.inf
-        worst[ball] = np.sort(np.abs(gap))[partners - 1] / allowed[ball]
+    for sphere in range(packing.count):
+        gap = np.linalg.norm(p - p[sphere], axis=1) - r - r[sphere]
+        gap[sphere] = np.inf
+        worst[sphere] = np.sort(np.abs(gap))[partners - 1] / allowed[sphere]
     return worst
 
 
@@ -55,8 +55,8 @@ def test_sizes_of_a_thousand_to_one(mode):
 def test_tiny_and_huge_units(mode, scale):
     sizes = vg.sizes.uniform(0.5, 1.5)
     packing = pack(SPHERE, vg.Box((12, 12, 12)), sizes=sizes, count=300, mode=mode)
-    ball, box = SPHERE.scaled(scale), vg.Box(np.array([12.0, 12, 12]) * scale)
-    other = pack(ball, box, sizes=vg.sizes.uniform(0.5 * scale, 1.5 * scale), count=300, mode=mode)
+    sphere, box = SPHERE.scaled(scale), vg.Box(np.array([12.0, 12, 12]) * scale)
+    other = pack(sphere, box, sizes=vg.sizes.uniform(0.5 * scale, 1.5 * scale), count=300, mode=mode)
     assert vg.verify(other).ok
     assert residuals(other)[3:].max() <= 1
     np.testing.assert_allclose(other.position / scale, packing.position, atol=1e-8)
@@ -88,7 +88,7 @@ def test_one_grain_and_containers_of_its_size(mode):
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("tilt", [0.0, 1e-15, 1e-9, 1e-3])
 def test_fronts_on_lattices_where_many_places_coincide(mode, tilt):
-    """Balls on a square lattice that touch: four at a time lie in a plane, and each place touches four or five."""
+    """Spheres on a square lattice that touch: four at a time lie in a plane, and each place touches four or five."""
     ticks = np.arange(4) + 3.0
     lattice = np.array(list(itertools.product(ticks, ticks, [4.0])))
     lattice[:, 2] += tilt * lattice[:, 0] * lattice[:, 1]
@@ -102,7 +102,7 @@ def test_fronts_on_lattices_where_many_places_coincide(mode, tilt):
 
 
 def test_touching_lattices_go_on_without_overlap():
-    """A face-centred cubic start: its pockets touch four to twelve balls at once, to the last bit or not."""
+    """A face-centred cubic start: its pockets touch four to twelve spheres at once, to the last bit or not."""
     base = np.array([(0, 0, 0), (0, 0.5, 0.5), (0.5, 0, 0.5), (0.5, 0.5, 0)]) * math.sqrt(2)
     cells = np.array(list(itertools.product(range(2), repeat=3))) * math.sqrt(2)
     places = (cells[:, None] + base).reshape(-1, 3) + 3

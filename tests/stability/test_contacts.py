@@ -15,11 +15,11 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.tessellate import ball
+from voxgran.shapes.tessellate import sphere
 
 
 def shapes():
-    vertices, faces, _ = ball(1)
+    vertices, faces, _ = sphere(1)
     clump = Spheres(np.array([[0.0, 0, 0], [0.4, 0, 0]]), np.array([0.4, 0.3]))
     geometries = [
         *(Primitive("sphere", (0.5,)), Primitive("ellipsoid", (0.6, 0.5, 0.3)), Primitive("box", (0.8, 0.9, 0.7))),
@@ -118,7 +118,7 @@ def test_a_grain_larger_than_half_a_periodic_box_meets_its_images(shape):
 @pytest.mark.parametrize("gap", [1e-4, -1e-5])
 @pytest.mark.parametrize("large", shapes(), ids=lambda s: type(s.geometry).__name__)
 def test_sizes_in_the_ratio_of_a_thousand(large, gap):
-    """A small ball at a known distance from the deepest support plane of a large grain."""
+    """A small sphere at a known distance from the deepest support plane of a large grain."""
     small = shapes()[0]
     assembly = Assembly.of(
         [large, small],
@@ -141,7 +141,7 @@ def test_sizes_in_the_ratio_of_a_thousand(large, gap):
 
 
 def test_needles_and_plates():
-    """Flat and long solids keep the same gap as the boxes or balls that bound them where they touch."""
+    """Flat and long solids keep the same gap as the boxes or spheres that bound them where they touch."""
     plate = Shape.of(Primitive("cylinder", (100.0, 1e-3)), name="plate")
     needle = Shape.of(Primitive("ellipsoid", (1e-3, 1e-3, 10.0)), name="needle")
     for gap in (1e-3, 1e-6, -1e-6):

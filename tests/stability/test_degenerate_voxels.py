@@ -40,8 +40,8 @@ def wrong_voxels(mask, equations, tolerance=1e-9):
     return int(np.count_nonzero((height < -tolerance) & ~taken) + np.count_nonzero((height > tolerance) & taken))
 
 
-def uv_ball(radius, rings, sides):
-    """Return points of a ball with poles along z."""
+def uv_sphere(radius, rings, sides):
+    """Return points of a sphere with poles along z."""
     polar, azimuth = np.linspace(0, np.pi, rings + 1)[1:-1], 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     body = [np.column_stack([np.sin(a) * ring, np.full(sides, np.cos(a))]) for a in polar]
@@ -60,8 +60,8 @@ BODIES = {
     "octahedron": np.concatenate([np.eye(3), -np.eye(3)]) * 9,
     "long octahedron": np.concatenate([np.eye(3), -np.eye(3)]) * [[6.0], [9.0], [11.0], [6.0], [9.0], [11.0]],
     "cone": cone(9.0, 13.0, 24),
-    "ball": uv_ball(10.0, 12, 16),
-    "fine ball": uv_ball(11.0, 40, 64),
+    "sphere": uv_sphere(10.0, 12, 16),
+    "fine sphere": uv_sphere(11.0, 40, 64),
     "tetrahedron": np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * 9,
 }
 
@@ -70,7 +70,7 @@ BODIES = {
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("place", [(16.5, 16.5, 16.5), (16.0, 16.5, 16.0), (16.5, 16.0, 16.25)])
 def test_no_voxel_is_wrong(backend, name, place):
-    turns = lattice_rotations()[:: 7 if backend != "scanline" or name == "fine ball" else 1]
+    turns = lattice_rotations()[:: 7 if backend != "scanline" or name == "fine sphere" else 1]
     for turn in turns:
         vertices, faces, equations = hull(BODIES[name] @ turn.T + place)
         mask = voxelize(shape_of(vertices, faces), grid=GRID, backend=backend).mask

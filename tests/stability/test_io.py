@@ -18,12 +18,12 @@ from voxgran.io.vtk_files import save_scene
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.tessellate import ball
+from voxgran.shapes.tessellate import sphere
 
 
 def packing_of(count):
-    vertices, faces, _ = ball(2)
-    shapes = [Shape.of(Primitive("sphere", (0.5,)), name="ball"), Shape.from_mesh(vertices, faces)]
+    vertices, faces, _ = sphere(2)
+    shapes = [Shape.of(Primitive("sphere", (0.5,)), name="sphere"), Shape.from_mesh(vertices, faces)]
     generator = stream(1, "positions")
     shape_id = np.arange(count) % 2
     return Packing.of(shapes, Box((9, 9, 9)), position=9 * generator.random((count, 3)), shape_id=shape_id)

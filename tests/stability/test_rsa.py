@@ -64,7 +64,7 @@ def test_coincident_starts_are_refused_and_a_full_start_is_saturated():
     ticks = np.arange(4) + 0.5
     lattice = np.array(np.meshgrid(ticks, ticks, ticks)).reshape(3, -1).T
     full = vg.Packing.of([SPHERE], vg.Box((4, 4, 4), "xyz"), position=lattice)
-    # between balls that touch on a cubic lattice there is no room for another
+    # between spheres that touch on a cubic lattice there is no room for another
     with pytest.warns(PackingWarning):
         packing = vg.pack(SPHERE, full.container, method="rsa", start=full, count=1, until="saturated")
     assert packing.count == 64

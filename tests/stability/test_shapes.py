@@ -37,38 +37,38 @@ def test_coordinates_of_files_in_single_precision_are_no_fault():
         assert diagnose(corners, faces).ok
 
 
-def test_two_hundred_balls_in_all_states():
-    generator = stream(0, "balls")
+def test_two_hundred_spheres_in_all_states():
+    generator = stream(0, "spheres")
     for spread, radius in [(0.01, 1.0), (0.3, 1.0), (1.0, 0.5), (3.0, 0.5), (30.0, 0.5)]:
         centers = spread * generator.standard_normal((200, 3))
         union = Spheres(centers, radius * (0.8 + 0.4 * generator.random(200)))
-        balls = 4 / 3 * math.pi * union.radii**3
-        assert balls.max() <= union.volume <= balls.sum() * (1 + 1e-12)
+        spheres = 4 / 3 * math.pi * union.radii**3
+        assert spheres.max() <= union.volume <= spheres.sum() * (1 + 1e-12)
         area = union.surface_area
         assert area >= (36 * math.pi * union.volume**2) ** (1 / 3) * (1 - 1e-12)
-        # volume by the surface: growing all balls by a little adds surface times that little
+        # volume by the surface: growing all spheres by a little adds surface times that little
         step = 1e-6
         grown = Spheres(centers, union.radii + step).volume - union.volume
         assert grown == pytest.approx(area * step, rel=1e-3)
 
 
 @pytest.mark.parametrize("distance", [1e-14, 1e-12, 1e-9, 1e-6, 1e-3])
-def test_balls_nearly_in_one_place(distance):
+def test_spheres_nearly_in_one_place(distance):
     generator = stream(1, "near")
     centers = distance * generator.standard_normal((10, 3))
     union = Spheres(centers, np.ones(10))
-    ball = 4 / 3 * math.pi
-    # equal balls: to first order the union is that of their shifts, the mean of the largest shift in each direction
+    sphere = 4 / 3 * math.pi
+    # equal spheres: to first order the union is that of their shifts, the mean of the largest shift in each direction
     reach = np.linalg.norm(centers, axis=1).max()
-    assert -1e-12 <= union.volume / ball - 1 <= (1 + reach) ** 3 - 1 + 1e-12
+    assert -1e-12 <= union.volume / sphere - 1 <= (1 + reach) ** 3 - 1 + 1e-12
     directions = generator.standard_normal((40000, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     grown = 4 * math.pi * (directions @ centers.T).max(axis=1).mean()
-    assert union.volume - ball == pytest.approx(grown, rel=0.05, abs=2e-12)
+    assert union.volume - sphere == pytest.approx(grown, rel=0.05, abs=2e-12)
 
 
 @pytest.mark.parametrize("gap", [-1e-6, -1e-10, -1e-15, 0.0, 1e-15, 1e-10])
-def test_balls_that_nearly_touch(gap):
+def test_spheres_that_nearly_touch(gap):
     union = Spheres(np.array([[0, 0, 0], [2 + gap, 0, 0]]), np.ones(2))
     lens = math.pi / 2 * gap**2 * (1 + gap / 6) if gap < 0 else 0.0
     assert union.volume == pytest.approx(8 / 3 * math.pi - lens, rel=1e-14)

@@ -9,7 +9,7 @@ import pytest
 
 import voxgran as vg
 from voxgran.lattice.grid import Grid
-from voxgran.voxels.closed_form import balls_bits
+from voxgran.voxels.closed_form import spheres_bits
 
 N = 160
 GRID = Grid((-1.0, -1.0, -1.0), 2.0 / N, (N, N, N))
@@ -39,7 +39,7 @@ def stated(name):
 @pytest.fixture(scope="module")
 def inputs():
     centers = np.array([[0.0, 0, 0], [0.6, 0.1, 0.2], [-0.5, -0.4, 0.1]])
-    mask = balls_bits(centers, np.array([0.3, 0.2, 0.35]), GRID, cover="center").unpacked()
+    mask = spheres_bits(centers, np.array([0.3, 0.2, 0.35]), GRID, cover="center").unpacked()
     return vg.make_shape("solid_union", seed=2), mask, mask.astype(float)
 
 
@@ -72,13 +72,13 @@ def peak_of(work):
 def test_what_stands_beside_the_bytes_a_voxel(inputs):
     """The third column of the page."""
     shape, mask, _ = inputs
-    ball, voxels = vg.make_shape("ellipsoid"), N**3
-    cut = len(vg.voxelize(ball, grid=GRID, fraction=True).shares.cut)
-    bits = vg.voxelize(ball, grid=GRID).bits
+    sphere, voxels = vg.make_shape("ellipsoid"), N**3
+    cut = len(vg.voxelize(sphere, grid=GRID, fraction=True).shares.cut)
+    bits = vg.voxelize(sphere, grid=GRID).bits
     holes = shape.faces[1:]
     limits = [
         (lambda: vg.voxelize(shape, grid=GRID, cover="touch"), voxels / 4 + 2e6),
-        (lambda: vg.voxelize(ball, grid=GRID, fraction=True), (2 + 1 / 8) * voxels + 200 * cut),
+        (lambda: vg.voxelize(sphere, grid=GRID, fraction=True), (2 + 1 / 8) * voxels + 200 * cut),
         (lambda: vg.voxelize_mesh(shape.vertices, shape.faces, grid=GRID), voxels / 8 + 24 * 2**20),
         (lambda: vg.voxelize_mesh(shape.vertices, holes, grid=GRID), (4 + 1 / 8) * voxels + 24 * 2**20),
         (lambda: vg.distance_transform(mask, squared=True), 4 * voxels + 2e6),

@@ -280,10 +280,10 @@ def test_a_label_image_becomes_a_packing_and_two_are_compared(tmp_path, capsys):
 
 
 def saved(path, *, seed):
-    """Write a small packing of balls and return its path."""
-    generator, balls = stream(seed, "cli"), vg.make_shape("sphere")
+    """Write a small packing of spheres and return its path."""
+    generator, spheres = stream(seed, "cli"), vg.make_shape("sphere")
     packing = vg.Packing.of(
-        *([balls], vg.Box((6, 6, 6))),
+        *([spheres], vg.Box((6, 6, 6))),
         position=generator.uniform(1, 5, (8, 3)),
         scale=generator.uniform(0.3, 0.6, 8),
         provenance={"seed": seed},

@@ -1,4 +1,4 @@
-"""Cell lists: all pairs of balls whose surfaces are nearer than a gap, periodic axes included."""
+"""Cell lists: all pairs of spheres whose surfaces are nearer than a gap, periodic axes included."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ def near_pairs(
     lengths: Floats,
     periodic: tuple[bool, bool, bool],
 ) -> tuple[Integers, Integers, Integers]:
-    """Return each pair of balls with ``distance - r_i - r_j <= gap``, once per periodic image.
+    """Return each pair of spheres with ``distance - r_i - r_j <= gap``, once per periodic image.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ def near_pairs(
     Returns
     -------
     i, j : (m,) ndarray of int
-        Pairs in lexical order, i <= j; i == j stands for a ball and its own image.
+        Pairs in lexical order, i <= j; i == j stands for a sphere and its own image.
     image : (m, 3) ndarray of int
         The pair is (center i, center j + image * lengths), with the centers as given.
     """
@@ -46,7 +46,7 @@ def near_pairs(
     low = np.where(wraps, lower, wrapped.min(axis=0))
     span = np.where(wraps, lengths, np.maximum(wrapped.max(axis=0) - low, 1e-300))
     reach = 2 * radii.max() + gap
-    # no more cells than balls (per axis: cube root), no cell narrower than the reach
+    # no more cells than spheres (per axis: cube root), no cell narrower than the reach
     most = max(1, int(np.ceil(2 * n ** (1 / 3))))
     cells = np.clip(np.floor(span / max(reach, 1e-300)), 1, most).astype(np.int64)
     index = np.clip(((wrapped - low) / span * cells).astype(np.int64), 0, cells - 1)
@@ -65,7 +65,7 @@ def near_pairs(
 
 @kernel
 def _is_near(centers, radii, gap, i, j, sx, sy, sz):  # type: ignore[no-untyped-def]
-    """Tell whether ball i and ball j, shifted, are within the gap."""
+    """Return whether sphere i and sphere j, shifted, are within the gap."""
     dx = centers[j, 0] + sx - centers[i, 0]
     dy = centers[j, 1] + sy - centers[i, 1]
     dz = centers[j, 2] + sz - centers[i, 2]
@@ -75,7 +75,7 @@ def _is_near(centers, radii, gap, i, j, sx, sy, sz):  # type: ignore[no-untyped-
 
 @kernel
 def _visit_pairs(centers, radii, gap, index, order, start, cells, around, wraps, span, pairs, fill):  # type: ignore[no-untyped-def]
-    """Walk the cells around each ball; count the pairs and, where `fill`, write them."""
+    """Walk the cells around each sphere; count the pairs and, where `fill`, write them."""
     count = 0
     for i in range(len(centers)):
         for ox in range(-around[0], around[0] + 1):

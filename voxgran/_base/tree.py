@@ -243,7 +243,7 @@ def search_triangles(
 
 @bare_kernel
 def is_behind(normals: Floats, k: int, feature: int, dx: float, dy: float, dz: float) -> bool:
-    """Tell whether the step from a feature of triangle k leads into the solid."""
+    """Return whether the step from a feature of triangle k leads into the solid."""
     side = normals[k, feature, 0] * dx + normals[k, feature, 1] * dy + normals[k, feature, 2] * dz
     return side < 0.0
 

@@ -8,10 +8,10 @@ from voxgran._base.seeds import stream
 
 
 def scipy_addition(lengths: Floats, tries: int, *, seed: int = 0) -> tuple[Floats, int]:
-    """Add balls of diameter 1 at random places of a periodic box, with NumPy and the trees of SciPy.
+    """Add spheres of diameter 1 at random places of a periodic box, with NumPy and the trees of SciPy.
 
-    Places come in batches; those that lie too near to a ball are refused by a tree over the balls, and of the rest each
-    that lies too near to an earlier one of its batch.
+    Places come in batches; those that lie too near to a sphere are refused by a tree over the spheres, and of the rest
+    each that lies too near to an earlier one of its batch.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def scipy_addition(lengths: Floats, tries: int, *, seed: int = 0) -> tuple[Float
     Returns
     -------
     centers : (n, 2) or (n, 3) ndarray of float
-        The balls.
+        The spheres.
     refused : int
         Places that were refused.
     """

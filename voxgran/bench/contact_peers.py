@@ -143,7 +143,7 @@ def _grid_moves(  # type: ignore[no-untyped-def]
 
 @kernel
 def _is_free(p, world, head, after, count, lower, distance, own, many):  # type: ignore[no-untyped-def]
-    """Tell whether no point of another grain is near a place."""
+    """Return whether no point of another grain is near a place."""
     cx, cy, cz = (
         int((p[0] - lower[0]) / distance),
         int((p[1] - lower[1]) / distance),

@@ -10,7 +10,7 @@ from voxgran.clumps.model import ClumpErrors
 from voxgran.points.sample import sample_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
-from voxgran.voxels.closed_form import balls_bits
+from voxgran.voxels.closed_form import spheres_bits
 from voxgran.voxels.model import Voxels
 
 #: spacing of the points at which distances are taken, in equivalent diameters
@@ -36,7 +36,7 @@ def clump_errors(voxels: Voxels, shape: Shape, spheres: Spheres) -> ClumpErrors:
     ClumpErrors
         Volume, centroid and inertia from exact integrals of both; overlap from voxels; distances from points.
     """
-    mask = balls_bits(spheres.centers, spheres.radii, voxels.grid, cover="center").unpacked()
+    mask = spheres_bits(spheres.centers, spheres.radii, voxels.grid, cover="center").unpacked()
     both, either = int((mask & voxels.mask).sum()), int((mask | voxels.mask).sum())
     # each voxel at the surface is right or wrong by chance: the errors add up as the root of their number
     rim = voxels.mask ^ load("scipy.ndimage").binary_erosion(voxels.mask)
@@ -64,10 +64,10 @@ def _surface_gaps(shape: Shape, spheres: Spheres) -> Floats:
 
 
 def _distances_from_union(points: Floats, spheres: Spheres, rim: Floats) -> Floats:
-    """Return the distances of points from the surface of a union of balls.
+    """Return the distances of points from the surface of a union of spheres.
 
-    Outside the nearest sphere is exact. Inside nothing is nearer than the way out of the ball that holds the point
-    deepest; where that way ends in another ball, the nearest of the points on the surface counts.
+    Outside the nearest sphere is exact. Inside nothing is nearer than the way out of the sphere that holds the point
+    deepest; where that way ends in another sphere, the nearest of the points on the surface counts.
     """
     gap, owner = _gaps(points, spheres)
     inside = np.flatnonzero(gap < 0)

@@ -127,7 +127,7 @@ class Assembly:
 
     @cached_property
     def bounding_radii(self) -> Floats:
-        """Radii of balls about the centroids that hold the grains, (n,)."""
+        """Radii of spheres about the centroids that hold the grains, (n,)."""
         return self._of_shapes([shape.bounding_radius for shape in self.shapes]) * self.scale
 
     def world_vertices(self, grain: int) -> Floats:

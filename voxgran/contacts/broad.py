@@ -1,4 +1,4 @@
-"""The one broad phase: pairs of grains whose bounding balls are near, periodic images included."""
+"""The one broad phase: pairs of grains whose bounding spheres are near, periodic images included."""
 
 from dataclasses import dataclass
 
@@ -37,14 +37,14 @@ class Pairs:
 
 
 def grain_pairs(assembly: Assembly, gap: float) -> Pairs:
-    """Find the pairs of grains whose bounding balls are within a gap, each once per periodic image.
+    """Find the pairs of grains whose bounding spheres are within a gap, each once per periodic image.
 
     Parameters
     ----------
     assembly : Assembly
         The grains.
     gap : float
-        Largest distance of the bounding balls, in the unit of lengths; negative: they overlap by so much.
+        Largest distance of the bounding spheres, in the unit of lengths; negative: they overlap by so much.
 
     Returns
     -------

@@ -1,12 +1,12 @@
-"""Contacts of grains made of convex parts: balls, ellipsoids, boxes, cylinders, cones and unions of balls.
+"""Contacts of grains made of convex parts: spheres, ellipsoids, boxes, cylinders, cones and unions of spheres.
 
 Apart, the gap is the distance of the cores less the margins. Overlapping, the depth is the largest r for which one
 solid eroded by r still meets the other: that is the largest distance to the surface of the first of any point of the
 second inside it. The distance s(r) between the eroded solid and the other is convex in r, so that Newton's method from
-beyond the root comes down to it without passing it; where the surface is smooth at the contact (a ball, an ellipsoid,
+beyond the root comes down to it without passing it; where the surface is smooth at the contact (a sphere, an ellipsoid,
 a face) the first step is exact. The depth of a pair is the larger of its two.
 
-For unions of balls the deepest pair of balls gives the depth of the union, as long as it is below the radii.
+For unions of spheres the deepest pair of spheres gives the depth of the union, as long as it is below the radii.
 Ellipsoids can be eroded exactly up to their least radius of curvature; pairs that lie deeper are flagged.
 """
 
@@ -19,7 +19,7 @@ from voxgran._base.kernels import kernel
 from voxgran.contacts.broad import Pairs
 from voxgran.contacts.gjk import erosion_limit, separation, support
 from voxgran.contacts.parts import Parts
-from voxgran.contacts.spheres import ball_gap
+from voxgran.contacts.spheres import sphere_gap
 
 #: distance, in sizes of the parts, at which they count as touching
 TOUCHING = 1e-14
@@ -86,7 +86,7 @@ def touch_pair(one: Floats, margin: float, other: Floats, other_margin: float, o
     near = np.zeros(9)
     if one[0] == 0.0 and other[0] == 0.0:
         distance = math.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
-        contact[0] = ball_gap(distance, margin, other_margin)
+        contact[0] = sphere_gap(distance, margin, other_margin)
         for c in range(3):
             near[c], near[3 + c] = 0.0, offset[c]
             near[6 + c] = offset[c] / distance if distance > 0.0 else 0.0

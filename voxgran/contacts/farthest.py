@@ -38,7 +38,7 @@ def farthest_reach(assembly: Assembly, origin: Floats) -> Floats:
         if isinstance(geometry, Primitive) and geometry.kind != "sphere":
             reach[grains] = _of_primitive(geometry, away @ geometry.matrix) * assembly.scale[grains]
         elif has_parts(geometry):
-            reach[grains] = _of_balls(assembly, grains, away)
+            reach[grains] = _of_spheres(assembly, grains, away)
         else:
             assert isinstance(geometry, Mesh | Surface)
             reach[grains] = [np.linalg.norm(geometry.vertices + p, axis=1).max() for p in away]
@@ -46,8 +46,8 @@ def farthest_reach(assembly: Assembly, origin: Floats) -> Floats:
     return reach
 
 
-def _of_balls(assembly: Assembly, grains: Integers, away: Floats) -> Floats:
-    """Return the reach of one ball or of several."""
+def _of_spheres(assembly: Assembly, grains: Integers, away: Floats) -> Floats:
+    """Return the reach of one sphere or of several."""
     parts = parts_of([assembly.shapes[assembly.shape_id[grains[0]]].geometry]) if len(grains) else None
     found = np.zeros(len(grains))
     if parts is not None:

@@ -19,15 +19,15 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.convex import part_contacts
 from voxgran.contacts.inside import inner_distance, placed
-from voxgran.contacts.mesh_parts import touch_balls, touch_convex
+from voxgran.contacts.mesh_parts import touch_convex, touch_spheres
 from voxgran.contacts.meshes import meshes_meet, touch_meshes
 from voxgran.contacts.model import Contacts
 from voxgran.contacts.open_surfaces import open_touch
 from voxgran.contacts.outlines import touch_disk, touch_polygons
-from voxgran.contacts.parts import has_parts, is_disk, is_one_ball, parts_of
+from voxgran.contacts.parts import has_parts, is_disk, is_one_sphere, parts_of
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Solid
-from voxgran.contacts.spheres import ball_contacts
+from voxgran.contacts.spheres import sphere_contacts
 from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.contacts.touch import Touch
 from voxgran.shapes.mesh import Mesh
@@ -138,7 +138,7 @@ def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> Contacts:
     assembly : Assembly
         The grains.
     pairs : Pairs
-        Pairs whose bounding balls are near.
+        Pairs whose bounding spheres are near.
     gap : float
         Largest distance of the surfaces, in the unit of lengths.
 
@@ -159,8 +159,8 @@ def gaps_of_pairs(
 
     deepest: whether the deepest point of an overlap is searched; without, depths are lower bounds above 0, and faster.
     """
-    if all(is_one_ball(shape.geometry) for shape in assembly.shapes):
-        return ball_contacts(pairs, assembly.bounding_radii)
+    if all(is_one_sphere(shape.geometry) for shape in assembly.shapes):
+        return sphere_contacts(pairs, assembly.bounding_radii)
     return _test_mixed(assembly, pairs, gap, deepest=deepest)
 
 
@@ -202,7 +202,7 @@ def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool) 
 
 
 def is_closed_surface(geometry: Geometry) -> bool:
-    """Tell whether contacts take a geometry as its triangles: a mesh, or a box."""
+    """Return whether contacts take a geometry as its triangles: a mesh, or a box."""
     return isinstance(geometry, Mesh) or (isinstance(geometry, Primitive) and geometry.kind == "box")
 
 
@@ -270,7 +270,7 @@ class _PairTests:
         return touch.flipped() if flip else touch
 
     def meet(self, i: int, j: int, offset: Floats, depth: float) -> bool:
-        """Tell whether two grains with closed surfaces overlap deeper than a depth."""
+        """Return whether two grains with closed surfaces overlap deeper than a depth."""
         one, other = (self._solid(int(self.assembly.shape_id[grain])) for grain in (i, j))
         matrix, shift = relative_pose(self.assembly, i, j, offset)
         return meshes_meet(one, other, matrix=matrix, offset=shift, depth=depth / float(self.assembly.scale[i]))
@@ -295,7 +295,7 @@ class _PairTests:
             return partial(touch_meshes, self._solid(a), self._solid(b)), False
         if isinstance(other, Primitive) and other.kind != "sphere":
             return partial(touch_convex, self._solid(a), other), False
-        return partial(touch_balls, self._solid(a), other, parts_of([other])), False
+        return partial(touch_spheres, self._solid(a), other, parts_of([other])), False
 
     def tree(self, shape: int) -> TriangleTree:
         """Return the box tree of a shape that is a mesh or a box."""

@@ -18,7 +18,7 @@ HALVINGS = 64
 def inner_distance(geometry: Geometry) -> Inner:
     """Return the function that gives points of a geometry's own frame their distance to its surface.
 
-    Outside of boxes, cylinders, cones and unions of balls, and deep in unions, it is only a bound: that is enough
+    Outside of boxes, cylinders, cones and unions of spheres, and deep in unions, it is only a bound: that is enough
     to tell inside from outside, and exact where a grain is convex.
 
     Parameters
@@ -34,11 +34,11 @@ def inner_distance(geometry: Geometry) -> Inner:
     if isinstance(geometry, Mesh):
         return lambda points: -geometry.tree.signed_distance(points)
     if isinstance(geometry, Spheres):
-        return lambda points: _in_balls(points, geometry.centers, geometry.radii)
+        return lambda points: _in_spheres(points, geometry.centers, geometry.radii)
     if isinstance(geometry, Outline):
         if geometry.kind == "disk":
             center = np.array([[*geometry.center, 0.0]])
-            return lambda points: _in_balls(points, center, np.array([geometry.radius]))
+            return lambda points: _in_spheres(points, center, np.array([geometry.radius]))
         return lambda points: _in_polygon(points, geometry.vertices)
     assert isinstance(geometry, Primitive)
     return lambda points: _in_primitive(geometry, points)
@@ -51,8 +51,8 @@ def placed(inner: Inner, *, matrix: Floats, offset: Floats) -> Inner:
     return lambda points: factor * inner((points - offset) @ back)
 
 
-def _in_balls(points: Floats, centers: Floats, radii: Floats) -> Floats:
-    """Depth in the ball that holds each point deepest."""
+def _in_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
+    """Depth in the sphere that holds each point deepest."""
     best = np.full(len(points), -np.inf)
     for center, radius in zip(centers, radii, strict=True):
         best = np.maximum(best, radius - np.linalg.norm(points - center, axis=1))

@@ -1,10 +1,10 @@
-"""Contacts of closed triangle meshes with balls, ellipsoids, cylinders and cones.
+"""Contacts of closed triangle meshes with spheres, ellipsoids, cylinders and cones.
 
-The mesh stays what it is and so does its partner. A ball touches where its center is nearest to the surface. For the
+The mesh stays what it is and so does its partner. A sphere touches where its center is nearest to the surface. For the
 others each near triangle is one convex solid and the partner another. Where they overlap, the depth is that of the
 triangles in the partner; of a cylinder or cone, whose rims and tips can lie deeper in the mesh than the mesh in them,
-also that of its surface in the mesh. (The depth in a ball or ellipsoid is never the lesser one, up to its least radius
-of curvature.) Boxes are meshes.
+also that of its surface in the mesh. (The depth in a sphere or ellipsoid is never the lesser one, up to its least
+radius of curvature.) Boxes are meshes.
 """
 
 import math
@@ -28,28 +28,28 @@ from voxgran.shapes.model import Geometry
 from voxgran.shapes.primitive import Primitive
 
 
-def touch_balls(
+def touch_spheres(
     solid: Solid, geometry: Geometry, parts: Parts, *, matrix: Floats, offset: Floats, reach: float
 ) -> Touch:
-    """Find how a mesh touches a union of balls.
+    """Find how a mesh touches a union of spheres.
 
     Parameters
     ----------
     solid : Solid
         The mesh.
     geometry : Geometry
-        The balls, in their own frame.
+        The spheres, in their own frame.
     parts : Parts
         Their rows: of this one body.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of the balls into that of the mesh.
+        Lead from the frame of the spheres into that of the mesh.
     reach : float
         How far to look, in the unit of the mesh.
 
     Returns
     -------
     Touch
-        In the frame of the mesh, from the mesh to the balls.
+        In the frame of the mesh, from the mesh to the spheres.
     """
     factor = stretch_of(matrix)
     centers, radii = parts.center @ matrix.T + offset, parts.margin * factor
@@ -89,25 +89,25 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
         In the frame of the mesh, from the mesh to the partner.
     """
     row = placed_row(primitive, matrix)
-    ball = primitive.bounding_radius * stretch_of(matrix)
+    sphere = primitive.bounding_radius * stretch_of(matrix)
     near = np.zeros(9)
-    distance = distance_to_triangles(row, offset, ball, *solid.tree.arrays, float(reach), near)
+    distance = distance_to_triangles(row, offset, sphere, *solid.tree.arrays, float(reach), near)
     size = float(part_size(row)) + solid.tree.size
     if distance > TOUCHING * size:
         if _holds_center(solid, offset):
-            return _touch_deep(solid, primitive, 0.0, offset - ball, offset + ball, matrix, offset)
+            return _touch_deep(solid, primitive, 0.0, offset - sphere, offset + sphere, matrix, offset)
         if distance > reach:
             return Touch.apart()
         return Touch(distance, direction(-near[6:], offset), (near[:3] + near[3:6]) / 2)
     contact = np.zeros(7)
-    deep = depth_in_convex(row, offset, ball, size, *solid.tree.arrays, contact)
+    deep = depth_in_convex(row, offset, sphere, size, *solid.tree.arrays, contact)
     depth, normal, point = float(contact[0]), -contact[1:4], contact[4:]
     if int(row[0]) in (CYLINDER, CONE):
         deeper, where, surface = deepest_of_round(solid.tree, row, offset)
         if deeper > depth:
             depth, normal, point = deeper, direction(surface - where, offset), (where + surface) / 2
     if deep or solid.tree.signed_distance(offset[None])[0] < 0:
-        touch = _touch_deep(solid, primitive, depth, offset - ball, offset + ball, matrix, offset)
+        touch = _touch_deep(solid, primitive, depth, offset - sphere, offset + sphere, matrix, offset)
         if -touch.gap > depth:
             return touch
     return Touch(-depth, direction(normal, offset), point)
@@ -123,7 +123,7 @@ def placed_row(primitive: Primitive, matrix: Floats) -> Floats:
 
 
 def _holds_center(solid: Solid, center: Floats) -> bool:
-    """Tell whether the center of a grain lies in a mesh, however far its surface is."""
+    """Return whether the center of a grain lies in a mesh, however far its surface is."""
     outside = ((center < solid.tree.low[0]) | (center > solid.tree.high[0])).any()
     if outside:
         return solid.inside_out
@@ -145,7 +145,7 @@ def _touch_deep(
 def distance_to_triangles(
     row: Floats,
     center: Floats,
-    ball: float,
+    sphere: float,
     corners: Floats,
     low: Floats,
     high: Floats,
@@ -162,7 +162,7 @@ def distance_to_triangles(
     while depth > 0:
         depth -= 1
         node = stack[depth]
-        if math.sqrt(square_to_box(low, high, node, center[0], center[1], center[2])) - ball > best:
+        if math.sqrt(square_to_box(low, high, node, center[0], center[1], center[2])) - sphere > best:
             continue
         if node < leaves:
             left = 2 * node + 1
@@ -217,7 +217,7 @@ def _plane_gap(row, triangle):  # type: ignore[no-untyped-def]
 def depth_in_convex(
     row: Floats,
     center: Floats,
-    ball: float,
+    sphere: float,
     size: float,
     corners: Floats,
     low: Floats,
@@ -234,7 +234,7 @@ def depth_in_convex(
     while depth > 0:
         depth -= 1
         node = stack[depth]
-        if square_to_box(low, high, node, center[0], center[1], center[2]) > ball * ball:
+        if square_to_box(low, high, node, center[0], center[1], center[2]) > sphere * sphere:
             continue
         if node < leaves:
             stack[depth], stack[depth + 1] = 2 * node + 1, 2 * node + 2

@@ -58,7 +58,7 @@ def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, re
 
 
 def meshes_meet(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, depth: float) -> bool:
-    """Tell whether two meshes overlap deeper than a depth.
+    """Return whether two meshes overlap deeper than a depth.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def _is_nested(one: Solid, other: Solid, matrix: Floats, offset: Floats, factor:
 
 
 def _holds(solid: Solid, point: Floats) -> bool:
-    """Tell whether a mesh holds a point."""
+    """Return whether a mesh holds a point."""
     low, high = solid.tree.low[0], solid.tree.high[0]
     if (point < low).any() or (point > high).any():
         return False

@@ -53,7 +53,7 @@ def open_touch(surface: Surface, partner: Geometry, solid: Callable[[], Solid]) 
         return partial(touch_closed, surface, solid())
     if isinstance(partner, Primitive) and partner.kind != "sphere":
         return partial(touch_round, surface, partner)
-    return partial(touch_balls, surface, parts_of([partner]))
+    return partial(touch_spheres, surface, parts_of([partner]))
 
 
 def touch_open(one: Surface, other: Surface, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
@@ -123,17 +123,17 @@ def touch_closed(surface: Surface, solid: Solid, *, matrix: Floats, offset: Floa
     return Touch(distance, direction(offset, offset), (point + partner) / 2)
 
 
-def touch_balls(surface: Surface, parts: Parts, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Find how an open surface touches a union of balls; a depth is that in a single ball.
+def touch_spheres(surface: Surface, parts: Parts, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
+    """Find how an open surface touches a union of spheres; a depth is that in a single sphere.
 
     Parameters
     ----------
     surface : Surface
         The open surface.
     parts : Parts
-        Rows of the balls: of this one body, in its own frame.
+        Rows of the spheres: of this one body, in its own frame.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of the balls into that of the surface.
+        Lead from the frame of the spheres into that of the surface.
     reach : float
         How far to look, in the unit of the surface.
 
@@ -172,15 +172,15 @@ def touch_round(surface: Surface, primitive: Primitive, *, matrix: Floats, offse
         In the frame and unit of the surface; a depth in an ellipsoid that is larger than its least radius of curvature
         is a lower bound.
     """
-    row, ball = placed_row(primitive, matrix), primitive.bounding_radius * stretch_of(matrix)
+    row, sphere = placed_row(primitive, matrix), primitive.bounding_radius * stretch_of(matrix)
     near, contact = np.zeros(9), np.zeros(7)
-    distance = distance_to_triangles(row, offset, ball, *surface.tree.arrays, float(reach), near)
+    distance = distance_to_triangles(row, offset, sphere, *surface.tree.arrays, float(reach), near)
     size = float(part_size(row)) + surface.tree.size
     if distance > TOUCHING * size:
         if distance > reach:
             return Touch.apart()
         return Touch(distance, direction(-near[6:], offset), (near[:3] + near[3:6]) / 2)
-    deep = depth_in_convex(row, offset, ball, size, *surface.tree.arrays, contact)
+    deep = depth_in_convex(row, offset, sphere, size, *surface.tree.arrays, contact)
     depth, normal, point = float(contact[0]), -contact[1:4], contact[4:]
     if deep:
         places = np.concatenate([surface.vertices, surface.triangles.mean(axis=1)])

@@ -1,7 +1,8 @@
 """Grains as convex parts: rows of numbers that the kernels of this room read.
 
-A ball is a point with a margin, a union of balls is several of them, an ellipsoid, box, cylinder or cone is one part.
-Rows are those of :mod:`voxgran.contacts.gjk`, here turned and stretched to where the grains lie, about their centroids.
+A sphere is a point with a margin, a union of spheres is several of them, an ellipsoid, box, cylinder or cone is one
+part. Rows are those of :mod:`voxgran.contacts.gjk`, here turned and stretched to where the grains lie, about their
+centroids.
 """
 
 import math
@@ -30,11 +31,11 @@ class Parts:
     row : (p, 13) ndarray of float
         Kind, dimensions and rotation of each part.
     margin : (p,) ndarray of float
-        How far the surface lies from the core: the radius of a ball.
+        How far the surface lies from the core: the radius of a sphere.
     center : (p, 3) ndarray of float
         Where the part lies, from the centroid of the body.
     reach : (p,) ndarray of float
-        Radius of a ball about the center that holds the part.
+        Radius of a sphere about the center that holds the part.
     """
 
     start: Integers
@@ -63,17 +64,17 @@ class Parts:
 
 
 def has_parts(geometry: Geometry) -> bool:
-    """Tell whether a geometry is made of convex parts."""
+    """Return whether a geometry is made of convex parts."""
     return isinstance(geometry, Primitive | Spheres) or is_disk(geometry)
 
 
 def is_disk(geometry: Geometry) -> bool:
-    """Tell whether a geometry is a disk."""
+    """Return whether a geometry is a disk."""
     return isinstance(geometry, Outline) and geometry.kind == "disk"
 
 
-def is_one_ball(geometry: Geometry) -> bool:
-    """Tell whether a geometry is a single ball or disk about its centroid."""
+def is_one_sphere(geometry: Geometry) -> bool:
+    """Return whether a geometry is a single sphere or disk about its centroid."""
     if isinstance(geometry, Spheres):
         return len(geometry.radii) == 1 and not geometry.centers.any()
     if isinstance(geometry, Primitive):
@@ -122,7 +123,7 @@ def row_of(primitive: Primitive) -> Floats:
 
 
 def inner_radius(kind: str, dimensions: tuple[float, ...]) -> float:
-    """Return the radius of the largest ball in an ellipsoid, box, cylinder or cone."""
+    """Return the radius of the largest sphere in an ellipsoid, box, cylinder or cone."""
     if kind == "ellipsoid":
         return min(dimensions)
     if kind == "box":

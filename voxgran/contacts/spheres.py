@@ -1,7 +1,7 @@
-"""Contacts of balls (disks in 2D), one per grain: closed forms.
+"""Contacts of spheres (disks in 2D), one per grain: closed forms.
 
-Two balls whose centers are `d` apart have the gap ``d - r1 - r2``. Where they overlap, the deepest point of one in the
-other lies ``r1 + r2 - d`` below its surface, but no deeper than the center of the larger ball.
+Two spheres whose centers are `d` apart have the gap ``d - r1 - r2``. Where they overlap, the deepest point of one in
+the other lies ``r1 + r2 - d`` below its surface, but no deeper than the center of the larger sphere.
 """
 
 import math
@@ -13,13 +13,13 @@ from voxgran._base.kernels import kernel
 from voxgran.contacts.broad import Pairs
 
 
-def ball_contacts(pairs: Pairs, radii: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return gap, normal and point of pairs of balls about the centroids of the grains.
+def sphere_contacts(pairs: Pairs, radii: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return gap, normal and point of pairs of spheres about the centroids of the grains.
 
     Parameters
     ----------
     pairs : Pairs
-        Which balls.
+        Which spheres.
     radii : (n,) ndarray of float
         Radius of each grain.
 
@@ -34,23 +34,23 @@ def ball_contacts(pairs: Pairs, radii: Floats) -> tuple[Floats, Floats, Floats]:
     """
     gap = np.zeros(pairs.count)
     normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
-    _touch_balls(pairs.offset, radii[pairs.i], radii[pairs.j], gap, normal, point)
+    _touch_spheres(pairs.offset, radii[pairs.i], radii[pairs.j], gap, normal, point)
     return gap, normal, point
 
 
 @kernel
-def ball_gap(distance: float, one: float, other: float) -> float:
-    """Return the gap of two balls by the distance of their centers; negative: the depth."""
+def sphere_gap(distance: float, one: float, other: float) -> float:
+    """Return the gap of two spheres by the distance of their centers; negative: the depth."""
     return max(distance - one - other, -max(one, other))
 
 
 @kernel
-def _touch_balls(offset, one, other, gap, normal, point):  # type: ignore[no-untyped-def]
+def _touch_spheres(offset, one, other, gap, normal, point):  # type: ignore[no-untyped-def]
     """Write gap, normal and point of each pair."""
     for k in range(len(offset)):
         x, y, z = offset[k, 0], offset[k, 1], offset[k, 2]
         distance = math.sqrt(x * x + y * y + z * z)
-        gap[k] = ball_gap(distance, one[k], other[k])
+        gap[k] = sphere_gap(distance, one[k], other[k])
         if distance > 0.0:
             normal[k, 0], normal[k, 1], normal[k, 2] = x / distance, y / distance, z / distance
         else:

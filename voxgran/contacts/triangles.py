@@ -215,7 +215,7 @@ def _try_edges(one, i, c, other, j, d, points, best):  # type: ignore[no-untyped
 
 @kernel
 def _pierces(one, i, c, other, j, points):  # type: ignore[no-untyped-def]
-    """Tell whether edge c of one[i] passes through other[j]; write where."""
+    """Return whether edge c of one[i] passes through other[j]; write where."""
     c2 = (c + 1) % 3
     ax, ay, az = other[j, 0, 0], other[j, 0, 1], other[j, 0, 2]
     ux, uy, uz = other[j, 1, 0] - ax, other[j, 1, 1] - ay, other[j, 1, 2] - az

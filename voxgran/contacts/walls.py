@@ -49,7 +49,7 @@ def escape_depths(assembly: Assembly) -> Floats:
     (n,) ndarray of float
         The largest reach beyond any wall, in the unit of lengths; 0 or less inside (how far the nearest wall is), minus
         infinity where there are no walls. In containers of other kinds than those of voxgran, grains that are
-        no balls count with their tessellation and its error.
+        no spheres count with their tessellation and its error.
     """
     escape = _beyond_container(assembly)
     return escape if assembly.lid is None else np.maximum(escape, beyond_lid(assembly))

@@ -1,7 +1,7 @@
-"""The container as kernels see it: does it hold a ball or an upright box, and may a small box hold such a centre?
+"""The container as kernels see it: does it hold a sphere or an upright box, and may a small box hold such a centre?
 
 Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright. In a
-closed mesh the distance of a centre from the surface is exact (:mod:`voxgran._base.tree`), so that a ball that is
+closed mesh the distance of a centre from the surface is exact (:mod:`voxgran._base.tree`), so that a sphere that is
 held protrudes by no more than rounding.
 
 What the advancing front asks beyond that, in coordinates of its own, is in
@@ -120,9 +120,9 @@ def room_of(container: Container) -> Room:
 
 @bare_kernel
 def is_held(room: Room, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
-    """Tell whether the container holds a grain with its centre at (x, y, z).
+    """Return whether the container holds a grain with its centre at (x, y, z).
 
-    hx, hy, hz: half its extents; in a round or a closed container it is the ball of radius hx.
+    hx, hy, hz: half its extents; in a round or a closed container it is the sphere of radius hx.
     """
     if not is_between(room, x, y, z, hx, hy, hz):
         return False
@@ -136,7 +136,7 @@ def is_held(room: Room, x: float, y: float, z: float, hx: float, hy: float, hz: 
 
 @bare_kernel
 def is_between(room: Room, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
-    """Tell whether a box of half extents (hx, hy, hz) lies within the bounds along the axes that have walls."""
+    """Return whether a box of half extents (hx, hy, hz) lies within the bounds along the axes that have walls."""
     lower, lengths, walled, slack = room.lower, room.lengths, room.walled, room.slack
     if walled[0] == 1 and (x - hx < lower[0] - slack or x + hx > lower[0] + lengths[0] + slack):
         return False
@@ -147,7 +147,7 @@ def is_between(room: Room, x: float, y: float, z: float, hx: float, hy: float, h
 
 @bare_kernel
 def is_barred(room: Room, x: float, y: float, z: float, ex: float, ey: float, ez: float, radius: float) -> bool:
-    """Tell whether no point of a box can be the centre of a ball that the container holds.
+    """Return whether no point of a box can be the centre of a sphere that the container holds.
 
     The box has its middle at (x, y, z) and half extents (ex, ey, ez).
     """
@@ -166,7 +166,7 @@ def is_barred(room: Room, x: float, y: float, z: float, ex: float, ey: float, ez
 
 @bare_kernel
 def _is_beyond(room, axis, x, ex, radius):  # type: ignore[no-untyped-def]
-    """Tell whether all places from x - ex to x + ex are too near to a flat wall for a ball."""
+    """Return whether all places from x - ex to x + ex are too near to a flat wall for a sphere."""
     if room.walled[axis] == 0:
         return False
     low, high = room.lower[axis] + radius, room.lower[axis] + room.lengths[axis] - radius

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained
-from voxgran.shapes.tessellate import ball
+from voxgran.shapes.tessellate import sphere
 
 
 @dataclass(frozen=True, init=False)
@@ -67,7 +67,7 @@ class Sphere:
 
     def mesh(self) -> tuple[Floats, Integers]:
         """Return vertices and triangles of the boundary."""
-        vertices, faces, _ = ball()
+        vertices, faces, _ = sphere()
         return vertices * self.radius + np.array(self.origin), faces
 
     def scaled(self, factor: float) -> "Sphere":

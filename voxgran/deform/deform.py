@@ -123,7 +123,7 @@ def deform(packing: Assembly, *, stiffness: ArrayLike = 1.0, spacing: float = 0.
     A vertex within another grain moves along the normal of the contact to where the depths in both, by exact
     signed distances, are in the inverse ratio of the stiffnesses. Common surfaces of two grains agree up to the square
     of the spacing, and exactly where they are flat. Bulges do not meet. Depths below the surface of clumps are those in
-    their single balls; overlaps in several places are found where they are wider than 1/64 of a diameter.
+    their single spheres; overlaps in several places are found where they are wider than 1/64 of a diameter.
 
     References
     ----------
@@ -132,8 +132,8 @@ def deform(packing: Assembly, *, stiffness: ArrayLike = 1.0, spacing: float = 0.
     Examples
     --------
     >>> import voxgran as vg
-    >>> ball = vg.make_shape("sphere")
-    >>> pair = vg.Packing.of([ball], vg.Box((4, 2, 2)), position=[(1, 1, 1), (1.96, 1, 1)])
+    >>> sphere = vg.make_shape("sphere")
+    >>> pair = vg.Packing.of([sphere], vg.Box((4, 2, 2)), position=[(1, 1, 1), (1.96, 1, 1)])
     >>> soft = vg.deform(pair)
     >>> print(f"{soft.area[0]:.4f} {soft.volume_error < 1e-9}")
     0.0616 True

@@ -51,7 +51,7 @@ class Partner:
     center : (3,) ndarray of float
         Its centroid.
     radius : float
-        Radius of the ball that holds it.
+        Radius of the sphere that holds it.
     share : float
         Which part of the depth this grain gives way: 0 where it is rigid, 1 where the other one is.
     deepest : (3,) ndarray of float

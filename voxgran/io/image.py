@@ -65,8 +65,8 @@ def to_image(packing: Packing, voxel_size: float, *, labels: bool | ArrayLike = 
     grid = image_grid(packing, voxel_size)
     image = np.zeros(grid.shape, dtype=np.int32)
     shifts = _shifts(packing)
-    balls = np.array([isinstance(s.geometry, Spheres) or _is_ball(s.geometry) for s in packing.shapes], dtype=bool)
-    round_ones = balls[packing.shape_id] if packing.count else np.zeros(0, dtype=bool)
+    spheres = np.array([isinstance(s.geometry, Spheres) or _is_sphere(s.geometry) for s in packing.shapes], dtype=bool)
+    round_ones = spheres[packing.shape_id] if packing.count else np.zeros(0, dtype=bool)
     _paint_round(image, grid, packing, np.flatnonzero(round_ones), shifts)
     for grain in np.flatnonzero(~round_ones):
         _paint_other(image, grid, packing, int(grain), shifts)
@@ -172,8 +172,8 @@ def save_image(
         write_data("vtkXMLImageDataWriter", data, draft)
 
 
-def _is_ball(geometry: Any) -> bool:
-    """Tell whether a geometry is one ball."""
+def _is_sphere(geometry: Any) -> bool:
+    """Return whether a geometry is one sphere."""
     return isinstance(geometry, Primitive) and geometry.kind == "sphere"
 
 
@@ -199,7 +199,7 @@ def _beyond(values: Floats, lower: float, upper: float) -> tuple[float, float]:
 
 
 def _paint_round(image: NDArray[np.int32], grid: Grid, packing: Packing, grains: Integers, shifts: Floats) -> None:
-    """Paint balls and clumps of spheres, in closed form."""
+    """Paint spheres and clumps of spheres, in closed form."""
     for index in np.unique(packing.shape_id[grains]):
         geometry = packing.shapes[index].geometry
         if isinstance(geometry, Spheres):
@@ -212,7 +212,7 @@ def _paint_round(image: NDArray[np.int32], grid: Grid, packing: Packing, grains:
         centers += packing.position[members, None, :] - np.array(grid.origin)
         labels = np.repeat(members.astype(np.int32) + 1, len(radii))
         sizes = (scale[:, None] * radii).ravel()
-        _paint_balls(image, centers.reshape(-1, 3), sizes, labels, shifts, grid.voxel_size)
+        _paint_spheres(image, centers.reshape(-1, 3), sizes, labels, shifts, grid.voxel_size)
 
 
 def _paint_other(image: NDArray[np.int32], grid: Grid, packing: Packing, grain: int, shifts: Floats) -> None:
@@ -238,15 +238,15 @@ def _paint_other(image: NDArray[np.int32], grid: Grid, packing: Packing, grain: 
 
 
 @kernel
-def _paint_balls(image, centers, radii, labels, shifts, voxel_size):  # type: ignore[no-untyped-def]
-    """Label the voxels whose centers lie in balls; the lowest label wins."""
+def _paint_spheres(image, centers, radii, labels, shifts, voxel_size):  # type: ignore[no-untyped-def]
+    """Label the voxels whose centers lie in spheres; the lowest label wins."""
     nx, ny, nz = image.shape
-    for ball in range(len(radii)):
-        label, radius = labels[ball], radii[ball] / voxel_size
+    for sphere in range(len(radii)):
+        label, radius = labels[sphere], radii[sphere] / voxel_size
         for s in range(len(shifts)):
-            x = (centers[ball, 0] + shifts[s, 0]) / voxel_size - 0.5
-            y = (centers[ball, 1] + shifts[s, 1]) / voxel_size - 0.5
-            z = (centers[ball, 2] + shifts[s, 2]) / voxel_size - 0.5
+            x = (centers[sphere, 0] + shifts[s, 0]) / voxel_size - 0.5
+            y = (centers[sphere, 1] + shifts[s, 1]) / voxel_size - 0.5
+            z = (centers[sphere, 2] + shifts[s, 2]) / voxel_size - 0.5
             for i in range(max(0, int(np.ceil(x - radius))), min(nx, int(np.floor(x + radius)) + 1)):
                 for j in range(max(0, int(np.ceil(y - radius))), min(ny, int(np.floor(y + radius)) + 1)):
                     rest = radius * radius - (i - x) ** 2 - (j - y) ** 2

@@ -25,12 +25,12 @@ UNITS = {"si": "m", "cgs": "cm", "micro": "um", "nano": "nm", "real": "angstrom"
 
 
 def is_dump(head: str) -> bool:
-    """Tell whether a text begins as a dump file does."""
+    """Return whether a text begins as a dump file does."""
     return head.lstrip().startswith("ITEM:")
 
 
 def is_data(head: str) -> bool:
-    """Tell whether a text begins as a data file does: a free line, then counts of atoms."""
+    """Return whether a text begins as a data file does: a free line, then counts of atoms."""
     lines = head.splitlines()[1:HEAD_LINES]
     return any(re.match(r"\s*\d+\s+atoms\b", line) for line in lines)
 

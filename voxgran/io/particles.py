@@ -160,7 +160,7 @@ def packing_of(
     if unit is None and named is None:
         told = "none" if particles.unit is None else f"{shown(particles.unit)} is no unit that is known"
         assumed["unit"] = f"{told}: lengths are taken as they stand"
-    grains = _balls(particles) if particles.clump is None else _clumps(particles)
+    grains = _spheres(particles) if particles.clump is None else _clumps(particles)
     return Packing.of(
         container=held,
         density=particles.density,
@@ -182,8 +182,8 @@ def _box_around(particles: Particles, path: Path) -> Box | Rectangle:
     return Box((x, y, z), origin=tuple(lower.tolist()))
 
 
-def _ball() -> Shape:
-    """Return the ball of diameter 1."""
+def _sphere() -> Shape:
+    """Return the sphere of diameter 1."""
     return Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 
 
@@ -192,9 +192,9 @@ def _disk() -> Shape:
     return Shape.of(Outline("disk", radius=0.5), name="disk")
 
 
-def _balls(particles: Particles) -> dict[str, Any]:
+def _spheres(particles: Particles) -> dict[str, Any]:
     """Return shapes and poses of single spheres or disks."""
-    shape = _disk() if particles.flat else _ball()
+    shape = _disk() if particles.flat else _sphere()
     return {"shapes": (shape,), "position": particles.centers, "scale": 2 * particles.radii}
 
 
@@ -210,7 +210,7 @@ def _clumps(particles: Particles) -> dict[str, Any]:
     group = rank[index.reshape(-1)]
     order = np.argsort(group, kind="stable")
     bounds = np.searchsorted(group[order], np.arange(len(first) + 1))
-    shapes: list[Shape] = [_ball()]
+    shapes: list[Shape] = [_sphere()]
     templates: list[tuple[Floats, Floats]] = [(np.zeros((1, 3)), np.array([0.5]))]
     rows = []
     for begin, end in pairwise(bounds.tolist()):

@@ -192,7 +192,7 @@ def _split(text: str, mark: str | None) -> list[str]:
 
 
 def _is_number(word: str, mark: str | None) -> bool:
-    """Tell whether a value is a number, with a decimal comma where values are parted by something else."""
+    """Return whether a value is a number, with a decimal comma where values are parted by something else."""
     try:
         float(word.replace(",", ".") if mark == ";" else word)
     except ValueError:

@@ -25,7 +25,7 @@ from voxgran.packing.asked import check_packing
 from voxgran.packing.model import Packing
 from voxgran.shapes.primitive import Primitive
 
-#: a scene with more balls than this draws them as points with a radius, not as surfaces
+#: a scene with more spheres than this draws them as points with a radius, not as surfaces
 BALL_SURFACE_LIMIT = 1000
 
 _SEAL = b"<!-- voxgran seal %s -->\n"
@@ -112,7 +112,7 @@ def load_packing(path: str | os.PathLike[str]) -> Packing:
 
 
 def is_own(path: Path) -> bool:
-    """Tell whether a ``.vtp`` file holds a packing of voxgran, or is cut off or damaged so that it may.
+    """Return whether a ``.vtp`` file holds a packing of voxgran, or is cut off or damaged so that it may.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def is_own(path: Path) -> bool:
 
 
 def _is_rewritten(path: Path) -> bool:
-    """Tell whether another program wrote the packing again: a whole file that names our arrays and has no seal."""
+    """Return whether another program wrote the packing again: a whole file that names our arrays and has no seal."""
     if _sealed(path) or not _ends_whole(path):
         return False
     with path.open("rb") as file:
@@ -132,12 +132,12 @@ def _is_rewritten(path: Path) -> bool:
 
 
 def _sealed(path: Path) -> bool:
-    """Tell whether a file ends with a seal, right or wrong or cut off."""
+    """Return whether a file ends with a seal, right or wrong or cut off."""
     return bool(_tail(path).rpartition(b"</VTKFile>")[2].strip())
 
 
 def _ends_whole(path: Path) -> bool:
-    """Tell whether a file ends as XML of VTK does."""
+    """Return whether a file ends as XML of VTK does."""
     return b"</VTKFile>" in _tail(path)
 
 
@@ -177,7 +177,7 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
 
     Notes
     -----
-    Where there are more than BALL_SURFACE_LIMIT balls, they are points with a radius (show them as Point Gaussian
+    Where there are more than BALL_SURFACE_LIMIT spheres, they are points with a radius (show them as Point Gaussian
     or glyphs); all other grains are one mesh with the grain, its shape and its diameter at each triangle. Contacts
     are lines between the centroids, with gap, normal and contact point.
     """
@@ -190,7 +190,7 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
         refuse_to_replace(target, target.with_suffix(""))
     parts = {
         "grains": _grain_surfaces(packing),
-        "balls": _ball_points(packing),
+        "spheres": _sphere_points(packing),
         "container": poly_data(packing.container.mesh()[0], "Polys", packing.container.mesh()[1]),
         "contacts": _contact_lines(packing, reach),
     }
@@ -228,16 +228,16 @@ def _check_seal(path: Path) -> None:
         raise FileFormatError(f"{path} is damaged (its hash is not the one in its seal): save the packing again")
 
 
-def _is_ball(packing: Packing) -> Any:
-    """Tell for each grain whether it is a ball, (n,)."""
-    balls = [isinstance(s.geometry, Primitive) and s.geometry.kind == "sphere" for s in packing.shapes]
-    return np.array([*balls, False])[packing.shape_id]
+def _is_sphere(packing: Packing) -> Any:
+    """Tell for each grain whether it is a sphere, (n,)."""
+    spheres = [isinstance(s.geometry, Primitive) and s.geometry.kind == "sphere" for s in packing.shapes]
+    return np.array([*spheres, False])[packing.shape_id]
 
 
-def _balls_as_points(packing: Packing) -> Any:
-    """Return the grains that are drawn as points: all balls, if there are many."""
-    balls = np.flatnonzero(_is_ball(packing))
-    return balls if len(balls) > BALL_SURFACE_LIMIT else balls[:0]
+def _spheres_as_points(packing: Packing) -> Any:
+    """Return the grains that are drawn as points: all spheres, if there are many."""
+    spheres = np.flatnonzero(_is_sphere(packing))
+    return spheres if len(spheres) > BALL_SURFACE_LIMIT else spheres[:0]
 
 
 def _per_grain(packing: Packing, grains: Any) -> dict[str, Any]:
@@ -246,19 +246,19 @@ def _per_grain(packing: Packing, grains: Any) -> dict[str, Any]:
 
 
 def _grain_surfaces(packing: Packing) -> Any:
-    """Return the surfaces of the grains, except of many balls."""
-    others = np.setdiff1d(np.arange(packing.count), _balls_as_points(packing))
+    """Return the surfaces of the grains, except of many spheres."""
+    others = np.setdiff1d(np.arange(packing.count), _spheres_as_points(packing))
     surfaces = merged_surfaces(packing, grains=others)
     data = poly_data(surfaces.vertices, "Polys", surfaces.faces)
     attach(data.GetCellData(), _per_grain(packing, surfaces.grain))
     return data
 
 
-def _ball_points(packing: Packing) -> Any:
-    """Return many balls as points."""
-    balls = _balls_as_points(packing)
-    data = poly_data(packing.position[balls], "Verts", np.arange(len(balls))[:, None])
-    attach(data.GetPointData(), {**_per_grain(packing, balls), "radius": packing.bounding_radii[balls]})
+def _sphere_points(packing: Packing) -> Any:
+    """Return many spheres as points."""
+    spheres = _spheres_as_points(packing)
+    data = poly_data(packing.position[spheres], "Verts", np.arange(len(spheres))[:, None])
+    attach(data.GetPointData(), {**_per_grain(packing, spheres), "radius": packing.bounding_radii[spheres]})
     return data
 
 

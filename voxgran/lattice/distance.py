@@ -102,8 +102,8 @@ def distance_transform(
 def inside_distance(mask: Booleans, voxel_size: float) -> Floats:
     """Return the distance of each taken voxel's center from the nearest free voxel, less half a voxel.
 
-    That is how large a ball about the center may be before it leaves the taken voxels, within half a voxel's diagonal;
-    free voxels get 0. What lies beyond the lattice counts as free.
+    That is how large a sphere about the center may be before it leaves the taken voxels, within half a voxel's
+    diagonal; free voxels get 0. What lies beyond the lattice counts as free.
 
     Parameters
     ----------

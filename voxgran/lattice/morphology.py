@@ -1,4 +1,4 @@
-"""Erosion, dilation, opening and closing with balls of any radius, through the exact distance transform.
+"""Erosion, dilation, opening and closing with spheres of any radius, through the exact distance transform.
 
 The cost does not depend on the radius (Serra 1982, Image analysis and mathematical morphology, for the operations).
 Beyond the image there is nothing: it neither erodes nor dilates what is inside.
@@ -20,7 +20,7 @@ def dilation(mask: ArrayLike, radius: float, *, periodic: Periodic = False, thre
     mask : (nx, ny, nz) array_like of bool
         Taken voxels.
     radius : float
-        Radius of the ball in voxels, at least 0; centers at just this distance count.
+        Radius of the sphere in voxels, at least 0; centers at just this distance count.
     periodic : str, bool or sequence
         Axes along which the image repeats, such as ``"xy"``; as of :class:`voxgran.Box`.
     threads : int
@@ -72,7 +72,7 @@ def erosion(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threa
 
 
 def opening(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
-    """Return what balls cover that fit into the taken voxels: an erosion, then a dilation.
+    """Return what spheres cover that fit into the taken voxels: an erosion, then a dilation.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def opening(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threa
 
 
 def closing(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
-    """Return the taken voxels and the gaps between them into which no ball fits: a dilation, then an erosion.
+    """Return the taken voxels and the gaps between them into which no sphere fits: a dilation, then an erosion.
 
     Parameters
     ----------

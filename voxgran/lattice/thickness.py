@@ -1,8 +1,8 @@
-"""Local thickness: at each voxel the largest ball that covers it and fits into the taken voxels; pore size for voids.
+"""Local thickness: at each voxel the largest sphere that covers it and fits into the taken voxels; pore size for voids.
 
-Only voxels whose ball is not held by the ball of a neighbour are painted: which radius a neighbour needs is read from a
-table (distance ridge, Dougherty & Kunzelmann 2007, doi:10.1017/S1431927607074430). On the lattice this leaves nothing
-out.
+Only voxels whose sphere is not held by the sphere of a neighbour are painted: which radius a neighbour needs is read
+from a table (distance ridge, Dougherty & Kunzelmann 2007, doi:10.1017/S1431927607074430). On the lattice this leaves
+nothing out.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ from voxgran.lattice.distance import NEVER, as_mask, distance_transform
 
 
 def local_thickness(mask: ArrayLike, *, periodic: Periodic = False, threads: int = 1) -> NDArray[np.float32]:
-    """Return the diameter of the largest ball that covers a voxel and holds taken voxels only.
+    """Return the diameter of the largest sphere that covers a voxel and holds taken voxels only.
 
     Of the void between grains this is the pore size.
 
@@ -32,8 +32,8 @@ def local_thickness(mask: ArrayLike, *, periodic: Periodic = False, threads: int
     Returns
     -------
     (nx, ny, nz) ndarray of float32
-        In voxels; 0 where free. The radius of a ball is the distance of its center from that of the nearest free voxel,
-        and it covers what lies nearer; so an even slab has its thickness, and an odd one a voxel more.
+        In voxels; 0 where free. The radius of a sphere is the distance of its center from that of the nearest free
+        voxel, and it covers what lies nearer; so an even slab has its thickness, and an odd one a voxel more.
 
     Raises
     ------
@@ -62,9 +62,9 @@ def local_thickness(mask: ArrayLike, *, periodic: Periodic = False, threads: int
     squares = distance_transform(taken, periodic=around, squared=True, threads=threads)
     largest = int(squares.max(initial=0))
     if largest == NEVER:
-        raise InputError("mask has no free voxel: no ball ends anywhere; leave a free layer around the body")
+        raise InputError("mask has no free voxel: no sphere ends anywhere; leave a free layer around the body")
     covered = np.zeros(taken.shape, dtype=np.int32)
-    _paint_balls(squares, _needed(largest), np.array(around), covered)
+    _paint_spheres(squares, _needed(largest), np.array(around), covered)
     thickness = squares.view(np.float32)
     np.sqrt(covered, out=thickness, dtype=np.float32, casting="unsafe")
     thickness *= 2
@@ -72,9 +72,9 @@ def local_thickness(mask: ArrayLike, *, periodic: Periodic = False, threads: int
 
 
 def _needed(largest: int) -> Integers:
-    """Return which squared radius a neighbour's ball needs to hold a ball, (3, largest + 1).
+    """Return which squared radius a neighbour's sphere needs to hold a sphere, (3, largest + 1).
 
-    A ball of squared radius s holds the lattice points with a squared distance below s. Row n is for a step that
+    A sphere of squared radius s holds the lattice points with a squared distance below s. Row n is for a step that
     changes n + 1 axes.
     """
     reach = int(np.sqrt(largest)) + 1
@@ -84,7 +84,7 @@ def _needed(largest: int) -> Integers:
         distance = x * x + y * y + z * z
         held = distance < largest
         for row, aside in enumerate((0 * y, y, y + z)):
-            # the farthest points lie on the other side of the ball
+            # the farthest points lie on the other side of the sphere
             farther = distance + 2 * (x + aside) + row + 1
             np.maximum.at(most[row], distance[held] + 1, farther[held] + 1)
     return np.maximum.accumulate(most, axis=1)
@@ -92,7 +92,7 @@ def _needed(largest: int) -> Integers:
 
 @kernel
 def _is_held(squares, needed, around, i, j, k):  # type: ignore[no-untyped-def]
-    """Tell whether the ball of a neighbour holds the ball of a voxel."""
+    """Return whether the sphere of a neighbour holds the sphere of a voxel."""
     nx, ny, nz = squares.shape
     own = squares[i, j, k]
     for di in range(-1, 2):
@@ -120,8 +120,8 @@ def _is_held(squares, needed, around, i, j, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _paint_balls(squares, needed, around, covered):  # type: ignore[no-untyped-def]
-    """Raise each voxel to the largest squared radius of the balls that cover it."""
+def _paint_spheres(squares, needed, around, covered):  # type: ignore[no-untyped-def]
+    """Raise each voxel to the largest squared radius of the spheres that cover it."""
     nx, ny, nz = squares.shape
     for i in range(nx):
         for j in range(ny):

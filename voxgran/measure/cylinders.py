@@ -1,24 +1,24 @@
-"""Volume of balls inside an upright cylinder, by slices across its axis.
+"""Volume of spheres inside an upright cylinder, by slices across its axis.
 
-A slice of the ball and a slice of the cylinder are disks, whose common area is a closed form. Over the height it is
-smooth but for half-integer powers at the ends of the ball and where the two circles touch; between these heights the
+A slice of the sphere and a slice of the cylinder are disks, whose common area is a closed form. Over the height it is
+smooth but for half-integer powers at the ends of the sphere and where the two circles touch; between these heights the
 substitution ``sin`` makes it analytic, and Gauss-Legendre quadrature converges exponentially.
 """
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.measure.halfspaces import cut_balls
+from voxgran.measure.halfspaces import cut_spheres
 
 #: points of the quadrature between two special heights, and of the coarser one that tells the error
 POINTS = 40
 FEWER = 30
 
 
-def cut_balls_by_cylinder(
+def cut_spheres_by_cylinder(
     centers: Floats, radii: Floats, *, radius: float, lower: float, upper: float
 ) -> tuple[Floats, Floats]:
-    """Return the volume of each ball inside the cylinder ``x**2 + y**2 <= radius**2``, ``lower <= z <= upper``.
+    """Return the volume of each sphere inside the cylinder ``x**2 + y**2 <= radius**2``, ``lower <= z <= upper``.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def cut_balls_by_cylinder(
         Difference from a coarser quadrature.
     """
     low, high = np.array([-np.inf, -np.inf, lower]), np.array([np.inf, np.inf, upper])
-    volumes, errors = cut_balls(centers, radii, lower=low, upper=high), np.zeros(len(radii))
+    volumes, errors = cut_spheres(centers, radii, lower=low, upper=high), np.zeros(len(radii))
     apart = np.hypot(centers[:, 0], centers[:, 1])
     volumes[apart - radii >= radius] = 0.0
     cut = np.flatnonzero((volumes > 0) & (apart + radii > radius))
@@ -52,7 +52,7 @@ def cut_balls_by_cylinder(
 
 
 def _quadrature(apart: Floats, radius: Floats, ends: Floats, points: int) -> Floats:
-    """Integrate the common area of the slices of unit balls and of the cylinder over the height."""
+    """Integrate the common area of the slices of unit spheres and of the cylinder over the height."""
     touch = [np.sqrt(np.maximum(0.0, 1.0 - r**2)) for r in (np.abs(apart - radius), apart + radius)]
     marks = np.stack([ends[0], -touch[0], -touch[1], touch[1], touch[0], ends[1]])
     marks = np.clip(marks, ends[0], ends[1])

@@ -59,7 +59,7 @@ def window_solid_fraction(packing: Packing, lower: ArrayLike, upper: ArrayLike) 
     -------
     Estimate
         Volume of the union of the grains in the window over the volume of the window (in 2D areas): a float with the
-        attribute `error`, which is 0 but for cylinders and cones, and where curved grains overlap that are no balls.
+        attribute `error`, which is 0 but for cylinders and cones, and where curved grains overlap that are no spheres.
 
     Raises
     ------

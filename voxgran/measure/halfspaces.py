@@ -1,6 +1,6 @@
-"""Exact volume of balls, and exact area of disks, cut by planes.
+"""Exact volume of spheres, and exact area of disks, cut by planes.
 
-The ball cut by half-spaces is seen from its center. In every direction the sight ends at the sphere or at a face
+The sphere cut by half-spaces is seen from its center. In every direction the sight ends at the sphere or at a face
 before it, so that the volume is a third of ``r**3 * solid angle`` of the sphere plus ``distance * area`` of each
 face; the solid angle of the sphere is the full turn (where the center is inside) less those of the faces. A face is
 a disk cut by half-planes, and the same holds one dimension lower, seen from the foot of the center on the face: the
@@ -28,7 +28,7 @@ SHIFT = 1e-100
 PARALLEL = 1e-15
 
 
-def cut_balls(
+def cut_spheres(
     centers: Floats,
     radii: Floats,
     *,
@@ -36,7 +36,7 @@ def cut_balls(
     upper: Floats,
     planes: tuple[Integers, Floats, Floats] | None = None,
 ) -> Floats:
-    """Return the volume of each ball inside a box and inside half-spaces of its own.
+    """Return the volume of each sphere inside a box and inside half-spaces of its own.
 
     Parameters
     ----------
@@ -47,19 +47,19 @@ def cut_balls(
     lower, upper : (3,) ndarray of float
         Corners of the box; infinite where it is open.
     planes : tuple of ndarray, optional
-        For ball i the half-spaces ``normals[k] @ (x - centers[i]) <= offsets[k]`` with k from ``start[i]`` to
+        For sphere i the half-spaces ``normals[k] @ (x - centers[i]) <= offsets[k]`` with k from ``start[i]`` to
         ``start[i + 1]``, as (start, normals, offsets); normals of length 1.
 
     Returns
     -------
     (n,) ndarray of float
-        Volumes, to about 1e-15 of the volume of the ball.
+        Volumes, to about 1e-15 of the volume of the sphere.
     """
     start, normals, offsets = _none(len(radii), 3) if planes is None else planes
     most = 6 + int(np.diff(start).max(initial=0))
     volumes = np.zeros(len(radii))
     box = (np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64))
-    _fill_balls(centers, radii, *box, start, normals, offsets, np.zeros((most, 9)), volumes)
+    _fill_spheres(centers, radii, *box, start, normals, offsets, np.zeros((most, 9)), volumes)
     return volumes
 
 
@@ -73,7 +73,7 @@ def cut_disks(
 ) -> Floats:
     """Return the area of each disk inside a rectangle and inside half-planes of its own.
 
-    Parameters and result are those of :func:`cut_balls` with two coordinates in place of three.
+    Parameters and result are those of :func:`cut_spheres` with two coordinates in place of three.
     """
     start, normals, offsets = _none(len(radii), 2) if planes is None else planes
     most = 4 + int(np.diff(start).max(initial=0))
@@ -84,13 +84,13 @@ def cut_disks(
 
 
 def _none(count: int, dimension: int) -> tuple[Integers, Floats, Floats]:
-    """Return no half-spaces for each of `count` balls."""
+    """Return no half-spaces for each of `count` spheres."""
     return np.zeros(count + 1, dtype=np.int64), np.zeros((0, dimension)), np.zeros(0)
 
 
 @kernel
-def _fill_balls(centers, radii, lower, upper, start, normals, offsets, work, volumes):  # type: ignore[no-untyped-def]
-    """Write the volume of each ball inside the box and its half-spaces."""
+def _fill_spheres(centers, radii, lower, upper, start, normals, offsets, work, volumes):  # type: ignore[no-untyped-def]
+    """Write the volume of each sphere inside the box and its half-spaces."""
     for i in range(len(radii)):
         count = 0
         for k in range(6 + start[i + 1] - start[i]):
@@ -112,12 +112,12 @@ def _fill_balls(centers, radii, lower, upper, start, normals, offsets, work, vol
                 work[count, 0], work[count, 1], work[count, 2], work[count, 3] = x, y, z, distance
                 count += 1
         if count >= 0:
-            volumes[i] = radii[i] ** 3 * _unit_ball(work, count)
+            volumes[i] = radii[i] ** 3 * _unit_sphere(work, count)
 
 
 @kernel
-def _unit_ball(work, count):  # type: ignore[no-untyped-def]
-    """Return the volume of the unit ball inside the half-spaces in the first four columns of `work`."""
+def _unit_sphere(work, count):  # type: ignore[no-untyped-def]
+    """Return the volume of the unit sphere inside the half-spaces in the first four columns of `work`."""
     total, inside = 0.0, True
     for f in range(count):
         height = work[f, 3]

@@ -105,7 +105,7 @@ def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     -------
     Profile
         Up to five mean diameters, or to where nothing is left of the container. Exact in boxes and rectangles but for
-        cylinders and cones; by quadrature for balls in cylinders; sampled elsewhere. Errors are stated.
+        cylinders and cones; by quadrature for spheres in cylinders; sampled elsewhere. Errors are stated.
 
     Raises
     ------

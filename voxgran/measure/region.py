@@ -1,8 +1,8 @@
 """The part of a container that lies at least so far from each wall, and below a height; and the solid volume in it.
 
-In boxes and rectangles it is a box, and the solid volume is that of :mod:`voxgran.measure.window`. Balls in a cylinder
-are cut by slices. Everything else is sampled: each grain is stood for by points of equal weight, one at random in
-each voxel of its shape, and the standard error is given.
+In boxes and rectangles it is a box, and the solid volume is that of :mod:`voxgran.measure.window`. Spheres in a
+cylinder are cut by slices. Everything else is sampled: each grain is stood for by points of equal weight, one at random
+in each voxel of its shape, and the standard error is given.
 """
 
 import math
@@ -17,8 +17,8 @@ from voxgran._base.seeds import stream
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.sphere import Sphere
-from voxgran.measure.cylinders import cut_balls_by_cylinder
-from voxgran.measure.halfspaces import cut_balls
+from voxgran.measure.cylinders import cut_spheres_by_cylinder
+from voxgran.measure.halfspaces import cut_spheres
 from voxgran.measure.window import Estimate, Solids
 from voxgran.packing.down import main_axis
 from voxgran.packing.model import Packing
@@ -80,7 +80,7 @@ class Regions:
     def at(self, inset: float) -> Region:
         """Return the part that lies at least `inset` from each wall and below the height."""
         container, d = self.packing.container, self.packing.dimension
-        if isinstance(container, Cylinder) and self.solids.balls is not None:
+        if isinstance(container, Cylinder) and self.solids.spheres is not None:
             floor = container.origin[2]
             base = max(floor + inset, float(self.limits[0, 2]))
             top = min(floor + container.height - inset, float(self.limits[1, 2]))
@@ -120,7 +120,7 @@ class BoxRegion:
 
 @dataclass(frozen=True, eq=False)
 class CylinderRegion:
-    """An upright cylinder within a cylinder, for balls."""
+    """An upright cylinder within a cylinder, for spheres."""
 
     container: Cylinder
     radius: float
@@ -139,20 +139,21 @@ class CylinderRegion:
         return np.asarray(tall & (np.hypot(p[:, 0], p[:, 1]) <= self.radius))
 
     def solid(self, solids: Solids) -> Estimate:
-        """Return the volume of the balls inside.
+        """Return the volume of the spheres inside.
 
-        What overlaps is known for a ball as a whole; of a ball that is cut it is taken in proportion, and is the error.
+        What overlaps is known for a sphere as a whole; of a sphere that is cut it is taken in proportion, and is the
+        error.
         """
-        if solids.balls is None:
+        if solids.spheres is None:
             return Estimate(math.nan)
-        centers, radii, planes = solids.balls
+        centers, radii, planes = solids.spheres
         moved = centers - np.array([*self.container.origin[:2], 0.0])
-        volumes, errors = cut_balls_by_cylinder(moved, radii, radius=self.radius, lower=self.lower, upper=self.upper)
+        volumes, errors = cut_spheres_by_cylinder(moved, radii, radius=self.radius, lower=self.lower, upper=self.upper)
         if not len(planes[1]):
             return Estimate(float(volumes.sum()), float(errors.sum()))
         full = 4 / 3 * math.pi * radii**3
         open_box = np.full(3, -np.inf), np.full(3, np.inf)
-        twice = full - cut_balls(centers, radii, lower=open_box[0], upper=open_box[1], planes=planes)
+        twice = full - cut_spheres(centers, radii, lower=open_box[0], upper=open_box[1], planes=planes)
         share = volumes / full
         cut = (share > 0) & (share < 1 - 1e-12)
         return Estimate(float((volumes - share * twice).sum()), float(errors.sum() + twice[cut].sum()))

@@ -1,6 +1,6 @@
 """Exact volumes of solids, and exact areas of plane figures, inside boxes along the axes.
 
-Balls and disks are cut in closed form (:mod:`voxgran.measure.halfspaces`). For a closed mesh the volume
+Spheres and disks are cut in closed form (:mod:`voxgran.measure.halfspaces`). For a closed mesh the volume
 inside the box is the sum over its triangles, signed by whether they look up or down, of the integral of
 ``min(max(z, bottom), top)`` over the part of the triangle that lies over the floor of the box: each vertical
 line enters and leaves the solid alternately, so that the faces in which the box cuts it need not be
@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, as_faces, as_floats, as_points, float_array
 from voxgran._base.errors import InputError, shown
 from voxgran._base.kernels import kernel
-from voxgran.measure.halfspaces import cut_balls, cut_disks
+from voxgran.measure.halfspaces import cut_disks, cut_spheres
 
 
-def ball_box_volume(centers: ArrayLike, radii: ArrayLike, *, lower: ArrayLike, upper: ArrayLike) -> Floats:
-    """Return the exact volume of each ball inside a box along the axes.
+def sphere_box_volume(centers: ArrayLike, radii: ArrayLike, *, lower: ArrayLike, upper: ArrayLike) -> Floats:
+    """Return the exact volume of each sphere inside a box along the axes.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def ball_box_volume(centers: ArrayLike, radii: ArrayLike, *, lower: ArrayLike, u
     Returns
     -------
     (n,) ndarray of float
-        Volumes, to about 1e-15 of the volume of the ball.
+        Volumes, to about 1e-15 of the volume of the sphere.
 
     Raises
     ------
@@ -41,12 +41,12 @@ def ball_box_volume(centers: ArrayLike, radii: ArrayLike, *, lower: ArrayLike, u
 
     Examples
     --------
-    >>> float(ball_box_volume([[0, 0, 0]], [1.0], lower=[0, 0, 0], upper=[2, 2, 2])[0] * 6)
+    >>> float(sphere_box_volume([[0, 0, 0]], [1.0], lower=[0, 0, 0], upper=[2, 2, 2])[0] * 6)
     3.141592653589793
     """
-    points, sizes = _balls(centers, radii, 3)
+    points, sizes = _spheres(centers, radii, 3)
     low, high = as_window(lower, upper, 3)
-    return cut_balls(points, sizes, lower=low, upper=high)
+    return cut_spheres(points, sizes, lower=low, upper=high)
 
 
 def disk_rectangle_area(centers: ArrayLike, radii: ArrayLike, *, lower: ArrayLike, upper: ArrayLike) -> Floats:
@@ -71,7 +71,7 @@ def disk_rectangle_area(centers: ArrayLike, radii: ArrayLike, *, lower: ArrayLik
     InputError
         If an array has the wrong shape, a value is not finite or a radius is not above 0.
     """
-    points, sizes = _balls(centers, radii, 2)
+    points, sizes = _spheres(centers, radii, 2)
     low, high = as_window(lower, upper, 2)
     return cut_disks(points, sizes, lower=low, upper=high)
 
@@ -205,7 +205,7 @@ def cut_polygon(vertices: Floats, maps: Floats, centers: Floats, *, lower: Float
     return areas
 
 
-def _balls(centers: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
+def _spheres(centers: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
     """Check centers and radii."""
     points = as_points(centers, "centers", dimension=dimension)
     sizes = as_floats(radii, "radii", shape=(len(points),))

@@ -47,7 +47,7 @@ def _shrunk(packing: Packing, factor: float) -> Packing:
 
 
 def _overlaps(packing: Packing) -> bool:
-    """Tell whether grains overlap, as they may in truth where a method works with voxels."""
+    """Return whether grains overlap, as they may in truth where a method works with voxels."""
     if packing.count < 2:
         return False
     gap = packing.contacts(0.0).gap

@@ -1,11 +1,11 @@
 """The solid volume of a packing inside a box along the axes, exact for all but two kinds of grains.
 
-Where all grains are balls or unions of balls, the solid is one union of balls. Cut by the planes on which neighbours
-have equal power it falls into pieces of single balls between half-spaces (the power diagram: Aurenhammer 1987,
-doi:10.1137/0216006), and these are exact. An ellipsoid is cut as the ball that it is after a linear map, a mesh
+Where all grains are spheres or unions of spheres, the solid is one union of spheres. Cut by the planes on which
+neighbours have equal power it falls into pieces of single spheres between half-spaces (the power diagram: Aurenhammer
+1987, doi:10.1137/0216006), and these are exact. An ellipsoid is cut as the sphere that it is after a linear map, a mesh
 triangle by triangle. Cylinders and cones are cut as prisms and pyramids of FINE sides; as these are inscribed, the
-error is at most the volume that they lack, and it is stated. Where other grains than balls overlap, their union is made
-of triangles (:mod:`voxgran.measure.overlap`).
+error is at most the volume that they lack, and it is stated. Where other grains than spheres overlap, their union is
+made of triangles (:mod:`voxgran.measure.overlap`).
 """
 
 import math
@@ -18,7 +18,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.cells import near_pairs
 from voxgran.containers.model import Container
-from voxgran.measure.halfspaces import cut_balls, cut_disks
+from voxgran.measure.halfspaces import cut_disks, cut_spheres
 from voxgran.measure.overlap import overlap_volume
 from voxgran.measure.slices import cut_mesh, cut_polygon
 from voxgran.packing.model import Packing
@@ -32,7 +32,7 @@ from voxgran.shapes.tessellate import revolved
 
 #: sides of the prism that stands for a cylinder or cone where it is cut
 FINE = 720
-#: overlaps below this, in mean diameters (in mean radii of balls), have no volume that could be seen
+#: overlaps below this, in mean diameters (in mean radii of spheres), have no volume that could be seen
 NO_DEPTH = 1e-9
 
 Planes: TypeAlias = tuple[Integers, Floats, Floats]
@@ -81,8 +81,8 @@ class Solids:
         DirtyMeshError
             If grains overlap and one of them is no closed surface.
         """
-        if self.balls is not None:
-            return Estimate(self._ball_volume(self.balls, lower, upper))
+        if self.spheres is not None:
+            return Estimate(self._sphere_volume(self.spheres, lower, upper))
         if self.overlaps[0].size:
             lower, upper = _closed(self.packing.container, lower, upper)
         grain, shift = images(self.packing.position, self.packing.bounding_radii, lower, upper, self.packing.container)
@@ -122,12 +122,12 @@ class Solids:
         return volumes, errors
 
     @cached_property
-    def balls(self) -> tuple[Floats, Floats, Planes] | None:
-        """Centers, radii and planes of equal power of all balls of all grains; None where not all grains are balls."""
+    def spheres(self) -> tuple[Floats, Floats, Planes] | None:
+        """Centers, radii and planes of equal power of all spheres of all grains, where all grains are spheres."""
         used = [self.packing.shapes[k] for k in np.unique(self.packing.shape_id)]
-        if not all(_is_balls(shape) for shape in used):
+        if not all(_is_spheres(shape) for shape in used):
             return None
-        centers, radii = flat_balls(self.packing)
+        centers, radii = flat_spheres(self.packing)
         return centers, radii, power_planes(centers, radii, self.packing.container)
 
     @cached_property
@@ -145,23 +145,23 @@ class Solids:
         """Whether a tessellation is not the true shape."""
         return any(self.packing.shapes[k].tessellation_error > 0 for k in np.unique(self.packing.shape_id))
 
-    def _ball_volume(self, balls: tuple[Floats, Floats, Planes], lower: Floats, upper: Floats) -> float:
-        """Return the volume of a union of balls inside a box."""
-        centers, radii, planes = balls
-        ball, shift = images(centers, radii, lower, upper, self.packing.container)
-        chosen = _chosen(planes, ball)
-        moved = centers[ball] + shift
+    def _sphere_volume(self, spheres: tuple[Floats, Floats, Planes], lower: Floats, upper: Floats) -> float:
+        """Return the volume of a union of spheres inside a box."""
+        centers, radii, planes = spheres
+        sphere, shift = images(centers, radii, lower, upper, self.packing.container)
+        chosen = _chosen(planes, sphere)
+        moved = centers[sphere] + shift
         if self.packing.dimension == 3:
-            return float(cut_balls(moved, radii[ball], lower=lower, upper=upper, planes=chosen).sum())
+            return float(cut_spheres(moved, radii[sphere], lower=lower, upper=upper, planes=chosen).sum())
         flat = chosen[0], np.ascontiguousarray(chosen[1][:, :2]), chosen[2]
         corners = np.ascontiguousarray(moved[:, :2])
-        return float(cut_disks(corners, radii[ball], lower=lower, upper=upper, planes=flat).sum())
+        return float(cut_disks(corners, radii[sphere], lower=lower, upper=upper, planes=flat).sum())
 
 
 def images(
     centers: Floats, radii: Floats, lower: Floats, upper: Floats, container: Container
 ) -> tuple[Integers, Floats]:
-    """Return which balls reach into a box, once per periodic image, and by how much each is shifted.
+    """Return which spheres reach into a box, once per periodic image, and by how much each is shifted.
 
     Parameters
     ----------
@@ -197,12 +197,12 @@ def images(
     return index, shift
 
 
-def flat_balls(packing: Packing) -> tuple[Floats, Floats]:
-    """Return centers (m, 3) and radii (m,) of all balls of all grains; all shapes in use must be balls."""
+def flat_spheres(packing: Packing) -> tuple[Floats, Floats]:
+    """Return centers (m, 3) and radii (m,) of all spheres of all grains; all shapes in use must be spheres."""
     centers, radii, owner = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, np.int64)]
     for k in np.unique(packing.shape_id):
         grain = np.flatnonzero(packing.shape_id == k)
-        body, sizes = _body_balls(packing.shapes[k])
+        body, sizes = _body_spheres(packing.shapes[k])
         stretched = body[None] * packing.scale[grain, None, None]
         turned = np.einsum("gij,gbj->gbi", packing.matrices[grain], stretched) if body.any() else stretched
         centers.append((turned + packing.position[grain, None]).reshape(-1, 3))
@@ -213,7 +213,7 @@ def flat_balls(packing: Packing) -> tuple[Floats, Floats]:
 
 
 def power_planes(centers: Floats, radii: Floats, container: Container | None = None) -> Planes:
-    """Return for each ball the planes of equal power with the balls that it overlaps.
+    """Return for each sphere the planes of equal power with the spheres that it overlaps.
 
     Parameters
     ----------
@@ -229,7 +229,7 @@ def power_planes(centers: Floats, radii: Floats, container: Container | None = N
     start : (n + 1,) ndarray of int
     normals : (m, 3) ndarray of float
     offsets : (m,) ndarray of float
-        The planes of ball i have the indices from ``start[i]`` to ``start[i + 1]``; offsets are from its center.
+        The planes of sphere i have the indices from ``start[i]`` to ``start[i + 1]``; offsets are from its center.
     """
     slack = -NO_DEPTH * float(radii.mean()) if len(radii) else 0.0
     periodic, lower, lengths = (False, False, False), np.zeros(3), np.ones(3)
@@ -239,7 +239,7 @@ def power_planes(centers: Floats, radii: Floats, container: Container | None = N
     apart = centers[j] + image * lengths - centers[i]
     distance = np.sqrt((apart**2).sum(axis=1))
     same = distance == 0.0
-    # of balls with one center the larger one takes all, of equal ones the first
+    # of spheres with one center the larger one takes all, of equal ones the first
     first = np.where((radii[i] > radii[j]) | ((radii[i] == radii[j]) & (i < j)), 2.0, -2.0) * (radii[i] + radii[j])
     span = np.where(same, 1.0, distance)
     normal = np.where(same[:, None], [1.0, 0.0, 0.0], apart / span[:, None])
@@ -253,24 +253,24 @@ def power_planes(centers: Floats, radii: Floats, container: Container | None = N
     return start, normals, np.concatenate([ahead, behind])[order]
 
 
-def _chosen(planes: Planes, ball: Integers) -> Planes:
-    """Return the planes of the given balls, in their order."""
+def _chosen(planes: Planes, sphere: Integers) -> Planes:
+    """Return the planes of the given spheres, in their order."""
     start, normals, offsets = planes
-    counts = (start[1:] - start[:-1])[ball]
+    counts = (start[1:] - start[:-1])[sphere]
     ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    index = np.arange(ends[-1]) + np.repeat(start[ball] - ends[:-1], counts)
+    index = np.arange(ends[-1]) + np.repeat(start[sphere] - ends[:-1], counts)
     return ends, normals[index], offsets[index]
 
 
-def _is_balls(shape: Shape) -> bool:
-    """Tell whether a shape is a ball, a union of balls or a disk."""
+def _is_spheres(shape: Shape) -> bool:
+    """Return whether a shape is a sphere, a union of spheres or a disk."""
     geometry = shape.geometry
     kind = geometry.kind if isinstance(geometry, Primitive | Outline) else ""
     return isinstance(geometry, Spheres) or kind in ("sphere", "disk")
 
 
-def _body_balls(shape: Shape) -> tuple[Floats, Floats]:
-    """Return the balls of a shape in its frame."""
+def _body_spheres(shape: Shape) -> tuple[Floats, Floats]:
+    """Return the spheres of a shape in its frame."""
     geometry = shape.geometry
     if isinstance(geometry, Spheres):
         return geometry.centers, geometry.radii
@@ -305,7 +305,7 @@ def _cut_shape(shape: Shape, maps: Floats, centers: Floats, lower: Floats, upper
     size = geometry.dimensions
     if geometry.kind == "sphere":
         radii = size[0] * np.linalg.norm(maps[:, :, 0], axis=1)
-        return cut_balls(centers, radii, lower=lower, upper=upper), 0.0
+        return cut_spheres(centers, radii, lower=lower, upper=upper), 0.0
     if geometry.kind == "ellipsoid":
         return _cut_ellipsoids(maps @ geometry.matrix * np.array(size), centers, lower, upper), 0.0
     if geometry.kind == "box":
@@ -330,20 +330,20 @@ def _cut_outline(outline: Outline, maps: Floats, centers: Floats, lower: Floats,
 
 
 def _cut_clumps(spheres: Spheres, maps: Floats, centers: Floats, lower: Floats, upper: Floats) -> Floats:
-    """Return the volumes of copies of a union of balls inside a box."""
+    """Return the volumes of copies of a union of spheres inside a box."""
     start, normals, offsets = power_planes(spheres.centers, spheres.radii)
     scales = np.linalg.norm(maps[:, :, 0], axis=1)
     volumes = np.zeros(len(centers))
     for copy, scale in enumerate(scales):
         places = spheres.centers @ maps[copy].T + centers[copy]
         planes = start, normals @ maps[copy].T / scale, offsets * scale
-        parts = cut_balls(places, spheres.radii * scale, lower=lower, upper=upper, planes=planes)
+        parts = cut_spheres(places, spheres.radii * scale, lower=lower, upper=upper, planes=planes)
         volumes[copy] = parts.sum()
     return volumes
 
 
 def _cut_ellipsoids(maps: Floats, centers: Floats, lower: Floats, upper: Floats) -> Floats:
-    """Return the volumes of linear maps of the unit ball inside a box: of the unit ball between mapped planes."""
+    """Return the volumes of linear maps of the unit sphere inside a box: of the unit sphere between mapped planes."""
     count = len(centers)
     stretch = np.linalg.norm(maps, axis=2)
     above = (upper - centers) / stretch
@@ -353,7 +353,7 @@ def _cut_ellipsoids(maps: Floats, centers: Floats, lower: Floats, upper: Floats)
     offsets = np.concatenate([above, below], axis=1).reshape(-1)
     open_box = np.full(3, -np.inf), np.full(3, np.inf)
     planes = np.arange(count + 1) * 6, normals, offsets
-    parts = cut_balls(np.zeros((count, 3)), np.ones(count), lower=open_box[0], upper=open_box[1], planes=planes)
+    parts = cut_spheres(np.zeros((count, 3)), np.ones(count), lower=open_box[0], upper=open_box[1], planes=planes)
     # the product of the rows; `numpy.linalg.det` goes by logarithms and loses digits
     factor = (np.cross(maps[:, 0], maps[:, 1]) * maps[:, 2]).sum(axis=1)
     return np.asarray(parts * np.abs(factor))

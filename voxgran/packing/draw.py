@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number, check_lengths
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.seeds import stream
-from voxgran.contacts.parts import is_one_ball
+from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
@@ -24,7 +24,7 @@ from voxgran.shapes.sizes import SizeDistribution
 
 log = logging.getLogger(__name__)
 
-#: largest solid fraction of equal disks and balls: the hexagonal and the face-centred cubic lattice
+#: largest solid fraction of equal disks and spheres: the hexagonal and the face-centred cubic lattice
 #: (Thue 1910; Hales 2005, doi:10.4007/annals.2005.162.1065)
 DENSEST = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
 #: grains that are drawn at a time, and at the most, where no count is given
@@ -94,7 +94,7 @@ def draw_grains(
     Raises
     ------
     InputError
-        If a number is out of range, the grains have more volume than the container, equal balls are asked for a solid
+        If a number is out of range, the grains have more volume than the container, equal spheres are asked for a solid
         fraction beyond that of the densest lattice, or open surfaces are to be shared out or counted by volume.
     GrainTooLargeError
         If no grain can fit.
@@ -144,7 +144,7 @@ def draw_grains(
 def _refuse_denser_than_lattice(
     shapes: Sequence[Shape], container: Container, shape_id: Integers, diameter: Floats, *, wanted: float
 ) -> None:
-    """Refuse equal balls that would be denser than the densest lattice.
+    """Refuse equal spheres that would be denser than the densest lattice.
 
     Boxes and rectangles only: they fill space without gaps, and so would the packings in them. A round or a closed
     container may hold more.
@@ -152,9 +152,9 @@ def _refuse_denser_than_lattice(
     dimension, densest = container.dimension, DENSEST[container.dimension]
     if wanted <= densest * (1 + 1e-12) or not isinstance(container, Box | Rectangle) or not len(diameter):
         return
-    balls = all(is_one_ball(shapes[k].geometry) for k in set(shape_id.tolist()))
+    spheres = all(is_one_sphere(shapes[k].geometry) for k in set(shape_id.tolist()))
     volume = _volumes(shapes, shape_id, diameter).sum()
-    if balls and np.ptp(diameter) <= 1e-12 * diameter.max() and volume > densest * container.volume:
+    if spheres and np.ptp(diameter) <= 1e-12 * diameter.max() and volume > densest * container.volume:
         name = "disks" if dimension == 2 else "spheres"
         raise InputError(
             f"solid_fraction is {wanted:.6g}, a porosity of {1 - wanted:.6g}: equal {name} have a "

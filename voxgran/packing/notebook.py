@@ -7,9 +7,9 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.packing.model import Packing
 from voxgran.shapes.thumbnail import EDGE, FINE, card, image_tag, picture, surface_samples
 
-#: triangles up to which grains are drawn with their own surfaces; more are drawn as balls
+#: triangles up to which grains are drawn with their own surfaces; more are drawn as spheres
 MOST_TRIANGLES = 1_500_000
-#: points of one ball at least and at most
+#: points of one sphere at least and at most
 FEWEST, MOST_POINTS = 40, 4000
 #: dark, middle and light end of the colours, small to large
 RAMP = np.array([[0.23, 0.32, 0.55], [0.13, 0.57, 0.55], [0.93, 0.85, 0.25]])
@@ -35,7 +35,7 @@ def packing_card(packing: Packing) -> str:
 
 
 def packing_picture(packing: Assembly) -> np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]:
-    """Draw grains, coloured by size: with their own surfaces, or as balls of equal volume where there are many.
+    """Draw grains, coloured by size: with their own surfaces, or as spheres of equal volume where there are many.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def packing_picture(packing: Assembly) -> np.ndarray[tuple[int, int, int], np.dt
     extent = float(np.ptp(packing.position, axis=0).max() + packing.diameters.max())
     spacing = extent / (FINE * EDGE)
     many = int(faces.sum()) > MOST_TRIANGLES
-    points, normals, owner = _balls(packing, spacing) if many else _surfaces(packing, spacing)
+    points, normals, owner = _spheres(packing, spacing) if many else _surfaces(packing, spacing)
     size = packing.diameters
     share = (size - size.min()) / max(float(np.ptp(size)), 1e-300) if np.ptp(size) else np.full(len(size), 0.5)
     ends = np.array([0.0, 0.5, 1.0])
@@ -74,8 +74,8 @@ def _surfaces(packing: Assembly, spacing: float) -> tuple[Floats, Floats, np.nda
     return np.concatenate(points), np.concatenate(normals), np.concatenate(owner)
 
 
-def _balls(packing: Assembly, spacing: float) -> tuple[Floats, Floats, np.ndarray[tuple[int], np.dtype[np.int64]]]:
-    """Return points, normals and grain on balls of equal volume."""
+def _spheres(packing: Assembly, spacing: float) -> tuple[Floats, Floats, np.ndarray[tuple[int], np.dtype[np.int64]]]:
+    """Return points, normals and grain on spheres of equal volume."""
     radius = packing.diameters / 2
     count = int(np.clip(4 * np.pi * (float(np.median(radius)) / spacing) ** 2, FEWEST, MOST_POINTS))
     k = np.arange(count) + 0.5

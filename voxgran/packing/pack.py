@@ -143,8 +143,8 @@ def pack(
         If the method, a parameter or the unit is unknown.
     InputError
         If an argument is of another type, a value breaks a rule, shapes have several units and none is given, a length
-        is not between 1e-60 and 1e60, the grains have more volume than the container, equal balls are asked for a solid
-        fraction beyond that of the densest lattice, or the method packs no open surfaces.
+        is not between 1e-60 and 1e60, the grains have more volume than the container, equal spheres are asked for a
+        solid fraction beyond that of the densest lattice, or the method packs no open surfaces.
     GrainTooLargeError
         If no grain can fit.
     TooLargeError
@@ -392,7 +392,7 @@ def _misses(task: Task, packing: Packing) -> dict[str, float]:
 
 
 def _installed(name: str) -> bool:
-    """Tell whether a distribution is there."""
+    """Return whether a distribution is there."""
     try:
         importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

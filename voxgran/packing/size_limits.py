@@ -7,7 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
-from voxgran.contacts.parts import is_one_ball
+from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
 from voxgran.containers.sphere import Sphere
@@ -24,7 +24,7 @@ EXACT = 1 + 1e-12
 def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, diameter: Floats) -> Booleans:
     """Tell which grains are not certainly too large.
 
-    Those are too large that have more volume than the container, that hold a ball thicker than the container is along
+    Those are too large that have more volume than the container, that hold a sphere thicker than the container is along
     an axis, or that are longer than its longest line. A rod may lie along a diagonal, and one that is longer than a
     period beside its own images.
 
@@ -54,8 +54,8 @@ def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, d
     for k in np.unique(shape_id[~fits]).tolist():
         mine = np.flatnonzero(~fits & (shape_id == k))
         shape, size = shapes[k], diameter[mine] / shapes[k].diameter
-        core, ball = _balls(shape)
-        room = (ball * size <= walled * EXACT) & (core * size <= periodic * EXACT)
+        core, sphere = _spheres(shape)
+        room = (sphere * size <= walled * EXACT) & (core * size <= periodic * EXACT)
         room &= shape.volume * size**dimension <= container.volume * EXACT
         room &= _length(shape) * size <= longest * EXACT
         fits[mine] = room
@@ -74,27 +74,28 @@ def _longest_line(container: Container) -> float:
 
 def _length(shape: Shape) -> float:
     """Return the distance of two points of a shape that lie far from each other."""
-    if is_one_ball(shape.geometry):
+    if is_one_sphere(shape.geometry):
         return shape.diameter
     points = shape.vertices
     far = points[np.linalg.norm(points, axis=1).argmax()]
     return float(np.linalg.norm(points - far, axis=1).max())
 
 
-def _balls(shape: Shape) -> tuple[float, float]:
-    """Return the diameters of a ball that a shape holds, and of one that its convex hull holds; 0 where none is known.
+def _spheres(shape: Shape) -> tuple[float, float]:
+    """Return the diameters of a sphere that a shape holds, and of one that its convex hull holds; 0 where none is
+    known.
 
     Only the first keeps a shape from reaching around itself.
     """
     geometry = shape.geometry
     if isinstance(geometry, Surface):
         return 0.0, 0.0
-    if is_one_ball(geometry):
+    if is_one_sphere(geometry):
         return shape.diameter, shape.diameter
     if isinstance(geometry, Primitive):
-        ball = _ball_of_primitive(geometry)
-        return ball, ball
-    # its facets are as far from the centroid as the ball reaches
+        sphere = _sphere_of_primitive(geometry)
+        return sphere, sphere
+    # its facets are as far from the centroid as the sphere reaches
     hull = load("scipy.spatial").ConvexHull(shape.vertices[:, : shape.dimension])
     around = float(-2.0 * hull.equations[:, -1].max())
     if isinstance(geometry, Spheres):
@@ -103,8 +104,8 @@ def _balls(shape: Shape) -> tuple[float, float]:
     return 0.0, around
 
 
-def _ball_of_primitive(geometry: Primitive) -> float:
-    """Return the diameter of the largest ball in a box, ellipsoid, cylinder or cone."""
+def _sphere_of_primitive(geometry: Primitive) -> float:
+    """Return the diameter of the largest sphere in a box, ellipsoid, cylinder or cone."""
     first, *rest = geometry.dimensions
     if geometry.kind == "cylinder":
         return min(2.0 * first, rest[0])

@@ -177,7 +177,7 @@ def refuse_start(grain: int) -> None:
 
 
 def stands_free(problem: "Problem", start: Start) -> bool:
-    """Tell whether the true shapes of a start overlap neither each other nor a wall: they may then stay as they are."""
+    """Return whether the true shapes of a start overlap neither each other nor a wall, so that they may stay."""
     return verify(start.assembly(problem), tolerance=ROUND_OFF).ok
 
 

@@ -35,7 +35,7 @@ EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 SIDES = ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2))
 #: most rounds in which edges where the surface meets itself are mended
 ROUNDS = 60
-#: radius of the balls that an alpha shape is carved with, in spacings
+#: radius of the spheres that an alpha shape is carved with, in spacings
 ALPHA = 3.0
 
 
@@ -87,7 +87,7 @@ def shape_of_cloud(
     depth : int, optional
         Depth of the octree of "poisson", 2 to 10; left out: the logarithm of the number of points to base 4.
     alpha : float, optional
-        Radius of the balls that carve the surface of "alpha", in the unit of lengths; left out: three spacings.
+        Radius of the spheres that carve the surface of "alpha", in the unit of lengths; left out: three spacings.
     largest_hole : float
         How far a place of the surface may be from the nearest point, and a point from the surface, in spacings.
     name : str, optional
@@ -166,9 +166,9 @@ def _poisson(cloud: Cloud, frame: Frame, depth: int | None) -> tuple[Floats, Int
 
 
 def _alpha(cloud: Cloud, frame: Frame, radius: float) -> tuple[Floats, Integers]:
-    """Return what balls carve out of the Delaunay tetrahedra when they come from outside, in the frame."""
+    """Return what spheres carve out of the Delaunay tetrahedra when they come from outside, in the frame."""
     corners = frame.into(np.unique(cloud.points, axis=0))
-    # joggled: points on one sphere, as of a ball, have no Delaunay tetrahedra of their own
+    # joggled: points on one sphere, as of a sphere, have no Delaunay tetrahedra of their own
     tetras = load("scipy.spatial").Delaunay(corners, qhull_options="QJ Pp").simplices.astype(np.int64)
     facets = _facets(tetras)
     # tetrahedra of which all facets are small
@@ -209,14 +209,14 @@ def _widest(corners: Floats, facets: _Facets, wide: Floats) -> tuple[Floats, flo
 
 
 def _refuse_wafer(cloud: Cloud, frame: Frame, corners: Floats, solid: Integers, hole: tuple[Floats, float]) -> None:
-    """Refuse what balls that got inside left: a skin thinner than two spacings; the hole is where they came in."""
+    """Refuse what spheres that got inside left: a skin thinner than two spacings; the hole is where they came in."""
     edges = corners[solid[:, 1:]] - corners[solid[:, :1]]
     volume = float(np.abs(np.linalg.det(edges)).sum()) / 6
     area = len(np.unique(cloud.points, axis=0)) * (cloud.spacing / frame.size) ** 2
     if volume < area * cloud.spacing / frame.size:
         where = ", ".join(f"{value:.4g}" for value in frame.back(hole[0]))
         raise InputError(
-            f"{cloud.name} is too sparse to close: the balls get inside, the widest way is around ({where}) with a "
+            f"{cloud.name} is too sparse to close: the spheres get inside, the widest way is around ({where}) with a "
             f"radius of {hole[1] * frame.size:.4g}, and its spacing is {cloud.spacing:.4g}; scan that side, or raise "
             "alpha"
         )

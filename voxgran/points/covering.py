@@ -1,6 +1,6 @@
 """How well points cover a surface: the largest distance of a place on it from the nearest of the points.
 
-A triangle whose corners lie within a distance of one and the same point lies within that distance of it, since balls
+A triangle whose corners lie within a distance of one and the same point lies within that distance of it, since spheres
 are convex. Triangles for which that leaves too wide a margin are cut in two, so that the covering radius is bounded
 from above and from below as tightly as one likes: branch and bound (Land & Doig 1960, doi:10.2307/1910129).
 """

@@ -9,7 +9,7 @@ from voxgran._base.lazy import load
 from voxgran.measure.coordination import WIDEST_GAP, mean_diameter
 from voxgran.packing.model import Packing
 from voxgran.report.stage import MATERIAL, Picture, add_scale_bar, look_at, shot, stage_of
-from voxgran.shapes.tessellate import ball
+from voxgran.shapes.tessellate import sphere
 
 _MIDDLE, _NEIGHBOUR, _POINT = "#2a9d8f", "#b9c3ca", "#d1495b"
 
@@ -69,8 +69,8 @@ def _add_grain(stage: Any, packing: Packing, grain: int, shift: Floats, *, color
 
 
 def _add_points(stage: Any, points: Floats, radius: float) -> None:
-    """Draw small balls, seen through what is before them."""
-    vertices, faces, _ = ball(2)
+    """Draw small spheres, seen through what is before them."""
+    vertices, faces, _ = sphere(2)
     beads = (points[:, None] + radius * vertices).reshape(-1, 3)
     triangles = (faces + len(vertices) * np.arange(len(points))[:, None, None]).reshape(-1, 3)
     stage.add_mesh(load("pyvista").PolyData.from_regular_faces(beads, triangles), color=_POINT, **MATERIAL)

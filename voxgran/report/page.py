@@ -181,7 +181,7 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
     if any(len(shape.faces) > most for shape in packing.shapes):
         coarse = f" For the picture grains are drawn with about {most} triangles at most."
     elif packing.count > scenes.BALL_LIMIT:
-        coarse = " Balls are drawn as points, shaded by the slope of the heap."
+        coarse = " Spheres are drawn as points, shaded by the slope of the heap."
     whole = {
         "whole": (
             scenes.picture_packing(packing, color_by=color_by),

@@ -16,17 +16,17 @@ from voxgran.io.surfaces import merged_surfaces
 from voxgran.packing.model import Packing
 from voxgran.points.sample import sample_surface
 from voxgran.report.colors import Coloring, coloring
-from voxgran.report.stage import MATERIAL, Picture, add_balls, add_container, add_scale_bar, look_at, shot, stage_of
+from voxgran.report.stage import MATERIAL, Picture, add_container, add_scale_bar, add_spheres, look_at, shot, stage_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.tessellate import ball
+from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.occupy import voxelize
 
 #: a picture of a packing has at most about this many triangles
 TRIANGLE_BUDGET = 600_000
 #: a grain is not drawn with fewer
 FEWEST_FACES = 80
-#: more balls than this are drawn as shaded points
+#: more spheres than this are drawn as shaded points
 BALL_LIMIT = 10_000
 
 _GRAIN = "#6d9fb5"
@@ -173,8 +173,8 @@ def _picture(
     """Draw some grains, the container and a scale bar."""
     values, (low, high) = colors.values, colors.limits
     look = {"cmap": COLORS, "clim": (low, high), "show_scalar_bar": False}
-    balls = np.array([_is_ball(shape) for shape in packing.shapes] + [False])[packing.shape_id[grains]]
-    as_points = grains[balls] if balls.sum() > BALL_LIMIT else grains[:0]
+    spheres = np.array([_is_sphere(shape) for shape in packing.shapes] + [False])[packing.shape_id[grains]]
+    as_points = grains[spheres] if spheres.sum() > BALL_LIMIT else grains[:0]
     as_meshes = np.setdiff1d(grains, as_points)
     with stage_of(window) as stage:
         if len(as_meshes):
@@ -184,15 +184,15 @@ def _picture(
             stage.add_mesh(mesh, scalars="value", **look, **_SMOOTH)
         if len(as_points):
             shades = load("matplotlib").colormaps[COLORS]((values[as_points] - low) / (high - low))[:, :3]
-            add_balls(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
+            add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
         add_container(stage, packing.container)
         look_at(stage, packing.container.mesh()[0], flat=packing.dimension == 2, turn=turn)
         add_scale_bar(stage, packing.unit)
         return shot(stage)
 
 
-def _is_ball(shape: Shape) -> bool:
-    """Tell whether a shape is one ball."""
+def _is_sphere(shape: Shape) -> bool:
+    """Return whether a shape is one sphere."""
     return isinstance(shape.geometry, Primitive) and shape.geometry.kind == "sphere"
 
 
@@ -208,9 +208,9 @@ def _body(shape: Shape, most: int) -> tuple[Floats, Integers]:
     Vertices are clustered with quadric error metrics (Lindstrom 2000, doi:10.1145/344779.344912): a tenth of the time
     of edge collapses, and hundreds of different shapes are common.
     """
-    if _is_ball(shape):
+    if _is_sphere(shape):
         level = int(np.clip(np.log(most / 20) / np.log(4), 1, 4))
-        vertices, faces, _ = ball(level)
+        vertices, faces, _ = sphere(level)
         return vertices * shape.bounding_radius, faces
     vertices, faces = shape.vertices, shape.faces
     divisions = int(np.sqrt(most / 5)) + 1
@@ -242,7 +242,7 @@ def _add_voxels(stage: Any, shape: Shape) -> None:
 def _add_points(stage: Any, shape: Shape) -> None:
     """Draw control points a tenth of the diameter apart, on the faint surface."""
     points = np.asarray(sample_surface(shape, spacing=shape.diameter / 10))
-    vertices, faces, _ = ball(2)
+    vertices, faces, _ = sphere(2)
     size = 0.018 * shape.diameter
     beads = (points[:, None] + size * vertices).reshape(-1, 3)
     triangles = (faces + len(vertices) * np.arange(len(points))[:, None, None]).reshape(-1, 3)
@@ -254,7 +254,7 @@ def _add_points(stage: Any, shape: Shape) -> None:
 def _add_clump(stage: Any, shape: Shape, spheres: int) -> None:
     """Draw the clump of a shape, large spheres bright."""
     clump = fit_clump(shape, max_spheres=spheres)
-    vertices, faces, _ = ball(3)
+    vertices, faces, _ = sphere(3)
     surfaces = (clump.centers[:, None] + clump.radii[:, None, None] * vertices).reshape(-1, 3)
     triangles = (faces + len(vertices) * np.arange(len(clump.radii))[:, None, None]).reshape(-1, 3)
     mesh = load("pyvista").PolyData.from_regular_faces(surfaces, triangles)

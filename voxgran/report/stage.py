@@ -23,9 +23,9 @@ _LIGHTS = (((-0.6, 0.9, 1.0), 0.85), ((1.0, 0.1, 0.6), 0.35), ((0.0, -0.8, 0.4),
 _VIEW = (0.85, -1.55, 0.75)
 #: share of the picture that stays free around the box
 _MARGIN = 0.03
-#: from where a heap of many balls is lit
+#: from where a heap of many spheres is lit
 _HEAP_LIGHT = (-0.55, -0.4, 0.73)
-#: points shaded as balls; `offsetVCVSOutput` is the place on the disk, 1 at its rim
+#: points shaded as spheres; `offsetVCVSOutput` is the place on the disk, 1 at its rim
 _BALL_SHADER = """//VTK::Color::Impl
 float rim = dot(offsetVCVSOutput.xy, offsetVCVSOutput.xy);
 if (rim > 1.0) { discard; }
@@ -155,8 +155,8 @@ def round_length(most: float) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most * (1 + 1e-12)))
 
 
-def add_balls(stage: Any, positions: Floats, radii: Floats, colors: Floats) -> None:
-    """Draw balls as shaded points, each with its radius: quick for any number.
+def add_spheres(stage: Any, positions: Floats, radii: Floats, colors: Floats) -> None:
+    """Draw spheres as shaded points, each with its radius: quick for any number.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def add_balls(stage: Any, positions: Floats, radii: Floats, colors: Floats) -> N
 
     Notes
     -----
-    Where balls are smaller than a few pixels, their own shading does not tell one side of the heap from another.
+    Where spheres are smaller than a few pixels, their own shading does not tell one side of the heap from another.
     Therefore each is lighter or darker by the slope of the density around it, as if the heap were one body.
     """
     cloud = load("pyvista").PolyData(positions)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats
-from voxgran.contacts.parts import is_one_ball
+from voxgran.contacts.parts import is_one_sphere
 from voxgran.packing.model import Packing
 
 #: spread of the diameters, relative to their mean, up to which spheres count as equal
@@ -39,9 +39,9 @@ def wall_law(distance: ArrayLike, *, bulk: float) -> Floats:
 
 
 def law_applies(packing: Packing) -> bool:
-    """Tell whether the law is for such a packing: equal spheres, in three dimensions, in an upright cylinder."""
+    """Return whether the law is for such a packing: equal spheres, in three dimensions, in an upright cylinder."""
     if packing.dimension != 3 or packing.container.kind != "cylinder" or packing.count < 2:
         return False
     size = packing.diameters
-    balls = all(is_one_ball(packing.shapes[index].geometry) for index in np.unique(packing.shape_id))
-    return bool(balls and np.ptp(size) <= EQUAL * size.mean())
+    spheres = all(is_one_sphere(packing.shapes[index].geometry) for index in np.unique(packing.shape_id))
+    return bool(spheres and np.ptp(size) <= EQUAL * size.mean())

@@ -162,7 +162,7 @@ def _stand_in(entry: ShapeEntry) -> Shape:
 
 
 def _makes_unions(scene: Scene) -> bool:
-    """Tell whether random solids are joined by boolean operations."""
+    """Return whether random solids are joined by boolean operations."""
     return any(entry.source == "family" and entry.name == "solid_union" for entry in scene.shapes)
 
 

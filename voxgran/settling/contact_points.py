@@ -9,7 +9,7 @@ from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import gaps_of_pairs, is_closed_surface, surface_trees
-from voxgran.contacts.parts import is_one_ball
+from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
@@ -125,17 +125,17 @@ def places_of(assembly: Assembly, pairs: Pairs, reach: float) -> Touching:
 def near_walls(assembly: Assembly, reach: float) -> Touching:
     """Return where grains are near walls, and near a lid.
 
-    Balls touch at one place. Of other grains each side of flat walls counts by itself, with the corners that are
+    Spheres touch at one place. Of other grains each side of flat walls counts by itself, with the corners that are
     nearest to it; at other containers the point of the tessellation that is nearest.
     """
-    ball = np.array([is_one_ball(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)[assembly.shape_id]
-    found, lid = _near_container(assembly, ball, reach), assembly.lid
+    sphere = np.array([is_one_sphere(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)[assembly.shape_id]
+    found, lid = _near_container(assembly, sphere, reach), assembly.lid
     if lid is None:
         return found
-    return joined([found, _near_side(assembly, ball, lid.normal, lid.level - assembly.position @ lid.normal, reach)])
+    return joined([found, _near_side(assembly, sphere, lid.normal, lid.level - assembly.position @ lid.normal, reach)])
 
 
-def _near_container(assembly: Assembly, ball: Booleans, reach: float) -> Touching:
+def _near_container(assembly: Assembly, sphere: Booleans, reach: float) -> Touching:
     """Return where grains are near the walls of their container."""
     container = assembly.container
     if isinstance(container, Box | Rectangle):
@@ -147,20 +147,24 @@ def _near_container(assembly: Assembly, ball: Booleans, reach: float) -> Touchin
                     (-1.0, assembly.position[:, axis] - lower[axis]),
                     (1.0, upper[axis] - assembly.position[:, axis]),
                 )
-                found += [_near_side(assembly, ball, sign * np.eye(3)[axis], room, reach) for sign, room in rooms]
+                found += [_near_side(assembly, sphere, sign * np.eye(3)[axis], room, reach) for sign, room in rooms]
         return joined([_no_places(), *found])
     room = -container.signed_distance(assembly.position) if assembly.count else np.zeros(0)
     near = np.flatnonzero(room - assembly.bounding_radii <= reach)
-    return joined([_no_places(), *(_near_round(assembly, int(grain), reach, ball=bool(ball[grain])) for grain in near)])
+    return joined(
+        [_no_places(), *(_near_round(assembly, int(grain), reach, sphere=bool(sphere[grain])) for grain in near)]
+    )
 
 
-def _near_side(assembly: Assembly, ball: Booleans, normal: Floats, room: Floats, reach: float) -> Touching:
+def _near_side(assembly: Assembly, sphere: Booleans, normal: Floats, room: Floats, reach: float) -> Touching:
     """Return where grains are near a flat side, which lies so far from their centroids along a normal."""
     radius = assembly.bounding_radii
     near = room - radius <= reach
-    balls = np.flatnonzero(near & ball)
-    parts = [_at_wall(balls, np.tile(normal, (len(balls), 1)), (room - radius)[balls], radius[balls, None] * normal)]
-    for grain in np.flatnonzero(near & ~ball).tolist():
+    spheres = np.flatnonzero(near & sphere)
+    parts = [
+        _at_wall(spheres, np.tile(normal, (len(spheres), 1)), (room - radius)[spheres], radius[spheres, None] * normal)
+    ]
+    for grain in np.flatnonzero(near & ~sphere).tolist():
         stop_if_asked()
         arms = assembly.world_vertices(grain) - assembly.position[grain]
         gaps = room[grain] - arms @ normal
@@ -173,21 +177,21 @@ def _near_side(assembly: Assembly, ball: Booleans, normal: Floats, room: Floats,
     return joined(parts)
 
 
-def _near_round(assembly: Assembly, grain: int, reach: float, *, ball: bool) -> Touching:
+def _near_round(assembly: Assembly, grain: int, reach: float, *, sphere: bool) -> Touching:
     """Return where a grain is nearest to walls that are not flat."""
     stop_if_asked()
     container, position = assembly.container, assembly.position[grain]
     radius = float(assembly.bounding_radii[grain])
-    corners = position[None] if ball else assembly.world_vertices(grain)
+    corners = position[None] if sphere else assembly.world_vertices(grain)
     distance = container.signed_distance(corners)
     far, delta = corners[int(np.argmax(distance))], 1e-6 * radius
     slope = container.signed_distance(far + delta * np.eye(3)) - container.signed_distance(far - delta * np.eye(3))
     length = float(np.linalg.norm(slope))
-    gap = -float(distance.max()) - (radius if ball else 0.0)
+    gap = -float(distance.max()) - (radius if sphere else 0.0)
     if length == 0.0 or gap > reach:
         return _no_places()
     normal = slope / length
-    arm = radius * normal if ball else far - position
+    arm = radius * normal if sphere else far - position
     return _at_wall(np.array([grain]), normal[None], np.array([gap]), arm[None])
 
 

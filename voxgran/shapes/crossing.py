@@ -146,7 +146,7 @@ def _edge(triangle, k):  # type: ignore[no-untyped-def]
 
 @kernel
 def _is_crossing(one, two, depth):  # type: ignore[no-untyped-def]
-    """Tell whether no direction separates two triangles but for the depth."""
+    """Return whether no direction separates two triangles but for the depth."""
     reach = 0.0
     for k in range(3):
         for axis in range(3):
@@ -164,7 +164,7 @@ def _is_crossing(one, two, depth):  # type: ignore[no-untyped-def]
 
 @kernel
 def _separates(e, f, one, two, depth, reach):  # type: ignore[no-untyped-def]
-    """Tell whether two triangles overlap by no more than the depth along the product of two edges."""
+    """Return whether two triangles overlap by no more than the depth along the product of two edges."""
     x, y, z = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
     length = math.sqrt(x * x + y * y + z * z)
     spans = math.sqrt((e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2]))

@@ -12,8 +12,8 @@ def largest_curvature(geometry: Geometry) -> float | None:
     Parameters
     ----------
     geometry : Geometry
-        What the surface bounds. A union of several balls has creases, and the curvature of its smallest ball would say
-        little of the others: it counts as having edges.
+        What the surface bounds. A union of several spheres has creases, and the curvature of its smallest sphere would
+        say little of the others: it counts as having edges.
 
     Returns
     -------

@@ -84,10 +84,10 @@ def onto_surface(geometry: Geometry, points: Floats) -> Floats:
     Returns
     -------
     (n, 3) ndarray of float
-        Points on spheres, ellipsoids, unions of balls and the sides of cylinders and cones; flat faces keep theirs.
+        Points on spheres, ellipsoids, unions of spheres and the sides of cylinders and cones; flat faces keep theirs.
     """
     if isinstance(geometry, Spheres):
-        return _onto_balls(points, geometry.centers, geometry.radii)
+        return _onto_spheres(points, geometry.centers, geometry.radii)
     if not isinstance(geometry, Primitive) or geometry.kind == "box":
         return points
     p, d = points @ geometry.matrix, geometry.dimensions
@@ -103,8 +103,8 @@ def onto_surface(geometry: Geometry, points: Floats) -> Floats:
     return np.asarray(p @ geometry.matrix.T)
 
 
-def _onto_balls(points: Floats, centers: Floats, radii: Floats) -> Floats:
-    """Push each point to the surface of the ball that holds it deepest."""
+def _onto_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
+    """Push each point to the surface of the sphere that holds it deepest."""
     deepest, moved = np.full(len(points), -np.inf), points.copy()
     for center, radius in zip(centers, radii, strict=True):
         way = points - center

@@ -212,7 +212,7 @@ class Shape:
 
     @cached_property
     def diameter(self) -> float:
-        """Equivalent diameter: of the ball of equal volume (in 2D, and of open surfaces, of the disk of equal area)."""
+        """Diameter of the sphere of equal volume (in 2D, and of open surfaces, of the disk of equal area)."""
         if self.is_open:
             return 2 * math.sqrt(self.surface_area / math.pi)
         if self.dimension == 2:
@@ -221,7 +221,7 @@ class Shape:
 
     @cached_property
     def bounding_radius(self) -> float:
-        """Radius of a ball about the centroid that holds it."""
+        """Radius of a sphere about the centroid that holds it."""
         return self.geometry.bounding_radius
 
     @cached_property

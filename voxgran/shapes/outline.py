@@ -217,6 +217,6 @@ def _side(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _boxes_meet(a: Floats, b: Floats, c: Floats, d: Floats) -> Booleans:
-    """Tell whether the bounding boxes of edge (a, b) and edges (c, d) have a point in common."""
+    """Return whether the bounding boxes of edge (a, b) and edges (c, d) have a point in common."""
     apart = (np.maximum(a, b) < np.minimum(c, d)) | (np.maximum(c, d) < np.minimum(a, b))
     return np.asarray(~apart.any(axis=1))

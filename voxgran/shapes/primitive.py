@@ -11,7 +11,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.rotation import product, quaternions_of, rotation_matrices
-from voxgran.shapes.tessellate import SIDES, ball, revolved, unit_box
+from voxgran.shapes.tessellate import SIDES, revolved, sphere, unit_box
 
 Kind = Literal["sphere", "ellipsoid", "box", "cylinder", "cone"]
 
@@ -112,7 +112,7 @@ class Primitive:
 
     @cached_property
     def bounding_radius(self) -> float:
-        """Radius of the smallest ball about the centroid that holds it."""
+        """Radius of the smallest sphere about the centroid that holds it."""
         d = self.dimensions
         if self.kind in ("sphere", "ellipsoid"):
             return max(d)
@@ -175,7 +175,7 @@ class Primitive:
         """Return vertices and faces of a tessellation that holds the true solid."""
         vertices, faces, _ = Primitive(self.kind, self.dimensions).tessellation()
         if self.kind in ("sphere", "ellipsoid"):
-            vertices = vertices / (1 - ball()[2])
+            vertices = vertices / (1 - sphere()[2])
         elif self.kind != "box":
             vertices = vertices / np.array([math.cos(math.pi / SIDES), math.cos(math.pi / SIDES), 1.0])
         return vertices @ self.matrix.T, faces
@@ -188,7 +188,7 @@ class Primitive:
         d = self.dimensions
         if self.kind in ("sphere", "ellipsoid"):
             axes = np.array(d * 3 if self.kind == "sphere" else d)
-            vertices, faces, error = ball()
+            vertices, faces, error = sphere()
             vertices, error = vertices * axes, error * float(axes.max())
         elif self.kind == "box":
             vertices, faces, error = unit_box()

@@ -1,9 +1,9 @@
 """The laws that grain sizes follow: log-normal, uniform, a few sizes, one size, a sieve curve.
 
-A size is an equivalent diameter: of the ball of equal volume, in two dimensions of the disk of equal area; for a sieve
-curve it is the intermediate axis unless stated. A distribution is given by number or by volume (by mass, for grains of
-one density). The other follows from it exactly: grains of diameter d have d**3 times the share by volume that they
-have by number (d**2 in two dimensions). Grains are drawn by number.
+A size is an equivalent diameter: of the sphere of equal volume, in two dimensions of the disk of equal area; for a
+sieve curve it is the intermediate axis unless stated. A distribution is given by number or by volume (by mass, for
+grains of one density). The other follows from it exactly: grains of diameter d have d**3 times the share by volume that
+they have by number (d**2 in two dimensions). Grains are drawn by number.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""A union of balls as the true geometry of a grain: a clump or a ball assembly."""
+"""A union of spheres as the true geometry of a grain: a clump or a sphere assembly."""
 
 import math
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_points, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
-from voxgran.shapes.ball_union import contained, union_moments
 from voxgran.shapes.boolean import united
-from voxgran.shapes.tessellate import ball
+from voxgran.shapes.sphere_union import contained, union_moments
+from voxgran.shapes.tessellate import sphere
 
-#: most triangles of all balls before they are united
+#: most triangles of all spheres before they are united
 MOST_TRIANGLES = 80_000
 
 
 @dataclass(frozen=True, eq=False)
 class Spheres:
-    """A union of balls; what is inside several of them counts once.
+    """A union of spheres; what is inside several of them counts once.
 
     Attributes
     ----------
@@ -31,7 +31,7 @@ class Spheres:
     Raises
     ------
     InputError
-        If there is no ball, the numbers of centers and radii differ, or a radius is not above 0.
+        If there is no sphere, the numbers of centers and radii differ, or a radius is not above 0.
     """
 
     centers: Floats
@@ -43,10 +43,10 @@ class Spheres:
         centers = as_points(self.centers, "centers").copy()
         radii = as_floats(self.radii, "radii", shape=(len(centers),)).copy()
         if not len(radii):
-            raise InputError("spheres has no ball: a union needs at least one; give a center and a radius")
+            raise InputError("spheres has no sphere: a union needs at least one; give a center and a radius")
         if radii.min() <= 0:
             worst = int(radii.argmin())
-            raise InputError(f"radius of ball {worst} is {radii[worst]}: it must be above 0; remove the ball")
+            raise InputError(f"radius of sphere {worst} is {radii[worst]}: it must be above 0; remove the sphere")
         object.__setattr__(self, "centers", read_only(centers))
         object.__setattr__(self, "radii", read_only(radii))
 
@@ -67,7 +67,7 @@ class Spheres:
 
     @property
     def surface_area(self) -> float:
-        """Area of the outer surface, and of the inner ones where the balls enclose a cavity."""
+        """Area of the outer surface, and of the inner ones where the spheres enclose a cavity."""
         return self._moments[3]
 
     @cached_property
@@ -113,13 +113,13 @@ class Spheres:
     def tessellation(self) -> tuple[Floats, Integers, float]:
         """Return vertices, faces and their largest distance from the true surface.
 
-        The balls are inscribed icospheres, as fine as their number allows. Where two spheres meet the union of the
+        The spheres are inscribed icospheres, as fine as their number allows. Where two spheres meet the union of the
         polyhedra lies deeper than each of them; the error is measured there.
         """
         bare = ~contained(self.centers, self.radii)
         centers, radii = self.centers[bare], self.radii[bare]
         level = int(np.clip(math.log(MOST_TRIANGLES / (20 * len(radii)), 4), 1, 4))
-        unit, faces, error = ball(level)
+        unit, faces, error = sphere(level)
         solids = ((c + r * unit, faces) for c, r in zip(centers, radii, strict=True))
         vertices, triangles = united(solids)
         paths = np.zeros(len(vertices))
@@ -129,7 +129,7 @@ class Spheres:
 
 @kernel
 def _mark_inside(points, centers, radii, inside):  # type: ignore[no-untyped-def]
-    """Mark the points that lie in a ball."""
+    """Mark the points that lie in a sphere."""
     for p in range(len(points)):
         for b in range(len(radii)):
             square = 0.0
@@ -142,7 +142,7 @@ def _mark_inside(points, centers, radii, inside):  # type: ignore[no-untyped-def
 
 @kernel
 def _measure_way_out(points, centers, radii, paths):  # type: ignore[no-untyped-def]
-    """Push each point out of the balls that hold it, the deepest first, and write how far it went."""
+    """Push each point out of the spheres that hold it, the deepest first, and write how far it went."""
     for p in range(len(points)):
         x, y, z = points[p, 0], points[p, 1], points[p, 2]
         for _ in range(100):

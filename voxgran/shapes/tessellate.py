@@ -1,4 +1,4 @@
-"""Triangulations of the unit ball and of bodies of revolution, with their error stated."""
+"""Triangulations of the unit sphere and of bodies of revolution, with their error stated."""
 
 import itertools
 import math
@@ -12,7 +12,7 @@ from voxgran._base.arrays import Floats, Integers
 SIDES = 96
 
 
-def ball(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
+def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
     """Return an icosahedron subdivided onto the unit sphere.
 
     Parameters

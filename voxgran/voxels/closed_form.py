@@ -1,4 +1,4 @@
-"""Voxels of shapes in closed form: balls, unions of balls, round solids, disks and polygons.
+"""Voxels of shapes in closed form: spheres, unions of spheres, round solids, disks and polygons.
 
 A column of voxel centers meets a convex solid in one interval, whose ends are roots of a quadratic; the bits between
 are set word by word. Centers on the surface of a round solid count as inside.
@@ -16,12 +16,12 @@ from voxgran.voxels.cubes import meets_cubes
 from voxgran.voxels.scanline import centers_inside
 from voxgran.voxels.touch import touched_voxels
 
-#: which point of a voxel decides: its center, the one nearest to the middle of a ball, or the one farthest from it
+#: which point of a voxel decides: its center, the one nearest to the middle of a sphere, or the one farthest from it
 _REACH = {"center": 0.0, "touch": -0.5, "whole": 0.5}
 
 
-def balls_bits(centers: Floats, radii: Floats, grid: Grid, *, cover: str) -> PackedMask:
-    """Return the voxels of a union of balls.
+def spheres_bits(centers: Floats, radii: Floats, grid: Grid, *, cover: str) -> PackedMask:
+    """Return the voxels of a union of spheres.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def balls_bits(centers: Floats, radii: Floats, grid: Grid, *, cover: str) -> Pac
     grid : Grid
         Lattice.
     cover : {"center", "touch", "whole"}
-        Whether the center of a voxel must lie in a closed ball, the closed cube meet one, or one hold the whole cube.
+        Whether the center of a voxel must lie in a closed sphere, the closed cube meet one, or one hold the whole cube.
 
     Returns
     -------
@@ -40,7 +40,7 @@ def balls_bits(centers: Floats, radii: Floats, grid: Grid, *, cover: str) -> Pac
     """
     bits = PackedMask.empty(grid.shape)
     inner = (np.asarray(centers) - np.array(grid.origin)) / grid.voxel_size - 0.5
-    _fill_balls(inner, np.asarray(radii) / grid.voxel_size, _REACH[cover], bits.words, grid.shape[2])
+    _fill_spheres(inner, np.asarray(radii) / grid.voxel_size, _REACH[cover], bits.words, grid.shape[2])
     return bits
 
 
@@ -117,8 +117,8 @@ def outline_mask(outline: Outline, grid: Grid, *, cover: str) -> Booleans:
         center, radius = np.array([[*outline.center, 0.0]]), np.array([outline.radius])
         if cover == "surface":
             # without the z of the cube, the corner farthest from the middle lies outside
-            return balls_bits(center, radius, flat, cover="touch").unpacked() & ~_whole_pixels(outline, flat)
-        return balls_bits(center, radius, flat, cover=cover).unpacked()
+            return spheres_bits(center, radius, flat, cover="touch").unpacked() & ~_whole_pixels(outline, flat)
+        return spheres_bits(center, radius, flat, cover=cover).unpacked()
     if cover == "surface":
         return _touched_pixels(outline, grid)
     # upright faces around a plane of pixels, seen by columns along y: the rules of meshes for centers on the sides
@@ -171,8 +171,8 @@ def _range(low, high, count):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_balls(centers, radii, reach, words, nz):  # type: ignore[no-untyped-def]
-    """Set the voxels of balls; voxel centers at whole numbers."""
+def _fill_spheres(centers, radii, reach, words, nz):  # type: ignore[no-untyped-def]
+    """Set the voxels of spheres; voxel centers at whole numbers."""
     nx, ny = words.shape[0], words.shape[1]
     for b in range(len(centers)):
         x, y, z = centers[b, 0], centers[b, 1], centers[b, 2]

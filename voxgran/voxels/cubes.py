@@ -1,6 +1,6 @@
 """Whether cubes meet an ellipsoid, a cylinder or a cone, exactly up to round-off.
 
-In the frame in which an ellipsoid is the unit ball a cube is a parallelepiped, and its nearest point to the middle
+In the frame in which an ellipsoid is the unit sphere a cube is a parallelepiped, and its nearest point to the middle
 lies inside it, in a face, on an edge or at a corner: each is tried. A cylinder is looked at along its axis and a cone
 from its apex; both are disks then, and the part of the cube between the ends of the solid is a convex polygon.
 """

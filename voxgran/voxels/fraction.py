@@ -1,4 +1,4 @@
-"""Shares of voxels of any shape: exact for meshes, regular solids and outlines, nearly so for unions of balls."""
+"""Shares of voxels of any shape: exact for meshes, regular solids and outlines, nearly so for unions of spheres."""
 
 import numpy as np
 
@@ -10,11 +10,11 @@ from voxgran.shapes.model import Geometry
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.voxels.closed_form import balls_bits, body_frame, profile, round_bits, touched_round
+from voxgran.voxels.closed_form import body_frame, profile, round_bits, spheres_bits, touched_round
 from voxgran.voxels.round_shares import disk_shares, round_shares, union_shares
 from voxgran.voxels.shares import ERROR, Shares, mesh_shares
 
-#: root mean square error of the shares of voxels that several balls touch (measured)
+#: root mean square error of the shares of voxels that several spheres touch (measured)
 UNION_ERROR = 5e-4
 
 
@@ -40,7 +40,7 @@ def voxel_shares(geometry: Geometry, grid: Grid, offset: Floats) -> Shares:
     if isinstance(geometry, Outline):
         return _outline_shares(geometry.moved(offset), grid)
     if isinstance(geometry, Spheres):
-        return _ball_shares(geometry.centers + offset, geometry.radii, grid)
+        return _sphere_shares(geometry.centers + offset, geometry.radii, grid)
     assert isinstance(geometry, Primitive)
     if geometry.kind == "box":
         vertices, faces, _ = geometry.tessellation()
@@ -86,27 +86,27 @@ def _outline_shares(outline: Outline, grid: Grid) -> Shares:
     return Shares.of(_settled(share), ERROR)
 
 
-def _ball_shares(centers: Floats, radii: Floats, grid: Grid) -> Shares:
-    """Return the shares of a union of balls: exact where one ball cuts a voxel, from columns where several do."""
-    whole = balls_bits(centers, radii, grid, cover="whole")
-    inside = balls_bits(centers, radii, grid, cover="center")
+def _sphere_shares(centers: Floats, radii: Floats, grid: Grid) -> Shares:
+    """Return the shares of a union of spheres: exact where one sphere cuts a voxel, from columns where several do."""
+    whole = spheres_bits(centers, radii, grid, cover="whole")
+    inside = spheres_bits(centers, radii, grid, cover="center")
     inner, sizes = (centers - np.array(grid.origin)) / grid.voxel_size, radii / grid.voxel_size
-    place, ball = _cut_by(inner, sizes, grid, whole)
+    place, sphere = _cut_by(inner, sizes, grid, whole)
     order = np.argsort(place, kind="stable")
-    place, ball = place[order], ball[order]
+    place, sphere = place[order], sphere[order]
     voxels, start = np.unique(place, return_index=True)
     bounds = np.append(start, len(place))
     middles = np.column_stack(np.unravel_index(voxels, grid.shape)).astype(np.float64) + 0.5
     share = np.zeros(len(voxels))
     single = np.diff(bounds) == 1
-    for b in np.unique(ball):
-        own = np.flatnonzero(single)[ball[start[single]] == b]
+    for b in np.unique(sphere):
+        own = np.flatnonzero(single)[sphere[start[single]] == b]
         frame = np.eye(3) / sizes[b]
         share[own] = round_shares(middles[own] - inner[b], frame, np.array([1.0, 0.0, -1.0]), np.array([-1.0, 1.0]))
     several = np.flatnonzero(~single)
     if len(several):
         counts = np.diff(bounds)[several]
-        members = np.concatenate([ball[bounds[v] : bounds[v + 1]] for v in several])
+        members = np.concatenate([sphere[bounds[v] : bounds[v + 1]] for v in several])
         ends = np.concatenate([[0], np.cumsum(counts)])
         share[several] = union_shares(middles[several], ends, inner[members], sizes[members])
     cut = np.column_stack(np.unravel_index(voxels, grid.shape))
@@ -114,17 +114,17 @@ def _ball_shares(centers: Floats, radii: Floats, grid: Grid) -> Shares:
 
 
 def _cut_by(inner: Floats, sizes: Floats, grid: Grid, whole: PackedMask) -> tuple[Integers, Integers]:
-    """Return flat voxel indices and balls, one pair for each voxel that a ball touches and none holds."""
-    taken, places, balls = whole.unpacked(), [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    """Return flat voxel indices and spheres, one pair for each voxel that a sphere touches and none holds."""
+    taken, places, spheres = whole.unpacked(), [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for b, (middle, size) in enumerate(zip(inner, sizes, strict=True)):
         low = np.clip(np.floor(middle - size).astype(np.int64) - 1, 0, grid.shape)
         high = np.clip(np.ceil(middle + size).astype(np.int64) + 1, low, grid.shape)
         window = Grid((0.0, 0.0, 0.0), 1.0, (int(high[0] - low[0]), int(high[1] - low[1]), int(high[2] - low[2])))
         if not window.voxel_count:
             continue
-        touched = balls_bits((middle - low)[None], size[None], window, cover="touch").unpacked()
+        touched = spheres_bits((middle - low)[None], size[None], window, cover="touch").unpacked()
         touched &= ~taken[tuple(slice(a, z) for a, z in zip(low, high, strict=True))]
         found = np.argwhere(touched) + low
         places.append(np.ravel_multi_index(tuple(found.T), grid.shape))
-        balls.append(np.full(len(found), b))
-    return np.concatenate(places), np.concatenate(balls)
+        spheres.append(np.full(len(found), b))
+    return np.concatenate(places), np.concatenate(spheres)

@@ -32,7 +32,7 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.voxels.backend import backend_registry, backends
-from voxgran.voxels.closed_form import balls_bits, outline_mask, round_bits, touched_round
+from voxgran.voxels.closed_form import outline_mask, round_bits, spheres_bits, touched_round
 from voxgran.voxels.fraction import voxel_shares
 from voxgran.voxels.model import Voxels
 from voxgran.voxels.touch import BAND, near_centers, touched_voxels
@@ -70,14 +70,14 @@ def voxelize(
         A lattice instead; what lies beyond it is left out.
     backend : {"scanline", "vtk", "open3d"}, optional
         Who computes, for meshes and regular solids. All give the same voxels of a mesh. Left out: scanline; and
-        round solids in closed form instead of their tessellation, as unions of balls and outlines always are.
+        round solids in closed form instead of their tessellation, as unions of spheres and outlines always are.
     cover : {"center", "touch"}
         ``"center"`` takes the voxels whose center lies in the solid, ``"touch"`` those whose closed cube meets it.
         Centers on the surface: of flat faces those on the lower side (towards -x, then -y, then -z) are in, so that
         solids that touch share no voxel; of round solids all.
     fraction : bool
         Whether the share of each voxel that is solid is wanted too: exact to some 1e-13, but for voxels in which
-        several balls overlap (`fraction_error`).
+        several spheres overlap (`fraction_error`).
     out : (nx, ny, nz) ndarray of bool or path, optional
         Where the mask is written: an array, or a ``.npy`` file, which becomes the mask as a memory map. Left out, the
         voxels stay bits, an eighth of a byte each, until their `mask` is asked for.
@@ -115,11 +115,11 @@ def voxelize(
     Examples
     --------
     >>> import voxgran as vg
-    >>> ball = vg.make_shape("sphere")
-    >>> voxels = vg.voxelize(ball, voxel_size=0.1, fraction=True)
+    >>> sphere = vg.make_shape("sphere")
+    >>> voxels = vg.voxelize(sphere, voxel_size=0.1, fraction=True)
     >>> voxels.mask.shape
     (14, 14, 14)
-    >>> abs(voxels.volume / ball.volume - 1) < 1e-12
+    >>> abs(voxels.volume / sphere.volume - 1) < 1e-12
     True
     """
     as_choice(cover, "cover", COVERS[:2])
@@ -203,12 +203,12 @@ def _occupied(
     if isinstance(geometry, Outline):
         return PackedMask.of(outline_mask(geometry.moved(place), grid, cover=filled))
     if isinstance(geometry, Spheres):
-        return balls_bits(geometry.centers + place, geometry.radii, grid, cover=filled)
+        return spheres_bits(geometry.centers + place, geometry.radii, grid, cover=filled)
     if isinstance(geometry, Mesh):
         return _occupy_mesh(geometry.vertices + place, geometry.faces, grid, backend, cover)
     assert isinstance(geometry, Primitive)
     if geometry.kind == "sphere" and backend is None:
-        return balls_bits(place[None], np.array(geometry.dimensions), grid, cover=filled)
+        return spheres_bits(place[None], np.array(geometry.dimensions), grid, cover=filled)
     if geometry.kind != "box" and backend is None:
         return (round_bits if cover == "center" else touched_round)(geometry, grid, place)
     vertices, faces = geometry.tessellation()[:2] if cover == "center" else geometry.circumscribed()

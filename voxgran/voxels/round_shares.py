@@ -1,4 +1,4 @@
-"""Exact shares of voxels in round solids: ellipsoids, cylinders, cones, single balls and disks.
+"""Exact shares of voxels in round solids: ellipsoids, cylinders, cones, single spheres and disks.
 
 A slice across the axis of the solid is a disk, and the slice of a voxel is a convex polygon; their common area is a
 sum over the sides of the polygon in closed form. Along the axis the area is smooth but where the slice passes a corner
@@ -13,7 +13,7 @@ from voxgran._base.kernels import kernel
 
 #: nodes of Gauss's rule between two heights: shares are right to some 1e-13
 NODES = 16
-#: columns along each edge of a voxel that several balls touch
+#: columns along each edge of a voxel that several spheres touch
 COLUMNS = 32
 
 
@@ -52,16 +52,16 @@ def disk_shares(middles: Floats, radius: float) -> Floats:
 
 
 def union_shares(middles: Floats, bounds: Integers, centers: Floats, radii: Floats) -> Floats:
-    """Return the shares of voxels that several balls touch, from columns along which the length inside is exact.
+    """Return the shares of voxels that several spheres touch, from columns along which the length inside is exact.
 
     Parameters
     ----------
     middles : (n, 3) ndarray of float
         Centers of the voxels.
     bounds : (n + 1,) ndarray of int
-        Where the balls of each voxel begin and end in the next two.
+        Where the spheres of each voxel begin and end in the next two.
     centers : (m, 3) ndarray of float
-        Centers of the balls of one voxel after the other.
+        Centers of the spheres of one voxel after the other.
     radii : (m,) ndarray of float
         Radii.
 
@@ -228,7 +228,7 @@ def _cover_pixels(middles, radius, share):  # type: ignore[no-untyped-def]
 
 @kernel
 def _cover_columns(middles, bounds, centers, radii, columns, pieces, share):  # type: ignore[no-untyped-def]
-    """Join the intervals of the balls along the columns of each voxel."""
+    """Join the intervals of the spheres along the columns of each voxel."""
     for v in range(len(middles)):
         x, y, z = middles[v, 0], middles[v, 1], middles[v, 2]
         total = 0.0

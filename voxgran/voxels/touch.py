@@ -70,7 +70,7 @@ def near_centers(vertices: Floats, faces: Integers, grid: Grid, band: float) -> 
 
 @kernel
 def _is_apart(p0, p1, q0, q1, r0, r1, u, v):  # type: ignore[no-untyped-def]
-    """Tell whether the axis (u, v) in a coordinate plane separates three points from the square of half edge 1/2."""
+    """Return whether the axis (u, v) in a coordinate plane separates three points from the square of half edge 1/2."""
     p, q, r = p0 * u + p1 * v, q0 * u + q1 * v, r0 * u + r1 * v
     reach = (0.5 + 1e-9) * (abs(u) + abs(v))
     return min(p, q, r) > reach or max(p, q, r) < -reach
@@ -78,7 +78,7 @@ def _is_apart(p0, p1, q0, q1, r0, r1, u, v):  # type: ignore[no-untyped-def]
 
 @kernel
 def _meets_cube(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
-    """Tell whether a triangle, whose box meets it, meets the unit cube about (x, y, z)."""
+    """Return whether a triangle, whose box meets it, meets the unit cube about (x, y, z)."""
     ax, ay, az = a[0] - x, a[1] - y, a[2] - z
     bx, by, bz = b[0] - x, b[1] - y, b[2] - z
     cx, cy, cz = c[0] - x, c[1] - y, c[2] - z

@@ -33,7 +33,7 @@ def test_pairs_are_all_pairs(periodic, count, largest):
     assert set(found) == all_pairs(centers, radii, 0.01, periodic)
 
 
-def test_no_balls_no_pairs():
+def test_no_spheres_no_pairs():
     i, j, image = near_pairs(
         np.zeros((0, 3)), np.zeros(0), 0.0, lower=np.zeros(3), lengths=LENGTHS, periodic=(True, True, True)
     )

@@ -4,7 +4,7 @@ import pytest
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran._base.tree import closest_on_triangle, grow_tree
-from voxgran.shapes.tessellate import ball, revolved, unit_box
+from voxgran.shapes.tessellate import revolved, sphere, unit_box
 
 
 def shell_with_cavity():
@@ -14,7 +14,7 @@ def shell_with_cavity():
 
 
 MESHES = {
-    "ball": ball(2)[:2],
+    "sphere": sphere(2)[:2],
     "box": unit_box()[:2],
     "cone": revolved([(-0.25, 0.5), (0.75, 0.0)], sides=24)[:2],
     "cavity": shell_with_cavity(),
@@ -72,7 +72,7 @@ def test_the_sign_holds_a_hair_from_corners_and_edges(name):
 
 
 def test_every_triangle_is_in_one_leaf_and_every_box_holds_its_triangles():
-    vertices, faces = MESHES["ball"]
+    vertices, faces = MESHES["sphere"]
     tree = grow_tree(vertices, faces)
     leaves = tree.start[len(tree.start) // 2 :]
     assert leaves[0, 0] == 0

@@ -51,8 +51,8 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch):
 
 def test_least_gap_is_that_of_manifold3d():
     """Two spheres as meshes, apart along x, and pushed into each other."""
-    ball = vg.make_shape("sphere")
-    mesh = vg.Shape.from_mesh(ball.vertices, ball.faces)
+    sphere = vg.make_shape("sphere")
+    mesh = vg.Shape.from_mesh(sphere.vertices, sphere.faces)
     for apart in (1.15, 0.96):
         gap = contact._least_gap(mesh, mesh.vertices, mesh.vertices, np.array([apart, 0.0, 0.0]), np.array([1.0, 0, 0]))
         assert gap == pytest.approx(apart - 1.0, abs=2e-3)

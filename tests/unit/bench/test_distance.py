@@ -1,7 +1,7 @@
 from voxgran.bench.tradeoffs.distance import bench_images, measure_signed, measure_transforms
 
 
-def test_images_hold_grains_pores_and_a_ball():
+def test_images_hold_grains_pores_and_a_sphere():
     images = bench_images(48)
     assert 0.5 < images["grains"].mean() < 0.7
     assert (images["grains"] ^ images["pores"]).all()

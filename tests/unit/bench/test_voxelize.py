@@ -6,19 +6,19 @@ from voxgran.bench.model import trade_offs
 from voxgran.bench.tradeoffs.voxelize import SHARES, bench_shapes, measure_peers, measure_rows
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.tessellate import ball
+from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.backend import backends
 
 
 def test_rows_hold_seconds_and_errors_of_each_backend():
-    vertices, faces, _ = ball(2)
+    vertices, faces, _ = sphere(2)
     turn = random_rotations(stream(14, "turn"), 1)[0]
-    shape = Shape.of(Mesh(vertices, faces), name="ball").rotated(turn)
+    shape = Shape.of(Mesh(vertices, faces), name="sphere").rotated(turn)
     rows = measure_rows([shape], (8, 32), 2)
     assert dict(rows.sizes) == {"shape": 1, "backend": len(backends()) + 1, "resolution": 2}
     assert (rows.seconds > 0).all()
     assert rows.attrs["calibration_seconds"] > 0
-    errors = rows.volume_error.sel(shape="ball", backend=list(backends())).values
+    errors = rows.volume_error.sel(shape="sphere", backend=list(backends())).values
     # all backends give the same voxels, so the same errors
     assert np.ptp(errors, axis=0).max() == 0
     assert (errors[:, 1] < errors[:, 0]).all()

@@ -95,14 +95,14 @@ def test_the_greedy_choice_is_that_of_a_plain_search():
     order = np.argsort(-room[tuple(places.T)], kind="stable")
     places = places[order]
     left = {tuple(v) for v in np.argwhere(voxels.mask)}
-    balls = [
+    spheres = [
         {tuple(v) for v in np.argwhere(voxels.mask) if ((v - p) ** 2).sum() <= room[tuple(p)] ** 2 * (1 + 1e-12)}
         for p in places
     ]
     chosen = []
     for _ in range(6):
-        best = int(np.argmax([len(ball & left) for ball in balls]))
-        left -= balls[best]
+        best = int(np.argmax([len(sphere & left) for sphere in spheres]))
+        left -= spheres[best]
         chosen.append(best)
     found = clump.centers + np.array(clump.shape.offset)
     assert np.allclose(found, voxels.grid.coordinates(places[chosen]))

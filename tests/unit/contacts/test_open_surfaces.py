@@ -55,7 +55,7 @@ def pierces(ends, triangles):
 
 
 def cross(one, other):
-    """Tell whether two sets of triangles, (m, 3, 3), cross: an edge of one then pierces a face of the other."""
+    """Return whether two sets of triangles, (m, 3, 3), cross: an edge of one then pierces a face of the other."""
     edges = [np.stack([t, np.roll(t, -1, axis=1)], axis=2).reshape(-1, 2, 3) for t in (one, other)]
     return pierces(edges[0], other) or pierces(edges[1], one)
 
@@ -221,7 +221,7 @@ def test_a_sheet_inside_a_solid_is_found(name):
     assert least < depth < least + 0.04
 
 
-def test_a_clump_counts_by_its_single_balls():
+def test_a_clump_counts_by_its_single_spheres():
     clump = vg.Shape.of(Spheres(np.array([[0, 0, 0], [0.4, 0.1, 0.3]]), np.array([0.4, 0.3])), name="clump")
     low = (clump.geometry.centers[:, 2] - clump.geometry.radii).min()
     assert gap_of(FLAT, clump, (0.0, 0.0, -low - 0.01)) == pytest.approx(-0.01)
@@ -276,12 +276,12 @@ def test_verify_finds_a_sheet_pushed_by_a_millionth(position, depth):
 
 
 def test_verify_finds_a_sheet_inside_a_solid_and_one_beyond_a_wall():
-    ball = vg.make_shape("sphere", diameter=3.0)
+    sphere = vg.make_shape("sphere", diameter=3.0)
     small = vg.make_shape("sheet", lengths=(0.5, 0.5))
     box = vg.Box((6, 6, 6))
-    inside = vg.verify(vg.Packing.of([ball, small], box, position=[[3, 3, 3], [3, 3, 3.4]], shape_id=[0, 1]))
+    inside = vg.verify(vg.Packing.of([sphere, small], box, position=[[3, 3, 3], [3, 3, 3.4]], shape_id=[0, 1]))
     assert inside.overlapping_pairs == 1
     assert inside.deepest * inside.mean_diameter == pytest.approx(1.5 - 0.4, rel=1e-9)
-    out = vg.verify(vg.Packing.of([ball, small], box, position=[[3, 3, 3], [0.25 - 1e-6, 1, 1]], shape_id=[0, 1]))
+    out = vg.verify(vg.Packing.of([sphere, small], box, position=[[3, 3, 3], [0.25 - 1e-6, 1, 1]], shape_id=[0, 1]))
     assert out.escaped == 1
     assert out.largest_escape * out.mean_diameter == pytest.approx(1e-6, rel=1e-3)

@@ -87,10 +87,10 @@ def test_a_sphere_is_packed_measured_saved_and_drawn(tmp_path):
     assert 0.5 < float(tree["/"].bulk_solid_fraction) < 0.72
     vg.save(packing, tmp_path / "sphere.vtp")
     assert vg.load(tmp_path / "sphere.vtp").container == container
-    balls = vg.pack(
+    spheres = vg.pack(
         vg.make_shape("sphere"), vg.Sphere(2.0), method="digital", count=9, voxel_size=0.1, sweeps=50, feed="at_once"
     )
-    assert vg.verify(balls).ok
+    assert vg.verify(spheres).ok
     points = vg.pack(vg.make_shape("box"), vg.Sphere(2.0), method="control_point", count=9, sweeps=50, spacing=0.3)
     assert points.count == 9
     assert vg.verify(points).ok

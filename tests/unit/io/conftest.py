@@ -13,7 +13,7 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.tessellate import ball, unit_box
+from voxgran.shapes.tessellate import sphere, unit_box
 
 
 def poses(count, shapes, lengths):
@@ -35,8 +35,8 @@ def block():
 
 
 @pytest.fixture
-def balls():
-    """Return three balls in a box, one across a periodic face."""
+def spheres():
+    """Return three spheres in a box, one across a periodic face."""
     return Packing.of(
         [Shape.of(Primitive("sphere", (0.5,)), name="sphere")],
         Box((4, 4, 4), periodic=(True, False, False)),
@@ -81,8 +81,8 @@ def flat():
 
 
 @pytest.fixture
-def in_a_ball(block):
+def in_a_sphere(block):
     """Return a packing in a container that is a closed mesh."""
-    vertices, faces, _ = ball(2)
+    vertices, faces, _ = sphere(2)
     shape = Shape.of(Mesh(vertices * 3.3 + [0.1, 0.2, 0.7], faces), name="drum")
     return Packing.of([block], ClosedMesh(shape), position=[[0.1, 0.2, 0.7]])

@@ -151,7 +151,7 @@ def test_bad_dump_files_are_refused(old, new, words, tmp_path):
 
 @pytest.fixture(scope="module")
 def clumps():
-    """Balls and turned clumps of one shape, and one of another."""
+    """Spheres and turned clumps of one shape, and one of another."""
     generator = stream(3, "clumps")
     two = vg.Shape.of(
         Spheres(np.array([[0, 0, 0], [0.5, 0, 0], [0.2, 0.4, 0.1]]), np.array([0.3, 0.25, 0.2])), name="two"

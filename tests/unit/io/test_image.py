@@ -15,12 +15,12 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
-BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 BOX = Shape.of(Primitive("box", (1.0, 1.0, 1.0)), name="box")
 
 
 def contains(shape, points):
-    """Tell whether points in the body frame lie in a primitive or a clump."""
+    """Return whether points in the body frame lie in a primitive or a clump."""
     geometry = shape.geometry
     if isinstance(geometry, Primitive):
         return geometry.contains(points)
@@ -67,7 +67,7 @@ def test_meshes_keep_their_volume(block):
 
 
 def test_the_volume_converges_at_the_second_order():
-    """The lattice points in a ball shifted at random deviate from its volume by h**2."""
+    """The lattice points in a sphere shifted at random deviate from its volume by h**2."""
     box, places = Box((2, 2, 2)), 1 + 0.1 * stream(3, "places").random((40, 3))
     sizes, spread = np.array([0.2, 0.1, 0.05]), []
     for size in sizes:
@@ -92,7 +92,7 @@ def test_a_grain_goes_on_across_a_periodic_face():
 
 def test_a_grain_larger_than_a_periodic_box_fills_it():
     packing = Packing.of(
-        [Shape.of(Primitive("sphere", (3.0,)), name="ball")],
+        [Shape.of(Primitive("sphere", (3.0,)), name="sphere")],
         Box((2, 2, 2), periodic=(True, True, True)),
         position=[[1, 1, 1]],
     )
@@ -119,23 +119,23 @@ def test_an_empty_packing_is_void():
     assert not to_image(Packing.of([], Box((1, 1, 1)), position=[]), 0.1).any()
 
 
-def test_a_period_that_is_no_whole_number_of_voxels_is_said(balls):
+def test_a_period_that_is_no_whole_number_of_voxels_is_said(spheres):
     with pytest.warns(PackingWarning, match=r"period along x is 13\.3333 voxels .*; take 0\.2857142857"):
-        image = to_image(balls, 0.3)
+        image = to_image(spheres, 0.3)
     assert image.shape == (14, 14, 14)
 
 
-def test_bad_voxel_sizes_are_refused(balls):
+def test_bad_voxel_sizes_are_refused(spheres):
     for value in (0.0, -1.0, np.nan, "a"):
         with pytest.raises(InputError, match="voxel_size"):
-            to_image(balls, value)
+            to_image(spheres, value)
     with pytest.raises(TooLargeError, match="take larger voxels"):
-        to_image(balls, 1e-4)
+        to_image(spheres, 1e-4)
 
 
 @pytest.mark.parametrize("labels", [True, False])
-def test_the_file_holds_the_image(balls, labels, tmp_path):
-    image = to_image(balls, 0.25, labels=labels)[:, :12, :9]
+def test_the_file_holds_the_image(spheres, labels, tmp_path):
+    image = to_image(spheres, 0.25, labels=labels)[:, :12, :9]
     save_image(image, tmp_path / "i.vti", voxel_size=0.25, origin=(1, 2, 3))
     data = load_library("pyvista").read(tmp_path / "i.vti")
     assert data.dimensions == (17, 13, 10)

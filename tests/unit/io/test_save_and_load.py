@@ -7,24 +7,24 @@ from voxgran.io.files import load, save
 
 
 @pytest.mark.parametrize("name", ["p.vtp", "p.txt", "p.xyzr", "p.csv", "P.VTP"])
-def test_every_suffix_makes_a_round_trip(balls, name, tmp_path):
-    save(balls, tmp_path / name)
+def test_every_suffix_makes_a_round_trip(spheres, name, tmp_path):
+    save(spheres, tmp_path / name)
     # a table that pandas reads has no room for container and unit
-    again = load(tmp_path / name, **({"container": balls.container, "unit": "mm"} if name == "p.csv" else {}))
-    assert again.position.tobytes() == balls.position.tobytes()
-    assert again.container == balls.container
+    again = load(tmp_path / name, **({"container": spheres.container, "unit": "mm"} if name == "p.csv" else {}))
+    assert again.position.tobytes() == spheres.position.tobytes()
+    assert again.container == spheres.container
     assert again.unit == "mm"
 
 
-def test_an_unknown_suffix_names_the_known_ones(balls, tmp_path):
+def test_an_unknown_suffix_names_the_known_ones(spheres, tmp_path):
     with pytest.raises(FileFormatError, match=r"suffix '.stl': packings are kept as .vtp, .txt, .xyzr, .csv"):
-        save(balls, tmp_path / "p.stl")
+        save(spheres, tmp_path / "p.stl")
     with pytest.raises(InputError, match="path is 3: it must be the path of a file"):
-        save(balls, 3)
+        save(spheres, 3)
     with pytest.raises(InputError, match="path is None"):
         load(None)
-    with pytest.raises(InputError, match="packing is 'balls': it must be a Packing"):
-        save("balls", tmp_path / "p.vtp")
+    with pytest.raises(InputError, match="packing is 'spheres': it must be a Packing"):
+        save("spheres", tmp_path / "p.vtp")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "p.stl").write_bytes(b"\0" * 100)
     with pytest.raises(FileFormatError, match=r"suffix '.stl' and no known content: .* LAMMPS"):

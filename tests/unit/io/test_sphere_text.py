@@ -24,31 +24,31 @@ def radii(packing):
 
 
 @pytest.mark.parametrize("suffix", ["txt", "csv"])
-def test_a_round_trip_is_exact(balls, suffix, tmp_path):
-    save_spheres(balls, tmp_path / f"p.{suffix}")
+def test_a_round_trip_is_exact(spheres, suffix, tmp_path):
+    save_spheres(spheres, tmp_path / f"p.{suffix}")
     # a table that pandas reads has no room for these
-    given = {"container": balls.container, "unit": "mm"} if suffix == "csv" else {}
+    given = {"container": spheres.container, "unit": "mm"} if suffix == "csv" else {}
     again = load_spheres(tmp_path / f"p.{suffix}", **given)
-    assert again.position.tobytes() == balls.position.tobytes()
-    assert again.scale.tobytes() == balls.scale.tobytes()
-    assert again.container == balls.container
+    assert again.position.tobytes() == spheres.position.tobytes()
+    assert again.scale.tobytes() == spheres.scale.tobytes()
+    assert again.container == spheres.container
     assert again.unit == "mm"
     assert "assumed" not in again.provenance
-    assert again.solid_fraction == pytest.approx(balls.solid_fraction, rel=1e-15)
+    assert again.solid_fraction == pytest.approx(spheres.solid_fraction, rel=1e-15)
 
 
-def test_pandas_reads_the_table_as_it_is(balls, tmp_path):
+def test_pandas_reads_the_table_as_it_is(spheres, tmp_path):
     pandas = pytest.importorskip("pandas")
-    save_spheres(balls, tmp_path / "p.csv")
+    save_spheres(spheres, tmp_path / "p.csv")
     table = pandas.read_csv(tmp_path / "p.csv")
     assert list(table) == ["x", "y", "z", "r"]
-    np.testing.assert_allclose(table[["x", "y", "z"]], balls.position, rtol=1e-15)
-    np.testing.assert_allclose(table["r"], radii(balls), rtol=1e-15)
+    np.testing.assert_allclose(table[["x", "y", "z"]], spheres.position, rtol=1e-15)
+    np.testing.assert_allclose(table["r"], radii(spheres), rtol=1e-15)
     table.to_csv(tmp_path / "again.csv", index=False)
-    np.testing.assert_allclose(load_spheres(tmp_path / "again.csv").position, balls.position, rtol=1e-15)
+    np.testing.assert_allclose(load_spheres(tmp_path / "again.csv").position, spheres.position, rtol=1e-15)
 
 
-def test_the_older_layout_of_tables_is_read(balls, tmp_path):
+def test_the_older_layout_of_tables_is_read(spheres, tmp_path):
     head = '# x y z r\n# unit mm\n# container {"kind": "box", "lengths": [4, 4, 4], "periodic": [true, false, true]}\n'
     (tmp_path / "p.csv").write_text(f"{head}1.0,2.0,3.0,0.5\n3.0,2.0,1.0,0.25\n")
     packing = load_spheres(tmp_path / "p.csv")
@@ -97,8 +97,8 @@ def test_no_disks_make_a_round_trip(tmp_path):
     assert (load_spheres(tmp_path / "p.txt").count, load_spheres(tmp_path / "p.txt").dimension) == (0, 2)
 
 
-def test_an_empty_packing_makes_a_round_trip(balls, tmp_path):
-    save_spheres(Packing.of(balls.shapes, balls.container, position=[]), tmp_path / "p.txt")
+def test_an_empty_packing_makes_a_round_trip(spheres, tmp_path):
+    save_spheres(Packing.of(spheres.shapes, spheres.container, position=[]), tmp_path / "p.txt")
     assert load_spheres(tmp_path / "p.txt").count == 0
 
 
@@ -130,8 +130,8 @@ def test_without_a_container_it_is_the_box_around_the_spheres(tmp_path):
     assert packing.unit == "cm"
 
 
-def test_a_given_container_counts(balls, tmp_path):
-    save_spheres(balls, tmp_path / "p.txt")
+def test_a_given_container_counts(spheres, tmp_path):
+    save_spheres(spheres, tmp_path / "p.txt")
     box = Box((9, 9, 9))
     assert load_spheres(tmp_path / "p.txt", container=box).container == box
 

@@ -32,7 +32,7 @@ def assert_same(one, other):
     assert one.container.mesh()[0].tobytes() == other.container.mesh()[0].tobytes()
 
 
-@pytest.mark.parametrize("name", ["balls", "mixed", "flat", "in_a_ball"])
+@pytest.mark.parametrize("name", ["spheres", "mixed", "flat", "in_a_sphere"])
 def test_a_packing_reloads_bit_for_bit(name, request, tmp_path):
     packing = request.getfixturevalue(name)
     save_packing(packing, tmp_path / "p.vtp")
@@ -59,39 +59,39 @@ def test_the_same_packing_gives_the_same_bytes(mixed, tmp_path):
     assert (tmp_path / "a.vtp").read_bytes() == (tmp_path / "b.vtp").read_bytes()
 
 
-def test_other_programs_find_the_values_of_the_grains(balls, tmp_path):
-    contacts = balls.contacts(0.1)
+def test_other_programs_find_the_values_of_the_grains(spheres, tmp_path):
+    contacts = spheres.contacts(0.1)
     assert contacts.count == 1
-    save_packing(balls, tmp_path / "p.vtp")
+    save_packing(spheres, tmp_path / "p.vtp")
     data = load_library("pyvista").read(tmp_path / "p.vtp")
-    assert data.n_points == balls.count
-    assert data.n_cells == balls.count
-    np.testing.assert_array_equal(data["volume"], balls.volumes)
-    np.testing.assert_array_equal(data["radius"], balls.diameters / 2)
+    assert data.n_points == spheres.count
+    assert data.n_cells == spheres.count
+    np.testing.assert_array_equal(data["volume"], spheres.volumes)
+    np.testing.assert_array_equal(data["radius"], spheres.diameters / 2)
     assert data["coordination_number"].sum() == 2 * contacts.count
-    assert data.field_data["solid_fraction"][0] == balls.solid_fraction
+    assert data.field_data["solid_fraction"][0] == spheres.solid_fraction
     assert data.field_data["unit"][0] == "mm"
     assert data.field_data["seed"][0] == "7"
 
 
-def test_what_json_cannot_hold_is_refused_before_writing(balls, tmp_path):
-    packing = Packing.of(balls.shapes, balls.container, position=[], provenance={"x": object()})
+def test_what_json_cannot_hold_is_refused_before_writing(spheres, tmp_path):
+    packing = Packing.of(spheres.shapes, spheres.container, position=[], provenance={"x": object()})
     with pytest.raises(InputError, match=r"provenance cannot be written as JSON .*: keep to"):
         save_packing(packing, tmp_path / "p.vtp")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_numpy_numbers_in_the_provenance_become_plain(balls, tmp_path):
+def test_numpy_numbers_in_the_provenance_become_plain(spheres, tmp_path):
     record = {"count": np.int64(3), "sizes": np.array([0.5, 1.5]), "flag": np.bool_(True)}
-    save_packing(Packing.of(balls.shapes, balls.container, position=[], provenance=record), tmp_path / "p.vtp")
+    save_packing(Packing.of(spheres.shapes, spheres.container, position=[], provenance=record), tmp_path / "p.vtp")
     assert load_packing(tmp_path / "p.vtp").provenance == {"count": 3, "sizes": [0.5, 1.5], "flag": True}
 
 
-def test_an_existing_file_stays_unless_asked(balls, mixed, tmp_path):
-    save_packing(balls, tmp_path / "p.vtp")
+def test_an_existing_file_stays_unless_asked(spheres, mixed, tmp_path):
+    save_packing(spheres, tmp_path / "p.vtp")
     with pytest.raises(OutputExistsError, match="not replaced unasked"):
         save_packing(mixed, tmp_path / "p.vtp")
-    assert load_packing(tmp_path / "p.vtp").count == balls.count
+    assert load_packing(tmp_path / "p.vtp").count == spheres.count
 
 
 def test_a_missing_file_is_named(tmp_path):
@@ -131,16 +131,16 @@ def test_a_foreign_poly_data_is_no_packing(tmp_path):
         load_packing(tmp_path / "p.vtp")
 
 
-def test_a_newer_layout_is_refused(balls, tmp_path, monkeypatch):
+def test_a_newer_layout_is_refused(spheres, tmp_path, monkeypatch):
     monkeypatch.setattr("voxgran.io.record.FORMAT", 2)
-    save_packing(balls, tmp_path / "p.vtp")
+    save_packing(spheres, tmp_path / "p.vtp")
     monkeypatch.undo()
     with pytest.raises(FileFormatError, match="version 2: this voxgran reads up to 1; install a newer one"):
         load_packing(tmp_path / "p.vtp")
 
 
-def test_a_renamed_array_is_missed(balls, tmp_path):
-    save_packing(balls, tmp_path / "p.vtp")
+def test_a_renamed_array_is_missed(spheres, tmp_path):
+    save_packing(spheres, tmp_path / "p.vtp")
     rewrite(tmp_path / "p.vtp", lambda body: body.replace(b'"orientation"', b'"ORIENTATION"'))
     with pytest.raises(FileFormatError, match="orientation"):
         load_packing(tmp_path / "p.vtp")
@@ -165,30 +165,30 @@ def test_a_scene_has_grains_container_and_contacts(mixed, tmp_path):
     np.testing.assert_array_equal(contacts.cell_data["normal"], found.normal)
 
 
-def test_many_balls_are_points(balls, tmp_path, monkeypatch):
+def test_many_spheres_are_points(spheres, tmp_path, monkeypatch):
     monkeypatch.setattr(vtk_files, "BALL_SURFACE_LIMIT", 2)
-    save_scene(balls, tmp_path / "s.vtm")
+    save_scene(spheres, tmp_path / "s.vtm")
     blocks = load_library("pyvista").read(tmp_path / "s.vtm")
     assert "grains" not in blocks.keys()  # noqa: SIM118  (blocks are no mapping)
-    np.testing.assert_allclose(blocks["balls"]["radius"], [0.5, 0.7, 0.4])
+    np.testing.assert_allclose(blocks["spheres"]["radius"], [0.5, 0.7, 0.4])
 
 
-def test_a_scene_of_nothing_is_its_container(balls, tmp_path):
-    save_scene(Packing.of([], balls.container, position=[]), tmp_path / "s.vtm")
+def test_a_scene_of_nothing_is_its_container(spheres, tmp_path):
+    save_scene(Packing.of([], spheres.container, position=[]), tmp_path / "s.vtm")
     assert load_library("pyvista").read(tmp_path / "s.vtm").keys() == ["container"]
 
 
-def test_a_scene_stays_unless_asked(balls, tmp_path):
-    save_scene(balls, tmp_path / "s.vtm")
+def test_a_scene_stays_unless_asked(spheres, tmp_path):
+    save_scene(spheres, tmp_path / "s.vtm")
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
     with pytest.raises(OutputExistsError):
-        save_scene(balls, tmp_path / "s.vtm")
+        save_scene(spheres, tmp_path / "s.vtm")
     os.remove(tmp_path / "s.vtm")
     del before[tmp_path / "s.vtm"]
     with pytest.raises(OutputExistsError):
-        save_scene(balls, tmp_path / "s.vtm")
+        save_scene(spheres, tmp_path / "s.vtm")
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
     with pytest.raises(FileFormatError, match=r"suffix '.vtp'"):
-        save_scene(balls, tmp_path / "s.vtp")
+        save_scene(spheres, tmp_path / "s.vtp")
     with pytest.raises(InputError, match="gap"):
-        save_scene(balls, tmp_path / "t.vtm", gap=-1.0)
+        save_scene(spheres, tmp_path / "t.vtm", gap=-1.0)

@@ -45,8 +45,8 @@ def test_squares_are_those_of_a_search(shape, share, periodic):
 @pytest.mark.parametrize("threads", [1, 2, 7])
 def test_large_images_are_bit_identical_to_scipy(threads):
     x, y, z = np.indices((120, 90, 150))
-    ball = (x - 60) ** 2 + (y - 40) ** 2 + (z - 80) ** 2 < 38**2
-    for mask in (ball, ~ball, stream(2, "noise").random(ball.shape) < 0.999):
+    sphere = (x - 60) ** 2 + (y - 40) ** 2 + (z - 80) ** 2 < 38**2
+    for mask in (sphere, ~sphere, stream(2, "noise").random(sphere.shape) < 0.999):
         expected = np.round(distance_transform_edt(mask) ** 2).astype(np.int32)
         assert np.array_equal(distance_transform(mask, squared=True, threads=threads), expected)
 

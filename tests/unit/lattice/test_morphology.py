@@ -1,4 +1,4 @@
-"""Operations with balls against SciPy's structuring elements; local thickness against all balls."""
+"""Operations with spheres against SciPy's structuring elements; local thickness against all spheres."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ RADII = [0.0, 1.0, np.sqrt(2), 1.9, np.sqrt(5), 3.0, 4.4]
 AROUND = (True, True, True)
 
 
-def ball(radius):
+def sphere(radius):
     reach = int(np.ceil(radius))
     x = np.arange(-reach, reach + 1)
     return x[:, None, None] ** 2 + x[None, :, None] ** 2 + x[None, None, :] ** 2 <= radius**2 * (1 + 1e-12)
@@ -24,8 +24,8 @@ def mask():
 
 
 @pytest.mark.parametrize("radius", RADII)
-def test_balls_of_any_radius_are_those_of_scipy(mask, radius):
-    element = ball(radius)
+def test_spheres_of_any_radius_are_those_of_scipy(mask, radius):
+    element = sphere(radius)
     dilated, eroded = binary_dilation(mask, element), binary_erosion(mask, element, border_value=1)
     assert np.array_equal(vg.dilation(mask, radius), dilated)
     assert np.array_equal(vg.erosion(mask, radius), eroded)
@@ -62,8 +62,8 @@ def test_no_free_voxel_and_no_taken_one():
         vg.opening(full[0], 1.0)
 
 
-def all_balls(mask):
-    """Return the local thickness by painting the ball of each voxel: the plain twin."""
+def all_spheres(mask):
+    """Return the local thickness by painting the sphere of each voxel: the plain twin."""
     squares = np.round(distance_transform_edt(mask) ** 2)
     places = np.argwhere(mask)
     found = np.zeros(mask.shape)
@@ -75,15 +75,15 @@ def all_balls(mask):
 
 
 @pytest.mark.parametrize("index", range(4))
-def test_local_thickness_is_that_of_all_balls(index):
-    generator = stream(6, "balls", index)
+def test_local_thickness_is_that_of_all_spheres(index):
+    generator = stream(6, "spheres", index)
     x = np.indices((22, 21, 23))
     mask = np.zeros(x.shape[1:], dtype=bool)
     for _ in range(7):
         middle, radius = generator.uniform(2, 20, 3), generator.uniform(2, 7)
         mask |= ((x - middle[:, None, None, None]) ** 2).sum(axis=0) < radius**2
     for part in (mask, ~mask):
-        assert np.allclose(vg.local_thickness(part), all_balls(part), rtol=1e-6)
+        assert np.allclose(vg.local_thickness(part), all_spheres(part), rtol=1e-6)
 
 
 def test_local_thickness_of_periodic_images():
@@ -97,9 +97,9 @@ def test_local_thickness_of_what_is_known():
     slab[:, :, 5:11] = True
     assert set(np.unique(vg.local_thickness(slab)[slab])) == {6.0}
     x = np.indices((40, 40, 40)) - 19.5
-    ball_of_15 = (x**2).sum(axis=0) < 15**2
-    thickness = vg.local_thickness(ball_of_15)
-    # its center lies between voxels: balls about centers are a little smaller
-    assert 28 < np.median(thickness[ball_of_15]) <= 30
+    sphere_of_15 = (x**2).sum(axis=0) < 15**2
+    thickness = vg.local_thickness(sphere_of_15)
+    # its center lies between voxels: spheres about centers are a little smaller
+    assert 28 < np.median(thickness[sphere_of_15]) <= 30
     with pytest.raises(InputError, match="no free voxel"):
         vg.local_thickness(np.ones((3, 3, 3), dtype=bool))

@@ -1,4 +1,4 @@
-"""From grey values to labels: touching balls are parted, noise is left out."""
+"""From grey values to labels: touching spheres are parted, noise is left out."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def grey():
 
 
 @pytest.mark.parametrize("options", [{}, {"threshold": 120.0}])
-def test_touching_balls_are_parted_and_specks_left_out(grey, options):
+def test_touching_spheres_are_parted_and_specks_left_out(grey, options):
     image, solid = grey
     labels = vg.segment(image, **options)
     assert labels.max() == 4

@@ -11,11 +11,11 @@ from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 
-BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 
 
 def row(*gaps, **more):
-    """Return balls of diameter 1 in a row with gaps between them."""
+    """Return spheres of diameter 1 in a row with gaps between them."""
     x = np.concatenate([[1.0], 1.0 + np.cumsum(1 + np.array(gaps))])
     position = np.column_stack([x, np.full_like(x, 2.0), np.full_like(x, 2.0)])
     return Packing.of([BALL], Box((10, 4, 4)), position=position, **more)

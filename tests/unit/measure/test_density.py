@@ -21,7 +21,7 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import revolved, unit_box
 
-BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 CUBE = Shape.of(Primitive("box", (1.0, 1.0, 1.0)), name="cube")
 CYLINDER = Shape.of(Primitive("cylinder", (0.5, 1.0)), name="cylinder")
 DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
@@ -106,23 +106,23 @@ def test_disks_in_a_rectangle():
 def test_overlap_counts_once_in_the_bulk():
     packing = stacked(CUBE, (8, 8, 8), Box((8, 8, 8), periodic=(True, True, True)), scale=np.full(512, 1.25))
     assert packing.solid_fraction == pytest.approx(1.25**3)
-    balls = stacked(BALL, (8, 8, 8), Box((8, 8, 8), periodic=(True, True, True)), scale=np.full(512, 1.2))
+    spheres = stacked(BALL, (8, 8, 8), Box((8, 8, 8), periodic=(True, True, True)), scale=np.full(512, 1.2))
     cap = math.pi * 0.1**2 * (3 * 0.6 - 0.1) / 3
     wanted = 4 / 3 * math.pi * 0.6**3 - 6 * cap
-    assert bulk_solid_fraction(balls) == pytest.approx(wanted, rel=1e-12)
+    assert bulk_solid_fraction(spheres) == pytest.approx(wanted, rel=1e-12)
     few = stacked(CUBE, (2, 2, 2), Box((2, 2, 2), periodic=(True, True, True)), scale=np.full(8, 1.25))
     assert Solids(few).volume(np.zeros(3), np.full(3, 2.0)) == pytest.approx(8.0, rel=1e-9)
 
 
 def inside_cylinder(radius, height):
-    """Return stacked balls that lie in a cylinder, at random heights above each other."""
+    """Return stacked spheres that lie in a cylinder, at random heights above each other."""
     packing = stacked(BALL, (2 * radius, 2 * radius, height), Box((2 * radius, 2 * radius, height)))
     position = packing.position - np.array([radius, radius, 0])
     held = np.hypot(position[:, 0], position[:, 1]) <= radius - 0.5
     return position[held]
 
 
-def test_balls_in_a_cylinder():
+def test_spheres_in_a_cylinder():
     packing = Packing.of(
         [BALL], Cylinder(5, 12, origin=(1, 2, 3)), position=inside_cylinder(5, 12) + np.array([1, 2, 3])
     )
@@ -135,13 +135,13 @@ def test_balls_in_a_cylinder():
     tall = region.lower + (np.arange(steps) + 0.5) / steps * (region.upper - region.lower) - 3
     points = np.stack(np.meshgrid(axis, axis, tall, indexing="ij"), axis=-1).reshape(-1, 3)
     points = points[np.hypot(points[:, 0], points[:, 1]) <= 3.5]
-    # balls lie around half-integer coordinates
+    # spheres lie around half-integer coordinates
     solid = (np.abs(points - np.floor(points) - 0.5) ** 2).sum(axis=1) <= 0.25
     assert found == pytest.approx(solid.mean(), abs=2e-3)
     assert 0 <= found.error < 1e-9
 
 
-def test_overlapping_balls_in_a_cylinder_state_the_cut_overlap():
+def test_overlapping_spheres_in_a_cylinder_state_the_cut_overlap():
     position = inside_cylinder(5, 12)
     container = Cylinder(5, 12)
     bare = bulk_solid_fraction(
@@ -165,7 +165,7 @@ def test_overlapping_balls_in_a_cylinder_state_the_cut_overlap():
 def test_grains_in_cylinders_and_closed_meshes_are_sampled_with_an_error():
     position = inside_cylinder(5, 12)
     wanted = bulk_solid_fraction(Packing.of([BALL], Cylinder(5, 12), position=position))
-    # balls as meshes: the same number by points
+    # spheres as meshes: the same number by points
     mesh = Shape.from_mesh(BALL.vertices, BALL.faces, name="mesh")
     scale = np.full(len(position), 1 / mesh.diameter)
     sampled = bulk_solid_fraction(Packing.of([mesh], Cylinder(5, 12), position=position, scale=scale))

@@ -17,7 +17,7 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.sizes import discrete, fixed, lognormal, sieve
 
-BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 BRICK = Shape.of(Primitive("box", (3.0, 2.0, 1.0)), name="brick")
 
 

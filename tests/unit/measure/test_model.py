@@ -20,13 +20,13 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 
-BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
 ALL = ("contacts", "coordination", "density", "gradation", "grains", "profile", "provenance", "strict")
 
 
 def some(count=60, **more):
-    """Return balls side by side in a periodic box."""
+    """Return spheres side by side in a periodic box."""
     position = np.stack(np.meshgrid(*[np.arange(4) + 0.5] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:count]
     return Packing.of([BALL], Box((4, 4, 4), periodic="xyz"), position=position, **more)
 
@@ -68,7 +68,7 @@ def test_the_package_can_be_called():
         "import voxgran.measure, voxgran, numpy as np\n"
         "from voxgran.measure.model import measure\n"
         "from voxgran.shapes.primitive import Primitive\n"
-        "shape = voxgran.Shape.of(Primitive('sphere', (0.5,)), name='ball')\n"
+        "shape = voxgran.Shape.of(Primitive('sphere', (0.5,)), name='sphere')\n"
         "packing = voxgran.Packing.of([shape], voxgran.Box((4, 4, 4)), position=np.ones((1, 3)))\n"
         "assert int(voxgran.measure(packing, which=['grains'])['count']) == 1\n"
         "assert voxgran.measure is voxgran.__dict__['measure']\n"

@@ -18,13 +18,13 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import unit_box
 
-BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 CUBE = Shape.of(Primitive("box", (1.0, 1.0, 1.0)), name="cube")
 DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
 FREE = {"gravity": None}
 
 
-def test_a_ball_is_a_stack_of_disks():
+def test_a_sphere_is_a_stack_of_disks():
     packing = Packing.of([BALL], Box((1, 1, 1)), position=[[0.5, 0.5, 0.5]])
     profile = axis_profile(packing, "z", bins=10)
     z = profile.edges - 0.5

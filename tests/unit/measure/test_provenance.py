@@ -13,7 +13,7 @@ from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 
-BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 
 
 def packed(position=(1, 1, 1), **record):
@@ -45,7 +45,7 @@ def test_the_hash_is_that_of_the_record():
     record = json.loads(text)
     assert record["provenance"] == {"method": "digital", "sizes": [1.0, 2.0], "count": 3}
     assert record["grains"]["count"] == 1
-    assert record["shapes"] == [{"name": "ball", "key": BALL.key}]
+    assert record["shapes"] == [{"name": "sphere", "key": BALL.key}]
 
 
 def test_without_a_time():

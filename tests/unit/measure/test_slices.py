@@ -9,24 +9,24 @@ from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.measure.slices import (
-    ball_box_volume,
     cut_mesh,
     disk_rectangle_area,
     mesh_box_volume,
     polygon_rectangle_area,
+    sphere_box_volume,
 )
-from voxgran.shapes.tessellate import ball, unit_box
+from voxgran.shapes.tessellate import sphere, unit_box
 
 COMB = np.array([[0, 0], [4, 0], [4, 3], [3, 3], [3, 1], [1, 1], [1, 3], [0, 3]], dtype=float)
 
 
 def bumpy():
     """Return a closed surface that is not convex."""
-    vertices, faces, _ = ball(3)
+    vertices, faces, _ = sphere(3)
     return vertices * (1 + 0.4 * np.sin(5 * vertices[:, :1]) * np.cos(4 * vertices[:, 1:2])), faces
 
 
-def test_ball_in_a_box_by_adaptive_quadrature():
+def test_sphere_in_a_box_by_adaptive_quadrature():
     integrate = load("scipy.integrate")
     low, high = np.array([-0.3, -0.8, 0.1]), np.array([0.6, 0.2, 2.0])
 
@@ -38,19 +38,19 @@ def test_ball_in_a_box_by_adaptive_quadrature():
         return integrate.quad(chord, low[1], high[1], args=(x,), epsabs=1e-12, points=[0.0])[0]
 
     total = integrate.quad(strip, low[0], high[0], epsabs=1e-12)[0]
-    assert ball_box_volume([[0, 0, 0]], [1.0], lower=low, upper=high)[0] == pytest.approx(total, abs=1e-9)
+    assert sphere_box_volume([[0, 0, 0]], [1.0], lower=low, upper=high)[0] == pytest.approx(total, abs=1e-9)
 
 
-def test_balls_scale_and_move():
-    generator = stream(0, "balls")
+def test_spheres_scale_and_move():
+    generator = stream(0, "spheres")
     centers, radii = generator.uniform(-1, 1, (50, 3)), generator.uniform(0.1, 1, 50)
     low, high = np.array([-0.5, -0.2, -0.4]), np.array([0.3, 0.7, 0.9])
-    first = ball_box_volume(centers, radii, lower=low, upper=high)
+    first = sphere_box_volume(centers, radii, lower=low, upper=high)
     size = 2.0**20
-    again = ball_box_volume(centers * size, radii * size, lower=low * size, upper=high * size)
+    again = sphere_box_volume(centers * size, radii * size, lower=low * size, upper=high * size)
     assert (again == first * size**3).all()
     shift = np.array([1.0, 2.0, 4.0])
-    moved = ball_box_volume(centers + shift, radii, lower=low + shift, upper=high + shift)
+    moved = sphere_box_volume(centers + shift, radii, lower=low + shift, upper=high + shift)
     assert moved == pytest.approx(first, abs=1e-14)
 
 
@@ -135,9 +135,9 @@ def test_polygons():
 
 def test_what_is_refused():
     with pytest.raises(InputError, match="radius is -1"):
-        ball_box_volume([[0, 0, 0]], [-1.0], lower=[0] * 3, upper=[1] * 3)
+        sphere_box_volume([[0, 0, 0]], [-1.0], lower=[0] * 3, upper=[1] * 3)
     with pytest.raises(InputError, match="window runs from"):
-        ball_box_volume([[0, 0, 0]], [1.0], lower=[0, 0, 2], upper=[1] * 3)
+        sphere_box_volume([[0, 0, 0]], [1.0], lower=[0, 0, 2], upper=[1] * 3)
     with pytest.raises(InputError, match="window runs from"):
         polygon_rectangle_area(COMB, lower=[0], upper=[1])
     with pytest.raises(InputError, match="names vertex 7"):

@@ -11,11 +11,11 @@ from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 
-BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 
 
 def pair(distance, edge=4.0):
-    """Return two balls of diameter 1."""
+    """Return two spheres of diameter 1."""
     return Packing.of([BALL], Box((edge,) * 3), position=[[1, 2, 2], [1 + distance, 2, 2]])
 
 
@@ -27,7 +27,7 @@ def test_nothing_is_shrunk_where_nothing_overlaps():
     assert float(measure(packing, which=["strict"]).strict_solid_fraction) == packing.solid_fraction
 
 
-def test_overlapping_balls_are_shrunk_until_they_touch():
+def test_overlapping_spheres_are_shrunk_until_they_touch():
     packing = pair(0.9)
     found = strict_solid_fraction(packing)
     wanted = packing.solid_fraction * 0.9**3

@@ -20,9 +20,9 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.tessellate import ball, unit_box
+from voxgran.shapes.tessellate import sphere, unit_box
 
-BALL = Shape.of(Primitive("sphere", (0.5,)), name="ball")
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 CUBE = Shape.of(Primitive("box", (1.0, 1.0, 1.0)), name="cube")
 ELLIPSOID = Shape.of(Primitive("ellipsoid", (0.9, 0.5, 0.3)), name="ellipsoid")
 CYLINDER = Shape.of(Primitive("cylinder", (0.4, 1.2)), name="cylinder")
@@ -30,7 +30,7 @@ CONE = Shape.of(Primitive("cone", (0.6, 1.0)), name="cone")
 CLUMP = Shape.of(
     Spheres(np.array([[0.0, 0, 0], [0.5, 0, 0], [0.2, 0.4, 0.1]]), np.array([0.4, 0.3, 0.2])), name="clump"
 )
-MESH = Shape.of(Mesh(*ball(2)[:2]), name="icosphere")
+MESH = Shape.of(Mesh(*sphere(2)[:2]), name="icosphere")
 DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
 SQUARE = Shape.of(Outline("polygon", vertices=np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)), name="square")
 
@@ -132,7 +132,7 @@ def test_images_are_those_that_reach_in():
     assert len(images(center, radius, np.array([0, 1.3, 0]), np.array([2, 2, 2]), box)[0]) == 0
 
 
-def test_overlapping_balls_count_once():
+def test_overlapping_spheres_count_once():
     box = Box((4, 4, 4), periodic=(True, True, True))
     packing = Packing.of([BALL], box, position=[[1, 1, 1], [1.4, 1, 1], [3.9, 1, 3], [0.3, 1, 3]])
     # Weisstein, Sphere-Sphere Intersection, eq. 18: V = pi (4 R + d) (2 R - d)^2 / 12
@@ -166,7 +166,7 @@ def test_overlapping_squares_and_disks_count_once():
 def test_overlapping_ellipsoids_state_an_error():
     packing = Packing.of([ELLIPSOID], Box((4, 4, 4)), position=[[1, 2, 2], [1, 2.9, 2]])
     found = Solids(packing).volume(np.zeros(3), np.full(3, 4.0))
-    # stretched to balls of radius 1 at distance 0.9 / 0.5
+    # stretched to spheres of radius 1 at distance 0.9 / 0.5
     lens = math.pi * (4 + 1.8) * 0.2**2 / 12 * 0.9 * 0.5 * 0.3
     assert found == pytest.approx(2 * ELLIPSOID.volume - lens, abs=found.error)
     assert 0 < found.error < 1.1 * lens

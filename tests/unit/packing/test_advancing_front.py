@@ -34,18 +34,18 @@ def gaps(packing, reach=1e-9):
     return pairs[gap < reach * 2 * r.mean()], gap
 
 
-def touched(packing, ball, earlier=True):
-    """The balls that a ball touches, those before it or all."""
+def touched(packing, sphere, earlier=True):
+    """The spheres that a sphere touches, those before it or all."""
     r = packing.bounding_radii
-    away = np.linalg.norm(packing.position - packing.position[ball], axis=1) - r - r[ball]
-    away[ball] = np.inf
+    away = np.linalg.norm(packing.position - packing.position[sphere], axis=1) - r - r[sphere]
+    away[sphere] = np.inf
     if earlier:
-        away[ball:] = np.inf
+        away[sphere:] = np.inf
     return np.flatnonzero(np.abs(away) < 1e-11)
 
 
 def place_on(p, q, s, radii, r):
-    """Where a ball touches three, on the side from which p, q, s are counterclockwise: by an orthonormal frame."""
+    """Where a sphere touches three, on the side from which p, q, s are counterclockwise: by an orthonormal frame."""
     d = np.array(radii) + r
     ex = (q - p) / np.linalg.norm(q - p)
     ey = (s - p) - ((s - p) @ ex) * ex
@@ -58,7 +58,7 @@ def place_on(p, q, s, radii, r):
 
 
 def plain_front(centers, radii, goal, rank):
-    """Go on from the first three balls by the rules: the first face by rank; one ball a face; three new faces."""
+    """Go on from the first three spheres by the rules: the first face by rank; one sphere a face; three new faces."""
     placed, faces = [*centers[:3]], []
 
     def add(*face):
@@ -92,10 +92,10 @@ def test_the_front_is_that_of_a_plain_program(order):
 
 
 @pytest.mark.parametrize("order", ["random", "nearest", "lowest"])
-def test_each_ball_touches_three_that_touch_each_other(order):
+def test_each_sphere_touches_three_that_touch_each_other(order):
     packing = pack(SPHERE, WIDE, count=400, sizes=GRADED, order=order)
-    for ball in range(3, packing.count):
-        partners = touched(packing, ball)
+    for sphere in range(3, packing.count):
+        partners = touched(packing, sphere)
         faces = [
             face
             for face in itertools.combinations(partners, 3)
@@ -107,21 +107,21 @@ def test_each_ball_touches_three_that_touch_each_other(order):
     assert gap.min() > -2e-12
 
 
-def test_no_ball_of_that_radius_lies_nearer_to_its_face():
-    """Locally densest: over a face whose three balls touch each other none comes nearer, wherever it is put."""
+def test_no_sphere_of_that_radius_lies_nearer_to_its_face():
+    """Locally densest: over a face whose three spheres touch each other none comes nearer, wherever it is put."""
     packing = pack(SPHERE, WIDE, count=60, sizes=vg.sizes.uniform(0.8, 1.2))
     generator, tested = np.random.Generator(np.random.Philox(1)), 0
-    for ball in range(3, packing.count):
-        partners = touched(packing, ball)
+    for sphere in range(3, packing.count):
+        partners = touched(packing, sphere)
         if len(partners) != 3:
             continue
-        corners, radii = packing.position[partners], packing.bounding_radii[partners] + packing.bounding_radii[ball]
+        corners, radii = packing.position[partners], packing.bounding_radii[partners] + packing.bounding_radii[sphere]
         normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
         normal /= np.linalg.norm(normal)
-        height = (packing.position[ball] - corners[0]) @ normal
+        height = (packing.position[sphere] - corners[0]) @ normal
         feet = generator.dirichlet((1, 1, 1), 400) @ corners
-        foot = packing.position[ball] - height * normal
-        # where the foot lies in the face; else the ball leans over an edge and the claim is about that edge
+        foot = packing.position[sphere] - height * normal
+        # where the foot lies in the face; else the sphere leans over an edge and the claim is about that edge
         shares = np.linalg.lstsq(np.vstack([corners.T, np.ones(3)]), np.append(foot, 1.0), rcond=None)[0]
         if shares.min() < 0:
             continue
@@ -134,7 +134,7 @@ def test_no_ball_of_that_radius_lies_nearer_to_its_face():
 
 
 def best_pocket(centers, r, goal):
-    """Where a ball touches any three, overlaps none and is nearest to the goal: all triples are tried."""
+    """Where a sphere touches any three, overlaps none and is nearest to the goal: all triples are tried."""
     best, place = np.inf, None
     for face in itertools.permutations(range(len(centers)), 3):
         if face[0] > min(face[1:]):
@@ -151,15 +151,15 @@ def best_pocket(centers, r, goal):
 def test_dense_takes_the_best_of_all_pockets():
     packing = pack(SPHERE, WIDE, count=18, mode="dense", seed=2)
     goal = 15.0 + 0.5 * np.array(ASIDE)
-    for ball in range(3, 18):
-        _, best = best_pocket(packing.position[:ball], 0.5, goal)
-        assert ((packing.position[ball] - goal) ** 2).sum() == pytest.approx(best, abs=1e-9)
+    for sphere in range(3, 18):
+        _, best = best_pocket(packing.position[:sphere], 0.5, goal)
+        assert ((packing.position[sphere] - goal) ** 2).sum() == pytest.approx(best, abs=1e-9)
 
 
 @pytest.mark.parametrize("container", [vg.Box((8, 7, 9)), vg.Cylinder(4, 8), vg.Sphere(4.6), vg.Box((8, 7, 9), "xy")])
 @pytest.mark.parametrize("order", ["nearest", "lowest"])
-def test_dense_leaves_no_pocket_between_balls_or_walls(container, order):
-    """Equal balls, filled to the end: each touches three balls or walls, and no random place is free."""
+def test_dense_leaves_no_pocket_between_spheres_or_walls(container, order):
+    """Equal spheres, filled to the end: each touches three spheres or walls, and no random place is free."""
     packing = pack(SPHERE, container, mode="dense", order=order)
     assert packing.stop_reason == "full"
     assert vg.verify(packing).ok
@@ -172,7 +172,7 @@ def test_dense_leaves_no_pocket_between_balls_or_walls(container, order):
     number = np.maximum(number, np.bincount(np.concatenate([contacts.i, contacts.j]), minlength=packing.count)
                         + near[:, :, [k for k in range(3) if not container.periodic[k]]].sum(axis=(0, 2)))  # fmt: skip
     assert (number[3:] >= 3).mean() > 0.99
-    # a ball that is free somewhere can be moved until it touches three: then it would be in a pocket
+    # a sphere that is free somewhere can be moved until it touches three: then it would be in a pocket
     probes = lower + np.random.Generator(np.random.Philox(6)).random((300_000, 3)) * (upper - lower)
     probes = probes[container.signed_distance(probes) <= -0.5]
     wraps = [k for k in range(3) if container.periodic[k]]
@@ -200,7 +200,7 @@ def test_densities_and_coordination_of_equal_and_of_graded_spheres():
 
 
 def inner_fraction(packing, samples=100_000):
-    """Share of random points in a ball of half the size of the packing about its middle that lie in a grain."""
+    """Share of random points in a sphere of half the size of the packing about its middle that lie in a grain."""
     low, high = packing.position.min(axis=0), packing.position.max(axis=0)
     generator = np.random.Generator(np.random.Philox(9))
     ways = generator.normal(size=(samples, 3))
@@ -225,7 +225,7 @@ def test_disks():
     assert vg.verify(loose).ok
     assert loose.solid_fraction > 0.70
     # every disk but the first two touches two that are there
-    assert all(len(touched(loose, ball)) >= 2 for ball in range(2, 60))
+    assert all(len(touched(loose, sphere)) >= 2 for sphere in range(2, 60))
 
 
 def test_grains_inside_a_scan_do_not_protrude():
@@ -240,7 +240,7 @@ def test_grains_inside_a_scan_do_not_protrude():
         assert packing.solid_fraction > {"loose": 0.3, "dense": 0.4}[mode]
 
 
-def test_other_shapes_lie_in_their_balls():
+def test_other_shapes_lie_in_their_spheres():
     cone = vg.make_shape("cone")
     packing = pack([cone, SPHERE], vg.Box((9, 9, 9)), sizes=GRADED, mode="dense", seed=1)
     assert vg.verify(packing).ok
@@ -343,7 +343,7 @@ def test_slabs_and_tubes_in_which_no_three_touch_are_filled(container, least):
     ],
 )
 def test_a_loose_front_that_cannot_begin_fills_slabs_and_tubes(shape, container, least):
-    """Where no three balls find room that touch each other, walls stand in for balls."""
+    """Where no three spheres find room that touch each other, walls stand in for spheres."""
     packing = pack(shape, container, order="lowest")
     assert packing.provenance["counters"]["narrow"] == 1
     assert packing.count >= least
@@ -378,7 +378,7 @@ def test_wide_containers_and_grains_that_all_fit_are_not_narrow():
     assert pack(SPHERE, vg.Box((8, 8, 1)), mode="dense").provenance["counters"]["narrow"] == 0
 
 
-def test_balls_in_a_tube_lie_across_from_each_other():
+def test_spheres_in_a_tube_lie_across_from_each_other():
     """Each is as much higher than the one below as a rod from side to side of the tube leaves."""
     tube = vg.Cylinder(0.8, 12)
     for mode in ("loose", "dense"):
@@ -402,13 +402,13 @@ def test_chunks_do_not_matter_where_walls_stand_in():
             state = task.method.advance(task.problem, state, chunk)
             if chunk == 7:
                 state.derived = {}
-        found.append((state.done, state.counters, state.arrays["balls"].tobytes()))
+        found.append((state.done, state.counters, state.arrays["spheres"].tobytes()))
     assert found[0][0] > 1000
     assert all(one == found[0] for one in found)
 
 
 def test_the_pockets_of_a_start_are_listed_with_looks_between():
-    """Balls of a start are many that come at once; a stop among them changes nothing."""
+    """Spheres of a start are many that come at once; a stop among them changes nothing."""
     start = pack(SPHERE, vg.Box((6, 6, 6)), count=100)
     task = prepare_task(
         [SPHERE],
@@ -434,8 +434,8 @@ def test_the_pockets_of_a_start_are_listed_with_looks_between():
         while not state.stop_reason:
             with contextlib.suppress(Stopped), stopping_when(asked):
                 state = task.method.advance(task.problem, state, 10)
-        runs.append((state.arrays["balls"].tobytes(), state.counters, state.done))
+        runs.append((state.arrays["spheres"].tobytes(), state.counters, state.done))
     assert runs[0] == runs[1]
-    # 100 balls, 64 at a time
+    # 100 spheres, 64 at a time
     assert looks
     assert state.counters["placed"] > 130

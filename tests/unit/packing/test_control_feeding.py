@@ -173,12 +173,12 @@ def test_layers_enter_at_once_and_then_sink():
         before = placed
     assert len(layers) >= 3
     assert sum(layers) == 30
-    # no more balls than touch each other side by side on 4 by 4
+    # no more spheres than touch each other side by side on 4 by 4
     assert max(layers) <= 16
 
 
 def in_the_room_left(packing, container):
-    """Tell whether the packing is a valid one of the container that the lid has left."""
+    """Return whether the packing is a valid one of the container that the lid has left."""
     moved = vg.Packing.of(
         packing.shapes,
         container,
@@ -229,13 +229,13 @@ def test_the_walk_goes_on_until_the_lid_lies_on_the_bed():
     assert 14 - packing.provenance["lid_lowered"] == pytest.approx(packing.position[:, 2].max() + 0.5, abs=2 * LID_STEP)
 
 
-@pytest.mark.parametrize("kind", ["cylinder", "lying", "ball"])
+@pytest.mark.parametrize("kind", ["cylinder", "lying", "sphere"])
 def test_a_lid_in_any_container(kind):
-    ball = vg.make_shape("sphere").scaled(4.6)
+    sphere = vg.make_shape("sphere").scaled(4.6)
     container = {
         "cylinder": vg.Cylinder(1.8, 6),
         "lying": vg.Cylinder(2.2, 3),
-        "ball": vg.ClosedMesh(vg.Shape.from_mesh(ball.vertices + 3.0, ball.faces)),
+        "sphere": vg.ClosedMesh(vg.Shape.from_mesh(sphere.vertices + 3.0, sphere.faces)),
     }[kind]
     axis = 0 if kind == "lying" else 2
     gravity = "-x" if kind == "lying" else "-z"
@@ -334,7 +334,7 @@ def test_a_container_of_an_unknown_kind_is_refused_and_its_mesh_is_not():
 
 @pytest.mark.parametrize("contact", ["sdf", "points"])
 @pytest.mark.parametrize("feed", ["rain", "at_once"])
-def test_a_ball_as_wide_as_the_container_enters(contact, feed):
+def test_a_sphere_as_wide_as_the_container_enters(contact, feed):
     for size in (1.0, 0.1, 7.3):
         for room in (vg.Box((size,) * 3), vg.Box((size, size, 2 * size)), vg.Cylinder(size / 2, size)):
             packing = vg.pack(

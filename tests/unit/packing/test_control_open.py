@@ -38,7 +38,7 @@ def poses_apart(generator, points, keep):
 
 
 def crosses_on_the_way(shapes, begin, end, parts=40):
-    """Tell whether the first surface, its points led straight from one pose to another, meets the second one."""
+    """Return whether the first surface, its points led straight from one pose to another, meets the second one."""
     one, other = (shape.geometry.tree for shape in shapes)
     for share in np.linspace(0.0, 1.0, parts + 1):
         matrix, offset = ((1 - share) * first + share * last for first, last in zip(begin, end, strict=True))

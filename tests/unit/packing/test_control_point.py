@@ -100,7 +100,7 @@ class PlainWalk:
         return True
 
     def is_near(self, p, place, quaternion, q, center, turn):
-        """Tell whether a point of grain p is nearer to grain q than the bulge between points."""
+        """Return whether a point of grain p is nearer to grain q than the bulge between points."""
         points = self.body(self.points, p, place, quaternion)
         inner = (points - center) @ rotation_matrices(turn[None])[0] / self.size[q]
         s, t = self.shape[p], self.shape[q]
@@ -124,7 +124,7 @@ class PlainWalk:
         return np.where(beyond > 0, np.hypot(beyond, np.maximum(told, 0)), told)
 
     def attempt(self, number):
-        """Make one attempt; tell whether the grain moved."""
+        """Make one attempt; return whether the grain moved."""
         w, more = self.words(number, 0), self.words(number, 1)
         g = self.order[len(self.order) - 1 - ((w[0] >> 32) * len(self.order) >> 32)]
         unit = [(word >> 11) / 2**53 for word in w]
@@ -222,12 +222,14 @@ def test_true_solids_never_overlap_and_sink():
     assert packing.provenance["parameters"]["gravity"] == "-z"
 
 
-@pytest.mark.parametrize("kind", ["cylinder", "ball", "box"])
+@pytest.mark.parametrize("kind", ["cylinder", "sphere", "box"])
 def test_round_and_closed_containers_hold_their_grains(kind):
     if kind == "cylinder":
         container = vg.Cylinder(1.8, 5)
     else:
-        solid = vg.make_shape("sphere").scaled(4.6) if kind == "ball" else vg.make_shape("box", lengths=(3.4, 3.0, 4.0))
+        solid = (
+            vg.make_shape("sphere").scaled(4.6) if kind == "sphere" else vg.make_shape("box", lengths=(3.4, 3.0, 4.0))
+        )
         container = vg.ClosedMesh(vg.Shape.from_mesh(solid.vertices + 3.0, solid.faces))
     packing = vg.pack(
         vg.make_shape("cone"), container, method="control_point", count=6, spacing=0.25, sweeps=200, cycles=1
@@ -284,7 +286,7 @@ def test_small_grains_do_not_enter_large_ones_nor_the_other_way_round(seed):
 
 
 def test_containment_is_seen_from_both_sides():
-    """No control points are near each other where a small ball lies deep in a large one; both orders are refused."""
+    """No control points are near each other where a small sphere lies deep in a large one; both orders are refused."""
     task = task_of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), count=2, spacing=0.2, contact="kdtree")
     for diameter in ([8.0, 1.0], [1.0, 8.0]):
         problem = dataclasses.replace(task.problem, diameter=np.array(diameter))
@@ -302,7 +304,7 @@ def test_containment_is_seen_from_both_sides():
 
 
 def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
-    """A small ball within a large one that came there in no time: no points of the surfaces are near each other."""
+    """A small sphere within a large one that came there in no time: no points of the surfaces are near each other."""
     for contact in ("points", "kdtree"):
         for points in ("surface", "all"):
             keywords = {"count": 2, "spacing": 0.2, "contact": contact, "points": points}

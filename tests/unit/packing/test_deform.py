@@ -22,8 +22,8 @@ TURNS = [[0.8, 0.6, 0, 0], [0.5, 0.5, 0.5, 0.5]]
 manifold3d = pytest.importorskip("manifold3d")
 
 
-def two_balls(depth, scale=(1.0, 1.0)):
-    """Return two balls of diameters `scale` along x that overlap by a depth."""
+def two_spheres(depth, scale=(1.0, 1.0)):
+    """Return two spheres of diameters `scale` along x that overlap by a depth."""
     apart = sum(scale) / 2 - depth
     return vg.Packing.of([BALL], ROOM, position=[(2, 3, 3), (2 + apart, 3, 3)], scale=scale, orientation=TURNS)
 
@@ -56,7 +56,7 @@ def test_equal_spheres_meet_in_a_flat_disk(depth):
     integral = math.pi * (depth / 2) ** 2 * (radius - depth / 3)
     errors = []
     for spacing in spacings:
-        soft = vg.deform(two_balls(depth), stiffness=stiffness, spacing=spacing)
+        soft = vg.deform(two_spheres(depth), stiffness=stiffness, spacing=spacing)
         errors.append([1 - math.sqrt(soft.area[0] / disk), soft.force[0] / (stiffness * integral) - 1])
         # no triangle of either crosses the plane of the disk
         plane = 2.5 - depth / 2
@@ -76,7 +76,7 @@ def test_equal_spheres_meet_in_a_flat_disk(depth):
 def test_volume_of_the_dents_comes_back_around_the_contact():
     """What lies outside of the sphere is the volume of the dent, a cap; beyond the reach no vertex moves."""
     depth, radius = 0.04, 0.5
-    soft = vg.deform(two_balls(depth), spacing=0.05)
+    soft = vg.deform(two_spheres(depth), spacing=0.05)
     from_center = soft.vertices[0] - [2, 3, 3]
     disk = math.sqrt(radius * depth - depth**2 / 4)
     rim = np.array([radius - depth / 2, disk])
@@ -96,7 +96,7 @@ def test_volume_of_the_dents_comes_back_around_the_contact():
 
 
 def test_depths_are_shared_by_the_stiffnesses():
-    soft = vg.deform(two_balls(0.05, scale=(1.0, 0.6)), stiffness=[1.0, 3.0], spacing=0.2)
+    soft = vg.deform(two_spheres(0.05, scale=(1.0, 0.6)), stiffness=[1.0, 3.0], spacing=0.2)
     centers, radii = np.array([[2, 3, 3], [2.75, 3, 3]]), np.array([0.5, 0.3])
     for vertices in soft.vertices:
         depth = radii - np.linalg.norm(vertices[:, None] - centers, axis=2)
@@ -113,7 +113,7 @@ def test_a_rigid_grain_keeps_its_shape():
     depth, radius = 0.04, 0.5
     caps = []
     for spacing in (0.2, 0.1, 0.05):
-        soft = vg.deform(two_balls(depth), stiffness=[2.0, np.inf], spacing=spacing)
+        soft = vg.deform(two_spheres(depth), stiffness=[2.0, np.inf], spacing=spacing)
         assert np.abs(np.linalg.norm(soft.vertices[1] - [2.96, 3, 3], axis=1) - radius).max() < 1e-15
         assert soft.steepness[1] == 0
         assert soft.volume_error < 1e-14
@@ -127,9 +127,9 @@ def test_a_rigid_grain_keeps_its_shape():
 
 def shapes_that_touch():
     """Return shapes of all geometries."""
-    balls = Spheres(np.array([[-0.3, 0, 0], [0.3, 0, 0], [0, 0.3, 0]]), np.array([0.35, 0.35, 0.3]))
+    spheres = Spheres(np.array([[-0.3, 0, 0], [0.3, 0, 0], [0, 0.3, 0]]), np.array([0.35, 0.35, 0.3]))
     return {
-        "clump": vg.Shape.of(balls, name="clump"),
+        "clump": vg.Shape.of(spheres, name="clump"),
         "rock": vg.make_shape("solid_union", seed=3),
         "box": vg.make_shape("box", lengths=(1, 0.8, 0.6)),
         "ellipsoid": vg.make_shape("ellipsoid", aspect=(1.4, 1, 0.7)),
@@ -201,7 +201,7 @@ def test_periodic_images_are_partners():
     soft = vg.deform(packing, spacing=0.2)
     assert soft.image.tolist() == [[0, 1, 0], [1, 0, 0]] or soft.image.tolist() == [[1, 0, 0], [0, 1, 0]]
     assert np.ptp(soft.vertices[0], axis=0)[:2] == pytest.approx([0.97, 0.96], abs=1e-13)
-    alone = [vg.deform(two_balls(depth), spacing=0.2).area[0] for depth in (0.03, 0.04)]
+    alone = [vg.deform(two_spheres(depth), spacing=0.2).area[0] for depth in (0.03, 0.04)]
     assert np.sort(soft.area) == pytest.approx(alone, rel=2e-3)
     # a neighbour of the same diameter across the face gives the same
     pair = vg.Packing.of([BALL], vg.Box((1.98, 3, 3), "x"), position=[(0.2, 1, 1), (1.22, 1, 1)])
@@ -231,7 +231,7 @@ def test_without_contact_the_shape_is_restored_bit_for_bit():
 
 
 def test_bulges_leave_walls_and_neighbours_alone():
-    """A ball on the floor, squeezed between others, with another one almost touching."""
+    """A sphere on the floor, squeezed between others, with another one almost touching."""
     place = [(3, 3, 0.5), (3.95, 3, 0.5), (2.05, 3, 0.5), (3, 3.95, 0.5), (3, 1.999, 0.5)]
     packing = vg.Packing.of([BALL], ROOM, position=place)
     soft = vg.deform(packing, spacing=0.2)
@@ -244,7 +244,7 @@ def test_bulges_leave_walls_and_neighbours_alone():
 
 
 def test_bulges_reach_farther_where_there_is_too_little_room(monkeypatch):
-    packing = two_balls(0.04)
+    packing = two_spheres(0.04)
     soft = vg.deform(packing, reach=0.3)
     assert soft.reach == pytest.approx([1.2, 1.2])
     assert soft.steepness.max() < 0.45
@@ -282,7 +282,7 @@ def test_false_position_finds_what_halving_finds():
 
 
 def test_surfaces_and_contacts_are_saved(tmp_path):
-    soft = vg.deform(two_balls(0.04), spacing=0.4)
+    soft = vg.deform(two_spheres(0.04), spacing=0.4)
     vg.save_deformed(soft, tmp_path / "soft.vtp")
     reader = vtkXMLPolyDataReader()
     reader.SetFileName(str(tmp_path / "soft.vtp"))
@@ -316,7 +316,7 @@ def test_surfaces_and_contacts_are_saved(tmp_path):
 )
 def test_bad_input_is_refused(keywords, message):
     with pytest.raises(InputError, match=message):
-        vg.deform(two_balls(0.02), **keywords)
+        vg.deform(two_spheres(0.02), **keywords)
 
 
 def test_what_cannot_give_way_is_refused(monkeypatch):
@@ -334,7 +334,7 @@ def test_what_cannot_give_way_is_refused(monkeypatch):
         vg.deform(crushed, spacing=0.4)
     monkeypatch.setattr(soft_surface, "MOST_VERTICES", 3000)
     with pytest.raises(TooLargeError, match=r"spacing is 0\.1"):
-        vg.deform(two_balls(0.02))
+        vg.deform(two_spheres(0.02))
 
 
 def test_grains_that_coincide_are_refused():

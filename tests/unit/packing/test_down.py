@@ -50,7 +50,7 @@ def test_the_contact_gap_is_a_length():
         vg.Packing.of([BALL], BOX, position=[(1, 1, 1)], contact_gap=-1)
 
 
-#: method, parameters, gravity and contact gap of what it hands over, for balls of 2
+#: method, parameters, gravity and contact gap of what it hands over, for spheres of 2
 METHODS = [
     ("rsa", {}, None, 0.0),
     ("advancing_front", {}, None, 0.0),

@@ -31,7 +31,7 @@ def least_gaps(packing):
     return gap / packing.diameters.mean()
 
 
-def test_two_balls_grow_by_the_same_factor():
+def test_two_spheres_grow_by_the_same_factor():
     assert vg.grow(pair(SPHERE, 1.5)).scale == pytest.approx([1.5, 1.5], rel=1e-9)
     assert vg.grow(pair(SPHERE, 1.5, (1.0, 0.5))).scale == pytest.approx([2.0, 1.0], rel=1e-9)
     assert vg.grow(pair(SPHERE, 5.0)).scale == pytest.approx([2.0, 2.0])
@@ -52,7 +52,7 @@ def test_two_balls_grow_by_the_same_factor():
     ],
     ids=lambda value: getattr(value, "kind", None),
 )
-def test_one_ball_grows_to_the_nearest_wall(container, position, factor):
+def test_one_sphere_grows_to_the_nearest_wall(container, position, factor):
     alone = vg.Packing.of([SPHERE], container, position=[position])
     grown = vg.grow(alone, most=9)
     assert grown.scale[0] == pytest.approx(factor, rel=1e-7)

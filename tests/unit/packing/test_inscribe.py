@@ -1,4 +1,4 @@
-"""Shapes in the balls of a packing."""
+"""Shapes in the spheres of a packing."""
 
 import numpy as np
 import pytest
@@ -12,23 +12,23 @@ BALLS = vg.pack(SPHERE, BOX, method="rsa", count=60, sizes=vg.sizes.uniform(0.6,
 HULLS = [vg.make_shape("convex_polyhedron", seed=seed, points=12) for seed in range(60)]
 
 
-def reach_of(grains, balls):
-    """How far the corners of each grain reach from the center of its ball, in radii of that ball."""
+def reach_of(grains, spheres):
+    """How far the corners of each grain reach from the center of its sphere, in radii of that sphere."""
     found = [
-        np.linalg.norm(grains.world_vertices(k) - balls.position[k], axis=1).max() / balls.bounding_radii[k]
+        np.linalg.norm(grains.world_vertices(k) - spheres.position[k], axis=1).max() / spheres.bounding_radii[k]
         for k in range(grains.count)
     ]
     return np.array(found)
 
 
-def test_each_ball_gets_its_own_hull_as_large_as_it_fits():
+def test_each_sphere_gets_its_own_hull_as_large_as_it_fits():
     grains = vg.inscribe(BALLS, HULLS, shape_id=range(60))
     assert grains.shape_id.tolist() == list(range(60))
     assert reach_of(grains, BALLS).max() <= 1 + 1e-12
     assert reach_of(grains, BALLS).min() > 1 - 1e-9
     assert vg.verify(grains).ok
-    assert grains.provenance["inscribed"]["solid_fraction_of_balls"] == BALLS.solid_fraction
-    # a smallest ball holds its center between the corners that touch it: some lie on either side of each plane
+    assert grains.provenance["inscribed"]["solid_fraction_of_spheres"] == BALLS.solid_fraction
+    # a smallest sphere holds its center between the corners that touch it: some lie on either side of each plane
     corners = grains.world_vertices(0) - BALLS.position[0]
     touching = corners[np.linalg.norm(corners, axis=1) > (1 - 0.03) * BALLS.bounding_radii[0]]
     for way in np.random.Generator(np.random.Philox(1)).normal(size=(200, 3)):
@@ -44,7 +44,7 @@ def test_shapes_and_turns_are_drawn_by_the_seed():
 
 
 @pytest.mark.parametrize("name", ["ellipsoid", "cone", "solid_union", "sphere"])
-def test_curved_shapes_lie_within_their_balls(name):
+def test_curved_shapes_lie_within_their_spheres(name):
     shape = vg.make_shape(name)
     grains = vg.inscribe(BALLS, shape)
     assert reach_of(grains, BALLS).max() <= 1 + 1e-12

@@ -1,4 +1,4 @@
-"""Balls that touch the wall of a closed mesh: against flat walls, and by exact distances."""
+"""Spheres that touch the wall of a closed mesh: against flat walls, and by exact distances."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def as_mesh(box):
 
 
 def at_walls(packing):
-    """How far each ball reaches beyond the wall, by the distance of its center."""
+    """How far each sphere reaches beyond the wall, by the distance of its center."""
     return packing.container.signed_distance(packing.position) + packing.bounding_radii
 
 
@@ -45,7 +45,7 @@ def test_pockets_at_a_rough_wall_are_filled(order):
     assert beyond.max() <= 1e-9
     assert (np.abs(beyond) < 1e-9).sum() > {"nearest": 20, "lowest": 100}[order]
     assert vg.verify(packing).ok
-    # each touches two balls and the wall, or three balls; the first three have nobody to touch
+    # each touches two spheres and the wall, or three spheres; the first three have nobody to touch
     radius, there = packing.bounding_radii, packing.position
     gap = np.linalg.norm(there[:, None] - there, axis=2) - radius[:, None] - radius
     np.fill_diagonal(gap, np.inf)

@@ -183,7 +183,7 @@ def test_largest_first_is_denser():
 
 
 def free_places(packing, radius, many=200_000, seed=5):
-    """Count random places where one more ball would fit: an independent probe."""
+    """Count random places where one more sphere would fit: an independent probe."""
     container, generator = packing.container, np.random.Generator(np.random.PCG64(seed))
     lower, upper = container.bounds
     d = container.dimension
@@ -218,7 +218,7 @@ def test_saturation_is_proven_and_no_probe_finds_a_place(name):
     assert proof["proven"]
     assert proof["open_cells"] == 0
     assert vg.verify(packing).ok
-    # the container holds every ball wholly, to rounding
+    # the container holds every sphere wholly, to rounding
     assert packing.container.signed_distance(packing.position).max() <= -0.5 + 1e-9
     probes, free = free_places(packing, 0.5)
     assert probes > 50_000 or name == "mesh"
@@ -229,7 +229,7 @@ def test_saturation_is_proven_and_no_probe_finds_a_place(name):
 
 
 def test_open_cells_hold_every_free_place():
-    """Half way: a place where one more ball fits lies in an open cell."""
+    """Half way: a place where one more sphere fits lies in an open cell."""
     task = task_of(vg.make_shape("sphere"), vg.Box((6, 5, 5.5), "y"), until="saturated", seed=3)
     problem = task.problem
     state = rsa.prepare(problem)
@@ -396,11 +396,11 @@ def test_aligned_boxes_meet_as_boxes():
     assert vg.verify(wall).ok
     tried = vg.pack(bricks, vg.Box((7, 6, 5)), method="rsa", aligned=True, seed=2, scheme="4c", tries=20)
     assert vg.verify(tried).ok
-    # they lie denser than their bounding balls could
+    # they lie denser than their bounding spheres could
     assert tried.solid_fraction > 0.25
 
 
-def test_other_shapes_turn_at_random_in_their_bounding_balls():
+def test_other_shapes_turn_at_random_in_their_bounding_spheres():
     shapes = [vg.make_shape("cone"), vg.make_shape("solid_union", seed=2)]
     packing = vg.pack(shapes, vg.Cylinder(6, 11), method="rsa", count=60, seed=1)
     assert packing.count == 60
@@ -410,11 +410,11 @@ def test_other_shapes_turn_at_random_in_their_bounding_balls():
     np.fill_diagonal(step, np.inf)
     assert (step >= reach[:, None] + reach[None] - 1e-12).all()
     assert len(np.unique(packing.orientation, axis=0)) == 60
-    # that no bounding ball fits proves nothing of the shapes
+    # that no bounding sphere fits proves nothing of the shapes
     full = vg.pack(shapes[0], vg.Cylinder(2, 4), method="rsa", until="saturated", seed=1)
     assert full.stop_reason == "full"
     assert not full.provenance["saturation"]["proven"]
-    assert full.provenance["saturation"]["of"] == "bounding balls"
+    assert full.provenance["saturation"]["of"] == "bounding spheres"
     assert full.provenance["saturation"]["open_cells"] == 0
     flat = vg.pack(vg.make_shape("polygon", corners=5), vg.Rectangle((9, 9), "x"), method="rsa", count=20)
     assert (flat.orientation[:, 1:3] == 0).all()
@@ -448,7 +448,7 @@ def test_chunks_and_resumption_do_not_matter(parameters):
 
 
 def test_a_start_stays_where_it_is():
-    """True shapes may touch where their bounding balls overlap; only newcomers keep away from the balls."""
+    """True shapes may touch where their bounding spheres overlap; only newcomers keep away from the spheres."""
     cube = vg.make_shape("box", lengths=(1, 1, 1))
     tower = vg.Packing.of([cube], vg.Box((5, 5, 5)), position=[(0.5, 0.5, 0.5), (0.5, 0.5, 1.5), (1.5, 0.5, 0.5)])
     packing = vg.pack(vg.make_shape("sphere"), tower.container, method="rsa", start=tower, count=25, until="saturated")
@@ -463,7 +463,7 @@ def test_a_start_stays_where_it_is():
 
 @pytest.mark.parametrize("method", ["digital", "control_point"])
 def test_other_methods_go_on_from_it(method):
-    """Also from balls that touch: they part upward as far as the method needs."""
+    """Also from spheres that touch: they part upward as far as the method needs."""
     tall, options = vg.Box((3, 3, 10), "xy"), {"digital": {"voxel_size": 0.1}, "control_point": {"spacing": 0.25}}
     loose = vg.pack(
         vg.make_shape("sphere"),
@@ -539,7 +539,7 @@ def test_what_cannot_be_asked_is_refused():
             vg.pack(sphere, box, method="rsa", scheme=scheme, tries=2**31, count=2)
 
 
-def test_a_grain_whose_bounding_ball_is_wider_than_a_period_stays_out():
+def test_a_grain_whose_bounding_sphere_is_wider_than_a_period_stays_out():
     rod = vg.make_shape("box", lengths=(3, 0.5, 0.5))
     with pytest.warns(PackingWarning, match="0 of 3 grains"):
         packing = vg.pack(rod, vg.Box((3.02, 9, 9), "x"), method="rsa", count=3)

@@ -32,7 +32,7 @@ def begun(start, method, **parameters):
 
 
 def gaps_of(packing):
-    """Gaps of balls that are near each other."""
+    """Gaps of spheres that are near each other."""
     radius = packing.bounding_radii
     pairs = cKDTree(packing.position).query_pairs(2.1 * radius.max(), output_type="ndarray")
     apart = np.linalg.norm(packing.position[pairs[:, 0]] - packing.position[pairs[:, 1]], axis=1)
@@ -62,13 +62,13 @@ def test_touching_grains_go_on_by_control_points_where_they_are(shapes, containe
     assert np.linalg.norm(bed.position - front.position, axis=1).max() > 1e-3
 
 
-def test_balls_of_a_start_are_compared_exactly():
+def test_spheres_of_a_start_are_compared_exactly():
     """They come nearer than points let them: free to the last digits, and refused beyond."""
     front = front_of(SPHERE, vg.Box((4, 4, 8)), mode="loose")
     bed = vg.pack([], front.container, method="control_point", start=front, sweeps=100, spacing=0.3)
     gap = gaps_of(bed)
     assert gap.min() > -1e-11
-    # what bulges between points that are 0.3 apart is 0.09, and by so much balls without a start stay open
+    # what bulges between points that are 0.3 apart is 0.09, and by so much spheres without a start stay open
     assert (gap < 0.02).sum() > front.count
     assert (bed.position != front.position).any(axis=1).mean() > 0.5
     more = vg.pack(SPHERE, front.container, method="control_point", start=front, count=3, sweeps=20, spacing=0.3)
@@ -119,7 +119,7 @@ def test_dense_spheres_go_on_as_fine_voxels_and_coarse_ones_are_refused():
 
 
 def test_spreading_opens_all_gaps_by_the_least_motion():
-    """A row of balls between two walls: the gaps can only be equal."""
+    """A row of spheres between two walls: the gaps can only be equal."""
     box = vg.Box((3.4, 1.2, 1.2))
     row = vg.Packing.of([SPHERE], box, position=[(k + 0.5, 0.6, 0.6) for k in range(3)])
     after = spread(row, 0.1, UP)

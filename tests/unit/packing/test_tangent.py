@@ -1,4 +1,4 @@
-"""Places where a ball touches three: against the distances themselves, in more digits than the kernels have."""
+"""Places where a sphere touches three: against the distances themselves, in more digits than the kernels have."""
 
 import math
 from fractions import Fraction
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from voxgran.packing.advancing_front.level_grid import BITS, HERE
-from voxgran.packing.advancing_front.tangent_spheres import PLANE, SIDE, place_at, touch_balls, touch_disks
+from voxgran.packing.advancing_front.tangent_spheres import PLANE, SIDE, place_at, touch_disks, touch_spheres
 
 LENGTHS = np.array([20.0, 20.0, 30.0])
 
@@ -21,7 +21,7 @@ def gap(p, q, apart):
 
 
 def touching_three(generator, ratio):
-    """Three balls in reach of each other, and the radius of a fourth, in random places and sizes."""
+    """Three spheres in reach of each other, and the radius of a fourth, in random places and sizes."""
     radii = ratio ** -generator.random(4)
     centers = generator.random((3, 3)) * 10 + 5
     for k in (1, 2):
@@ -32,14 +32,14 @@ def touching_three(generator, ratio):
 
 
 @pytest.mark.parametrize("ratio", [1.0, 3.0, 1000.0])
-def test_a_ball_touches_three_to_the_last_digits(ratio):
+def test_a_sphere_touches_three_to_the_last_digits(ratio):
     generator, found = np.random.Generator(np.random.Philox(1)), 0
     for _ in range(400):
         centers, radii, r = touching_three(generator, ratio)
-        balls = np.column_stack([centers, radii])
+        spheres = np.column_stack([centers, radii])
         a, b, c = ((k << BITS) + HERE for k in range(3))
         for refs in ((a, b, c), (a, c, b)):
-            touches, *place = place_at(balls, LENGTHS, *refs, r)
+            touches, *place = place_at(spheres, LENGTHS, *refs, r)
             if not touches:
                 continue
             found += 1
@@ -50,21 +50,21 @@ def test_a_ball_touches_three_to_the_last_digits(ratio):
     assert found > 100
 
 
-def test_balls_in_one_plane_and_far_apart_and_in_a_line():
+def test_spheres_in_one_plane_and_far_apart_and_in_a_line():
     """Four centers almost in a plane: the place is ill-conditioned, its distances are not."""
     far = 2 / math.sqrt(3)
     for off in (0.0, 1e-15, 1e-12, 1e-8, 1e-4):
         d = far * (1 + off)
         corners = np.array([[math.cos(t), math.sin(t), 0.0] for t in (0.1, 2.2, 4.3)]) * far
         u, v = corners[1] - corners[0], corners[2] - corners[0]
-        touches, *place = touch_balls(*u, *v, d, d, d, 1e-14)
+        touches, *place = touch_spheres(*u, *v, d, d, d, 1e-14)
         if off >= 1e-12:
             assert touches
         if touches:
             assert [abs(gap(place, q, d)) < 2e-14 for q in (np.zeros(3), u, v)] == [True] * 3
-    assert not touch_balls(*u, *v, 0.9, 0.9, 0.9, 1e-14)[0]
-    assert not touch_balls(1.0, 0.0, 0.0, 2.0, 1e-9, 0.0, 1.5, 1.5, 1.5, 1e-14)[0]
-    assert not touch_balls(0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 1.5, 1.5, 1.5, 1e-14)[0]
+    assert not touch_spheres(*u, *v, 0.9, 0.9, 0.9, 1e-14)[0]
+    assert not touch_spheres(1.0, 0.0, 0.0, 2.0, 1e-9, 0.0, 1.5, 1.5, 1.5, 1e-14)[0]
+    assert not touch_spheres(0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 1.5, 1.5, 1.5, 1e-14)[0]
 
 
 def test_disks_left_and_right():
@@ -86,18 +86,18 @@ WALLS = {
 
 
 @pytest.mark.parametrize("wall", WALLS)
-def test_two_balls_and_a_wall(wall):
+def test_two_spheres_and_a_wall(wall):
     generator, found = np.random.Generator(np.random.Philox(2)), 0
     for _ in range(300):
         radii, r = 0.3 + generator.random(2), 0.3 + generator.random()
         one = generator.random(3) * LENGTHS
         way = generator.normal(size=3)
         two = one + way / np.linalg.norm(way) * (radii.sum() + generator.random() * r)
-        balls = np.column_stack([np.array([one, two]), radii])
+        spheres = np.column_stack([np.array([one, two]), radii])
         a, b = HERE, (1 << BITS) + HERE
         places = []
         for refs in ((a, b, wall), (b, a, wall)):
-            touches, *place = place_at(balls, LENGTHS, *refs, r)
+            touches, *place = place_at(spheres, LENGTHS, *refs, r)
             if touches:
                 places.append(place)
                 assert gap(place, one, radii[0] + r) == pytest.approx(0, abs=2e-14)
@@ -111,14 +111,14 @@ def test_two_balls_and_a_wall(wall):
 
 
 @pytest.mark.parametrize("walls", [(-1, -4), (-2, -5), (-6, -3), (-5, SIDE), (-6, SIDE)])
-def test_a_ball_and_two_walls(walls):
+def test_a_sphere_and_two_walls(walls):
     generator, found = np.random.Generator(np.random.Philox(3)), 0
     for _ in range(3000):
         radius, r = 0.3 + generator.random(), 0.3 + generator.random()
         center = generator.random(3) * LENGTHS
-        balls, places = np.array([[*center, radius]]), []
+        spheres, places = np.array([[*center, radius]]), []
         for refs in (walls, walls[::-1]):
-            touches, *place = place_at(balls, LENGTHS, HERE, *refs, r)
+            touches, *place = place_at(spheres, LENGTHS, HERE, *refs, r)
             if touches:
                 places.append(place)
                 assert gap(place, center, radius + r) == pytest.approx(0, abs=2e-14)
@@ -130,8 +130,8 @@ def test_a_ball_and_two_walls(walls):
 
 
 def test_disks_stay_in_their_plane():
-    balls = np.array([[5.0, 5.0, 0.0, 1.0], [7.0, 5.5, 0.0, 1.2]])
-    _, x, y, z = place_at(balls, LENGTHS, HERE, (1 << BITS) + HERE, PLANE, 0.7)
+    spheres = np.array([[5.0, 5.0, 0.0, 1.0], [7.0, 5.5, 0.0, 1.2]])
+    _, x, y, z = place_at(spheres, LENGTHS, HERE, (1 << BITS) + HERE, PLANE, 0.7)
     assert z == 0.0
     assert math.hypot(x - 5, y - 5) == pytest.approx(1.7, abs=1e-14)
     assert math.hypot(x - 7, y - 5.5) == pytest.approx(1.9, abs=1e-14)
@@ -141,10 +141,10 @@ def test_disks_stay_in_their_plane():
         assert math.hypot(x - 1.5, y - 5) == pytest.approx(1.7, abs=1e-14)
 
 
-def test_an_image_is_a_ball_elsewhere():
-    balls = np.array([[19.5, 5.0, 5.0, 1.0], [0.5, 6.0, 5.0, 1.0], [0.2, 5.0, 6.5, 1.0]])
-    moved = balls + np.array([20.0, 0.0, 0.0, 0.0])
+def test_an_image_is_a_sphere_elsewhere():
+    spheres = np.array([[19.5, 5.0, 5.0, 1.0], [0.5, 6.0, 5.0, 1.0], [0.2, 5.0, 6.5, 1.0]])
+    moved = spheres + np.array([20.0, 0.0, 0.0, 0.0])
     refs = HERE, (1 << BITS) + HERE + 1, (2 << BITS) + HERE + 1
-    plain = np.array([balls[0], moved[1], moved[2]])
+    plain = np.array([spheres[0], moved[1], moved[2]])
     here = [(k << BITS) + HERE for k in range(3)]
-    assert place_at(balls, LENGTHS, *refs, 0.9) == place_at(plain, LENGTHS, *here, 0.9)
+    assert place_at(spheres, LENGTHS, *refs, 0.9) == place_at(plain, LENGTHS, *here, 0.9)

@@ -35,13 +35,13 @@ def test_each_tree_holds_its_points_once(count):
 
 
 @pytest.mark.parametrize("count", SIZES)
-def test_children_share_the_points_of_their_node_and_balls_hold_them(count):
+def test_children_share_the_points_of_their_node_and_spheres_hold_them(count):
     trees = make_trees([cloud(4), cloud(count)])
     for level in range(trees.depth[1] + 1):
         for k in range(2**level):
             part = node_points(trees, 1, level, k)
-            ball = trees.balls[trees.first[1] + 2**level - 1 + k]
-            assert np.linalg.norm(part - ball[:3], axis=1).max() <= ball[3]
+            sphere = trees.spheres[trees.first[1] + 2**level - 1 + k]
+            assert np.linalg.norm(part - sphere[:3], axis=1).max() <= sphere[3]
             if level < trees.depth[1]:
                 halves = [node_points(trees, 1, level + 1, 2 * k + side) for side in range(2)]
                 assert np.array_equal(np.concatenate(halves), part)
@@ -87,7 +87,7 @@ def test_near_pairs_are_those_of_scipy(first, second):
             count, complete, rows = near_rows(trees, turn, shift, scale, low=0.0, high=high)
             expected = {
                 (i, first + j)
-                for i, near in enumerate(twin.query_ball_point(placed, high))
+                for i, near in enumerate(twin.query_sphere_point(placed, high))
                 for j in near
                 if np.linalg.norm(placed[i] - other[j]) < high
             }

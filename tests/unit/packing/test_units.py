@@ -140,11 +140,11 @@ def test_a_packing_in_another_unit_is_the_same_packing():
     assert in_drum.container.volume == pytest.approx(1e9)
 
 
-def test_inscribed_shapes_take_the_unit_of_the_balls():
-    balls = thrown(BALL, vg.Box((60, 60, 60)), unit="mm", sizes=vg.sizes.fixed(10))
-    plain = vg.inscribe(balls, cube(1.0))
+def test_inscribed_shapes_take_the_unit_of_the_spheres():
+    spheres = thrown(BALL, vg.Box((60, 60, 60)), unit="mm", sizes=vg.sizes.fixed(10))
+    plain = vg.inscribe(spheres, cube(1.0))
     for shape in (cube(1.0, "mm"), cube(0.3, "m")):
-        grains = vg.inscribe(balls, shape)
+        grains = vg.inscribe(spheres, shape)
         assert grains.unit == "mm"
         np.testing.assert_allclose(grains.diameters, plain.diameters)
         assert vg.verify(grains).ok

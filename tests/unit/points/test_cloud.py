@@ -50,12 +50,12 @@ def test_eros_comes_back_from_noisy_points(eros):
 
 def test_a_sphere_converges():
     """Clean points: flat faces lose volume by the square of the spacing; the smooth surface errs far less."""
-    ball, lost, off, residual = 36 * np.pi, [], [], []
+    sphere, lost, off, residual = 36 * np.pi, [], [], []
     for count in (1500, 6000, 24_000):
         cloud = Cloud.of(3.0 * sphere_points(count))
-        lost.append(1 - vg.shape_of_cloud(cloud, method="alpha").shape.volume / ball)
+        lost.append(1 - vg.shape_of_cloud(cloud, method="alpha").shape.volume / sphere)
         smooth = vg.shape_of_cloud(cloud)
-        off.append(abs(smooth.shape.volume / ball - 1))
+        off.append(abs(smooth.shape.volume / sphere - 1))
         residual.append(smooth.mean_residual)
     assert np.log2(np.array(lost[:-1]) / lost[1:]) == pytest.approx([2.0, 2.0], abs=0.1)
     assert max(off) < 1e-3
@@ -108,7 +108,7 @@ def test_bad_input_is_refused(points, options, words):
         vg.shape_of_cloud(Cloud.of(points), **options)
 
 
-def test_nothing_comes_of_balls_too_small():
+def test_nothing_comes_of_spheres_too_small():
     with pytest.raises((DirtyMeshError, InputError), match=r"alpha|sparse|certain|holes"):
         vg.shape_of_cloud(Cloud.of(sphere_points(500)), method="alpha", alpha=1e-6)
 
@@ -186,7 +186,7 @@ def test_scans_of_nothing_alike_are_refused():
 
 @pytest.mark.parametrize("height", [0.0, 0.7])
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_balls_that_get_inside_are_refused_with_the_place(seed, height):
+def test_spheres_that_get_inside_are_refused_with_the_place(seed, height):
     points = sphere_points(4000, seed)
     with pytest.raises(InputError, match=r"too sparse to close: .*around \(.*, .*, (0\.\d+|-?\d\S*)\)"):
         vg.shape_of_cloud(Cloud.of(points[points[:, 2] < height]), method="alpha")

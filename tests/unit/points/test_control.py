@@ -40,8 +40,8 @@ def test_a_cone_has_its_rim_and_its_tip():
 
 
 def test_smooth_bodies_and_concave_edges_have_none():
-    ball = vg.make_shape("sphere")
-    assert len(edge_points(ball.vertices, ball.faces, 0.1)) == 0
+    sphere = vg.make_shape("sphere")
+    assert len(edge_points(sphere.vertices, sphere.faces, 0.1)) == 0
     # an L: of its 18 edges one is concave
     corners = np.array([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)], dtype=float)
     bottom, top = (np.column_stack([corners, np.full(6, z)]) for z in (0.0, 1.0))

@@ -11,7 +11,7 @@ from voxgran.points.covering import covering_radius
 from voxgran.points.sample import SurfacePoints, sample_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
-from voxgran.shapes.tessellate import ball, unit_box
+from voxgran.shapes.tessellate import sphere, unit_box
 
 
 @pytest.fixture(scope="module")
@@ -134,7 +134,7 @@ def test_covering_radius_of_the_corners_of_a_cube():
 
 
 def test_covering_radius_of_the_poles_of_a_sphere():
-    vertices, faces, error = ball(4)
+    vertices, faces, error = sphere(4)
     radius = covering_radius(np.array([[0, 0, 1.0], [0, 0, -1.0]]), vertices, faces, accuracy=1e-4)
     assert radius == pytest.approx(np.sqrt(2), abs=2 * error)
 

@@ -15,7 +15,7 @@ from voxgran.shapes.sizes import uniform
 from voxgran.shapes.tessellate import unit_box
 
 SHAPES = (
-    Shape.of(Primitive("sphere", (0.5,)), name="ball"),
+    Shape.of(Primitive("sphere", (0.5,)), name="sphere"),
     Shape.from_mesh(unit_box()[0] * [0.7, 0.8, 1.2], unit_box()[1], name="<block> & co"),
 )
 

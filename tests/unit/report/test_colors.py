@@ -19,7 +19,7 @@ WINDOW = (240, 240)
 
 @pytest.fixture
 def row():
-    """Three balls that touch in a row, and one alone, across a periodic face."""
+    """Three spheres that touch in a row, and one alone, across a periodic face."""
     position = [(0.5, 2, 2), (1.5, 2, 2), (2.5, 2, 2), (5.0, 2, 2)]
     return vg.Packing.of([vg.make_shape("sphere")], vg.Box((6, 4, 4), "x"), position=position, unit="mm")
 

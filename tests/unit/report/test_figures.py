@@ -55,13 +55,13 @@ def test_the_law_of_the_wall():
 
 
 def test_the_law_is_shown_only_where_it_applies():
-    ball, rock = vg.make_shape("sphere"), vg.make_shape("cone")
+    sphere, rock = vg.make_shape("sphere"), vg.make_shape("cone")
     inside = [(0, 0, 1), (1, 0, 1), (0, 1.2, 1)]
     drum = vg.Cylinder(3, 4)
-    assert law_applies(vg.Packing.of([ball], drum, position=inside))
+    assert law_applies(vg.Packing.of([sphere], drum, position=inside))
     assert not law_applies(vg.Packing.of([rock], drum, position=inside))
-    assert not law_applies(vg.Packing.of([ball], drum, position=inside, scale=[1, 1.1, 0.9]))
-    assert not law_applies(vg.Packing.of([ball], vg.Box((3, 3, 3)), position=[(1, 1, 1), (2, 2, 2)]))
+    assert not law_applies(vg.Packing.of([sphere], drum, position=inside, scale=[1, 1.1, 0.9]))
+    assert not law_applies(vg.Packing.of([sphere], vg.Box((3, 3, 3)), position=[(1, 1, 1), (2, 2, 2)]))
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

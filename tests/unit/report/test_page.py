@@ -68,10 +68,10 @@ def test_a_whole_page(packing, statistics, tmp_path, monkeypatch):
         verification=verify(packing),
         comparisons=comparisons,
         pictures_folder=tmp_path / "pictures",
-        title="Blocks & <balls>",
+        title="Blocks & <spheres>",
     )
     text = " ".join(page.texts)
-    for part in ("Blocks & <balls>", "48", f"{packing.solid_fraction:.4f}", "0.4321", f"{packing.porosity:.4f}"):
+    for part in ("Blocks & <spheres>", "48", f"{packing.solid_fraction:.4f}", "0.4321", f"{packing.porosity:.4f}"):
         assert part in text
     for part in (
         "The 1 most frequent of 2 shapes",
@@ -135,7 +135,7 @@ def test_names_cannot_break_out_of_the_page(packing, tmp_path):
 
 
 def test_the_verdict_is_told(packing, tmp_path):
-    # two balls that overlap by half a diameter, and one that is half outside
+    # two spheres that overlap by half a diameter, and one that is half outside
     spoilt = Packing.of(packing.shapes[:1], packing.container, position=[[1, 1, 1], [1.5, 1, 1], [4, 3, 3]])
     page = page_of(spoilt, tmp_path / "p.html", pictures=False, verification=verify(spoilt))
     text = " ".join(page.texts)
@@ -229,5 +229,5 @@ def test_each_distance_of_sizes_says_what_it_compares(packing, tmp_path):
 
 def test_shapes_are_listed_with_their_shares(packing):
     rows = facts.shape_rows(packing)
-    assert [row[:3] for row in rows] == [("ball", "sphere", "24"), ("<block> & co", "mesh", "24")]
+    assert [row[:3] for row in rows] == [("sphere", "sphere", "24"), ("<block> & co", "mesh", "24")]
     assert sum(float(row[3].rstrip(" %")) for row in rows) == pytest.approx(100, abs=0.11)

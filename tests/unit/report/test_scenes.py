@@ -14,7 +14,7 @@ from voxgran.report.scenes import picture_cut, picture_faces, picture_grain, pic
 from voxgran.report.stage import BACKGROUND, look_at, shot, stage_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.tessellate import ball
+from voxgran.shapes.tessellate import sphere
 
 WINDOW = (320, 240)
 
@@ -54,14 +54,14 @@ def test_every_visible_grain_is_labelled_and_sizes_match_their_projection(packin
     assert ids.shape == (240, 320)
     assert set(np.unique(ids)) <= set(range(packing.count + 1))
     assert len(np.unique(ids)) > 30
-    balls = packing.shape_id[np.unique(ids)[1:] - 1] == 0
-    assert 10 < balls.sum() < len(balls) - 10
+    spheres = packing.shape_id[np.unique(ids)[1:] - 1] == 0
+    assert 10 < spheres.sum() < len(spheres) - 10
     share = np.isin(ids - 1, np.flatnonzero(packing.shape_id == 0)).sum() / (ids > 0).sum()
     assert 0.25 < share < 0.6
 
 
-def test_one_ball_covers_the_area_of_its_disk():
-    shape = Shape.of(scenes.Primitive("sphere", (1.0,)), name="ball")
+def test_one_sphere_covers_the_area_of_its_disk():
+    shape = Shape.of(scenes.Primitive("sphere", (1.0,)), name="sphere")
     packing = Packing.of([shape], Box((2, 2, 2)), position=[[1, 1, 1]])
     labels = render_ids(packing, window=(300, 300))
     assert labels.max() == 1
@@ -78,9 +78,11 @@ def test_the_cut_takes_the_near_quarter_away(packing):
     assert np.isin(whole - 1, corner).mean() > 0.1  # it was in front
 
 
-def test_many_balls_are_shaded_points_in_the_same_places(packing, monkeypatch):
-    balls = np.flatnonzero(packing.shape_id == 0)
-    only = Packing.of(packing.shapes, packing.container, position=packing.position[balls], scale=packing.scale[balls])
+def test_many_spheres_are_shaded_points_in_the_same_places(packing, monkeypatch):
+    spheres = np.flatnonzero(packing.shape_id == 0)
+    only = Packing.of(
+        packing.shapes, packing.container, position=packing.position[spheres], scale=packing.scale[spheres]
+    )
     meshes = picture_packing(only, window=WINDOW)
     monkeypatch.setattr(scenes, "BALL_LIMIT", 5)
     points = picture_packing(only, window=WINDOW)
@@ -89,7 +91,7 @@ def test_many_balls_are_shaded_points_in_the_same_places(packing, monkeypatch):
 
 
 def test_grains_of_many_triangles_are_drawn_coarser(packing, monkeypatch):
-    vertices, faces, _ = ball(4)
+    vertices, faces, _ = sphere(4)
     fine = Shape.from_mesh(vertices * [0.5, 0.4, 0.3], faces)
     many = Packing.of([fine], packing.container, position=packing.position)
     monkeypatch.setattr(scenes, "TRIANGLE_BUDGET", 48 * 300)
@@ -103,7 +105,7 @@ def test_grains_of_many_triangles_are_drawn_coarser(packing, monkeypatch):
 
 @pytest.mark.parametrize("kind", ["cylinder", "mesh"])
 def test_every_container_has_an_outline(kind):
-    vertices, faces, _ = ball(2)
+    vertices, faces, _ = sphere(2)
     solid = Shape.of(Mesh(vertices * [1.0, 1.0, 2.0] + [3, 3, 3], faces), name="drum")
     container = Cylinder(1.0, 3.0) if kind == "cylinder" else ClosedMesh(solid)
     picture = picture_packing(Packing.of([], container, position=[]), window=WINDOW)

@@ -33,8 +33,8 @@ FLAT = 'kind = "rectangle"\nlengths = [5, 5]'
 DIGITAL = 'method = "digital"\ncount = 6\nvoxel_size = 0.1\nsweeps = 5'
 POINTS = 'method = "control_point"\ncount = 3\nspacing = 0.3\nsweeps = 5'
 CASES = {
-    "balls": (BALL, BOX, DIGITAL, "none"),
-    "balls as points": (BALL, BOX, POINTS, "none"),
+    "spheres": (BALL, BOX, DIGITAL, "none"),
+    "spheres as points": (BALL, BOX, POINTS, "none"),
     "disks with statistics": (DISK, FLAT, DIGITAL, "statistics"),
     "disks with surfaces": (DISK, FLAT, DIGITAL, "vtk"),
     "unions": (UNION, BOX, DIGITAL, "none"),

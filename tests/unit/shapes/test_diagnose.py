@@ -9,10 +9,10 @@ from voxgran._base.seeds import stream
 from voxgran.shapes.crossing import DEPTH, _is_crossing, count_crossings
 from voxgran.shapes.diagnose import Diagnosis, diagnose, merged, refuse_dirty
 from voxgran.shapes.family import make_shape
-from voxgran.shapes.tessellate import ball, revolved, unit_box
+from voxgran.shapes.tessellate import revolved, sphere, unit_box
 
 BOX = unit_box()[:2]
-BALL = ball(2)[:2]
+BALL = sphere(2)[:2]
 
 
 def joined(*meshes):
@@ -43,15 +43,15 @@ def torus(major=1.0, minor=0.3, n=40, m=24):
 
 GOOD = {
     "box": BOX,
-    "ball": BALL,
-    "fine ball": ball(4)[:2],
+    "sphere": BALL,
+    "fine sphere": sphere(4)[:2],
     "torus": torus(),
     "thin torus": torus(minor=1e-4),
     "cylinder": revolved([(-0.5, 0.5), (0.5, 0.5)])[:2],
     "cone with a fan at its tip": revolved([(-0.5, 0.5), (0.5, 0.0)], sides=300)[:2],
     "plate": moved(BOX, times=np.array([1.0, 1.0, 1e-6])),
     "needle": moved(BALL, times=np.array([1.0, 1e-5, 1e-5])),
-    "hollow ball": joined(BALL, moved(BALL, times=0.5, flip=True)),
+    "hollow sphere": joined(BALL, moved(BALL, times=0.5, flip=True)),
     "thin shell": joined(BALL, moved(BALL, times=1 - 1e-6, flip=True)),
     "four holes": joined(
         BOX, *(moved(BALL, times=0.1, by=(0.2 * x, 0.2 * y, 0), flip=True) for x in (-1, 1) for y in (-1, 1))
@@ -84,7 +84,7 @@ def test_random_grains_are_good():
 
 
 def test_cavities_are_counted():
-    assert diagnose(*GOOD["hollow ball"]).cavities == 1
+    assert diagnose(*GOOD["hollow sphere"]).cavities == 1
     assert diagnose(*GOOD["four holes"]).cavities == 4
 
 
@@ -148,7 +148,7 @@ def test_shells_that_cut_each_other_are_found(name):
 
 @pytest.mark.parametrize("depth", [0.3, 1e-3, 1e-6])
 def test_a_vertex_pushed_through_the_other_side_is_found(depth):
-    vertices, faces = ball(3)[:2]
+    vertices, faces = sphere(3)[:2]
     vertices = vertices.copy()
     k = int(vertices[:, 2].argmax())
     opposite = faces[vertices[faces].mean(axis=1)[:, 2].argmin()]
@@ -179,7 +179,7 @@ def separated(one, two):
 
 
 def pierces(one, two):
-    """Tell whether an edge of one triangle goes through the other."""
+    """Return whether an edge of one triangle goes through the other."""
     for a, b in ((one, two), (two, one)):
         for k in range(3):
             p, d = a[k], a[(k + 1) % 3] - a[k]

@@ -85,7 +85,7 @@ def test_convex_polyhedra_are_convex():
 
 
 @pytest.mark.parametrize("kind", ["box", "cylinder", "cone", "ellipsoid", "sphere"])
-def test_base_solids_hold_a_ball_around_the_origin(kind):
+def test_base_solids_hold_a_sphere_around_the_origin(kind):
     generator = stream(7, kind)
     parameters = SolidUnion(kinds=(kind,), lengths=(0.36, 1.0))
     for _ in range(20):

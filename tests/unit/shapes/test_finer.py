@@ -42,8 +42,8 @@ def test_any_edges_may_be_cut():
 @pytest.mark.parametrize("kind", ["sphere", "ellipsoid", "box", "cylinder", "cone", "clump"])
 def test_new_vertices_lie_on_the_true_surface(kind):
     if kind == "clump":
-        balls = Spheres(np.array([[-0.3, 0, 0], [0.3, 0, 0]]), np.array([0.4, 0.4]))
-        shape = vg.Shape.of(balls, name="clump")
+        spheres = Spheres(np.array([[-0.3, 0, 0], [0.3, 0, 0]]), np.array([0.4, 0.4]))
+        shape = vg.Shape.of(spheres, name="clump")
     else:
         shape = vg.make_shape(kind).rotated([0.5, 0.5, -0.5, 0.5])
     ends, _ = edges_of(shape.faces)

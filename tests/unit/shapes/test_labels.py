@@ -19,7 +19,7 @@ from voxgran.shapes.diagnose import diagnose
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
 
 
-def ball_image(radius, *, n=None, middle=None, label=1):
+def sphere_image(radius, *, n=None, middle=None, label=1):
     n = n or int(2 * radius) + 6
     middle = np.full(3, n / 2) if middle is None else np.array(middle)
     grid = np.moveaxis(np.indices((n, n, n)), 0, -1) + 0.5
@@ -27,8 +27,8 @@ def ball_image(radius, *, n=None, middle=None, label=1):
 
 
 @pytest.mark.parametrize("radius", [1.0, 2.5, 6.3, 12.0])
-def test_a_ball_keeps_its_volume_and_place(radius):
-    image = ball_image(radius, middle=(9.2, 10.1, 11.4) if radius < 7 else None, n=22 if radius < 7 else 30)
+def test_a_sphere_keeps_its_volume_and_place(radius):
+    image = sphere_image(radius, middle=(9.2, 10.1, 11.4) if radius < 7 else None, n=22 if radius < 7 else 30)
     (shape,) = vg.load_labels(image, voxel_size=0.5)
     assert shape.volume == pytest.approx((image > 0).sum() / 8, rel=1e-9)
     packing = vg.packing_of_labels(image, voxel_size=0.5)
@@ -41,7 +41,7 @@ def test_the_surface_comes_nearer_with_finer_voxels():
     errors = []
     for radius in (5, 10, 20):
         (shape,) = vg.load_labels(
-            ball_image(radius + 0.25, middle=np.full(3, radius + 3.37), n=2 * radius + 7), voxel_size=1 / radius
+            sphere_image(radius + 0.25, middle=np.full(3, radius + 3.37), n=2 * radius + 7), voxel_size=1 / radius
         )
         middle = shape.vertices.mean(axis=0)
         errors.append(np.sqrt(((np.linalg.norm(shape.vertices - middle, axis=1) - (1 + 0.25 / radius)) ** 2).mean()))
@@ -55,7 +55,7 @@ def test_the_smallest_grains_and_cavities_survive():
     (shape,) = vg.load_labels(one, voxel_size=2.0)
     assert shape.volume == pytest.approx(8.0)
     assert shape.name == "label 7"
-    shell = ball_image(12.0) - ball_image(7.0, n=30)
+    shell = sphere_image(12.0) - sphere_image(7.0, n=30)
     (hollow,) = vg.load_labels(shell, voxel_size=1.0)
     assert diagnose(hollow).cavities == 1
     assert hollow.volume == pytest.approx(shell.sum(), rel=1e-9)

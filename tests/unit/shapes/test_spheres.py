@@ -13,7 +13,7 @@ from voxgran.shapes.spheres import Spheres, _mark_inside, _measure_way_out
 DUMBBELL = Spheres(np.array([[0.0, 0.0, 0.0], [1.5, 0.0, 0.0]]), np.array([1.0, 1.0]))
 
 
-def test_two_balls_are_two_balls_less_their_lens():
+def test_two_spheres_are_two_spheres_less_their_lens():
     lens = math.pi * (2 * 1.0 - 1.5) ** 2 * (1.5**2 + 4 * 1.5) / (12 * 1.5)
     assert DUMBBELL.volume == pytest.approx(8 / 3 * math.pi - lens, rel=1e-14)
     assert DUMBBELL.surface_area == pytest.approx(8 * math.pi - 2 * 2 * math.pi * 0.25, rel=1e-14)
@@ -21,7 +21,7 @@ def test_two_balls_are_two_balls_less_their_lens():
     assert DUMBBELL.bounding_radius == 2.5
 
 
-def test_apart_balls_are_sums():
+def test_apart_spheres_are_sums():
     generator = stream(0, "apart")
     centers = np.array([[x, y, 0.0] for x in range(3) for y in range(3)]) * 3 + generator.random((9, 3))
     radii = 0.2 + 0.5 * generator.random(9)
@@ -43,7 +43,7 @@ def test_digits_are_kept_far_from_the_origin():
     assert far.inertia == pytest.approx(DUMBBELL.inertia, rel=1e-8, abs=1e-8)
 
 
-def test_points_are_inside_any_ball():
+def test_points_are_inside_any_sphere():
     points = stream(1, "points").random((500, 3)) * 4 - 1
     expected = (np.linalg.norm(points[:, None] - DUMBBELL.centers, axis=2) <= 1).any(axis=1)
     assert (DUMBBELL.contains(points) == expected).all()
@@ -53,7 +53,7 @@ def test_points_are_inside_any_ball():
     assert DUMBBELL.contains(np.array([[-1.0, 0, 0], [2.5, 0, 0]])).all()
 
 
-def test_way_out_is_the_depth_within_one_ball_and_no_less_than_it_in_a_crease():
+def test_way_out_is_the_depth_within_one_sphere_and_no_less_than_it_in_a_crease():
     points = stream(2, "points").random((200, 3)) * [2, 1, 1] - [0.5, 0.5, 0.5]
     paths = np.zeros(200)
     _measure_way_out(points, DUMBBELL.centers, DUMBBELL.radii, paths)
@@ -66,7 +66,7 @@ def test_way_out_is_the_depth_within_one_ball_and_no_less_than_it_in_a_crease():
 
 @pytest.mark.parametrize("count", [1, 2, 12])
 def test_tessellation_is_one_closed_surface_within_its_error(count):
-    generator = stream(count, "balls")
+    generator = stream(count, "spheres")
     union = Spheres(generator.random((count, 3)), 0.5 + 0.3 * generator.random(count))
     vertices, faces, error = union.tessellation()
     found = diagnose(vertices, faces)
@@ -77,7 +77,7 @@ def test_tessellation_is_one_closed_surface_within_its_error(count):
     assert np.abs(outside.min(axis=1)).max() <= error
 
 
-def test_balls_that_touch_are_tessellated_apart():
+def test_spheres_that_touch_are_tessellated_apart():
     union = Spheres(np.array([[0.0, 0, 0], [2, 0, 0]]), np.array([1.0, 1.0]))
     assert diagnose(*union.tessellation()[:2]).bodies == 2
 
@@ -102,12 +102,12 @@ def test_arrays_are_frozen_and_copied():
 @pytest.mark.parametrize(
     ("centers", "radii", "message"),
     [
-        (np.zeros((0, 3)), np.zeros(0), "no ball"),
+        (np.zeros((0, 3)), np.zeros(0), "no sphere"),
         (np.zeros((2, 3)), np.ones(1), "shape"),
-        (np.zeros((2, 3)), np.array([1.0, -2.0]), "radius of ball 1 is -2.0"),
+        (np.zeros((2, 3)), np.array([1.0, -2.0]), "radius of sphere 1 is -2.0"),
         (np.zeros((1, 3)), np.array([math.nan]), "finite"),
     ],
 )
-def test_bad_balls_are_refused(centers, radii, message):
+def test_bad_spheres_are_refused(centers, radii, message):
     with pytest.raises(InputError, match=message):
         Spheres(centers, radii)

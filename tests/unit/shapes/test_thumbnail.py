@@ -25,7 +25,7 @@ def test_points_lie_on_the_triangles_and_cover_them():
 
 
 @pytest.mark.parametrize("name", ["sphere", "disk"])
-def test_a_ball_covers_a_round_patch(name):
+def test_a_sphere_covers_a_round_patch(name):
     image = shape_picture(vg.make_shape(name))
     assert image.shape == (160, 160, 4)
     share = image[..., 3].mean() / 255
@@ -37,7 +37,7 @@ def test_light_comes_from_above():
     assert image[30:50, 70:90, :3].mean() > 1.2 * image[115:135, 70:90, :3].mean()
 
 
-def test_many_grains_are_balls_of_their_size():
+def test_many_grains_are_spheres_of_their_size():
     position = np.random.Generator(np.random.Philox(1)).uniform(0, 40, (3000, 3))
     shape = vg.make_shape("cone")
     few = vg.Packing.of([shape], vg.Box((40, 40, 40)), position=position[:50])

@@ -110,21 +110,21 @@ def test_rotations_of_the_lattice_turn_the_voxels(scan, cover):
     assert np.allclose(quaternions_of(lattice_rotations()[:1]), [[1, 0, 0, 0]])
 
 
-def test_balls_in_closed_form():
-    ball = Shape.of(Spheres(np.array([[0.0, 0, 0], [1.4, 0.3, 0]]), np.array([1.0, 0.7])), name="two")
+def test_spheres_in_closed_form():
+    sphere = Shape.of(Spheres(np.array([[0.0, 0, 0], [1.4, 0.3, 0]]), np.array([1.0, 0.7])), name="two")
     grid = cube_grid(16, 0.171)
     centers = grid.coordinates(np.argwhere(np.ones(grid.shape)))
-    assert np.array_equal(occupy(ball, grid).ravel(), ball.geometry.contains(centers))
+    assert np.array_equal(occupy(sphere, grid).ravel(), sphere.geometry.contains(centers))
     # the nearest point of each cube
     touch = np.zeros(len(centers), dtype=bool)
-    for middle, radius in zip(ball.geometry.centers, ball.geometry.radii, strict=True):
+    for middle, radius in zip(sphere.geometry.centers, sphere.geometry.radii, strict=True):
         nearest = np.clip(middle, centers - 0.171 / 2, centers + 0.171 / 2)
         touch |= np.linalg.norm(nearest - middle, axis=1) <= radius
-    assert np.array_equal(occupy(ball, grid, cover="touch").ravel(), touch)
+    assert np.array_equal(occupy(sphere, grid, cover="touch").ravel(), touch)
 
 
 @pytest.mark.parametrize("cover", ["center", "touch"])
-def test_one_ball_is_a_sphere(cover):
+def test_one_sphere_is_a_sphere(cover):
     sphere = vg.make_shape("sphere")
     one = Shape.of(Spheres(np.zeros((1, 3)), np.array([0.5])), name="one")
     grid = cube_grid(10, 0.0613)

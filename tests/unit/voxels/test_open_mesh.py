@@ -17,54 +17,54 @@ GRID = Grid((-1.25,) * 3, 2.5 / 32, (32, 32, 32))
 
 
 @pytest.fixture(scope="module")
-def ball():
+def sphere():
     shape = vg.make_shape("sphere")
     return shape.vertices * 2, shape.faces
 
 
 @pytest.fixture(scope="module")
-def truth(ball):
+def truth(sphere):
     centers = GRID.coordinates(np.argwhere(np.ones(GRID.shape)))
-    return (winding_numbers(ball[0][ball[1]], centers) > 0.5).reshape(GRID.shape)
+    return (winding_numbers(sphere[0][sphere[1]], centers) > 0.5).reshape(GRID.shape)
 
 
-def test_clean_meshes_are_as_ever(ball, truth):
-    voxels = voxelize_mesh(*ball, grid=GRID)
+def test_clean_meshes_are_as_ever(sphere, truth):
+    voxels = voxelize_mesh(*sphere, grid=GRID)
     assert np.array_equal(voxels.mask, truth)
     assert (voxels.open_columns, voxels.doubtful_voxels) == (0, 0)
     # inside out is turned
-    assert np.array_equal(voxelize_mesh(ball[0], ball[1][:, ::-1], grid=GRID).mask, truth)
+    assert np.array_equal(voxelize_mesh(sphere[0], sphere[1][:, ::-1], grid=GRID).mask, truth)
 
 
-def test_unions_of_overlapping_parts(ball):
+def test_unions_of_overlapping_parts(sphere):
     generator = stream(1, "places")
     places = generator.uniform(-0.5, 0.5, (6, 3))
-    vertices = np.concatenate([ball[0] * 0.5 + place for place in places])
-    faces = np.concatenate([ball[1] + k * len(ball[0]) for k in range(6)])
+    vertices = np.concatenate([sphere[0] * 0.5 + place for place in places])
+    faces = np.concatenate([sphere[1] + k * len(sphere[0]) for k in range(6)])
     voxels = voxelize_mesh(vertices, faces, grid=GRID)
-    parts = [voxelize_mesh(ball[0] * 0.5 + place, ball[1], grid=GRID).mask for place in places]
+    parts = [voxelize_mesh(sphere[0] * 0.5 + place, sphere[1], grid=GRID).mask for place in places]
     assert np.array_equal(voxels.mask, np.any(parts, axis=0))
     assert np.sum(parts, axis=0).max() > 2
     assert voxels.open_columns == 0
 
 
 @pytest.mark.parametrize("share", [0.002, 0.01, 0.05])
-def test_small_holes_are_settled_and_reported(ball, truth, share):
-    keep = stream(2, "holes").random(len(ball[1])) > share
+def test_small_holes_are_settled_and_reported(sphere, truth, share):
+    keep = stream(2, "holes").random(len(sphere[1])) > share
     with pytest.warns(DirtyMeshWarning, match="voxels in doubt"):
-        voxels = voxelize_mesh(ball[0], ball[1][keep], grid=GRID)
+        voxels = voxelize_mesh(sphere[0], sphere[1][keep], grid=GRID)
     assert voxels.open_columns > 0
     assert voxels.doubtful_voxels > 0
     wrong = np.count_nonzero(voxels.mask != truth)
     assert wrong <= 0.001 * truth.sum()
     # where in doubt it is the generalized winding number, summed over all faces
     centers = GRID.coordinates(np.argwhere(np.ones(GRID.shape)))
-    generalized = (winding_numbers(ball[0][ball[1][keep]], centers) > 0.5).reshape(GRID.shape)
+    generalized = (winding_numbers(sphere[0][sphere[1][keep]], centers) > 0.5).reshape(GRID.shape)
     assert np.count_nonzero(voxels.mask != generalized) <= 4
 
 
-def test_the_fan_gives_the_generalized_winding_number(ball):
-    vertices, faces = ball[0] * 10 + 16, ball[1][stream(3, "holes").random(len(ball[1])) > 0.1]
+def test_the_fan_gives_the_generalized_winding_number(sphere):
+    vertices, faces = sphere[0] * 10 + 16, sphere[1][stream(3, "holes").random(len(sphere[1])) > 0.1]
     corners, fan = _fan(vertices, open_edges(faces))
     assert len(open_edges(np.concatenate([faces, fan]))) == 0
     points = stream(4, "points").uniform(4, 28, (50, 3))
@@ -74,32 +74,32 @@ def test_the_fan_gives_the_generalized_winding_number(ball):
     assert np.allclose(open_part, winding_numbers(vertices[faces], points), atol=1e-9)
 
 
-def test_a_flipped_face_and_a_soup(ball, truth):
-    faces = ball[1].copy()
+def test_a_flipped_face_and_a_soup(sphere, truth):
+    faces = sphere[1].copy()
     faces[100] = faces[100, ::-1]
     with pytest.warns(DirtyMeshWarning, match="wound against"):
-        assert np.array_equal(voxelize_mesh(ball[0], faces, grid=GRID).mask, truth)
+        assert np.array_equal(voxelize_mesh(sphere[0], faces, grid=GRID).mask, truth)
     # every third face turned over, in two bodies
-    wild = np.where((np.arange(len(ball[1])) % 3 == 0)[:, None], ball[1][:, ::-1], ball[1])
-    both = np.concatenate([ball[0] * 0.4 - 0.5, ball[0] * 0.4 + 0.5])
+    wild = np.where((np.arange(len(sphere[1])) % 3 == 0)[:, None], sphere[1][:, ::-1], sphere[1])
+    both = np.concatenate([sphere[0] * 0.4 - 0.5, sphere[0] * 0.4 + 0.5])
     with pytest.warns(DirtyMeshWarning, match="wound against"):
-        found = voxelize_mesh(both, np.concatenate([wild, wild + len(ball[0])]), grid=GRID).mask
-    parts = [voxelize_mesh(ball[0] * 0.4 + shift, ball[1], grid=GRID).mask for shift in (-0.5, 0.5)]
+        found = voxelize_mesh(both, np.concatenate([wild, wild + len(sphere[0])]), grid=GRID).mask
+    parts = [voxelize_mesh(sphere[0] * 0.4 + shift, sphere[1], grid=GRID).mask for shift in (-0.5, 0.5)]
     assert np.array_equal(found, parts[0] | parts[1])
     # corners of its own for each triangle: merged, and nothing is open
-    soup = ball[0][ball[1]].reshape(-1, 3)
+    soup = sphere[0][sphere[1]].reshape(-1, 3)
     assert np.array_equal(voxelize_mesh(soup, np.arange(len(soup)).reshape(-1, 3), grid=GRID).mask, truth)
 
 
-def test_a_hole_in_a_shape_is_never_silent(ball):
+def test_a_hole_in_a_shape_is_never_silent(sphere):
     # a shape that got past the checks: the columns notice
-    broken = Shape(Mesh(ball[0].copy(), ball[1][30:].copy()), "broken")
+    broken = Shape(Mesh(sphere[0].copy(), sphere[1][30:].copy()), "broken")
     with pytest.raises(DirtyMeshError, match="open"):
         voxelize(broken, grid=GRID)
 
 
-def test_bad_input_is_refused(ball):
-    vertices, faces = ball
+def test_bad_input_is_refused(sphere):
+    vertices, faces = sphere
     with pytest.raises(InputError, match="exactly one"):
         voxelize_mesh(vertices, faces)
     with pytest.raises(InputError, match="exactly one"):

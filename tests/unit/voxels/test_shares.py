@@ -52,7 +52,7 @@ def halfspace_share(equations, low):
 
 
 def chebyshev(equations):
-    """Return the middle of the largest ball in half-spaces, or None where it is tiny."""
+    """Return the middle of the largest sphere in half-spaces, or None where it is tiny."""
     from scipy.optimize import linprog
 
     norm = np.linalg.norm(equations[:, :3], axis=1)
@@ -114,22 +114,22 @@ def test_shares_of_regular_solids_against_midpoints(kind, turn):
         )
 
 
-def test_a_half_ball_and_an_eighth_in_closed_form():
-    ball = Shape.of(Primitive("sphere", (0.4,)), name="ball")
-    volume = ball.volume
-    whole = voxelize(ball, grid=Grid((-0.5,) * 3, 1.0, (1, 1, 1)), fraction=True)
-    half = voxelize(ball, grid=Grid((-0.5, -0.5, 0.0), 1.0, (1, 1, 1)), fraction=True)
-    eighth = voxelize(ball, voxel_size=1.0, fraction=True)
+def test_a_half_sphere_and_an_eighth_in_closed_form():
+    sphere = Shape.of(Primitive("sphere", (0.4,)), name="sphere")
+    volume = sphere.volume
+    whole = voxelize(sphere, grid=Grid((-0.5,) * 3, 1.0, (1, 1, 1)), fraction=True)
+    half = voxelize(sphere, grid=Grid((-0.5, -0.5, 0.0), 1.0, (1, 1, 1)), fraction=True)
+    eighth = voxelize(sphere, voxel_size=1.0, fraction=True)
     assert whole.volume == pytest.approx(volume, rel=1e-13)
     assert half.volume == pytest.approx(volume / 2, rel=1e-13)
     assert np.allclose(eighth.fraction[eighth.fraction > 0], volume / 8, rtol=1e-13)
     # the cap of height h: pi h^2 (3 r - h) / 3
-    cap = voxelize(ball, grid=Grid((-0.5, -0.5, 0.3), 1.0, (1, 1, 1)), fraction=True)
+    cap = voxelize(sphere, grid=Grid((-0.5, -0.5, 0.3), 1.0, (1, 1, 1)), fraction=True)
     assert cap.volume == pytest.approx(np.pi * 0.1**2 * (3 * 0.4 - 0.1) / 3, rel=1e-12)
 
 
-def test_unions_of_balls_state_their_error():
-    generator = stream(3, "balls")
+def test_unions_of_spheres_state_their_error():
+    generator = stream(3, "spheres")
     centers, radii = generator.uniform(-0.6, 0.6, (6, 3)), generator.uniform(0.2, 0.6, 6)
     shape = Shape.of(Spheres(centers, radii), name="clump")
     for resolution in (3.3, 12.7):

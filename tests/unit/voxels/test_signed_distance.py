@@ -61,18 +61,18 @@ def test_a_box_in_closed_form():
 
 
 @pytest.mark.parametrize("cells", [6, 11, 22])
-def test_distances_from_shares_of_a_ball(cells):
-    ball = vg.make_shape("sphere")
+def test_distances_from_shares_of_a_sphere(cells):
+    sphere = vg.make_shape("sphere")
     size = 0.5 / cells
     grid = Grid(tuple(-(cells + 6.3) * size for _ in range(3)), size, (2 * cells + 13,) * 3)
-    field = vg.signed_distance(ball, grid=grid, source="fraction")
+    field = vg.signed_distance(sphere, grid=grid, source="fraction")
     exact = np.linalg.norm(centers_of(field), axis=1) - 0.5
     near = np.abs(exact) < 2 * size
     error = (field.values.ravel() - exact)[near] / size
     assert np.sqrt(np.mean(error**2)) < 0.012
     assert field.error == 0.02 * size
     # the binary mask alone is wrong by a quarter of a voxel
-    mask = vg.voxelize(ball, grid=grid).mask
+    mask = vg.voxelize(sphere, grid=grid).mask
     binary = np.where(mask, 0.5 - vg.distance_transform(mask), vg.distance_transform(~mask) - 0.5).ravel()
     assert np.sqrt(np.mean((binary[near] - exact[near] / size) ** 2)) > 0.2
 
@@ -89,7 +89,7 @@ def test_both_sources_agree_on_a_scan(data_dir):
 
 
 def test_nothing_cut_and_bad_input():
-    ball = vg.make_shape("sphere")
+    sphere = vg.make_shape("sphere")
     assert (distance_from_shares(np.zeros((3, 3, 3)), band=2.0) == 2.0).all()
     assert (distance_from_shares(np.ones((3, 3, 3)), band=2.0) == -2.0).all()
     grid = Grid((0.0, 0.0, 0.0), 0.1, (3, 3, 3))
@@ -102,7 +102,7 @@ def test_nothing_cut_and_bad_input():
         ({"grid": grid, "out": np.zeros((3, 3, 3), dtype=int)}, "out"),
     ):
         with pytest.raises(InputError, match=text):
-            vg.signed_distance(ball, **arguments)
+            vg.signed_distance(sphere, **arguments)
     with pytest.raises(InputError, match="flat"):
         vg.signed_distance(vg.make_shape("disk"), voxel_size=0.1)
     with pytest.raises(InputError, match="shares"):

@@ -285,10 +285,10 @@ def measure_beds(count: int = BED) -> list[tuple[str, float, float]]:
     list of tuple
         What was done, processor seconds, and bulk solid fraction.
     """
-    rows, box, ball = [], Box((7, 7, 5 + count / 35)), make_shape("sphere")
+    rows, box, sphere = [], Box((7, 7, 5 + count / 35)), make_shape("sphere")
     for name, parameters in BEDS.items():
         began = time.process_time()
-        packing = pack(ball, box, method="control_point", count=count, seed=1, **parameters)
+        packing = pack(sphere, box, method="control_point", count=count, seed=1, **parameters)
         rows.append((name, time.process_time() - began, float(bulk_solid_fraction(packing))))
     return rows
 

@@ -193,13 +193,13 @@ def measure_beds(
     list of tuple
         Voxels per diameter, sweeps, stage, seconds, and bulk solid fraction of the true spheres.
     """
-    rows, box, ball = [], Box((7, 7, 17)), make_shape("sphere")
+    rows, box, sphere = [], Box((7, 7, 17)), make_shape("sphere")
     for cells in beds:
         for many in sweeps:
             for stage, settling in (("walk", 0), ("walk and settling", 200)):
                 began = time.perf_counter()
                 packing = pack(
-                    ball, box, method="digital", count=420, seed=1, voxel_size=1 / cells, sweeps=many, cycles=6,
+                    sphere, box, method="digital", count=420, seed=1, voxel_size=1 / cells, sweeps=many, cycles=6,
                     orientations=1, settling=settling,
                 )  # fmt: skip
                 seconds = time.perf_counter() - began

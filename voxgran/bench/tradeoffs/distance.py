@@ -1,8 +1,8 @@
 """Distances: seconds of the exact transform beside SciPy's, and error of signed distances against voxels per radius.
 
 Squared distances are whole numbers; those that differ from SciPy's are counted. Signed distances are compared
-within two voxels of the surface of a ball: those from the triangles with the exact distance from them in double
-precision, those from shares of voxels and from a binary mask with the distance from the true ball.
+within two voxels of the surface of a sphere: those from the triangles with the exact distance from them in double
+precision, those from shares of voxels and from a binary mask with the distance from the true sphere.
 """
 
 from collections.abc import Callable
@@ -19,26 +19,26 @@ from voxgran.bench.model import TradeOff, calibration, least_seconds
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.family import make_shape
-from voxgran.voxels.closed_form import balls_bits
+from voxgran.voxels.closed_form import spheres_bits
 from voxgran.voxels.occupy import voxelize
 from voxgran.voxels.signed_distance import signed_distance
 
 EDGES = (64, 128, 256)
-#: voxels per radius of the ball whose signed distances are looked at
+#: voxels per radius of the sphere whose signed distances are looked at
 RADII = (6, 11, 22, 45)
 #: share of the images that grains take
 SOLID = 0.6
 
 
 def bench_images(n: int) -> dict[str, Booleans]:
-    """Return images of grains, of the pores between them, and of one ball, n voxels along each edge."""
+    """Return images of grains, of the pores between them, and of one sphere, n voxels along each edge."""
     generator, grid = stream(0, "bench grains", n), Grid((0.0, 0.0, 0.0), 1.0, (n, n, n))
     radius = n / 26
     count = int(-np.log(1 - SOLID) / (4 / 3 * np.pi * 1.05 * radius**3 / n**3))
     centers, radii = generator.uniform(0, n, (count, 3)), radius * generator.uniform(0.7, 1.3, count)
-    grains = balls_bits(centers, radii, grid, cover="center").unpacked()
-    ball = balls_bits(np.full((1, 3), n / 2), np.array([0.45 * n]), grid, cover="center").unpacked()
-    return {"grains": grains, "pores": ~grains, "ball": ball}
+    grains = spheres_bits(centers, radii, grid, cover="center").unpacked()
+    sphere = spheres_bits(np.full((1, 3), n / 2), np.array([0.45 * n]), grid, cover="center").unpacked()
+    return {"grains": grains, "pores": ~grains, "sphere": sphere}
 
 
 def measure_transforms(edges: tuple[int, ...] = EDGES) -> list[tuple[str, int, float, float, float, int]]:
@@ -66,7 +66,7 @@ def measure_transforms(edges: tuple[int, ...] = EDGES) -> list[tuple[str, int, f
 
 
 def measure_signed(radii: tuple[int, ...] = RADII) -> list[tuple[str, int, float, float]]:
-    """Compare signed distances with those of a true ball.
+    """Compare signed distances with those of a true sphere.
 
     Parameters
     ----------
@@ -78,8 +78,8 @@ def measure_signed(radii: tuple[int, ...] = RADII) -> list[tuple[str, int, float
     list of tuple
         Source, voxels per radius, seconds, and root mean square error in voxels within two voxels of the surface.
     """
-    ball, rows = make_shape("sphere"), []
-    tree = grow_tree(ball.vertices, ball.faces)
+    sphere, rows = make_shape("sphere"), []
+    tree = grow_tree(sphere.vertices, sphere.faces)
     for cells in radii:
         size = 0.5 / cells
         low = -(cells + 6.3) * size
@@ -88,9 +88,9 @@ def measure_signed(radii: tuple[int, ...] = RADII) -> list[tuple[str, int, float
         true = ((np.linalg.norm(place, axis=1) - 0.5) / size).reshape(grid.shape)
         near = np.abs(true) < 2
         sources: dict[str, Callable[[], Floats]] = {
-            "mesh": lambda: signed_distance(ball, grid=grid).values / size,  # noqa: B023
-            "fraction": lambda: signed_distance(ball, grid=grid, source="fraction").values / size,  # noqa: B023
-            "binary mask": lambda: _from_mask(voxelize(ball, grid=grid).mask),  # noqa: B023
+            "mesh": lambda: signed_distance(sphere, grid=grid).values / size,  # noqa: B023
+            "fraction": lambda: signed_distance(sphere, grid=grid, source="fraction").values / size,  # noqa: B023
+            "binary mask": lambda: _from_mask(voxelize(sphere, grid=grid).mask),  # noqa: B023
         }
         facets = tree.signed_distance(place[near.ravel()]) / size
         for name, work in sources.items():
@@ -133,7 +133,7 @@ def _draw(
     """Draw seconds against voxels on the left, and error against seconds of signed distances on the right."""
     figure = load("matplotlib.figure").Figure(figsize=(9.6, 4.0), layout="constrained")
     left, right = figure.subplots(1, 2)
-    for color, name in zip(("C0", "C1", "C2"), ("grains", "pores", "ball"), strict=True):
+    for color, name in zip(("C0", "C1", "C2"), ("grains", "pores", "sphere"), strict=True):
         part = [row for row in transforms if row[0] == name]
         voxels = [row[1] ** 3 for row in part]
         left.loglog(voxels, [row[4] for row in part], color + ":", marker="s", label=f"SciPy, {name}")
@@ -146,7 +146,7 @@ def _draw(
         right.loglog([row[2] for row in line], [row[3] for row in line], marker="o", label=name)
     right.set_xlabel("seconds")
     right.set_ylabel("rms error in voxels")
-    right.set_title("signed distance of a ball, 6 to 45 voxels per radius")
+    right.set_title("signed distance of a sphere, 6 to 45 voxels per radius")
     for panel in (left, right):
         panel.grid(visible=True, alpha=0.3)
         panel.legend(frameon=False, fontsize=8)

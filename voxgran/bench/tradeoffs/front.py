@@ -1,8 +1,8 @@
-"""Advancing front: seconds, density and how well balls touch, from thousands to millions, beside a plain program.
+"""Advancing front: seconds, density and how well spheres touch, from thousands to millions, beside a plain program.
 
-The plain program advances the same front, a ball a face, with arrays of NumPy and near balls found by SciPy's trees:
-what a user would write in an afternoon. The paper gives 86 seconds for 50,000 particles on a PC of 2.8 GHz; machines,
-years and compilers differ. Seconds are those of the processor, of one thread.
+The plain program advances the same front, a sphere a face, with arrays of NumPy and near spheres found by SciPy's
+trees: what a user would write in an afternoon. The paper gives 86 seconds for 50,000 particles on a PC of 2.8 GHz;
+machines, years and compilers differ. Seconds are those of the processor, of one thread.
 """
 
 import heapq
@@ -33,7 +33,7 @@ Row: TypeAlias = tuple[str, int, float, float, float, float, float]
 REPEATS, POINTS = 3, 100_000
 COUNTS = {"large": (50_000, 500_000, 5_000_000), "loose": (50_000,), "dense": (50_000, 500_000), "disks": (1_000_000,)}
 PLAIN = 2000
-#: of the plain program: balls between two trees
+#: of the plain program: spheres between two trees
 GROVE = 200
 
 
@@ -69,7 +69,7 @@ def seconds_of(
 
 
 def inner_fraction(packing: Packing) -> float:
-    """Return the share of random points in a ball of half the size of the packing that lie in a grain."""
+    """Return the share of random points in a sphere of half the size of the packing that lie in a grain."""
     places, radii = packing.position, np.append(packing.bounding_radii, 0.0)
     low, high = places.min(axis=0), places.max(axis=0)
     generator, d = stream(1, "bench points"), packing.dimension
@@ -88,7 +88,7 @@ def inner_fraction(packing: Packing) -> float:
 def residual(packing: Packing) -> float:
     """Return how far the worst contact is from touching, in radii of the smaller grain.
 
-    A contact is a pair whose gap is less than 1e-11 of the smaller one: at others balls happen to be near each other.
+    A contact is a pair whose gap is less than 1e-11 of the smaller one: at others spheres happen to be near each other.
     """
     radii = packing.bounding_radii
     tree = load("scipy.spatial").cKDTree(packing.position)
@@ -99,13 +99,13 @@ def residual(packing: Packing) -> float:
 
 
 def plain_front(count: int) -> tuple[float, Floats]:
-    """Advance the front of equal balls of unit diameter with NumPy and SciPy; return the seconds of the processor and
+    """Advance the front of equal spheres of unit diameter with NumPy and SciPy; return the seconds of the processor and
     the centers.
 
     Parameters
     ----------
     count : int
-        How many balls.
+        How many spheres.
     """
     began, tree_of = time.process_time(), load("scipy.spatial").cKDTree
     places = np.zeros((count, 3))
@@ -173,8 +173,8 @@ def measure(counts: dict[str, tuple[int, ...]] | None = None, *, plain: int = PL
             each = seconds / packing.count * 50_000
             rows.append((name, packing.count, seconds, each, inner_fraction(packing), worst, whole))
     seconds, places = plain_front(plain)
-    ball, edge = make_shape("sphere"), float(np.ptp(places, axis=0).max() + 2)
-    shown = Packing.of([ball], Box((edge,) * 3), position=places - places.min(axis=0) + 1)
+    sphere, edge = make_shape("sphere"), float(np.ptp(places, axis=0).max() + 2)
+    shown = Packing.of([sphere], Box((edge,) * 3), position=places - places.min(axis=0) + 1)
     rows.append(
         (
             "NumPy and SciPy, loose",

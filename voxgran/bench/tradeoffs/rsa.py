@@ -1,6 +1,6 @@
 """Random sequential addition: seconds against what is missing to saturation, and seconds of a proof against grains.
 
-Equal balls in periodic boxes. Candidates: by the classic scheme with more and more tries, beside a plain program with
+Equal spheres in periodic boxes. Candidates: by the classic scheme with more and more tries, beside a plain program with
 NumPy and the trees of SciPy that tries as often; what both miss is the difference to the published solid fraction at
 saturation. To saturation: disks, spheres, aligned squares and cubes, with the proof.
 """
@@ -57,7 +57,7 @@ def room_for(name: str, count: int) -> Box | Rectangle:
 def measure_tries(
     names: tuple[str, ...] = ("disk", "sphere"), tries: tuple[int, ...] = TRIES, count: int = GRAINS
 ) -> list[Row]:
-    """Add balls by tries, with voxgran and with the plain program.
+    """Add spheres by tries, with voxgran and with the plain program.
 
     Parameters
     ----------

@@ -39,9 +39,9 @@ SLOW_PEER = "Open3D occupancy"
 
 def bench_shapes() -> list[Shape]:
     """Return a fine sphere, a box, the same box along the lattice, a random solid and scanned bodies: all as meshes."""
-    ball = make_shape("sphere")
+    sphere = make_shape("sphere")
     box = make_shape("box", aspect=(1, 0.7, 0.5))
-    shapes = [Shape.of(Mesh(body.vertices.copy(), body.faces.copy()), name=body.name) for body in (ball, box)]
+    shapes = [Shape.of(Mesh(body.vertices.copy(), body.faces.copy()), name=body.name) for body in (sphere, box)]
     shapes.append(Shape(shapes[1].geometry, "aligned box"))
     shapes.append(make_shape("solid_union", seed=1))
     for name in ("eros.obj", "itokawa_lp.obj"):
@@ -107,7 +107,8 @@ def _volume(shape: Shape, size: float, name: str) -> float:
 
 
 def measure_peers(sizes: tuple[int, ...] = PEER_SIZES) -> list[tuple[int, str, float, int]]:
-    """Time voxgran and its peers on a ball of 20,480 triangles; processor time of one thread, the least of some calls.
+    """Time voxgran and its peers on a sphere of 20,480 triangles; processor time of one thread, the least of some
+    calls.
 
     Parameters
     ----------
@@ -126,7 +127,7 @@ def measure_peers(sizes: tuple[int, ...] = PEER_SIZES) -> list[tuple[int, str, f
     rows = []
     for n in sizes:
         vertices = points / np.abs(points).max() * 0.45 * n + n / 2
-        shape, grid = Shape(Mesh(vertices, faces), "ball"), Grid((0.0, 0.0, 0.0), 1.0, (n, n, n))
+        shape, grid = Shape(Mesh(vertices, faces), "sphere"), Grid((0.0, 0.0, 0.0), 1.0, (n, n, n))
         mask = voxelize(shape, grid=grid).mask
         packed = least_seconds(lambda: voxelize(shape, grid=grid), repeats=9, processor=True)  # noqa: B023
         rows.append((n, "voxgran, bits", packed, 0))

@@ -1,15 +1,15 @@
 """Inscribed spheres, greedily, from the distance transform of the voxels.
 
-Every voxel of the solid is the middle of a ball that just fits in, and the balls that lie in no other one are kept:
+Every voxel of the solid is the middle of a sphere that just fits in, and the spheres that lie in no other one are kept:
 they stand along the medial surface. Of these each next sphere is the one that covers most of what is not yet covered.
 Coverage has diminishing returns, so the greedy choice covers at least 1 - 1/e of what the best choice of as many
 spheres would (Nemhauser, Wolsey & Fisher 1978, doi:10.1007/BF01588971), and a gain that was computed before is an
-upper bound now, so that few balls are looked at again (Minoux 1978, doi:10.1007/BFb0006528). Radii are distances to
+upper bound now, so that few spheres are looked at again (Minoux 1978, doi:10.1007/BFb0006528). Radii are distances to
 the nearest voxel outside; so the clump lies within the solid up to a voxel, and is smaller than it.
 
 References
 ----------
-Inscribed balls from a distance transform, chosen by radius instead: Angelidakis et al. 2021, CLUMP, SoftwareX 15,
+Inscribed spheres from a distance transform, chosen by radius instead: Angelidakis et al. 2021, CLUMP, SoftwareX 15,
 100735, doi:10.1016/j.softx.2021.100735
 """
 
@@ -24,7 +24,7 @@ from voxgran.clumps.method import ClumpMethod, Wanted
 from voxgran.lattice.distance import inside_distance
 from voxgran.voxels.model import Voxels
 
-#: by how many voxels a ball may stick out of that of a neighbour and still be left out: away from the medial surface,
+#: by how many voxels a sphere may stick out of that of a neighbour and still be left out: away from the medial surface,
 #: where radii grow as fast as places change, the nearest of the 26 directions misses by 0.2
 SLACK = 0.25
 
@@ -73,7 +73,7 @@ registration = ClumpMethod(
 
 @kernel
 def _maximal(room):  # type: ignore[no-untyped-def]
-    """Tell of the voxels inside of a ring of zeros whose ball lies in the ball of no neighbour."""
+    """Tell of the voxels inside of a ring of zeros whose sphere lies in the sphere of no neighbour."""
     nx, ny, nz = room.shape
     keep = np.zeros((nx - 2, ny - 2, nz - 2), dtype=np.bool_)
     for i in range(1, nx - 1):
@@ -91,7 +91,7 @@ def _maximal(room):  # type: ignore[no-untyped-def]
 
 @kernel
 def _visit(place, radius, left, clear):  # type: ignore[no-untyped-def]
-    """Count the voxels of a ball that are left, and take them away where `clear`."""
+    """Count the voxels of a sphere that are left, and take them away where `clear`."""
     count = 0
     square = radius * radius * (1.0 + 1e-12)
     reach = int(radius) + 1
@@ -125,7 +125,7 @@ def _farthest(gap, left, place, radius):  # type: ignore[no-untyped-def]
 
 @kernel
 def _choose(places, radii, left, enough, far, taken):  # type: ignore[no-untyped-def]
-    """Take the ball of largest gain until so many voxels are covered, or none is left farther away than `far`."""
+    """Take the sphere of largest gain until so many voxels are covered, or none is left farther away than `far`."""
     bound = 4.2 * (radii + 1.0) ** 3
     gap = np.full(left.shape, np.inf)
     covered, count = 0, 0

@@ -1,4 +1,4 @@
-"""The room that a container leaves to the balls of an advancing front, in coordinates from its lower corner.
+"""The room that a container leaves to the spheres of an advancing front, in coordinates from its lower corner.
 
 Beyond :mod:`voxgran.containers.kernel_container`: where the container is widest, places that keep off walls, and for
 closed meshes a coarse map of clearances, which answers far from the walls.
@@ -21,7 +21,7 @@ MOST_CELLS = 64
 
 
 class FrontRoom(NamedTuple):
-    """Where the center of a ball may be.
+    """Where the center of a sphere may be.
 
     kind: FLAT, UPRIGHT (a cylinder), ROUND (a sphere) or MESH.  lengths: of the bounds.  periodic, walled: which axes
     are, as 0 or 1.  center: where the room is widest.  radius: of a cylinder or a sphere.  slack: lengths up to here
@@ -48,9 +48,9 @@ def front_room_of(container: Container, smallest: float) -> FrontRoom:
     Parameters
     ----------
     container : Container
-        What holds the balls.
+        What holds the spheres.
     smallest : float
-        Radius of the smallest ball, in the unit of the container.
+        Radius of the smallest sphere, in the unit of the container.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def _clearances(container: ClosedMesh, walls: MeshWalls, lengths: Floats, smalle
 
 @bare_kernel
 def is_inside(room: FrontRoom, x: float, y: float, z: float, r: float) -> bool:
-    """Tell whether a ball reaches through no wall, and not through itself across a periodic axis."""
+    """Return whether a sphere reaches through no wall, and not through itself across a periodic axis."""
     if not _within(room, 0, x, r) or not _within(room, 1, y, r):
         return False
     if room.dimension == 3 and not _within(room, 2, z, r):
@@ -97,7 +97,7 @@ def is_inside(room: FrontRoom, x: float, y: float, z: float, r: float) -> bool:
 
 @bare_kernel
 def pulled_in(room: FrontRoom, x: float, y: float, z: float, r: float) -> tuple[float, float, float]:
-    """Return a place at which a ball keeps off flat walls, the side of a cylinder and the wall of a sphere."""
+    """Return a place at which a sphere keeps off flat walls, the side of a cylinder and the wall of a sphere."""
     x, y = _between_walls(room, 0, x, r), _between_walls(room, 1, y, r)
     z = _between_walls(room, 2, z, r) if room.dimension == 3 else z
     if room.kind in (UPRIGHT, ROUND):
@@ -112,13 +112,13 @@ def pulled_in(room: FrontRoom, x: float, y: float, z: float, r: float) -> tuple[
 
 @bare_kernel
 def _between_walls(room: FrontRoom, axis: int, at: float, r: float) -> float:
-    """Return the nearest coordinate at which a ball keeps off both walls of an axis."""
+    """Return the nearest coordinate at which a sphere keeps off both walls of an axis."""
     return min(max(at, r), room.lengths[axis] - r) if room.walled[axis] == 1 else at
 
 
 @bare_kernel
 def _within(room: FrontRoom, axis: int, at: float, r: float) -> bool:
-    """Tell whether a ball keeps the room along an axis."""
+    """Return whether a sphere keeps the room along an axis."""
     length = room.lengths[axis]
     if room.walled[axis] == 0:
         return 2.0 * r <= length + room.slack
@@ -129,7 +129,7 @@ def _within(room: FrontRoom, axis: int, at: float, r: float) -> bool:
 def _mesh_distance(room: FrontRoom, x: float, y: float, z: float, r: float) -> float:
     """Return the distance of a point from the wall of a mesh, negative inside; a bound where that tells enough.
 
-    A distance changes by no more than the way: far from where a ball touches, the map of clearances tells.
+    A distance changes by no more than the way: far from where a sphere touches, the map of clearances tells.
     """
     cell, last = room.cell, room.clearance.shape
     i = min(max(int(x / cell), 0), last[0] - 1)
@@ -147,7 +147,7 @@ def _mesh_distance(room: FrontRoom, x: float, y: float, z: float, r: float) -> f
 
 @bare_kernel
 def is_near_mesh(room: FrontRoom, x: float, y: float, z: float, reach: float) -> bool:
-    """Tell whether a point may be within reach of the wall of a mesh, by the map of clearances."""
+    """Return whether a point may be within reach of the wall of a mesh, by the map of clearances."""
     cell, last = room.cell, room.clearance.shape
     i = min(max(int(x / cell), 0), last[0] - 1)
     j = min(max(int(y / cell), 0), last[1] - 1)

@@ -1,6 +1,6 @@
-"""A front that advances: balls that touch three others, one after another.
+"""A front that advances: spheres that touch three others, one after another.
 
-The front is a heap, or where its order is random a list, of places: each is three balls or walls and a side of them,
+The front is a heap, or where its order is random a list, of places: each is three spheres or walls and a side of them,
 given by their order. Attempt number a draws blocks (a, 0), (a, 1), ... of the random stream and nothing else, so that
 chunks of attempts do not matter.
 """
@@ -14,35 +14,35 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.advancing_front.container import FrontRoom, is_inside, pulled_in
-from voxgran.packing.advancing_front.level_grid import BITS, HERE, IMAGES, BallCells, is_free, link, unlink
+from voxgran.packing.advancing_front.level_grid import BITS, HERE, IMAGES, SphereCells, is_free, link, unlink
 from voxgran.packing.advancing_front.mesh_pockets import place_in
 from voxgran.packing.advancing_front.tangent_spheres import PLANE, center_of
 
 #: which place of the front is next
 RANDOM, NEAREST, LOWEST = 0, 1, 2
-#: what is counted: places of the front, balls, those of them whose places are in the front, places that no ball took,
-#: beginnings, beginnings in a row without room
+#: what is counted: places of the front, spheres, those of them whose places are in the front, places that no sphere
+#: took, beginnings, beginnings in a row without room
 SIZE, PLACED, RANKED, CLOSED, BEGUN, MISSED = 0, 1, 2, 3, 4, 5
-#: behind them: what is missing for the next step, and the balls of the last beginning, with their images
+#: behind them: what is missing for the next step, and the spheres of the last beginning, with their images
 MISSING, LAST = 6, 7
-#: tries to find room for each further ball of a beginning
+#: tries to find room for each further sphere of a beginning
 TRIES = 16
 
 
 class Bed(NamedTuple):
-    """The balls.
+    """The spheres.
 
-    balls: x, y, z, r of each that is placed; the last row is the wall of a sphere, as a ball of negative radius.
+    spheres: x, y, z, r of each that is placed; the last row is the wall of a sphere, as a sphere of negative radius.
     order: which grain each is, then those that wait.  radius: of the grains.
     """
 
-    balls: Floats
+    spheres: Floats
     order: Integers
     radius: Floats
 
 
 class Front(NamedTuple):
-    """Places: what they are ranked by, and the three that a ball touches there."""
+    """Places: what they are ranked by, and the three that a sphere touches there."""
 
     key: Floats
     touched: Integers
@@ -53,7 +53,7 @@ class Rules(NamedTuple):
 
     dense: whether all pockets belong to the front.  order: RANDOM, NEAREST or LOWEST.  window: waiting grains that are
     tried at a place.  goal: what is near.  patience: beginnings in a row without room after which the container is
-    full.  first: where the first ball comes, empty where a start is there.  pocket: radius of the ball that pockets
+    full.  first: where the first sphere comes, empty where a start is there.  pocket: radius of the sphere that pockets
     are looked for with.
     """
 
@@ -114,28 +114,28 @@ def rank(room: FrontRoom, rules: Rules, x: float, y: float, z: float) -> float:
 
 @bare_kernel
 def _push_face(front, bed, room, rules, tally, a, b, c):  # type: ignore[no-untyped-def]
-    """Add a face of the front, ranked by the middle of its balls."""
+    """Add a face of the front, ranked by the middle of its spheres."""
     if rules.order == RANDOM:
         push(front, tally, 0.0, a, b, c)
         return
-    x, y, z = center_of(bed.balls, room.lengths, a)
-    px, py, pz = center_of(bed.balls, room.lengths, b)
+    x, y, z = center_of(bed.spheres, room.lengths, a)
+    px, py, pz = center_of(bed.spheres, room.lengths, b)
     x, y, z, many = x + px, y + py, z + pz, 2
     if c >= 0:
-        px, py, pz = center_of(bed.balls, room.lengths, c)
+        px, py, pz = center_of(bed.spheres, room.lengths, c)
         x, y, z, many = x + px, y + py, z + pz, 3
     push(front, tally, rank(room, rules, x / many, y / many, z / many), a, b, c)
 
 
 @bare_kernel
-def _write_ball(bed, room, ball, x, y, z, r):  # type: ignore[no-untyped-def]
-    """Write a ball, brought into the periodic box; return by which image the others must be shifted with it."""
-    bed.balls[ball, 0], bed.balls[ball, 1], bed.balls[ball, 2], bed.balls[ball, 3] = x, y, z, r
+def _write_sphere(bed, room, sphere, x, y, z, r):  # type: ignore[no-untyped-def]
+    """Write a sphere, brought into the periodic box; return by which image the others must be shifted with it."""
+    bed.spheres[sphere, 0], bed.spheres[sphere, 1], bed.spheres[sphere, 2], bed.spheres[sphere, 3] = x, y, z, r
     image, weight = 0, 1
     for axis in range(3):
         if room.periodic[axis]:
-            turn = math.floor(bed.balls[ball, axis] / room.lengths[axis])
-            bed.balls[ball, axis] -= turn * room.lengths[axis]
+            turn = math.floor(bed.spheres[sphere, axis] / room.lengths[axis])
+            bed.spheres[sphere, axis] -= turn * room.lengths[axis]
             image += turn * weight
         weight *= 3
     return image
@@ -160,32 +160,32 @@ def _find_grain(bed, cells, room, rules, tally, a, b, c):  # type: ignore[no-unt
         if r == before:
             continue
         before = r
-        found, x, y, z = place_in(bed.balls, room, a, b, c, r)
+        found, x, y, z = place_in(bed.spheres, room, a, b, c, r)
         if not found or not is_inside(room, x, y, z, r):
             continue
-        if is_free(cells, bed.balls, x, y, z, r, room.slack):
+        if is_free(cells, bed.spheres, x, y, z, r, room.slack):
             return slot, x, y, z, r
     return -1, 0.0, 0.0, 0.0, 0.0
 
 
 @bare_kernel
 def _visit(bed, front, cells, room, rules, tally, at):  # type: ignore[no-untyped-def]
-    """Put a ball on a face if one fits: three new faces take its place; else the face is closed."""
+    """Put a sphere on a face if one fits: three new faces take its place; else the face is closed."""
     a, b, c = front.touched[at, 0], front.touched[at, 1], front.touched[at, 2]
     _drop(front, tally, at)
     slot, x, y, z, r = _find_grain(bed, cells, room, rules, tally, a, b, c)
     if slot < 0:
         tally[CLOSED] += 1
         return
-    ball = tally[PLACED]
-    _bring(bed.order, ball, slot)
-    image = _write_ball(bed, room, ball, x, y, z, r)
-    link(cells, bed.balls, ball)
+    sphere = tally[PLACED]
+    _bring(bed.order, sphere, slot)
+    image = _write_sphere(bed, room, sphere, x, y, z, r)
+    link(cells, bed.spheres, sphere)
     tally[PLACED] += 1
     if rules.dense:
         return
     tally[RANKED] += 1
-    new = ball * IMAGES + HERE
+    new = sphere * IMAGES + HERE
     a, b = a - image, b - image
     if c < 0:
         _push_face(front, bed, room, rules, tally, a, new, c)
@@ -199,7 +199,7 @@ def _visit(bed, front, cells, room, rules, tally, at):  # type: ignore[no-untype
 
 @bare_kernel
 def _begin(bed, cells, room, rules, tally, key, attempt):  # type: ignore[no-untyped-def]
-    """Put as many balls as a face has somewhere, each touching the others; return how many were placed.
+    """Put as many spheres as a face has somewhere, each touching the others; return how many were placed.
 
     Fewer are left there where none was placed before, or no more wait; and in dense packing, once many beginnings in a
     row have failed, since in a tube or a slab no three can touch each other.
@@ -227,19 +227,19 @@ def _begin(bed, cells, room, rules, tally, key, attempt):  # type: ignore[no-unt
         found = False
         for k in range(TRIES if many > 0 else 1):
             if many > 0:
-                x, y, z = _beside(bed.balls, room, tally, many, r, key, attempt, many * TRIES + k)
-            found = is_inside(room, x, y, z, r) and is_free(cells, bed.balls, x, y, z, r, room.slack)
+                x, y, z = _beside(bed.spheres, room, tally, many, r, key, attempt, many * TRIES + k)
+            found = is_inside(room, x, y, z, r) and is_free(cells, bed.spheres, x, y, z, r, room.slack)
             if found:
                 break
         if not found:
             break
-        image = _write_ball(bed, room, placed + many, x, y, z, r)
+        image = _write_sphere(bed, room, placed + many, x, y, z, r)
         tally[LAST + many] = (placed + many) * IMAGES + HERE + image
-        link(cells, bed.balls, placed + many)
+        link(cells, bed.spheres, placed + many)
         many += 1
     if many < wanted and placed > 0 and not alone:
         for k in range(many - 1, -1, -1):
-            unlink(cells, bed.balls, placed + k)
+            unlink(cells, bed.spheres, placed + k)
         many = 0
     for k in range(many):
         _bring(bed.order, placed + k, slot)
@@ -251,19 +251,19 @@ def _begin(bed, cells, room, rules, tally, key, attempt):  # type: ignore[no-unt
 
 
 @bare_kernel
-def _beside(balls, room, tally, many, r, key, attempt, draw):  # type: ignore[no-untyped-def]
-    """Return where a ball touches the one or two of a beginning, turned at random."""
+def _beside(spheres, room, tally, many, r, key, attempt, draw):  # type: ignore[no-untyped-def]
+    """Return where a sphere touches the one or two of a beginning, turned at random."""
     words = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(draw))
     up = 2.0 * unit_float(words[0]) - 1.0 if room.dimension == 3 else 0.0
     turn, flat = 2.0 * math.pi * unit_float(words[1]), math.sqrt(1.0 - up * up)
     dx, dy, dz = flat * math.cos(turn), flat * math.sin(turn), up
-    x, y, z = center_of(balls, room.lengths, tally[LAST])
-    a = balls[tally[LAST] >> BITS, 3] + r
+    x, y, z = center_of(spheres, room.lengths, tally[LAST])
+    a = spheres[tally[LAST] >> BITS, 3] + r
     if many == 1:
         return x + a * dx, y + a * dy, z + a * dz
-    ux, uy, uz = center_of(balls, room.lengths, tally[LAST + 1])
+    ux, uy, uz = center_of(spheres, room.lengths, tally[LAST + 1])
     ux, uy, uz = ux - x, uy - y, uz - z
-    c, b = math.sqrt(ux * ux + uy * uy + uz * uz), balls[tally[LAST + 1] >> BITS, 3] + r
+    c, b = math.sqrt(ux * ux + uy * uy + uz * uz), spheres[tally[LAST + 1] >> BITS, 3] + r
     ux, uy, uz = ux / c, uy / c, uz / c
     along = (a * a - b * b + c * c) / (2.0 * c)
     off = math.sqrt(max(a * a - along * along, 0.0))
@@ -285,7 +285,7 @@ def _next_place(front, rules, tally, key, attempt):  # type: ignore[no-untyped-d
 def attempt_once(
     bed: Bed,
     front: Front,
-    cells: BallCells,
+    cells: SphereCells,
     room: FrontRoom,
     rules: Rules,
     tally: Integers,

@@ -1,6 +1,6 @@
-"""Balls in cells by size: is a place free, and what is near it.
+"""Spheres in cells by size: is a place free, and what is near it.
 
-Balls of alike radius (within a factor of two) share a level, and each level has cells of its own width, so that a
+Spheres of alike radius (within a factor of two) share a level, and each level has cells of its own width, so that a
 thousandfold range of sizes costs no more than some levels.
 """
 
@@ -13,24 +13,24 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 
-#: balls by number, in half the bytes
+#: spheres by number, in half the bytes
 Links: TypeAlias = NDArray[np.int32]
-#: a ball and the image in which it is meant, as one number: the ball times 2 ** BITS, plus the image
+#: a sphere and the image in which it is meant, as one number: the sphere times 2 ** BITS, plus the image
 BITS = 5
 IMAGES = 2**BITS
 #: the image without a shift; image i is shifted by i % 3 - 1, i // 3 % 3 - 1 and i // 9 - 1 lengths
 HERE = 13
-#: most cells for each ball
+#: most cells for each sphere
 SPARE = 2
 
 
-class BallCells(NamedTuple):
-    """Linked cells of balls, level by level.
+class SphereCells(NamedTuple):
+    """Linked cells of spheres, level by level.
 
-    span: (3,) lengths of the periodic axes, 0 of others.  largest: radius of the largest ball of each level, falling.
+    span: (3,) lengths of the periodic axes, 0 of others.  largest: radius of the largest sphere of each level, falling.
     width, count: (k, 3) of the cells.  wraps: (k, 3), 1 where the cells come again and again along an axis: as images
-    of a periodic axis, or on others because there would be more cells than balls; far balls then share a cell.
-    first: of each level in `head`.  head: the last ball of each cell; after: the ball before each (-1: none).
+    of a periodic axis, or on others because there would be more cells than spheres; far spheres then share a cell.
+    first: of each level in `head`.  head: the last sphere of each cell; after: the sphere before each (-1: none).
     """
 
     span: Floats
@@ -43,8 +43,8 @@ class BallCells(NamedTuple):
     after: Links
 
 
-def lay_cells(lengths: Floats, periodic: Integers, radii: Floats, dimension: int) -> BallCells:
-    """Return empty cells for balls.
+def lay_cells(lengths: Floats, periodic: Integers, radii: Floats, dimension: int) -> SphereCells:
+    """Return empty cells for spheres.
 
     Parameters
     ----------
@@ -53,13 +53,13 @@ def lay_cells(lengths: Floats, periodic: Integers, radii: Floats, dimension: int
     periodic : (3,) ndarray of int
         Which axes are, as 0 or 1.
     radii : (n,) ndarray of float
-        Of all balls that may come.
+        Of all spheres that may come.
     dimension : int
         2 or 3.
 
     Returns
     -------
-    BallCells
+    SphereCells
     """
     given = radii if len(radii) else np.ones(1)
     level = np.floor(np.log2(given.max() / given)).astype(np.int64)
@@ -76,7 +76,7 @@ def lay_cells(lengths: Floats, periodic: Integers, radii: Floats, dimension: int
     wraps = ((count < full) | (periodic == 1)).astype(np.int64)
     widths = np.ascontiguousarray(span / full, dtype=np.float64)
     head, after = (np.full(many, -1, dtype=np.int32) for many in (int(cells[-1]), len(radii)))
-    return BallCells(span * periodic, largest, widths, count, wraps, cells[:-1], head, after)
+    return SphereCells(span * periodic, largest, widths, count, wraps, cells[:-1], head, after)
 
 
 def _fewer(count: Integers, most: int) -> Integers:
@@ -88,7 +88,7 @@ def _fewer(count: Integers, most: int) -> Integers:
 
 
 @bare_kernel
-def level_of(cells: BallCells, r: float) -> int:
+def level_of(cells: SphereCells, r: float) -> int:
     """Return the level that a radius belongs to."""
     level = 0
     while level + 1 < len(cells.largest) and r <= cells.largest[level + 1]:
@@ -97,43 +97,43 @@ def level_of(cells: BallCells, r: float) -> int:
 
 
 @bare_kernel
-def _cell_of(cells: BallCells, balls: Floats, ball: int) -> int:
-    """Return the cell that a ball lies in."""
-    level = level_of(cells, balls[ball, 3])
+def _cell_of(cells: SphereCells, spheres: Floats, sphere: int) -> int:
+    """Return the cell that a sphere lies in."""
+    level = level_of(cells, spheres[sphere, 3])
     flat = 0
     for axis in range(3):
         count = cells.count[level, axis]
-        at = math.floor(balls[ball, axis] / cells.width[level, axis])
+        at = math.floor(spheres[sphere, axis] / cells.width[level, axis])
         if cells.wraps[level, axis] and cells.span[axis] == 0.0:
             at -= at // count * count
-        # rounding may put a ball on a face beyond the last cell
+        # rounding may put a sphere on a face beyond the last cell
         flat = flat * count + min(max(at, 0), count - 1)
     return cells.first[level] + flat
 
 
 @bare_kernel
-def link(cells: BallCells, balls: Floats, ball: int) -> None:
-    """Enter a ball."""
-    cell = _cell_of(cells, balls, ball)
-    cells.after[ball] = cells.head[cell]
-    cells.head[cell] = ball
+def link(cells: SphereCells, spheres: Floats, sphere: int) -> None:
+    """Enter a sphere."""
+    cell = _cell_of(cells, spheres, sphere)
+    cells.after[sphere] = cells.head[cell]
+    cells.head[cell] = sphere
 
 
 @bare_kernel
-def unlink(cells: BallCells, balls: Floats, ball: int) -> None:
-    """Take out the ball that was entered last."""
-    cells.head[_cell_of(cells, balls, ball)] = cells.after[ball]
+def unlink(cells: SphereCells, spheres: Floats, sphere: int) -> None:
+    """Take out the sphere that was entered last."""
+    cells.head[_cell_of(cells, spheres, sphere)] = cells.after[sphere]
 
 
 @bare_kernel
-def link_all(cells: BallCells, balls: Floats, many: int) -> None:
-    """Enter the first balls, in their order."""
-    for ball in range(many):
-        link(cells, balls, ball)
+def link_all(cells: SphereCells, spheres: Floats, many: int) -> None:
+    """Enter the first spheres, in their order."""
+    for sphere in range(many):
+        link(cells, spheres, sphere)
 
 
 @bare_kernel
-def cell_range(cells: BallCells, level: int, axis: int, at: float, reach: float) -> tuple[int, int]:
+def cell_range(cells: SphereCells, level: int, axis: int, at: float, reach: float) -> tuple[int, int]:
     """Return the first and the last cell within reach along an axis; where cells wrap they may lie beyond the ends."""
     width, count = cells.width[level, axis], cells.count[level, axis]
     low, high = math.floor((at - reach) / width), math.floor((at + reach) / width)
@@ -145,17 +145,17 @@ def cell_range(cells: BallCells, level: int, axis: int, at: float, reach: float)
 
 
 @bare_kernel
-def is_free(cells: BallCells, balls: Floats, x: float, y: float, z: float, r: float, slack: float) -> bool:
-    """Tell whether a ball would overlap none by more than the slack."""
+def is_free(cells: SphereCells, spheres: Floats, x: float, y: float, z: float, r: float, slack: float) -> bool:
+    """Return whether a sphere would overlap none by more than the slack."""
     for level in range(len(cells.largest)):
-        if not _is_free_within(cells, balls, level, x, y, z, r, slack, r + cells.largest[level]):
+        if not _is_free_within(cells, spheres, level, x, y, z, r, slack, r + cells.largest[level]):
             return False
     return True
 
 
 @bare_kernel
-def _is_free_within(cells, balls, level, x, y, z, r, slack, reach):  # type: ignore[no-untyped-def]
-    """Tell whether a ball would overlap none of a level in the cells within reach."""
+def _is_free_within(cells, spheres, level, x, y, z, r, slack, reach):  # type: ignore[no-untyped-def]
+    """Return whether a sphere would overlap none of a level in the cells within reach."""
     i0, i1 = cell_range(cells, level, 0, x, reach)
     j0, j1 = cell_range(cells, level, 1, y, reach)
     k0, k1 = cell_range(cells, level, 2, z, reach)
@@ -171,11 +171,11 @@ def _is_free_within(cells, balls, level, x, y, z, r, slack, reach):  # type: ign
             for k in range(k0, k1 + 1):
                 turn_k = 0 if 0 <= k < nk else k // nk
                 pz = z - turn_k * cells.span[2]
-                ball = cells.head[row + k - turn_k * nk]
-                while ball >= 0:
-                    dx, dy, dz = px - balls[ball, 0], py - balls[ball, 1], pz - balls[ball, 2]
-                    apart = r + balls[ball, 3] - slack
+                sphere = cells.head[row + k - turn_k * nk]
+                while sphere >= 0:
+                    dx, dy, dz = px - spheres[sphere, 0], py - spheres[sphere, 1], pz - spheres[sphere, 2]
+                    apart = r + spheres[sphere, 3] - slack
                     if dx * dx + dy * dy + dz * dz < apart * apart:
                         return False
-                    ball = cells.after[ball]
+                    sphere = cells.after[sphere]
     return True

@@ -1,7 +1,8 @@
-"""Where a ball touches two balls and the wall of a closed mesh.
+"""Where a sphere touches two spheres and the wall of a closed mesh.
 
-The centers at which a ball touches two others are a circle. On it the distance from the wall changes steadily, so that
-between a place beyond the wall and one within there is one where the ball touches it; it is found to the last digits.
+The centers at which a sphere touches two others are a circle. On it the distance from the wall changes steadily, so
+that between a place beyond the wall and one within there is one where the sphere touches it; it is found to the last
+digits.
 """
 
 import math
@@ -20,23 +21,23 @@ LOOKS = 60
 
 
 @bare_kernel
-def place_in(balls: Floats, room: FrontRoom, a: int, b: int, c: int, r: float) -> tuple[bool, float, float, float]:
-    """Return whether a ball of radius r can touch a, b and c, and its center, as `place_at`; c may be a mesh."""
+def place_in(spheres: Floats, room: FrontRoom, a: int, b: int, c: int, r: float) -> tuple[bool, float, float, float]:
+    """Return whether a sphere of radius r can touch a, b and c, and its center, as `place_at`; c may be a mesh."""
     if c == WALL:
-        return _at_mesh(balls, room, a, b, r)
-    return place_at(balls, room.lengths, a, b, c, r)
+        return _at_mesh(spheres, room, a, b, r)
+    return place_at(spheres, room.lengths, a, b, c, r)
 
 
 @bare_kernel
-def _at_mesh(balls, room, a, b, r):  # type: ignore[no-untyped-def]
-    """Return whether a ball can touch two balls and the wall of a mesh, and its center.
+def _at_mesh(spheres, room, a, b, r):  # type: ignore[no-untyped-def]
+    """Return whether a sphere can touch two spheres and the wall of a mesh, and its center.
 
     From where the circle of centers is nearest to the wall it is searched to the left.
     """
     nothing = False, 0.0, 0.0, 0.0
-    ax, ay, az = center_of(balls, room.lengths, a)
-    ux, uy, uz = center_of(balls, room.lengths, b)
-    ux, uy, uz, d1, d2 = ux - ax, uy - ay, uz - az, balls[a >> BITS, 3] + r, balls[b >> BITS, 3] + r
+    ax, ay, az = center_of(spheres, room.lengths, a)
+    ux, uy, uz = center_of(spheres, room.lengths, b)
+    ux, uy, uz, d1, d2 = ux - ax, uy - ay, uz - az, spheres[a >> BITS, 3] + r, spheres[b >> BITS, 3] + r
     uu = ux * ux + uy * uy + uz * uz
     along = 0.5 * ((d1 - d2) * (d1 + d2) + uu) / uu
     height = d1 * d1 - along * along * uu
@@ -64,7 +65,7 @@ def _at_mesh(balls, room, a, b, r):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _turn_to_wall(room, x, y, z, ex, ey, ez, fx, fy, fz, r):  # type: ignore[no-untyped-def]
-    """Return at which angle of a circle, from 0 to half a turn, a ball touches the wall; -1 where it does not."""
+    """Return at which angle of a circle, from 0 to half a turn, a sphere touches the wall; -1 where it does not."""
     low, high = 0.0, math.pi
     beyond = wall_of_mesh(room.mesh, x + ex, y + ey, z + ez)[0] + r
     within = wall_of_mesh(room.mesh, x - ex, y - ey, z - ez)[0] + r

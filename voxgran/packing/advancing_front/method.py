@@ -1,10 +1,10 @@
-"""Advancing front: each ball touches three that are there, on the outer side of the face that they span.
+"""Advancing front: each sphere touches three that are there, on the outer side of the face that they span.
 
-Three balls that touch each other begin; the face between them, seen from both sides, is the first front. A face is
-chosen, a ball is put where it touches the three, and the face makes way for the three new ones. Where no ball fits the
-face is closed. Nothing is moved and nothing is tried at random: seconds for millions of balls, about twice as many for
-sizes that range over a factor of three. In slabs and tubes so narrow that no three balls find room that touch each
-other, walls stand in for balls.
+Three spheres that touch each other begin; the face between them, seen from both sides, is the first front. A face is
+chosen, a sphere is put where it touches the three, and the face makes way for the three new ones. Where no sphere fits
+the face is closed. Nothing is moved and nothing is tried at random: seconds for millions of spheres, about twice as
+many for sizes that range over a factor of three. In slabs and tubes so narrow that no three spheres find room that
+touch each other, walls stand in for spheres.
 
 References
 ----------
@@ -25,12 +25,12 @@ from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
-from voxgran.contacts.parts import is_one_ball
+from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.verify import verify
 from voxgran.containers.sphere import Sphere
 from voxgran.packing.advancing_front.container import FrontRoom, front_room_of
 from voxgran.packing.advancing_front.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Bed, Front, Rules
-from voxgran.packing.advancing_front.level_grid import BITS, BallCells, lay_cells, link_all
+from voxgran.packing.advancing_front.level_grid import BITS, SphereCells, lay_cells, link_all
 from voxgran.packing.advancing_front.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
 from voxgran.packing.down import as_down
 from voxgran.packing.draw import size_distance
@@ -45,14 +45,14 @@ from voxgran.packing.transform.grow import grow
 TALLY = ("front", "placed", "ranked", "closed", "begun", "missed_in_a_row")
 #: beginnings in a row without room after which the container is full
 PATIENCE = 1000
-#: share of the balls that are smaller than the one that pockets are looked for with
+#: share of the spheres that are smaller than the one that pockets are looked for with
 POCKET = 0.5
-#: how far what is near is measured from beside the first ball, in radii of that one: places around it are no ties
+#: how far what is near is measured from beside the first sphere, in radii of that one: places around it are no ties
 ASIDE = (0.013, 0.029, 0.007)
 ORDERS = {"random": RANDOM, "nearest": NEAREST, "lowest": LOWEST}
-#: a ball and its image share 31 bits
+#: a sphere and its image share 31 bits
 MOST = 2 ** (31 - BITS)
-#: places of the front, neighbours and pockets of a ball for which there is room at first
+#: places of the front, neighbours and pockets of a sphere for which there is room at first
 FIRST, FEW = 128, 128
 
 
@@ -68,7 +68,7 @@ class AdvancingFront:
 
     mode: Literal["loose", "dense"] = parameter(
         "loose",
-        doc="where a ball may come: on three that touch each other, or wherever it touches three balls or walls",
+        doc="where a sphere may come: on three that touch each other, or wherever it touches three spheres or walls",
     )
     order: Literal["random", "nearest", "lowest"] = parameter(
         "nearest", doc="which place is next: any, the nearest to where the container is widest, or the lowest"
@@ -106,7 +106,7 @@ def prepare(problem: Problem) -> State:
     n = 0 if problem.start is None else problem.start.count
     order = stream(problem.seed, "order").permutation(np.arange(n, problem.count, dtype=np.int64))
     arrays = {
-        "balls": _balls(problem),
+        "spheres": _spheres(problem),
         "order": np.concatenate([np.arange(n, dtype=np.int64), order]),
         "key": np.zeros(FIRST),
         "touched": np.zeros((FIRST, 3), dtype=np.int32),
@@ -119,12 +119,12 @@ def prepare(problem: Problem) -> State:
     return state
 
 
-def _balls(problem: Problem) -> Floats:
-    """Return room for the balls, and in the last row the wall of a sphere, where the container is one."""
-    balls = np.zeros((problem.count + 1, 4))
+def _spheres(problem: Problem) -> Floats:
+    """Return room for the spheres, and in the last row the wall of a sphere, where the container is one."""
+    spheres = np.zeros((problem.count + 1, 4))
     if isinstance(problem.container, Sphere):
-        balls[-1] = np.array([1.0, 1.0, 1.0, -1.0]) * problem.container.radius
-    return balls
+        spheres[-1] = np.array([1.0, 1.0, 1.0, -1.0]) * problem.container.radius
+    return spheres
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:
@@ -136,13 +136,13 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     tally = np.zeros(LAST + 3, dtype=np.int64)
     tally[:MISSING] = [state.counters[name] for name in TALLY]
     while True:
-        bed = Bed(state.arrays["balls"], state.arrays["order"], setting.radius)
+        bed = Bed(state.arrays["spheres"], state.arrays["order"], setting.radius)
         front, scratch = Front(state.arrays["key"], state.arrays["touched"]), Scratch(*state.derived["scratch"])
         world = (bed, front, setting.cells, setting.room, setting.rules, scratch)
         state.done = int(advance_front(*world, tally, key, state.done, last))
         state.counters.update(zip(TALLY, tally.tolist(), strict=False))
         if _look(problem, state):
-            # cells and radii are as large as the balls, and nobody asks for them any more
+            # cells and radii are as large as the spheres, and nobody asks for them any more
             state.derived.clear()
             return state
         if not tally[MISSING]:
@@ -152,13 +152,13 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 
 
 def finish(problem: Problem, state: State) -> Packing:
-    """Return the packing of the balls, in the order in which they came."""
+    """Return the packing of the spheres, in the order in which they came."""
     placed = state.counters["placed"]
-    grains, balls = state.arrays["order"][:placed], state.arrays["balls"][:placed]
+    grains, spheres = state.arrays["order"][:placed], state.arrays["spheres"][:placed]
     packing = packing_of_poses(
         problem,
         grains,
-        position=balls[:, :3] + problem.container.bounds[0],
+        position=spheres[:, :3] + problem.container.bounds[0],
         orientation=_orientations(problem, grains),
         provenance={},
         stop_reason=state.stop_reason,
@@ -194,17 +194,17 @@ class _Setting:
 
     radius: Floats
     room: FrontRoom
-    cells: BallCells
+    cells: SphereCells
     rules: Rules
 
 
 def _setting(problem: Problem, state: State) -> _Setting:
-    """Return the setting, with all balls in their cells, made again where the state was read from a checkpoint."""
+    """Return the setting, with all spheres in their cells, made again where the state was read from a checkpoint."""
     if "setting" not in state.derived:
         radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
         room = front_room_of(problem.container, float(radius.min(initial=np.inf)))
         cells = lay_cells(room.lengths, room.periodic, radius, problem.dimension)
-        link_all(cells, state.arrays["balls"], state.counters["placed"])
+        link_all(cells, state.arrays["spheres"], state.counters["placed"])
         asked: AdvancingFront = problem.parameters
         pocket = float(np.quantile(radius, POCKET)) if len(radius) else 1.0
         goal = room.center + np.array(ASIDE) * pocket
@@ -218,7 +218,7 @@ def _setting(problem: Problem, state: State) -> _Setting:
 
 
 def _is_dense(problem: Problem, state: State) -> bool:
-    """Return whether a ball may come wherever it touches three; in a narrow container it always may."""
+    """Return whether a sphere may come wherever it touches three; in a narrow container it always may."""
     return problem.parameters.mode == "dense" or state.counters["narrow"] == 1
 
 
@@ -247,18 +247,18 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
     place = start.position - lower
     wraps = np.flatnonzero(problem.container.periodic)
     place[:, wraps] %= (upper - lower)[wraps]
-    balls = state.arrays["balls"]
-    balls[: start.count, :3], balls[: start.count, 3] = place, grains.bounding_radii
+    spheres = state.arrays["spheres"]
+    spheres[: start.count, :3], spheres[: start.count, 3] = place, grains.bounding_radii
     state.counters["placed"] = start.count
 
 
 def _look(problem: Problem, state: State) -> bool:
-    """Stop when all grains are in, or nothing can begin any more; tell whether that is so."""
+    """Stop when all grains are in, or nothing can begin any more; return whether that is so."""
     if state.counters["placed"] == problem.count:
         state.stop_reason = "count"
     elif state.counters["missed_in_a_row"] >= PATIENCE:
         if _is_narrow(problem, state):
-            # all balls are looked at again, and walls with them
+            # all spheres are looked at again, and walls with them
             state.counters.update(narrow=1, missed_in_a_row=0, ranked=0)
             state.total = state.done + _most_attempts(problem, dense=True)
             state.derived.clear()
@@ -268,7 +268,7 @@ def _look(problem: Problem, state: State) -> bool:
 
 
 def _is_narrow(problem: Problem, state: State) -> bool:
-    """Tell whether a loose front never began: in such a slab or tube walls have to stand in for balls."""
+    """Return whether a loose front never began: in such a slab or tube walls have to stand in for spheres."""
     if problem.parameters.mode == "dense" or state.counters["narrow"]:
         return False
     n = 0 if problem.start is None else problem.start.count
@@ -301,9 +301,9 @@ def _most_attempts(problem: Problem, *, dense: bool) -> int:
 
 
 def _orientations(problem: Problem, grains: Integers) -> Floats | None:
-    """Return orientations: those of the start, and random ones of all that are no balls."""
+    """Return orientations: those of the start, and random ones of all that are no spheres."""
     n = 0 if problem.start is None else problem.start.count
-    if all(is_one_ball(shape.geometry) for shape in problem.shapes) and not n:
+    if all(is_one_sphere(shape.geometry) for shape in problem.shapes) and not n:
         return None
     turns = stream(problem.seed, "turns").normal(size=(problem.count, 4))
     if problem.dimension == 2:
@@ -315,7 +315,7 @@ def _orientations(problem: Problem, grains: Integers) -> Floats | None:
 
 registration = PackingMethod(
     name="advancing_front",
-    summary="each ball touches three that are there, on the outer side of the front; other shapes inside their balls",
+    summary="each sphere touches three others, on the outer side of the front; other shapes inside their spheres",
     source="J. Dalian Univ. Technol. 2011, 51(2), 236-243; Feng, Han & Owen 2003, doi:10.1002/nme.583; Bennett 1972, "
     "doi:10.1063/1.1661585",
     parameters=AdvancingFront,

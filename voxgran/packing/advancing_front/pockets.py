@@ -1,6 +1,6 @@
-"""Pockets: all places near a ball where another one would touch three, balls or walls, and overlap none.
+"""Pockets: all places near a sphere where another one would touch three, spheres or walls, and overlap none.
 
-They are looked for with a ball of one radius, whatever the sizes; which grain fits is seen when the place is visited.
+They are looked for with a sphere of one radius, whatever the sizes; which grain fits is seen when the place is visited.
 """
 
 import math
@@ -23,25 +23,25 @@ from voxgran.packing.advancing_front.front import (
     push,
     rank,
 )
-from voxgran.packing.advancing_front.level_grid import BITS, HERE, BallCells, cell_range
+from voxgran.packing.advancing_front.level_grid import BITS, HERE, SphereCells, cell_range
 from voxgran.packing.advancing_front.mesh_pockets import WALL, place_in
-from voxgran.packing.advancing_front.tangent_spheres import ABOVE, BENEATH, PLANE, SIDE, foot_of_balls
+from voxgran.packing.advancing_front.tangent_spheres import ABOVE, BENEATH, PLANE, SIDE, foot_of_spheres
 
 #: overlap that does not count here, in radii: the visit decides
 LENIENT = 1e-9
-#: what is missing for the next step: nothing, places in the front, neighbours, pockets, or only time for more balls
+#: what is missing for the next step: nothing, places in the front, neighbours, pockets, or only time for more spheres
 FRONT_SHORT, NEAR_SHORT, FOUND_SHORT, MORE_TO_RANK = 1, 2, 3, 4
-#: balls whose pockets are listed at a time, at most
+#: spheres whose pockets are listed at a time, at most
 RANKS = 64
 #: faces that an attempt adds, at most
 FACES = 3
 
 
 class Scratch(NamedTuple):
-    """What is thought about a ball: its neighbours and its pockets.
+    """What is thought about a sphere: its neighbours and its pockets.
 
-    ref: ball and image of each neighbour, -1 where it is only in the way.  near: center from the ball, radius, distance
-    of the surface from the center of the ball.  key, touched: pockets as the front has them.
+    ref: sphere and image of each neighbour, -1 where it is only in the way.  near: center from the sphere, radius,
+    distance of the surface from the center of the sphere.  key, touched: pockets as the front has them.
     """
 
     ref: Integers
@@ -54,7 +54,7 @@ class Scratch(NamedTuple):
 def advance_front(
     bed: Bed,
     front: Front,
-    cells: BallCells,
+    cells: SphereCells,
     room: FrontRoom,
     rules: Rules,
     scratch: Scratch,
@@ -87,14 +87,14 @@ def advance_front(
 
 
 @bare_kernel
-def _list_pockets(bed, front, cells, room, rules, scratch, tally, ball):  # type: ignore[no-untyped-def]
-    """Add the pockets between a ball, those before it and the walls to the front; tell if there was room to do so."""
-    many = _gather(bed.balls, cells, room, rules.pocket, scratch, ball)
+def _list_pockets(bed, front, cells, room, rules, scratch, tally, sphere):  # type: ignore[no-untyped-def]
+    """Add the pockets between a sphere, those before it and the walls to the front; tell if there was room to do so."""
+    many = _gather(bed.spheres, cells, room, rules.pocket, scratch, sphere)
     if many > len(scratch.ref):
         tally[MISSING] = NEAR_SHORT
         return False
-    found = _between_balls(bed.balls, room, rules, scratch, ball, many)
-    found = _at_walls(bed.balls, room, rules, scratch, ball, many, found)
+    found = _between_spheres(bed.spheres, room, rules, scratch, sphere, many)
+    found = _at_walls(bed.spheres, room, rules, scratch, sphere, many, found)
     if found > len(scratch.key):
         tally[MISSING] = FOUND_SHORT
         return False
@@ -108,13 +108,13 @@ def _list_pockets(bed, front, cells, room, rules, scratch, tally, ball):  # type
 
 
 @bare_kernel
-def _gather(balls, cells, room, pocket, scratch, ball):  # type: ignore[no-untyped-def]
-    """Write all that could touch or overlap a ball in a pocket; return how many, also where there are too many.
+def _gather(spheres, cells, room, pocket, scratch, sphere):  # type: ignore[no-untyped-def]
+    """Write all that could touch or overlap a sphere in a pocket; return how many, also where there are too many.
 
-    Those before the ball carry their number and image, all others -1: they are only in the way.
+    Those before the sphere carry their number and image, all others -1: they are only in the way.
     """
     many = 0
-    x, y, z, r = balls[ball, 0], balls[ball, 1], balls[ball, 2], balls[ball, 3]
+    x, y, z, r = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], spheres[sphere, 3]
     for level in range(len(cells.largest)):
         reach = r + cells.largest[level] + 2.0 * pocket
         i0, i1 = cell_range(cells, level, 0, x, reach)
@@ -133,15 +133,15 @@ def _gather(balls, cells, room, pocket, scratch, ball):  # type: ignore[no-untyp
                     image, partner = HERE + tx + 3 * ty + 9 * tz, max(abs(tx), abs(ty), abs(tz)) <= 1
                     other = cells.head[row + k - turn_k * nk]
                     while other >= 0:
-                        dx = balls[other, 0] + turn_i * cells.span[0] - x
-                        dy = balls[other, 1] + turn_j * cells.span[1] - y
-                        dz = balls[other, 2] + turn_k * cells.span[2] - z
-                        apart = r + balls[other, 3] + 2.0 * pocket
+                        dx = spheres[other, 0] + turn_i * cells.span[0] - x
+                        dy = spheres[other, 1] + turn_j * cells.span[1] - y
+                        dz = spheres[other, 2] + turn_k * cells.span[2] - z
+                        apart = r + spheres[other, 3] + 2.0 * pocket
                         square = dx * dx + dy * dy + dz * dz
-                        if square < apart * apart and (other != ball or image != HERE):
+                        if square < apart * apart and (other != sphere or image != HERE):
                             if many < len(scratch.ref):
-                                ref = (other << BITS) + image if partner and other <= ball else -1
-                                _sort_in(scratch, many, ref, dx, dy, dz, balls[other, 3], math.sqrt(square))
+                                ref = (other << BITS) + image if partner and other <= sphere else -1
+                                _sort_in(scratch, many, ref, dx, dy, dz, spheres[other, 3], math.sqrt(square))
                             many += 1
                         other = cells.after[other]
     return many
@@ -162,12 +162,12 @@ def _sort_in(scratch, many, ref, x, y, z, r, away):  # type: ignore[no-untyped-d
 
 
 @bare_kernel
-def _between_balls(balls, room, rules, scratch, ball, many):  # type: ignore[no-untyped-def]
-    """Write the pockets between a ball and two others; return how many, also where there are too many."""
+def _between_spheres(spheres, room, rules, scratch, sphere, many):  # type: ignore[no-untyped-def]
+    """Write the pockets between a sphere and two others; return how many, also where there are too many."""
     found, pocket, near, in_the_way = 0, rules.pocket, scratch.near, 0
     if room.dimension == 2:
         return 0
-    d1 = balls[ball, 3] + pocket
+    d1 = spheres[sphere, 3] + pocket
     for u in range(many):
         if scratch.ref[u] < 0:
             continue
@@ -176,7 +176,7 @@ def _between_balls(balls, room, rules, scratch, ball, many):  # type: ignore[no-
             vx, vy, vz, d3 = near[v, 0], near[v, 1], near[v, 2], near[v, 3] + pocket
             if scratch.ref[v] < 0 or (ux - vx) ** 2 + (uy - vy) ** 2 + (uz - vz) ** 2 >= (d2 + d3) ** 2:
                 continue
-            touch, x, y, z, hx, hy, hz = foot_of_balls(ux, uy, uz, vx, vy, vz, d1, d2, d3)
+            touch, x, y, z, hx, hy, hz = foot_of_spheres(ux, uy, uz, vx, vy, vz, d1, d2, d3)
             if not touch:
                 continue
             for side in range(2):
@@ -186,95 +186,99 @@ def _between_balls(balls, room, rules, scratch, ball, many):  # type: ignore[no-
                 if blocked >= 0:
                     in_the_way = blocked
                     continue
-                px, py, pz = balls[ball, 0] + x + hx, balls[ball, 1] + y + hy, balls[ball, 2] + z + hz
+                px, py, pz = spheres[sphere, 0] + x + hx, spheres[sphere, 1] + y + hy, spheres[sphere, 2] + z + hz
                 b, c = (scratch.ref[u], scratch.ref[v]) if side == 0 else (scratch.ref[v], scratch.ref[u])
-                found = _note(room, rules, scratch, (ball << BITS) + HERE, b, c, px, py, pz, found)
+                found = _note(room, rules, scratch, (sphere << BITS) + HERE, b, c, px, py, pz, found)
     return found
 
 
 @bare_kernel
-def _at_walls(balls, room, rules, scratch, ball, many, found):  # type: ignore[no-untyped-def]
-    """Write the pockets between a ball, walls, and another ball or none; return how many pockets there are then.
+def _at_walls(spheres, room, rules, scratch, sphere, many, found):  # type: ignore[no-untyped-def]
+    """Write the pockets between a sphere, walls, and another sphere or none; return how many pockets there are then.
 
-    The faces of a loose front are between balls: there the plane of disks is the only wall.
+    The faces of a loose front are between spheres: there the plane of disks is the only wall.
     """
-    here = (ball << BITS) + HERE
+    here = (sphere << BITS) + HERE
     if room.kind == MESH:
-        return _at_mesh(balls, room, rules, scratch, ball, many, found)
+        return _at_mesh(spheres, room, rules, scratch, sphere, many, found)
     low, high = (SIDE, 0) if rules.dense else (PLANE, PLANE + 1)
     if room.kind == ROUND:
-        # from inside a sphere is a ball of negative radius: the last row
-        wall = (len(balls) - 1 << BITS) + HERE
-        dx, dy, dz = balls[ball, 0] - room.radius, balls[ball, 1] - room.radius, balls[ball, 2] - room.radius
-        near = room.radius - math.sqrt(dx * dx + dy * dy + dz * dz) < balls[ball, 3] + 2.0 * rules.pocket
+        # from inside a sphere is a sphere of negative radius: the last row
+        wall = (len(spheres) - 1 << BITS) + HERE
+        dx, dy, dz = (
+            spheres[sphere, 0] - room.radius,
+            spheres[sphere, 1] - room.radius,
+            spheres[sphere, 2] - room.radius,
+        )
+        near = room.radius - math.sqrt(dx * dx + dy * dy + dz * dz) < spheres[sphere, 3] + 2.0 * rules.pocket
         for u in range(many if near and rules.dense else 0):
             if scratch.ref[u] >= 0:
-                found = _try_at(balls, room, rules, scratch, ball, many, here, scratch.ref[u], wall, u, found)
-                found = _try_at(balls, room, rules, scratch, ball, many, scratch.ref[u], here, wall, u, found)
+                found = _try_at(spheres, room, rules, scratch, sphere, many, here, scratch.ref[u], wall, u, found)
+                found = _try_at(spheres, room, rules, scratch, sphere, many, scratch.ref[u], here, wall, u, found)
         return found
     for wall in range(low, high):
-        if not _is_wall_near(balls, room, rules.pocket, wall, ball):
+        if not _is_wall_near(spheres, room, rules.pocket, wall, sphere):
             continue
         # disks lie in their plane: it is one of the three
         for u in range(many if room.dimension == 3 or wall == PLANE else 0):
             if scratch.ref[u] >= 0:
-                found = _try_at(balls, room, rules, scratch, ball, many, here, scratch.ref[u], wall, u, found)
-                found = _try_at(balls, room, rules, scratch, ball, many, scratch.ref[u], here, wall, u, found)
+                found = _try_at(spheres, room, rules, scratch, sphere, many, here, scratch.ref[u], wall, u, found)
+                found = _try_at(spheres, room, rules, scratch, sphere, many, scratch.ref[u], here, wall, u, found)
         for second in range(low, high):
             if room.dimension == 2 and PLANE not in (wall, second):
                 continue
-            if second != wall and _is_wall_near(balls, room, rules.pocket, second, ball):
-                found = _try_at(balls, room, rules, scratch, ball, many, here, wall, second, -1, found)
-    if room.kind == UPRIGHT and rules.dense and 2.0 * (room.radius - rules.pocket) <= balls[ball, 3] + rules.pocket:
-        # in so narrow a tube no two balls pass each other
-        found = _try_at(balls, room, rules, scratch, ball, many, here, SIDE, ABOVE, -1, found)
-        found = _try_at(balls, room, rules, scratch, ball, many, here, SIDE, BENEATH, -1, found)
+            if second != wall and _is_wall_near(spheres, room, rules.pocket, second, sphere):
+                found = _try_at(spheres, room, rules, scratch, sphere, many, here, wall, second, -1, found)
+    if room.kind == UPRIGHT and rules.dense and 2.0 * (room.radius - rules.pocket) <= spheres[sphere, 3] + rules.pocket:
+        # in so narrow a tube no two spheres pass each other
+        found = _try_at(spheres, room, rules, scratch, sphere, many, here, SIDE, ABOVE, -1, found)
+        found = _try_at(spheres, room, rules, scratch, sphere, many, here, SIDE, BENEATH, -1, found)
     return found
 
 
 @bare_kernel
-def _at_mesh(balls, room, rules, scratch, ball, many, found):  # type: ignore[no-untyped-def]
-    """Write the pockets between a ball, another one and the wall of a mesh; return how many there are then."""
-    here, reach = (ball << BITS) + HERE, balls[ball, 3] + 2.0 * rules.pocket
-    if not rules.dense or not is_near_mesh(room, balls[ball, 0], balls[ball, 1], balls[ball, 2], reach):
+def _at_mesh(spheres, room, rules, scratch, sphere, many, found):  # type: ignore[no-untyped-def]
+    """Write the pockets between a sphere, another one and the wall of a mesh; return how many there are then."""
+    here, reach = (sphere << BITS) + HERE, spheres[sphere, 3] + 2.0 * rules.pocket
+    if not rules.dense or not is_near_mesh(room, spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], reach):
         return found
     for u in range(many):
         if scratch.ref[u] >= 0:
-            found = _try_at(balls, room, rules, scratch, ball, many, here, scratch.ref[u], WALL, u, found)
-            found = _try_at(balls, room, rules, scratch, ball, many, scratch.ref[u], here, WALL, u, found)
+            found = _try_at(spheres, room, rules, scratch, sphere, many, here, scratch.ref[u], WALL, u, found)
+            found = _try_at(spheres, room, rules, scratch, sphere, many, scratch.ref[u], here, WALL, u, found)
     return found
 
 
 @bare_kernel
-def _try_at(balls, room, rules, scratch, ball, many, a, b, c, u, found):  # type: ignore[no-untyped-def]
+def _try_at(spheres, room, rules, scratch, sphere, many, a, b, c, u, found):  # type: ignore[no-untyped-def]
     """Write a pocket at a wall, if there is one and neighbour u is alone in it; return how many there are then."""
-    touch, x, y, z = place_in(balls, room, a, b, c, rules.pocket)
-    dx, dy, dz = x - balls[ball, 0], y - balls[ball, 1], z - balls[ball, 2]
+    touch, x, y, z = place_in(spheres, room, a, b, c, rules.pocket)
+    dx, dy, dz = x - spheres[sphere, 0], y - spheres[sphere, 1], z - spheres[sphere, 2]
     if not touch or _blocked(scratch.near, many, u, u, dx, dy, dz, rules.pocket, 0) >= 0:
         return found
     return _note(room, rules, scratch, a, b, c, x, y, z, found)
 
 
 @bare_kernel
-def _is_wall_near(balls, room, pocket, wall, ball):  # type: ignore[no-untyped-def]
-    """Tell whether a ball in a pocket beside another could touch a wall; disks are always in their plane."""
+def _is_wall_near(spheres, room, pocket, wall, sphere):  # type: ignore[no-untyped-def]
+    """Return whether a sphere in a pocket beside another could touch a wall; disks are always in their plane."""
     if wall == PLANE:
         return room.dimension == 2
-    reach = balls[ball, 3] + 2.0 * pocket
+    reach = spheres[sphere, 3] + 2.0 * pocket
     if wall == SIDE:
-        out = math.hypot(balls[ball, 0] - room.radius, balls[ball, 1] - room.radius)
+        out = math.hypot(spheres[sphere, 0] - room.radius, spheres[sphere, 1] - room.radius)
         return room.kind == UPRIGHT and room.radius - out < reach
     axis, high = (-1 - wall) // 2, (-1 - wall) % 2
     # the floor and the lid of a cylinder are flat
     if room.walled[axis] == 0 or room.kind == MESH or (room.kind == UPRIGHT and axis != 2):
         return False
-    at = balls[ball, axis]
+    at = spheres[sphere, axis]
     return (room.lengths[axis] - at if high else at) < reach
 
 
 @bare_kernel
 def _blocked(near, many, u, v, x, y, z, pocket, first):  # type: ignore[no-untyped-def]
-    """Return a neighbour that a ball would overlap, looking at `first` before all others; -1 where there is none."""
+    """Return a neighbour that a sphere would overlap, looking at `first` before all others; -1 where there is none."""
     for k in range(-1, many):
         w = first if k < 0 else k
         if w in (u, v) or w >= many:

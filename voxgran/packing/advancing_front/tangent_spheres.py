@@ -1,6 +1,6 @@
-"""Where a ball of a given radius touches three balls, or balls and walls: kernels in closed form.
+"""Where a sphere of a given radius touches three spheres, or spheres and walls: kernels in closed form.
 
-Everything is about the center of the first ball, so that far from the origin no digits are lost. The closed form is
+Everything is about the center of the first sphere, so that far from the origin no digits are lost. The closed form is
 followed by steps of Newton until the distances agree to the last digits; a place whose distances do not is no place.
 Of two places the order of the three tells which one is meant: exchange two of them for the other one.
 """
@@ -14,9 +14,9 @@ from voxgran.packing.advancing_front.level_grid import BITS, HERE, IMAGES
 #: walls are negative numbers: -1 - 2 * axis for a low one, -2 - 2 * axis for a high one, the plane of disks, and the
 #: side of an upright cylinder
 PLANE, SIDE = -7, -8
-#: after the side of a cylinder: across from a ball, above it and beneath it
+#: after the side of a cylinder: across from a sphere, above it and beneath it
 ABOVE, BENEATH = -9, -10
-#: largest difference of a distance from the sum of the radii, in radii of the new ball and in distances
+#: largest difference of a distance from the sum of the radii, in radii of the new sphere and in distances
 NEAR, ROUNDING = 1e-13, 1e-15
 #: steps of Newton, and halvings of an angle, at most
 STEPS, HALVINGS = 4, 80
@@ -25,7 +25,7 @@ ON_A_LINE = 1e-12
 
 
 @bare_kernel
-def foot_of_balls(
+def foot_of_spheres(
     ux: float, uy: float, uz: float, vx: float, vy: float, vz: float, d1: float, d2: float, d3: float
 ) -> tuple[bool, float, float, float, float, float, float]:
     """Return whether there are points at distances d1, d2, d3 from 0, u and v, their middle, and the way to the left.
@@ -48,14 +48,14 @@ def foot_of_balls(
 
 
 @bare_kernel
-def touch_balls(
+def touch_spheres(
     ux: float, uy: float, uz: float, vx: float, vy: float, vz: float, d1: float, d2: float, d3: float, near: float
 ) -> tuple[bool, float, float, float]:
     """Return whether there is a point at distances d1, d2, d3 from 0, u and v, and the one on the side of u x v.
 
     `near` is how far off the distances may be.
     """
-    found, x, y, z, hx, hy, hz = foot_of_balls(ux, uy, uz, vx, vy, vz, d1, d2, d3)
+    found, x, y, z, hx, hy, hz = foot_of_spheres(ux, uy, uz, vx, vy, vz, d1, d2, d3)
     if not found:
         return False, 0.0, 0.0, 0.0
     x, y, z = x + hx, y + hy, z + hz
@@ -113,10 +113,10 @@ def touch_disks(ux: float, uy: float, d1: float, d2: float, near: float) -> tupl
 
 
 @bare_kernel
-def center_of(balls: Floats, lengths: Floats, ref: int) -> tuple[float, float, float]:
-    """Return the center of a ball in the image in which it is meant."""
-    ball, image = ref >> BITS, ref & (IMAGES - 1)
-    x, y, z = balls[ball, 0], balls[ball, 1], balls[ball, 2]
+def center_of(spheres: Floats, lengths: Floats, ref: int) -> tuple[float, float, float]:
+    """Return the center of a sphere in the image in which it is meant."""
+    sphere, image = ref >> BITS, ref & (IMAGES - 1)
+    x, y, z = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2]
     if image != HERE:
         x += (image % 3 - 1) * lengths[0]
         y += (image // 3 % 3 - 1) * lengths[1]
@@ -125,14 +125,14 @@ def center_of(balls: Floats, lengths: Floats, ref: int) -> tuple[float, float, f
 
 
 @bare_kernel
-def place_at(balls: Floats, lengths: Floats, a: int, b: int, c: int, r: float) -> tuple[bool, float, float, float]:
-    """Return whether a ball of radius r can touch a, b and c, and its center.
+def place_at(spheres: Floats, lengths: Floats, a: int, b: int, c: int, r: float) -> tuple[bool, float, float, float]:
+    """Return whether a sphere of radius r can touch a, b and c, and its center.
 
-    Balls come before walls. The place is left of the way around three balls, or of that from one ball to the other seen
-    from the end of the axis across the wall; for one ball the order of two walls tells.
+    Spheres come before walls. The place is left of the way around three spheres, or of that from one sphere to the
+    other seen from the end of the axis across the wall; for one sphere the order of two walls tells.
     """
-    ax, ay, az = center_of(balls, lengths, a)
-    d1 = balls[a >> BITS, 3] + r
+    ax, ay, az = center_of(spheres, lengths, a)
+    d1 = spheres[a >> BITS, 3] + r
     if b < 0:
         if c in (ABOVE, BENEATH):
             return _across_from(lengths, ax, ay, az, d1, r, 1.0 if c == ABOVE else -1.0)
@@ -141,22 +141,22 @@ def place_at(balls: Floats, lengths: Floats, a: int, b: int, c: int, r: float) -
                 lengths, ax, ay, az, d1, min(b, c) + max(b, c) - SIDE, r, 1.0 if c == SIDE else -1.0
             )
         return _at_two_walls(lengths, ax, ay, az, d1, b, c, r)
-    ux, uy, uz = center_of(balls, lengths, b)
-    ux, uy, uz, d2 = ux - ax, uy - ay, uz - az, balls[b >> BITS, 3] + r
+    ux, uy, uz = center_of(spheres, lengths, b)
+    ux, uy, uz, d2 = ux - ax, uy - ay, uz - az, spheres[b >> BITS, 3] + r
     if c == SIDE:
         return _at_side(lengths, ax, ay, az, ux, uy, uz, d1, d2, r)
     if c < 0:
         return _at_wall(lengths, ax, ay, az, ux, uy, uz, d1, d2, c, r)
-    vx, vy, vz = center_of(balls, lengths, c)
-    d3 = balls[c >> BITS, 3] + r
+    vx, vy, vz = center_of(spheres, lengths, c)
+    d3 = spheres[c >> BITS, 3] + r
     near = NEAR * r + ROUNDING * max(d1, d2, d3)
-    found, x, y, z = touch_balls(ux, uy, uz, vx - ax, vy - ay, vz - az, d1, d2, d3, near)
+    found, x, y, z = touch_spheres(ux, uy, uz, vx - ax, vy - ay, vz - az, d1, d2, d3, near)
     return found, ax + x, ay + y, az + z
 
 
 @bare_kernel
 def _across(lengths, wall, r):  # type: ignore[no-untyped-def]
-    """Return the axis of a flat wall, and where the center of a ball that touches it is along that axis."""
+    """Return the axis of a flat wall, and where the center of a sphere that touches it is along that axis."""
     axis = (-1 - wall) // 2
     if wall == PLANE:
         return 2, 0.0
@@ -165,7 +165,7 @@ def _across(lengths, wall, r):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _at_wall(lengths, ax, ay, az, ux, uy, uz, d1, d2, wall, r):  # type: ignore[no-untyped-def]
-    """Return whether a ball can touch two balls, at a and a + u, and a flat wall, and its center."""
+    """Return whether a sphere can touch two spheres, at a and a + u, and a flat wall, and its center."""
     axis, at = _across(lengths, wall, r)
     if axis == 0:
         w, along, s, t = at - ax, ux, uy, uz
@@ -187,7 +187,9 @@ def _at_wall(lengths, ax, ay, az, ux, uy, uz, d1, d2, wall, r):  # type: ignore[
 
 @bare_kernel
 def _at_two_walls(lengths, ax, ay, az, d, first, second, r):  # type: ignore[no-untyped-def]
-    """Return whether a ball can touch a ball and two flat walls, and its center; the order of the walls is the side."""
+    """Return whether a sphere can touch a sphere and two flat walls, and its center; the order of the walls is the
+    side.
+    """
     one, at = _across(lengths, first, r)
     two, where = _across(lengths, second, r)
     x = at if one == 0 else (where if two == 0 else ax)
@@ -203,7 +205,7 @@ def _at_two_walls(lengths, ax, ay, az, d, first, second, r):  # type: ignore[no-
 
 @bare_kernel
 def _across_from(lengths, ax, ay, az, d, r, up):  # type: ignore[no-untyped-def]
-    """Return whether a ball in a tube can touch a ball and the side across from it, and its center."""
+    """Return whether a sphere in a tube can touch a sphere and the side across from it, and its center."""
     off, out = math.hypot(ax - 0.5 * lengths[0], ay - 0.5 * lengths[0]), 0.5 * lengths[0] - r
     height = (d - off - out) * (d + off + out)
     if height < 0.0 or out < -ROUNDING * lengths[0]:
@@ -215,7 +217,7 @@ def _across_from(lengths, ax, ay, az, d, r, up):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _at_side_and_flat(lengths, ax, ay, az, d, wall, r, side):  # type: ignore[no-untyped-def]
-    """Return whether a ball can touch a ball, the side of an upright cylinder and its floor or lid, and its center."""
+    """Return whether a sphere can touch a sphere and the side and an end of an upright cylinder, and its center."""
     _, at = _across(lengths, wall, r)
     level, out = (d - at + az) * (d + at - az), 0.5 * lengths[0] - r
     if level < 0.0 or out < 0.0:
@@ -228,9 +230,9 @@ def _at_side_and_flat(lengths, ax, ay, az, d, wall, r, side):  # type: ignore[no
 
 @bare_kernel
 def _at_side(lengths, ax, ay, az, ux, uy, uz, d1, d2, r):  # type: ignore[no-untyped-def]
-    """Return whether a ball can touch two balls and the side of an upright cylinder, and its center.
+    """Return whether a sphere can touch two spheres and the side of an upright cylinder, and its center.
 
-    The centers that touch both balls are a circle; from its outermost point it is searched to the left.
+    The centers that touch both spheres are a circle; from its outermost point it is searched to the left.
     """
     nothing = False, 0.0, 0.0, 0.0
     radius, uu = 0.5 * lengths[0], ux * ux + uy * uy + uz * uz

@@ -124,7 +124,7 @@ def longest_step(bed: Bed, rules: Rules, g: int) -> float:
     """Return the longest step of a grain: no point of it then moves farther than its volume over its surface.
 
     A grain that lies outside of another before a move and inside of it after the move has moved by at least twice the
-    radius of a ball within it, and thus farther.
+    radius of a sphere within it, and thus farther.
     """
     return min(rules.longest * bed.diameter[g], 0.5 * bed.extent[g, 2])
 
@@ -182,7 +182,7 @@ def _propose_turn(bed, rules, scratch, g, words):  # type: ignore[no-untyped-def
 
 @inlined_kernel
 def _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
-    """Tell whether a grain, in the pose that is tried, meets a wall or a grain; `moved` bounds how far its points
+    """Return whether a grain, in the pose that is tried, meets a wall or a grain; `moved` bounds how far its points
     came.
     """
     write_matrix(scratch.quaternion, scratch.turn)
@@ -260,7 +260,7 @@ def _place(bed, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _feed(bed, bodies, cells, walls, rules, memory, scratch, queue, tally, words, turns):  # type: ignore[no-untyped-def]
-    """Let a waiting grain enter in a random orientation, at the top or anywhere; tell whether feeding has ended."""
+    """Let a waiting grain enter in a random orientation, at the top or anywhere; return whether feeding has ended."""
     waiting = len(queue) - tally[0]
     slot = below(words[0], waiting)
     g = queue[slot]
@@ -317,7 +317,7 @@ def enter_raised(bed: Bed, world: World, g: int, position: Floats, up: Floats, f
 
 @bare_kernel
 def _enter_axis(bed, bodies, walls, rules, memory, scratch, g, axis, share):  # type: ignore[no-untyped-def]
-    """Write where a grain enters along one axis; tell whether there is room."""
+    """Write where a grain enters along one axis; return whether there is room."""
     low, high = _room(bed, bodies, walls, scratch, g, axis)
     if rules.entry[axis] != 0:
         scratch.place[axis] = high if rules.entry[axis] < 0 else low

@@ -1,9 +1,10 @@
 """Signed distances of shapes as numbers that kernels read: how far is a place from the surface of a solid?
 
-Unions of balls and convex bodies with flat faces are kept as balls and planes, which tell inside from outside exactly.
-Any other shape is sampled on a lattice of nodes, between which values are interpolated linearly along each axis: the
-error is of second order in the edge of a cell where the surface is smooth. A place beyond the lattice takes the nearest
-place on it and the way there, which is never more than its distance. All is in the frame of a shape of unit diameter.
+Unions of spheres and convex bodies with flat faces are kept as spheres and planes, which tell inside from outside
+exactly. Any other shape is sampled on a lattice of nodes, between which values are interpolated linearly along each
+axis: the error is of second order in the edge of a cell where the surface is smooth. A place beyond the lattice takes
+the nearest place on it and the way there, which is never more than its distance. All is in the frame of a shape of unit
+diameter.
 """
 
 from typing import NamedTuple
@@ -25,7 +26,7 @@ from voxgran.shapes.spheres import Spheres
 BALLS, PLANES, GRID = 0, 1, 2
 #: columns of the head with the steepest change, and with what squares of ways gain by interpolation
 STEEP, ROUGH = 10, 11
-#: balls and planes at most; more of them are sampled
+#: spheres and planes at most; more of them are sampled
 MOST_BALLS, MOST_PLANES = 24, 64
 #: cells along the longest side of a lattice, at most
 MOST_CELLS = 128
@@ -46,7 +47,7 @@ class Fields(NamedTuple):
         they are above the least one that is asked for; last, what is to be added to the square of a way so that values
         above 0 change by no more than the root.
     rows : (n, 4) ndarray of float
-        Center and radius of each ball; outward normal and offset of each plane; of a lattice one row, with where its
+        Center and radius of each sphere; outward normal and offset of each plane; of a lattice one row, with where its
         values begin.
     values : (m,) ndarray of float32
         Distances at the nodes of all lattices, the last axis fastest.
@@ -118,7 +119,7 @@ def distances(fields: Fields, shape: int, points: Floats) -> Floats:
 
 
 def _rows_of(geometry: Geometry, *, exact: bool) -> tuple[int, Floats]:
-    """Return balls or planes of a geometry, or that it has to be sampled; planes tell exact distances only inside."""
+    """Return spheres or planes of a geometry, or that it has to be sampled; planes tell exact distances only inside."""
     if isinstance(geometry, Primitive) and geometry.kind == "sphere":
         return BALLS, np.array([[0.0, 0.0, 0.0, geometry.dimensions[0]]])
     if isinstance(geometry, Spheres) and len(geometry.radii) <= MOST_BALLS:

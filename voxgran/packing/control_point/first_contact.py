@@ -90,7 +90,7 @@ class Encounter:
         return self._unit * float(min(threshold(extent, 0, 1, 0.0), threshold(extent, 1, 0, 0.0)))
 
     def is_refused(self, offset: ArrayLike, turns: ArrayLike) -> bool:
-        """Tell whether the test refuses a pose.
+        """Return whether the test refuses a pose.
 
         Parameters
         ----------
@@ -190,6 +190,6 @@ def _come(
 
 @bare_kernel
 def _is_refused_at(bed, bodies, memory, scratch, gap, way, aside, place):  # type: ignore[no-untyped-def]
-    """Tell whether the second grain meets the first at a place along its way."""
+    """Return whether the second grain meets the first at a place along its way."""
     dx, dy, dz = place * way[0] + aside[0], place * way[1] + aside[1], place * way[2] + aside[2]
     return compare(bed, bodies, memory, scratch, 1, 0, gap, dx, dy, dz, np.inf)

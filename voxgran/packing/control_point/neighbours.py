@@ -11,7 +11,7 @@ from voxgran.packing.control_point.sdf_contact import meets_field, recall_field
 from voxgran.packing.control_point.separating_planes import TRIES, find_plane
 from voxgran.packing.control_point.verlet_lists import list_close, strayed
 
-#: more than rounding does to the distance of two balls that touch, in median diameters
+#: more than rounding does to the distance of two spheres that touch, in median diameters
 EXACT = 1e-12
 
 
@@ -27,7 +27,7 @@ def meets_own_image(
     g: int,
     moved: float,
 ) -> bool:
-    """Tell whether a grain meets one of its periodic images; there is none to look at in a wide container."""
+    """Return whether a grain meets one of its periodic images; there is none to look at in a wide container."""
     reach = bed.extent[g, 0] + cells.reach
     nx, ny, nz = _images(walls, 0, reach), _images(walls, 1, reach), _images(walls, 2, reach)
     for ix in range(-nx, nx + 1):
@@ -62,7 +62,7 @@ def meets_any(
     g: int,
     moved: float,
 ) -> bool:
-    """Tell whether a grain meets another: first from memory, then by comparing those of whom it does not tell."""
+    """Return whether a grain meets another: first from memory, then by comparing those of whom it does not tell."""
     pending, position = scratch.pending, bed.position
     trees, fields, reaches = bodies.trees, bodies.fields, bodies.reaches
     lists, slip, close = cells.lists, cells.lists.slip, 0
@@ -194,7 +194,7 @@ def _recall(  # type: ignore[no-untyped-def]
     orientation, diameter, extent, span, shape, pairs, poses, lists, points, field_head, field_rows, field_values,
     reaches, turn, own_span, way, relative, shift, g, j, gap, low, dx, dy, dz, moved, contact,
 ):  # fmt: skip
-    """Tell whether a grain meets another, 0 no, 1 yes, 2 unknown, from planes between them and from memory."""
+    """Return whether a grain meets another, 0 no, 1 yes, 2 unknown, from planes between them and from memory."""
     # fields near edges may tell less than distances, and not any distance
     wide = low * max(extent[g, 6], extent[j, 6]) if low > 0.0 else low
     # a plane does not tell how deep the cores of grains that may overlap lie in each other

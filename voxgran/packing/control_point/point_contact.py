@@ -77,7 +77,7 @@ def meets(
     dz: float,
     moved: float,
 ) -> bool:
-    """Tell whether grain g, in the pose that is tried, comes nearer than a gap to grain j, or one holds the other.
+    """Return whether grain g, in the pose that is tried, comes nearer than a gap to grain j, or one holds the other.
 
     (dx, dy, dz) is the way from the center of j, or of its image, to that of g; j may be g, for an image of its own.
     `scratch.turn` is the rotation of g; `moved` bounds how far its points came: where that is little, no grain can
@@ -118,7 +118,7 @@ def list_points(
             *(trees, bodies.cells, a, b, scratch.relative, scratch.shift, low, high, scratch.found)
         )
     return list_near(
-        *(trees.points, trees.start, trees.balls, trees.first, trees.depth, a, b, scratch.relative, scratch.shift),
+        *(trees.points, trees.start, trees.spheres, trees.first, trees.depth, a, b, scratch.relative, scratch.shift),
         *(scale, low, high, scratch.stack, scratch.found),
     )
 
@@ -141,7 +141,7 @@ def _remember(pairs, poses, lists, pair, relative, shift, slack, found, count): 
 
 @bare_kernel
 def holds(bodies: Bodies, a: int, b: int, turn: Floats, shift: Floats) -> bool:
-    """Tell whether the solid b holds the first control point of a; surfaces do not cross when this is asked, so one
+    """Return whether the solid b holds the first control point of a; surfaces do not cross when this is asked, so one
     tells for all.
     """
     points, i = bodies.trees.points, bodies.trees.start[a]
@@ -155,7 +155,7 @@ def holds(bodies: Bodies, a: int, b: int, turn: Floats, shift: Floats) -> bool:
 
 @bare_kernel
 def is_within(triangles: Floats, begin: int, end: int, x: float, y: float, z: float) -> bool:
-    """Tell whether a point lies in the solid that triangles `begin` ... `end` - 1 bound: by the crossings of a ray
+    """Return whether a point lies in the solid that triangles `begin` ... `end` - 1 bound: by the crossings of a ray
     along z.
 
     Half-open edges make the ray hit one of two triangles that share an edge. In 2D, triangles lie in the plane of the
@@ -178,7 +178,7 @@ def is_within(triangles: Floats, begin: int, end: int, x: float, y: float, z: fl
 
 @bare_kernel
 def _is_left_of(ax, ay, bx, by, x, y):  # type: ignore[no-untyped-def]
-    """Tell whether a ray from (x, y) along +x crosses an edge; the same for both directions of the edge."""
+    """Return whether a ray from (x, y) along +x crosses an edge; the same for both directions of the edge."""
     if (ay > y) == (by > y):
         return False
     if ay > by:

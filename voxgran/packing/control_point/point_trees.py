@@ -3,9 +3,9 @@ each other?
 
 The trees of all sets lie one after another in the same arrays. A tree is balanced and implicit: the points are sorted
 so that node k of level l holds points ``k n >> l`` to ``(k + 1) n >> l``, and its children are nodes 2 k and 2 k + 1 of
-the next level; so nothing is stored but the points and, for each node, a ball that holds its points. Balls stay balls
-under rotation: two sets in any relative pose are compared by walking both trees at once, and only parts that are near
-each other are visited.
+the next level; so nothing is stored but the points and, for each node, a sphere that holds its points. Spheres stay
+spheres under rotation: two sets in any relative pose are compared by walking both trees at once, and only parts that
+are near each other are visited.
 
 References
 ----------
@@ -24,7 +24,7 @@ from voxgran._base.kernels import bare_kernel
 
 #: points at most in a leaf
 LEAF = 8
-#: relative room by which balls are made larger, so that rounding never hides a point
+#: relative room by which spheres are made larger, so that rounding never hides a point
 ROOM = 1e-12
 
 
@@ -37,7 +37,7 @@ class Trees(NamedTuple):
         Points of all sets, each set in the order of its tree.
     start : (sets + 1,) ndarray of int
         Where the points of each set begin.
-    balls : (nodes, 4) ndarray of float
+    spheres : (nodes, 4) ndarray of float
         Center and radius of each node; node k of level l of a tree is entry ``2**l - 1 + k``.
     first : (sets + 1,) ndarray of int
         Where the nodes of each set begin.
@@ -47,7 +47,7 @@ class Trees(NamedTuple):
 
     points: Floats
     start: Integers
-    balls: Floats
+    spheres: Floats
     first: Integers
     depth: Integers
 
@@ -77,12 +77,12 @@ def make_trees(sets: Sequence[Floats]) -> Trees:
     start = np.concatenate([[0], np.cumsum(count)]).astype(np.int64)
     first = np.concatenate([[0], np.cumsum(2 ** (depth + 1) - 1)]).astype(np.int64)
     joined = np.zeros((int(start[-1]), 3))
-    balls = np.zeros((int(first[-1]), 4))
+    spheres = np.zeros((int(first[-1]), 4))
     for k, points in enumerate(sets):
         ordered = np.array(points, dtype=np.float64)
-        _build(ordered, int(depth[k]), balls[first[k] : first[k + 1]])
+        _build(ordered, int(depth[k]), spheres[first[k] : first[k + 1]])
         joined[start[k] : start[k + 1]] = ordered
-    return Trees(joined, start, balls, first, depth)
+    return Trees(joined, start, spheres, first, depth)
 
 
 def stack_room(trees: Trees) -> int:
@@ -90,17 +90,17 @@ def stack_room(trees: Trees) -> int:
     return 2 * (int(trees.depth.max(initial=0)) + 2)
 
 
-def _build(points: Floats, depth: int, balls: Floats) -> None:
-    """Sort points in place into the order of their tree, and fill in the balls of the nodes."""
+def _build(points: Floats, depth: int, spheres: Floats) -> None:
+    """Sort points in place into the order of their tree, and fill in the spheres of the nodes."""
     n = len(points)
     for level in range(depth + 1):
         for k in range(2**level):
             begin, end = (k * n) >> level, ((k + 1) * n) >> level
             part = points[begin:end]
             low, high = part.min(axis=0), part.max(axis=0)
-            balls[2**level - 1 + k, :3] = (low + high) / 2
+            spheres[2**level - 1 + k, :3] = (low + high) / 2
             radius = np.sqrt(((part - (low + high) / 2) ** 2).sum(axis=1).max())
-            balls[2**level - 1 + k, 3] = radius * (1 + ROOM)
+            spheres[2**level - 1 + k, 3] = radius * (1 + ROOM)
             if level < depth:
                 middle = ((2 * k + 1) * n) >> (level + 1)
                 order = np.argpartition(part[:, int((high - low).argmax())], middle - begin)
@@ -111,7 +111,7 @@ def _build(points: Floats, depth: int, balls: Floats) -> None:
 def list_near(
     points: Floats,
     start: Integers,
-    balls: Floats,
+    spheres: Floats,
     first: Integers,
     depth: Integers,
     a: int,
@@ -145,10 +145,10 @@ def list_near(
     while top > 0:
         top -= 1
         na, nb = stack[top, 0], stack[top, 1]
-        x, y, z = _placed(balls, first[a] + na, turn, shift)
+        x, y, z = _placed(spheres, first[a] + na, turn, shift)
         at = first[b] + nb
-        dx, dy, dz = x - balls[at, 0], y - balls[at, 1], z - balls[at, 2]
-        reach = balls[first[a] + na, 3] * scale + balls[at, 3] + high
+        dx, dy, dz = x - spheres[at, 0], y - spheres[at, 1], z - spheres[at, 2]
+        reach = spheres[first[a] + na, 3] * scale + spheres[at, 3] + high
         if dx * dx + dy * dy + dz * dz >= reach * reach * (1.0 + ROOM):
             continue
         if na >= leaves_a and nb >= leaves_b:
@@ -157,7 +157,7 @@ def list_near(
             if count < 0:
                 return -1, high
             continue
-        wide_a = balls[first[a] + na, 3] * scale > balls[at, 3]
+        wide_a = spheres[first[a] + na, 3] * scale > spheres[at, 3]
         split_a = nb >= leaves_b or (na < leaves_a and wide_a)
         for child in range(1, 3):
             stack[top, 0] = 2 * na + child if split_a else na

@@ -43,7 +43,7 @@ class Bed(NamedTuple):
 
     The extent of a grain is its bounding radius, half the spacing of its points, volume over surface, the largest
     curvature of its surface (below 0 where that is not smooth), the error of a smooth surface, and how near its points
-    are kept to other surfaces at the most; then stretch and limit of its `Reaches`, and 1 where it is a ball that is
+    are kept to other surfaces at the most; then stretch and limit of its `Reaches`, and 1 where it is a sphere that is
     compared with others by its center, else 0. The span is how far it reaches down and up along each axis; it is empty
     where there are no reaches.
     """

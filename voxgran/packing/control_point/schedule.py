@@ -33,7 +33,7 @@ def lower_lid(problem: Problem, state: State, setting: Setting) -> None:
 
 
 def lid_rests(state: State) -> bool:
-    """Tell whether the lid has hardly come down since the last look, and note where it is."""
+    """Return whether the lid has hardly come down since the last look, and note where it is."""
     lowered, before = state.arrays["lid"].tolist()
     state.arrays["lid"][1] = lowered
     return bool(lowered - before <= LID_STEP)

@@ -1,10 +1,10 @@
 """Contact by signed distance: control points of one grain in the field of another, and the other way round.
 
-The points of a grain lie in a tree of balls. Where the field tells that the center of a ball is farther from the other
-grain than the ball reaches, none of its points needs to be looked at; so a comparison looks at the few points that
-are near. A point is refused where it is nearer than a threshold, which for touching grains is 0 but for two things.
-Between points that lie on a smooth surface, the surface bulges towards the other grain; by how much is known from
-the curvatures, so that smooth grains never overlap. And grains thinner than the points are wide apart are kept as
+The points of a grain lie in a tree of spheres. Where the field tells that the center of a sphere is farther from the
+other grain than the sphere reaches, none of its points needs to be looked at; so a comparison looks at the few points
+that are near. A point is refused where it is nearer than a threshold, which for touching grains is 0 but for two
+things. Between points that lie on a smooth surface, the surface bulges towards the other grain; by how much is known
+from the curvatures, so that smooth grains never overlap. And grains thinner than the points are wide apart are kept as
 far away as it takes that they cannot slip between the points.
 """
 
@@ -40,7 +40,7 @@ def threshold(extent: Floats, p: int, q: int, gap: float) -> float:
 def find_near(
     points: Floats,
     start: Integers,
-    balls: Floats,
+    spheres: Floats,
     first: Integers,
     depth: Integers,
     head: Floats,
@@ -81,11 +81,11 @@ def find_near(
         if node < leaves:
             one, other = 2 * node + 1, 2 * node + 2
             near, far, at = high, high, begin + one
-            if ux * balls[at, 0] + uy * balls[at, 1] + uz * balls[at, 2] - scale * balls[at, 3] <= beyond:
-                near = _least(balls, head, rows, values, at, b, turn, shift, scale, steep, rough)
+            if ux * spheres[at, 0] + uy * spheres[at, 1] + uz * spheres[at, 2] - scale * spheres[at, 3] <= beyond:
+                near = _least(spheres, head, rows, values, at, b, turn, shift, scale, steep, rough)
             at += 1
-            if ux * balls[at, 0] + uy * balls[at, 1] + uz * balls[at, 2] - scale * balls[at, 3] <= beyond:
-                far = _least(balls, head, rows, values, at, b, turn, shift, scale, steep, rough)
+            if ux * spheres[at, 0] + uy * spheres[at, 1] + uz * spheres[at, 2] - scale * spheres[at, 3] <= beyond:
+                far = _least(spheres, head, rows, values, at, b, turn, shift, scale, steep, rough)
             if near > far:
                 one, other, near, far = other, one, far, near
             # the nearer one on top
@@ -108,11 +108,11 @@ def find_near(
 
 
 @inlined_kernel
-def _least(balls, head, rows, values, at, b, turn, shift, scale, steep, rough):  # type: ignore[no-untyped-def]
-    """Return what a field tells at least of the places in a ball."""
-    radius = balls[at, 3] * scale
+def _least(spheres, head, rows, values, at, b, turn, shift, scale, steep, rough):  # type: ignore[no-untyped-def]
+    """Return what a field tells at least of the places in a sphere."""
+    radius = spheres[at, 3] * scale
     change = min(radius * steep, np.sqrt((radius + SINGLE) ** 2 + rough))
-    return _told(balls, head, rows, values, at, b, turn, shift) - change
+    return _told(spheres, head, rows, values, at, b, turn, shift) - change
 
 
 @inlined_kernel
@@ -203,7 +203,8 @@ def meets_field(
     dz: float,
     moved: float,
 ) -> bool:
-    """Tell whether a control point of grain g, in the pose that is tried, comes too near to grain j, or the other way.
+    """Return whether a control point of grain g, in the pose that is tried, comes too near to grain j, or the other
+    way.
 
     (dx, dy, dz) is the way from the center of j, or of its image, to that of g; j may be g, for an image of its own.
     `moved` bounds how far the points of g came. Asked one way, it is the grain with the finer points whose points are
@@ -262,7 +263,7 @@ def _find(bodies, scratch, s, t, scale, low, room):  # type: ignore[no-untyped-d
     trees, fields = bodies.trees, bodies.fields
     _write_plane(bodies.reaches, scratch.relative, scratch.shift, scratch.way, scratch.plane, t, low + room)
     return find_near(
-        *(trees.points, trees.start, trees.balls, trees.first, trees.depth, fields.head, fields.rows, fields.values),
+        *(trees.points, trees.start, trees.spheres, trees.first, trees.depth, fields.head, fields.rows, fields.values),
         *(s, t, scratch.relative, scratch.shift, scale, low, low + room, scratch.plane),
         scratch.stack,
     )
@@ -321,7 +322,7 @@ def _room_of_first(bodies, scratch, s, t, low):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _core_room(bodies, scratch, s, t, scale, gap):  # type: ignore[no-untyped-def]
-    """Return how much farther than it must be the ball at the center of shape s is from shape t; below 0 too near."""
+    """Return how much farther than it must be the sphere at the center of shape s is from shape t; below 0 too near."""
     fields, shift = bodies.fields, scratch.shift
     core = -scale * min(field_at(fields.head, fields.rows, fields.values, s, 0.0, 0.0, 0.0), 0.0)
     told = field_at(fields.head, fields.rows, fields.values, t, shift[0], shift[1], shift[2])

@@ -47,7 +47,7 @@ def find_plane(
     low: float,
     tries: int,
 ) -> bool:
-    """Tell whether a grain of shape s and one of shape t are apart by `low` along `way` or a direction found from it.
+    """Return whether a grain of shape s and one of shape t are apart by `low` along `way` or a direction found from it.
 
     Parameters
     ----------

@@ -76,20 +76,20 @@ def make_reaches(shapes: list[Shape], points: list[Floats], fields: Fields) -> R
         if kind == PLANES:
             offsets = fields.rows[int(fields.head[k, 1]) : int(fields.head[k, 2]), 3]
             stretch[k] = max(1.0, shape.bounding_radius / float(offsets.min()))
-        balls = fields.rows[int(fields.head[k, 1]) : int(fields.head[k, 2])] if kind == BALLS else np.zeros((0, 4))
-        tables.append(_table(places, balls, pad))
+        spheres = fields.rows[int(fields.head[k, 1]) : int(fields.head[k, 2])] if kind == BALLS else np.zeros((0, 4))
+        tables.append(_table(places, spheres, pad))
     return Reaches(np.array(tables, dtype=np.float32).reshape(-1, 8, STEPS + 1, STEPS + 1), stretch, limit)
 
 
-def _table(places: Floats, balls: Floats, pad: float) -> Floats:
-    """Return the reach of places and balls, and a pad, at all nodes."""
+def _table(places: Floats, spheres: Floats, pad: float) -> Floats:
+    """Return the reach of places and spheres, and a pad, at all nodes."""
     i, j = np.indices((STEPS + 1, STEPS + 1))
     signs = np.array([[1 - (o >> 1 & 2), 1 - (o & 2), 1 - (2 * o & 2)] for o in range(8)])
     nodes = np.stack([i, j, STEPS - i - j], axis=-1) / STEPS * signs[:, None, None, :]
     ways = nodes.reshape(-1, 3)
     length, reach = np.linalg.norm(ways, axis=1), np.full(len(ways), -np.inf)
-    for ball in balls:
-        reach = np.maximum(reach, ways @ ball[:3] + ball[3] * length)
+    for sphere in spheres:
+        reach = np.maximum(reach, ways @ sphere[:3] + sphere[3] * length)
     many = max(1, PRODUCTS // len(places))
     for k in range(0, len(ways), many):
         reach[k : k + many] = np.maximum(reach[k : k + many], (ways[k : k + many] @ places.T).max(axis=1))

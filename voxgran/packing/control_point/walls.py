@@ -20,7 +20,7 @@ EXACT = 1e-12
 
 @inlined_kernel
 def is_outside(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, g: int, moved: float) -> bool:
-    """Tell whether a grain in the pose that is tried reaches beyond a wall; `moved` bounds how far its points came."""
+    """Return whether a grain in the tried pose reaches beyond a wall; `moved` bounds how far its points came."""
     if walls.kind == MESH:
         if _is_outside_mesh(bed, bodies, walls, scratch, g, moved):
             return True
@@ -68,7 +68,7 @@ def room_of_lid(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, down: 
 
 @bare_kernel
 def _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, radius, margin, span, spanned):  # type: ignore[no-untyped-def]
-    """Tell whether a point of the convex hull lies beyond a flat wall."""
+    """Return whether a point of the convex hull lies beyond a flat wall."""
     for axis in range(3):
         x, low, high = place[axis], lower[axis] + margin - EXACT, upper[axis] - margin + EXACT
         if walled[axis] == 0 or low + radius < x < high - radius:
@@ -85,7 +85,7 @@ def _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, r
 
 @bare_kernel
 def _is_beyond_round(place, turn, hull, begin, end, size, offset, room, radius, deep):  # type: ignore[no-untyped-def]
-    """Tell whether a point of the convex hull lies outside of a cylinder along z, or (deep is 1) of a sphere."""
+    """Return whether a point of the convex hull lies outside of a cylinder along z, or (deep is 1) of a sphere."""
     x, y, z = place[0] - offset[0], place[1] - offset[1], deep * (place[2] - offset[2])
     if np.sqrt(x * x + y * y + z * z) + radius < room:
         return False
@@ -100,7 +100,7 @@ def _is_beyond_round(place, turn, hull, begin, end, size, offset, room, radius, 
 
 @bare_kernel
 def _is_outside_mesh(bed, bodies, walls, scratch, g, moved):  # type: ignore[no-untyped-def]
-    """Tell whether a grain meets the mesh of the container, or lies outside of it."""
+    """Return whether a grain meets the mesh of the container, or lies outside of it."""
     s, size, last = bed.shape[g], bed.diameter[g], len(bodies.spacing) - 1
     distance = bed.extent[g, 1] + 0.5 * bodies.spacing[last]
     for k in range(3):

@@ -148,7 +148,7 @@ def make_attempts(
 
 @bare_kernel
 def _is_missing(members, turn, member):  # type: ignore[no-untyped-def]
-    """Tell whether a member has not been voxelized, and note that it is wanted."""
+    """Return whether a member has not been voxelized, and note that it is wanted."""
     if members.start[member, 0] >= 0:
         return False
     turn.wanted[0] = member
@@ -207,7 +207,7 @@ def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def
 
 @inlined_kernel
 def _move(field, members, grains, pairs, tally, g, step):  # type: ignore[no-untyped-def]
-    """Move a grain by one voxel where nothing is in the way; tell whether it moved."""
+    """Move a grain by one voxel where nothing is in the way; return whether it moved."""
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
     old = lowest_corner(field, grains.site[g], low)
@@ -226,7 +226,7 @@ def _move(field, members, grains, pairs, tally, g, step):  # type: ignore[no-unt
 
 @inlined_kernel
 def _move_in_cells(field, members, grains, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
-    """Put a grain into a pose and place where the tables of pairs leave room; tell whether they do."""
+    """Put a grain into a pose and place where the tables of pairs leave room; return whether they do."""
     low, size, corner = box
     site = (corner[0] - low[0], corner[1] - low[1], corner[2] - low[2])
     where = (grains.site, grains.member, grains.turn)
@@ -246,7 +246,7 @@ def _move_in_cells(field, members, grains, pairs, tally, g, pose, box):  # type:
 
 @bare_kernel
 def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-untyped-def]
-    """Turn a grain about its centroid to another orientation of its bank where it fits; tell whether it turned."""
+    """Turn a grain about its centroid to another orientation of its bank where it fits; return whether it turned."""
     m, at = grains.member[g], grains.at[g]
     new_m, turn = members.kind[g] * members.bases + pose[0], pose[1]
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
@@ -283,7 +283,7 @@ def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-unt
 
 @bare_kernel
 def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
-    """Let a waiting grain enter in a random orientation, at the top or anywhere; tell whether feeding has ended."""
+    """Let a waiting grain enter in a random orientation, at the top or anywhere; return whether feeding has ended."""
     waiting = len(queue) - tally[0]
     slot = below(word, waiting)
     g = queue[slot]
@@ -308,7 +308,7 @@ def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word
 
 @bare_kernel
 def _enter(field, members, grains, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
-    """Let a grain enter where it finds room; tell whether it does."""
+    """Let a grain enter where it finds room; return whether it does."""
     low, size, corner = box
     if len(pairs.at):
         return _move_in_cells(field, members, grains, pairs, tally, g, pose, box) == 1

@@ -3,7 +3,7 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.contacts.parts import is_one_ball
+from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.digital.bit_columns import UNPACKED
@@ -73,8 +73,8 @@ def _bytes_of_tables(problem: Problem, lattice: ContainerLattice, width: Floats,
 
 
 def _different_masks(problem: Problem) -> int:
-    """Return how many sets of voxels differ; a ball looks the same in all orientations."""
+    """Return how many sets of voxels differ; a sphere looks the same in all orientations."""
     grains = digital_kinds(problem)[1]
-    ball = np.array([is_one_ball(shape.geometry) for shape in problem.shapes], dtype=np.bool_)[problem.shape_id]
-    alike = np.column_stack([problem.shape_id, problem.diameter])[grains[ball[grains]]]
-    return len(np.unique(alike, axis=0)) + bases_of(problem) * int(np.count_nonzero(~ball[grains]))
+    sphere = np.array([is_one_sphere(shape.geometry) for shape in problem.shapes], dtype=np.bool_)[problem.shape_id]
+    alike = np.column_stack([problem.shape_id, problem.diameter])[grains[sphere[grains]]]
+    return len(np.unique(alike, axis=0)) + bases_of(problem) * int(np.count_nonzero(~sphere[grains]))

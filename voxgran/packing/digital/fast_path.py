@@ -69,7 +69,7 @@ def make_moves(
 
 @inlined_kernel
 def _stays_whole(field, corner, size):  # type: ignore[no-untyped-def]
-    """Tell whether no step takes a grain over the end of a periodic axis, where it would have an image."""
+    """Return whether no step takes a grain over the end of a periodic axis, where it would have an image."""
     whole = True
     for axis in range(3):
         whole = whole and (

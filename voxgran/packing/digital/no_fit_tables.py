@@ -195,7 +195,7 @@ def _cell_of(field, cells, axis, site):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _overlap(pairs, undo, pose, other, apart):  # type: ignore[no-untyped-def]
-    """Tell whether two grains so far apart share a voxel; undo: what turns the difference as the first sees it."""
+    """Return whether two grains so far apart share a voxel; undo: what turns the difference as the first sees it."""
     table = (pose[0] * pairs.members + other[0]) * len(pairs.back) + pairs.between[pose[1], other[1]]
     wide, deep, tall = pairs.size[table, 0], pairs.size[table, 1], pairs.size[table, 2]
     u = _component(apart, undo[0]) - pairs.low[table, 0]

@@ -89,7 +89,7 @@ def stamp_step(field: Field, bits: Words, at: int, size: Triple, old: Triple, co
 
 @bare_kernel
 def is_outside(field: Field, size: Triple, corner: Triple) -> bool:
-    """Tell whether a grain reaches through a wall, or on a periodic axis meets its own image."""
+    """Return whether a grain reaches through a wall, or on a periodic axis meets its own image."""
     for axis in range(3):
         if field.periodic[axis]:
             if size[axis] >= field.shape[axis]:

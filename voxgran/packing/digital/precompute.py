@@ -11,7 +11,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.rotation import lattice_rotations, random_rotations
 from voxgran._base.seeds import philox_key, stream
-from voxgran.contacts.parts import is_one_ball
+from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.digital.attempts import put
@@ -144,7 +144,7 @@ def need_member(setting: Setting, member: int) -> None:
 
 
 def tables_pay(problem: Problem, shape: Integers, *, size: Integers, low: Integers, voxels: float, turns: int) -> bool:
-    """Tell whether pairs get tables in place of the occupancy.
+    """Return whether pairs get tables in place of the occupancy.
 
     They do where grains have as many voxels as a test by columns costs more than some neighbours by bits, the tables
     take little memory, and nothing is asked for that looks at the occupancy itself: walls that are not flat, a lid,
@@ -208,14 +208,14 @@ def digital_kinds(problem: Problem) -> tuple[Integers, Integers]:
     rest = np.column_stack([problem.shape_id[n:], problem.diameter[n:]])
     if not len(rest):
         return np.arange(n, dtype=np.int64), np.arange(n, dtype=np.int64)
-    ball = np.array([is_one_ball(shape.geometry) for shape in problem.shapes], dtype=np.bool_)
+    sphere = np.array([is_one_sphere(shape.geometry) for shape in problem.shapes], dtype=np.bool_)
     _, same = np.unique(rest, axis=0, return_inverse=True)
     same = same.reshape(-1)
     order = np.argsort(same, kind="stable")
     rank = np.empty_like(order)
     begin = np.searchsorted(same[order], same[order])
     rank[order] = np.arange(len(order)) - begin
-    several = np.where(ball[problem.shape_id[n:]], 0, rank % 16)
+    several = np.where(sphere[problem.shape_id[n:]], 0, rank % 16)
     pairs = np.column_stack([same, several])
     _, first, inverse = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
     return np.concatenate([np.arange(n), n + inverse.reshape(-1)]), np.concatenate([np.arange(n), n + first])

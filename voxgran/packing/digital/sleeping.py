@@ -19,7 +19,7 @@ def _cells_around(field, members, grains, turn, g):  # type: ignore[no-untyped-d
 
 @bare_kernel
 def sleeps(field: Field, members: Members, grains: Grains, turn: Turn, g: int, cycle: int) -> bool:
-    """Tell whether a grain sleeps on; it wakes with a new cycle, and when something near it has sunk since."""
+    """Return whether a grain sleeps on; it wakes with a new cycle, and when something near it has sunk since."""
     since = turn.slept[g]
     if since < 0:
         return False

@@ -221,7 +221,7 @@ def sum_blocked(field: Field, bits: Words, at: int, size: Triple, corner: Triple
 
 @bare_kernel
 def _has_voxel(bits, at, count, deep, i, j, k):  # type: ignore[no-untyped-def]
-    """Tell whether a grain has a voxel at a place in its box."""
+    """Return whether a grain has a voxel at a place in its box."""
     word = bits[at + ((i + 1) * count + (k >> 6)) * row_length(deep) + j]
     return (word >> np.uint64(k & 63)) & np.uint64(1) != np.uint64(0)
 

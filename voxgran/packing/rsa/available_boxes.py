@@ -122,7 +122,7 @@ def _cut_one(pieces, count, near, k, least):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _meets(pieces, j, near, k):  # type: ignore[no-untyped-def]
-    """Tell whether a grain blocks part of a piece."""
+    """Return whether a grain blocks part of a piece."""
     for axis in range(3):
         low, high = near[k, axis] - near[k, 3 + axis], near[k, axis] + near[k, 3 + axis]
         if high <= pieces[j, axis] or low >= pieces[j, 3 + axis]:

@@ -313,7 +313,7 @@ def throw_into_cells(
 
 @bare_kernel
 def _throw(bed, cells, room, low, cell, volume, begin, many, edge, key, attempt, kind, g):  # type: ignore[no-untyped-def]
-    """Try a grain at a random place in a random open cell; tell whether it entered."""
+    """Try a grain at a random place in a random open cell; return whether it entered."""
     pick, a, b, c = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
     if bed.boxes:
         k = begin + _at_volume(volume, begin, many, unit_float(pick))
@@ -391,7 +391,7 @@ def _look_at_parts(bed, cells, room, cell, half, low, edge, parts, near, kept): 
 
 @bare_kernel
 def _is_blocked(boxes, near, many, x, y, z, ex, ey, ez):  # type: ignore[no-untyped-def]
-    """Tell whether one of the grains that are near blocks all of a part."""
+    """Return whether one of the grains that are near blocks all of a part."""
     k = 0
     while k < many and not is_within(boxes, near, k, x, y, z, ex, ey, ez):
         k += 1

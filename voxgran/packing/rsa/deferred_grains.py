@@ -87,7 +87,7 @@ def open_late(bed: Bed, room: Room, classes: Classes, known: Open, late: NDArray
 
 
 def _between_walls(cell: Floats, room: Room, half: Floats) -> Floats:
-    """Return what flat walls leave of the cells of boxes; with those of balls it is left out when they are cut."""
+    """Return what flat walls leave of the cells of boxes; with those of spheres it is left out when they are cut."""
     walled = room.walled == 1
     low = np.where(walled, np.maximum(cell[:, :3], room.lower + half), cell[:, :3])
     high = cell[:, :3] + cell[:, 3:]

@@ -2,7 +2,7 @@
 
 Grains are sorted into levels by size, each level half as large as the one before, and each level has cells of its own
 that are about as wide as its largest grain. A question then visits few cells of each level, whatever the ratio of the
-sizes. Grains are balls (in the plane disks), or boxes along the axes.
+sizes. Grains are spheres (in the plane disks), or boxes along the axes.
 """
 
 import math
@@ -25,8 +25,8 @@ LEVELS = 40
 class Bed(NamedTuple):
     """The grains: where they are, half their extents, their levels, who is in.
 
-    half: of boxes a column for each axis (in the plane 1 along z), of balls one, the radius. In the plane z is 0.
-    `boxes`: grains are boxes, not balls.
+    half: of boxes a column for each axis (in the plane 1 along z), of spheres one, the radius. In the plane z is 0.
+    `boxes`: grains are boxes, not spheres.
     """
 
     position: Floats
@@ -58,7 +58,7 @@ def sort_into_levels(half: Floats) -> NDArray[np.int8]:
     Parameters
     ----------
     half : (n, 1, 2 or 3) ndarray of float
-        Half the extents along the axes of the plane or of space, of balls the radii.
+        Half the extents along the axes of the plane or of space, of spheres the radii.
     """
     size = half.max(axis=1, initial=0.0)
     largest = size.max(initial=0.0)
@@ -211,7 +211,7 @@ def find_overlap(
                         if boxes:
                             overlap = _box_overlap(half, g, dx, dy, dz, hx, hy, hz)
                         else:
-                            overlap = _ball_overlap(half, g, dx, dy, dz, hx, most)
+                            overlap = _sphere_overlap(half, g, dx, dy, dz, hx, most)
                         if overlap > most:
                             best, most, bx, by, bz = g, overlap, dx, dy, dz
                             if not deepest:
@@ -248,7 +248,7 @@ def gather(
         Half the extents of the new grain.
     near : (m, 6) ndarray of float
         Where they are written: from the middle of the box to the centre of the grain, and how far that blocks along the
-        axes (of balls: in all directions).
+        axes (of spheres: in all directions).
 
     Returns
     -------
@@ -289,7 +289,7 @@ def gather(
 
 @bare_kernel
 def is_within(boxes: bool, near: Floats, k: int, x: float, y: float, z: float, ex: float, ey: float, ez: float) -> bool:
-    """Tell whether the farthest corner of a box, and so all of it, lies in what grain k of those near blocks."""
+    """Return whether the farthest corner of a box, and so all of it, lies in what grain k of those near blocks."""
     dx, dy, dz = (
         max(abs(x - near[k, 0]) + ex, 0.0),
         max(abs(y - near[k, 1]) + ey, 0.0),
@@ -302,14 +302,14 @@ def is_within(boxes: bool, near: Floats, k: int, x: float, y: float, z: float, e
 
 @bare_kernel
 def extents(half: Floats, g: int) -> tuple[float, float, float]:
-    """Return half the extents of grain g along the axes; those of a ball are all in one column."""
+    """Return half the extents of grain g along the axes; those of a sphere are all in one column."""
     last = half.shape[1] - 1
     return half[g, 0], half[g, last >> 1], half[g, last]
 
 
 @bare_kernel
-def _ball_overlap(half, g, dx, dy, dz, radius, least):  # type: ignore[no-untyped-def]
-    """Return by how much a ball overlaps ball g where that is more than `least`, else `least`."""
+def _sphere_overlap(half, g, dx, dy, dz, radius, least):  # type: ignore[no-untyped-def]
+    """Return by how much a sphere overlaps sphere g where that is more than `least`, else `least`."""
     reach = radius + half[g, 0]
     square = dx * dx + dy * dy + dz * dz
     near = reach - least

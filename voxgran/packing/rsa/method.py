@@ -1,7 +1,7 @@
 """Random sequential addition: each grain takes a random place and stays there; what overlaps is refused.
 
-Grains are balls, in the plane disks. A shape that is no ball is treated as its bounding ball about the centroid, in a
-random orientation; `aligned` boxes and rectangles stand along the axes and meet as what they are.
+Grains are spheres, in the plane disks. A shape that is no sphere is treated as its bounding sphere about the centroid,
+in a random orientation; `aligned` boxes and rectangles stand along the axes and meet as what they are.
 
 Candidates come in the ways of Chu 2011. ``classic``: one that overlaps is dropped. ``1``: it is moved away from the
 grain that it overlaps most, along the line of centres by the overlap, up to `corrections` times, then dropped. ``2``:
@@ -38,7 +38,7 @@ from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.parts import is_one_ball
+from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.verify import verify
 from voxgran.packing.digital.bit_columns import Words
 from voxgran.packing.hand_over import packing_of_poses
@@ -381,8 +381,8 @@ def _look(problem: Problem, state: State, setting: Setting) -> None:
     ):
         # where all are wider than the container nothing was tried, and nothing can be
         closed = not len(setting.queue) or (setting.classes is not None and counters["unproven"] == 0)
-        # that there is no room for bounding balls does not prove that there is none for the true shapes
-        reason = "saturated" if _treated_as(problem) != "bounding balls" else "full"
+        # that there is no room for bounding spheres does not prove that there is none for the true shapes
+        reason = "saturated" if _treated_as(problem) != "bounding spheres" else "full"
         state.stop_reason = reason if closed else "steps"
     if state.stop_reason:
         # cells and extents are as large as the grains, and nobody asks for them any more
@@ -393,7 +393,7 @@ def _treated_as(problem: Problem) -> str:
     """Return as what grains meet."""
     if problem.parameters.aligned:
         return "boxes"
-    return "balls" if all(is_one_ball(shape.geometry) for shape in problem.shapes) else "bounding balls"
+    return "spheres" if all(is_one_sphere(shape.geometry) for shape in problem.shapes) else "bounding spheres"
 
 
 def _proof(problem: Problem, state: State) -> dict[str, Any]:
@@ -413,7 +413,7 @@ def _proof(problem: Problem, state: State) -> dict[str, Any]:
 
 registration = PackingMethod(
     name="rsa",
-    summary="grains as balls are added at random places and stay there: schemes of Chu 2011, or to proven saturation",
+    summary="grains as spheres are added at random places and stay there: schemes of Chu 2011, or to proven saturation",
     source="Chu 2011, Rock and Soil Mechanics; Zhang & Torquato 2013, doi:10.1103/PhysRevE.88.053312",
     parameters=Rsa,
     prepare=prepare,

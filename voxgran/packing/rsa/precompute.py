@@ -9,7 +9,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import philox_key, stream
-from voxgran.contacts.parts import is_one_ball
+from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.kernel_container import FLAT, Room, room_of
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import Classes, make_classes
@@ -37,7 +37,7 @@ class Setting:
     Attributes
     ----------
     half : (n, 1 or 3) ndarray of float
-        Half the extents of the grains; of balls one column, the radii.
+        Half the extents of the grains; of spheres one column, the radii.
     level : (n,) ndarray of int
         Their levels of size.
     room : Room
@@ -149,7 +149,7 @@ def coordinate_count(problem: Problem) -> int:
 def half_extents(problem: Problem) -> Floats:
     """Return half the extents of the grains as the method treats them, in median diameters.
 
-    Boxes have a column for each axis, balls one: (n, 3) or (n, 1).
+    Boxes have a column for each axis, spheres one: (n, 3) or (n, 1).
 
     Raises
     ------
@@ -188,7 +188,7 @@ def _half_of_box(shape: Shape) -> Floats:
 
 
 def orientations(problem: Problem, placed: Integers) -> Floats | None:
-    """Return the orientations of some grains, (m, 4): random, but of balls, of aligned grains and of the start.
+    """Return the orientations of some grains, (m, 4): random, but of spheres, of aligned grains and of the start.
 
     None where no grain is turned.
 
@@ -199,13 +199,13 @@ def orientations(problem: Problem, placed: Integers) -> Floats | None:
     placed : (m,) ndarray of int
         Which grains, in their order.
     """
-    balls = all(is_one_ball(shape.geometry) for shape in problem.shapes)
-    if problem.start is None and (balls or problem.parameters.aligned):
+    spheres = all(is_one_sphere(shape.geometry) for shape in problem.shapes)
+    if problem.start is None and (spheres or problem.parameters.aligned):
         return None
     orientation = np.tile([1.0, 0.0, 0.0, 0.0], (len(placed), 1))
-    if not balls and not problem.parameters.aligned:
+    if not spheres and not problem.parameters.aligned:
         generator = stream(problem.seed, "orientations")
-        turned = np.array([not is_one_ball(shape.geometry) for shape in problem.shapes])[problem.shape_id[placed]]
+        turned = np.array([not is_one_sphere(shape.geometry) for shape in problem.shapes])[problem.shape_id[placed]]
         if problem.dimension == 3:
             orientation[turned] = random_rotations(generator, problem.count)[placed[turned]]
         else:

@@ -1,9 +1,9 @@
 """Grains that grow where they are until each touches a neighbour or a wall.
 
-Shapes that lie in the balls of a sphere packing touch with their corners at the most. Here all grow at once, each about
-its centroid. How far two grains may grow before they meet is told by their true gap and by how fast that closes where
-they are nearest; of convex grains gaps close ever more slowly, so that none can grow too far, and where others did,
-they go back and grow by their bounding radius, which no surface outruns. What touches stops; the rest goes on.
+Shapes that lie in the spheres of a sphere packing touch with their corners at the most. Here all grow at once, each
+about its centroid. How far two grains may grow before they meet is told by their true gap and by how fast that closes
+where they are nearest; of convex grains gaps close ever more slowly, so that none can grow too far, and where others
+did, they go back and grow by their bounding radius, which no surface outruns. What touches stops; the rest goes on.
 """
 
 from dataclasses import replace
@@ -35,7 +35,7 @@ def grow(packing: Packing, *, most: float = 2.0) -> Packing:
     Parameters
     ----------
     packing : Packing
-        Grains that do not overlap, such as shapes in the balls of an advancing front.
+        Grains that do not overlap, such as shapes in the spheres of an advancing front.
     most : float
         Largest factor on the size of a grain, at least 1.
 

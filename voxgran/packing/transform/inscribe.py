@@ -1,4 +1,4 @@
-"""Shapes in the balls of a sphere packing: from spheres, packed in seconds, to grains of true shape."""
+"""Shapes in the spheres of a sphere packing: from spheres, packed in seconds, to grains of true shape."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,12 +10,12 @@ from voxgran._base.arrays import Floats, as_count, as_floats
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran.contacts.parts import is_one_ball
+from voxgran.contacts.parts import is_one_sphere
 from voxgran.packing.asked import check_packing, check_shapes
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 
-#: steps of the search for the smallest ball around a shape
+#: steps of the search for the smallest sphere around a shape
 STEPS = 400
 
 
@@ -27,7 +27,7 @@ def inscribe(
     shape_id: ArrayLike | None = None,
     seed: int = 0,
 ) -> Packing:
-    """Put a shape into the bounding ball of each grain, turned at random and as large as it fits.
+    """Put a shape into the bounding sphere of each grain, turned at random and as large as it fits.
 
     Parameters
     ----------
@@ -38,15 +38,15 @@ def inscribe(
     weights : (len(shapes),) array_like of float, optional
         Shares of the shapes by number; equal where left out.
     shape_id : (n,) array_like of int, optional
-        Which shape each ball gets; left out, they are drawn. ``range(n)`` gives each its own.
+        Which shape each sphere gets; left out, they are drawn. ``range(n)`` gives each its own.
     seed : int
         Seed of what is drawn.
 
     Returns
     -------
     Packing
-        As many grains in the same order, each within its ball: where the balls do not overlap, no grains do.
-        ``provenance["inscribed"]`` tells the solid fraction of the balls.
+        As many grains in the same order, each within its sphere: where the spheres do not overlap, no grains do.
+        ``provenance["inscribed"]`` tells the solid fraction of the spheres.
 
     Raises
     ------
@@ -56,21 +56,22 @@ def inscribe(
 
     Notes
     -----
-    The smallest ball around the corners of a shape, of curved shapes with the error of their tessellation, becomes the
-    ball of the grain; so the centroid of the grain lies beside the center of its ball. Of a ball of radius r the
-    center is found within about r / 400. Sizes are then those of the balls times what a shape fills of its ball.
+    The smallest sphere around the corners of a shape, of curved shapes with the error of their tessellation, becomes
+    the sphere of the grain; so the centroid of the grain lies beside the center of its sphere. Of a sphere of radius r
+    the center is found within about r / 400. Sizes are then those of the spheres times what a shape fills of its
+    sphere.
 
     Examples
     --------
     >>> import voxgran as vg
-    >>> balls = vg.pack(vg.make_shape("sphere"), vg.Box((4, 4, 4)), method="advancing_front")
-    >>> hulls = [vg.make_shape("convex_polyhedron", seed=k, points=12) for k in range(balls.count)]
-    >>> grains = vg.inscribe(balls, hulls, shape_id=range(balls.count))
+    >>> spheres = vg.pack(vg.make_shape("sphere"), vg.Box((4, 4, 4)), method="advancing_front")
+    >>> hulls = [vg.make_shape("convex_polyhedron", seed=k, points=12) for k in range(spheres.count)]
+    >>> grains = vg.inscribe(spheres, hulls, shape_id=range(spheres.count))
     >>> vg.verify(grains).ok
     True
     """
     check_packing(packing, "packing")
-    # only forms are taken from the shapes, all sizes from the balls: another unit of theirs does not matter
+    # only forms are taken from the shapes, all sizes from the spheres: another unit of theirs does not matter
     own = (None, packing.unit)
     given = tuple(shape if shape.unit in own else replace(shape, unit=None) for shape in check_shapes(shapes))
     for shape in given:
@@ -82,7 +83,7 @@ def inscribe(
     n, generator = packing.count, stream(as_count(seed, "seed", at_most=None), "inscribed")
     drawn = _drawn(generator, len(given), n, weights)
     turns = _turns(generator, n, packing.dimension)
-    balls = np.array([_ball_around(shape) for shape in given])
+    spheres = np.array([_sphere_around(shape) for shape in given])
     inscribed = Packing.of(
         given,
         packing.container,
@@ -93,7 +94,7 @@ def inscribe(
         provenance={
             **packing.provenance,
             "shapes": [{"name": shape.name, "key": shape.key} for shape in given],
-            "inscribed": {"seed": seed, "solid_fraction_of_balls": packing.solid_fraction},
+            "inscribed": {"seed": seed, "solid_fraction_of_spheres": packing.solid_fraction},
         },
         stop_reason=packing.stop_reason,
         unit=packing.unit,
@@ -101,16 +102,16 @@ def inscribe(
         contact_gap=packing.contact_gap,
         asked_sizes=packing.asked_sizes,
     )
-    # what is in the ball of a shape of size 1 is brought into the ball of the grain
-    scale = packing.bounding_radii / balls[inscribed.shape_id, 3]
-    beside = np.einsum("nij,nj->ni", rotation_matrices(turns), balls[inscribed.shape_id, :3])
+    # what is in the sphere of a shape of size 1 is brought into the sphere of the grain
+    scale = packing.bounding_radii / spheres[inscribed.shape_id, 3]
+    beside = np.einsum("nij,nj->ni", rotation_matrices(turns), spheres[inscribed.shape_id, :3])
     return replace(inscribed, scale=scale, position=packing.position - scale[:, None] * beside)
 
 
 def _drawn(generator: np.random.Generator, many: int, n: int, weights: ArrayLike | None) -> ArrayLike:
     """Return which shape each grain gets, drawn by their shares."""
     if not many:
-        raise InputError("shapes is empty: a ball gets one of them; give at least one")
+        raise InputError("shapes is empty: a sphere gets one of them; give at least one")
     share = np.ones(many) if weights is None else as_floats(weights, "weights", shape=(many,))
     if share.min() < 0 or share.sum() <= 0:
         raise InputError(f"weights are {share.tolist()}: shares must not be negative, nor all 0; correct them")
@@ -125,10 +126,10 @@ def _turns(generator: np.random.Generator, n: int, dimension: int) -> Floats:
     return normalized(np.column_stack([np.cos(half), np.zeros((n, 2)), np.sin(half)]))
 
 
-def _ball_around(shape: Shape) -> tuple[float, float, float, float]:
-    """Return center and radius of a ball around a shape, nearly the smallest (Badoiu & Clarkson 2003)."""
+def _sphere_around(shape: Shape) -> tuple[float, float, float, float]:
+    """Return center and radius of a sphere around a shape, nearly the smallest (Badoiu & Clarkson 2003)."""
     center, corners = np.zeros(3), shape.vertices
-    if is_one_ball(shape.geometry):
+    if is_one_sphere(shape.geometry):
         return 0.0, 0.0, 0.0, shape.bounding_radius
     for step in range(1, STEPS + 1):
         center = center + (corners[np.argmax(((corners - center) ** 2).sum(axis=1))] - center) / (step + 1)

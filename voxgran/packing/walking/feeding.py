@@ -131,13 +131,13 @@ def _end_feeding(problem: Problem, state: State) -> None:
 
 
 def _may_sink(problem: Problem, state: State) -> bool:
-    """Tell whether grains that sink could make room for others."""
+    """Return whether grains that sink could make room for others."""
     falls = bool(gravity_vector(problem).any())
     return falls and state.counters["placed"] > 0 and problem.parameters.feed != "at_once"
 
 
 def _have_sunk(problem: Problem, state: State, places: Floats) -> bool:
-    """Tell whether the grains that were below the entry have sunk while nothing entered."""
+    """Return whether the grains that were below the entry have sunk while nothing entered."""
     before, many = state.arrays["brim"]
     return bool(before - _brim(problem, places)[0] > SINK_DEPTH * many)
 

@@ -1,7 +1,7 @@
 """Unions of random base solids: angular or rounded grains with edges, dents and re-entrant corners.
 
 Each grain is the union of a few boxes, cylinders, cones, ellipsoids and spheres of random dimensions. Each base solid
-is drawn on a work plane of random orientation through the origin, shifted at random as far as it still holds a ball
+is drawn on a work plane of random orientation through the origin, shifted at random as far as it still holds a sphere
 of a tenth of its size around the origin: the union is one piece, and no two solids only graze each other.
 
 References
@@ -23,11 +23,11 @@ from voxgran.shapes.boolean import united
 from voxgran.shapes.family import ShapeFamily
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.tessellate import ball, revolved, unit_box
+from voxgran.shapes.tessellate import revolved, sphere, unit_box
 
 Kind = Literal["box", "cylinder", "cone", "ellipsoid", "sphere"]
 
-#: radius of the ball around the origin that each base solid holds, in its size
+#: radius of the sphere around the origin that each base solid holds, in its size
 CORE = 0.1
 #: base solids of a grain at the most
 MOST_SOLIDS = 1000
@@ -65,7 +65,7 @@ class SolidUnion:
         if least < 0.35 * most:
             raise InputError(
                 f"lengths are {least} to {most}: the smallest must be at least 0.35 of the largest, so that each solid "
-                "holds a ball around the origin; move them together"
+                "holds a sphere around the origin; move them together"
             )
         if self.diameter is not None:
             as_positive(self.diameter, "diameter")
@@ -116,7 +116,7 @@ def _unit_solid(kind: Kind) -> tuple[Floats, Integers]:
     elif kind == "cone":
         vertices, faces, _ = revolved([(-0.5, 0.5), (0.5, 0.0)], sides=SIDES)
     else:
-        vertices, faces, _ = ball(SUBDIVISIONS)
+        vertices, faces, _ = sphere(SUBDIVISIONS)
         vertices = vertices / 2
     return vertices, faces
 

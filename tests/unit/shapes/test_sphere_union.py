@@ -6,7 +6,7 @@ import pytest
 
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran.shapes.ball_union import _patch_sums, contained, union_moments
+from voxgran.shapes.sphere_union import _patch_sums, contained, union_moments
 
 
 def disk_union(centers, radii):
@@ -51,7 +51,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(30)
 
 
 def slice_union(centers, radii):
-    """Volume and first moments of a union of balls from its slices, cut where the slices change their form."""
+    """Volume and first moments of a union of spheres from its slices, cut where the slices change their form."""
     heights = [z + s * r for (_, _, z), r in zip(centers, radii, strict=True) for s in (-1, 1)]
     for i, j in itertools.combinations(range(len(radii)), 2):
         w = centers[j] - centers[i]
@@ -87,7 +87,7 @@ def slice_union(centers, radii):
 
 
 def revolved_union(places, radii):
-    """Volume, area and moments of balls along the z axis: piecewise polynomials, integrated exactly."""
+    """Volume, area and moments of spheres along the z axis: piecewise polynomials, integrated exactly."""
     cuts = [z + s * r for z, r in zip(places, radii, strict=True) for s in (-1, 1)]
     for (a, r), (b, s) in itertools.combinations(zip(places, radii, strict=True), 2):
         if a != b:
@@ -109,8 +109,8 @@ def revolved_union(places, radii):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_random_balls_agree_with_their_slices(seed):
-    generator = stream(seed, "balls")
+def test_random_spheres_agree_with_their_slices(seed):
+    generator = stream(seed, "spheres")
     centers = generator.random((5, 3)) * 1.2
     radii = 0.3 + 0.4 * generator.random(5)
     volume, first, _, _ = union_moments(centers, radii)
@@ -130,7 +130,7 @@ def test_random_balls_agree_with_their_slices(seed):
         ([0.0, 1e-9], [1.0, 1.0]),
     ],
 )
-def test_balls_on_a_line_are_bodies_of_revolution(places, radii):
+def test_spheres_on_a_line_are_bodies_of_revolution(places, radii):
     volume, area, first, across, along = revolved_union(np.array(places), np.array(radii))
     turn = rotation_matrices(random_rotations(stream(1, "turn"), 1))[0]
     centers = np.column_stack([np.zeros(len(places)), np.zeros(len(places)), places]) @ turn.T
@@ -155,7 +155,7 @@ DEGENERATE = {
     "one common circle": (np.outer(AXIS, [0, 0, 1]), np.sqrt(1 + AXIS**2)),
     "common points": (NOISE[:9] * [1, 1, 0], np.sqrt(1 + (NOISE[:9, :2] ** 2).sum(axis=1))),
     "tangent in one point": (NOISE[:6] * [1, 1, 0], np.linalg.norm(NOISE[:6, :2], axis=1)),
-    "third ball touches a circle": (
+    "third sphere touches a circle": (
         np.array([[0, 0, 0], [1, 0, 0], [0.5, math.sqrt(0.75) + 0.3, 0]]),
         np.array([1, 1, 0.3]),
     ),
@@ -185,14 +185,14 @@ def test_result_does_not_depend_on_the_frame_nor_on_the_order(name):
 
 
 def test_eight_spheres_through_one_point_have_the_volume_of_their_cells():
-    # each ball shows in its octant only, since the power cells of equal balls are the octants
+    # each sphere shows in its octant only, since the power cells of equal spheres are the octants
     radius = math.sqrt(3) / 2
     volume = union_moments(CUBE, np.full(8, radius))[0]
     assert volume == pytest.approx(8 * _octant_volume(0.5, radius), rel=1e-9)
 
 
 def _octant_volume(distance, radius):
-    """Volume of a ball about (d, d, d) in x, y, z > 0, where its sphere passes through the origin."""
+    """Volume of a sphere about (d, d, d) in x, y, z > 0, where its sphere passes through the origin."""
     cap = math.pi * (radius - distance) ** 2 * (2 * radius + distance) / 3
     # what lies beyond two of the planes, sliced across their common line; nothing lies beyond all three
     half = math.sqrt(radius**2 - 2 * distance**2)
@@ -205,7 +205,7 @@ def _octant_volume(distance, radius):
     return 4 / 3 * math.pi * radius**3 - 3 * cap + 3 * twice
 
 
-def test_contained_balls_do_not_count():
+def test_contained_spheres_do_not_count():
     centers = np.array([[0, 0, 0], [0.2, 0, 0], [0, 0, 0], [0.5, 0, 0], [2.5, 0, 0]])
     radii = np.array([1.0, 0.3, 1.0, 0.5, 0.5])
     assert contained(centers, radii).tolist() == [False, True, True, True, False]
@@ -215,7 +215,7 @@ def test_contained_balls_do_not_count():
 
 
 def test_a_cavity_has_a_surface():
-    # balls on all points of a 3 x 3 x 3 lattice but the middle one, just large enough to close the faces
+    # spheres on all points of a 3 x 3 x 3 lattice but the middle one, just large enough to close the faces
     points = np.array(list(itertools.product([-1.0, 0.0, 1.0], repeat=3)))
     points = points[np.abs(points).sum(axis=1) > 0]
     radii = np.full(26, 0.75)
@@ -227,7 +227,7 @@ def test_a_cavity_has_a_surface():
 
 
 def _left_over(small, large):
-    """Volume of a ball at the middle of six balls at distance 1 that is outside of these."""
+    """Volume of a sphere at the middle of six spheres at distance 1 that is outside of these."""
     if small + large <= 1:
         return 4 / 3 * math.pi * small**3
     lens = math.pi * (small + large - 1) ** 2

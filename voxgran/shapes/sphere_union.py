@@ -1,6 +1,6 @@
-"""Exact volume, moments and surface of a union of balls.
+"""Exact volume, moments and surface of a union of spheres.
 
-The surface of the union consists of what is left of each sphere when the caps inside the other balls are cut off.
+The surface of the union consists of what is left of each sphere when the caps inside the other spheres are cut off.
 By the divergence theorem volume, centroid and second moments are sums of the integrals of 1, n, n n and n n n over
 these spherical regions, n being the normal. By the divergence theorem on the sphere all of them but the area are
 integrals over the boundary of the region: arcs of the circles in which two spheres meet, ending where three meet.
@@ -9,12 +9,12 @@ circles of that sphere, plus 4 pi where that opposite point belongs to the regio
 counting of faces, edges and corners is needed, so that nothing jumps where four spheres meet in a point.
 
 Each corner is computed once for the three spheres that meet there, in the same order of operations for all of them, and
-each arc is joined to its corners by short segments: the boundaries therefore close, also where balls nearly
+each arc is joined to its corners by short segments: the boundaries therefore close, also where spheres nearly
 coincide.
 
 References
 ----------
-Cazals, Kanhere & Loriot 2011, Computing the volume of a union of balls: a certified algorithm,
+Cazals, Kanhere & Loriot 2011, Computing the volume of a union of spheres: a certified algorithm,
 ACM Transactions on Mathematical Software 38(1), 3, doi:10.1145/2049662.2049665
 """
 
@@ -29,12 +29,12 @@ from voxgran._base.kernels import kernel
 #: largest gap of a boundary, in radii; above it the radii are changed by NUDGE and all is computed anew
 CLOSED = 1e-10
 NUDGE = 1e-13
-#: how far a ball may stick out of another one, in radii of that one, and still counts as inside
+#: how far a sphere may stick out of another one, in radii of that one, and still counts as inside
 HIDDEN = 2e-13
 
 
 def union_moments(centers: Floats, radii: Floats) -> tuple[float, Floats, Floats, float]:
-    """Return volume, first moments, second moments and surface area of a union of balls.
+    """Return volume, first moments, second moments and surface area of a union of spheres.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def union_moments(centers: Floats, radii: Floats) -> tuple[float, Floats, Floats
 
 
 def contained(centers: Floats, radii: Floats) -> Booleans:
-    """Tell which balls lie inside another one; of equal balls all but the first do."""
+    """Tell which spheres lie inside another one; of equal spheres all but the first do."""
     order = np.lexsort((np.arange(len(radii)), -radii))
     result = np.zeros(len(radii), dtype=np.bool_)
     i, j = _touching(centers, radii)
@@ -87,7 +87,7 @@ def contained(centers: Floats, radii: Floats) -> Booleans:
 
 
 def _touching(centers: Floats, radii: Floats) -> tuple[Integers, Integers]:
-    """Return the pairs i < j of balls that touch or overlap."""
+    """Return the pairs i < j of spheres that touch or overlap."""
     i, j, _ = near_pairs(centers, radii, 0.0, lower=np.zeros(3), lengths=np.ones(3), periodic=(False, False, False))
     return i, j
 
@@ -204,7 +204,7 @@ def _side(centers, i, j):  # type: ignore[no-untyped-def]
 
 @kernel
 def _order(centers, radii, i, j, k):  # type: ignore[no-untyped-def]
-    """Order three balls as (e, f, m), and tell whether their centers lie on a line.
+    """Order three spheres as (e, f, m), and tell whether their centers lie on a line.
 
     On a line m is the middle one; else e and f are the pair whose spheres meet at the flattest angle. The order is
     the same for any order of the arguments.
@@ -233,14 +233,14 @@ def _order(centers, radii, i, j, k):  # type: ignore[no-untyped-def]
 
 @kernel
 def _covered(centers, radii, i, j, k, mid, rho, frame, span, ends):  # type: ignore[no-untyped-def]
-    """Write the part of circle (i, j) inside ball k; return 0 for none, 1 for a part, 2 for all of it."""
+    """Write the part of circle (i, j) inside sphere k; return 0 for none, 1 for a part, 2 for all of it."""
     e, f, m, straight = _order(centers, radii, i, j, k)
     x, base_rho, axis, _ = _circle(centers, radii, e, f)
     base = _along(_row(centers, e), x, axis)
     w = _along(_row(centers, m), -1.0, base)
     excess = base_rho**2 + (_dot(w, w) - radii[m] ** 2)
     if straight:
-        # either the middle ball shows, or the outer two meet outside of it; on one common circle it does not
+        # either the middle sphere shows, or the outer two meet outside of it; on one common circle it does not
         shows = excess < -1e-13 * radii[m] ** 2
         return 2 if shows == (k == m) else 0
     v = _along(_row(centers, k), -1.0, mid)
@@ -366,7 +366,7 @@ def _frame(u):  # type: ignore[no-untyped-def]
 
 @kernel
 def _cover_circle(centers, radii, i, j, start, neighbours, mid, rho, frame, spans, ends):  # type: ignore[no-untyped-def]
-    """Write the parts of circle (i, j) that other balls cover; return their number, -1 where all is covered."""
+    """Write the parts of circle (i, j) that other spheres cover; return their number, -1 where all is covered."""
     count = 0
     p, q = start[i], start[j]
     while p < start[i + 1] and q < start[j + 1]:
