@@ -33,8 +33,8 @@ ARROWS["contacts"] = ARROWS["clumps"] | {"containers", "clumps"}
 ARROWS["settling"] = ARROWS["contacts"] | {"contacts"}
 ARROWS["packing"] = ARROWS["settling"] | {"settling"}
 ARROWS["deform"] = ARROWS["packing"] | {"packing"}
-ARROWS["measure"] = ARROWS["deform"] | {"deform"}
-ARROWS["io"] = ARROWS["measure"] | {"measure"}
+ARROWS["measures"] = ARROWS["deform"] | {"deform"}
+ARROWS["io"] = ARROWS["measures"] | {"measures"}
 ARROWS["report"] = ARROWS["io"] | {"io"}
 ARROWS["scene"] = ARROWS["report"] | {"report"}
 ARROWS["study"] = ARROWS["bench"] = ARROWS["scene"] | {"scene"}
@@ -62,7 +62,7 @@ RANDOM = {"seed", "RandomState", "default_rng"}
 #: PyVista imports this file, after itself, by its entry point; voxgran never does
 PLUGIN = "io/pyvista_accessor.py"
 #: what subclasses numba, loaded by `lazy.load` when the first kernel is compiled
-COMPILER = {"_base/kernel_files.py", "_base/linking.py"}
+COMPILER = {"_base/compiling/kernel_files.py", "_base/compiling/linking.py"}
 LONGEST_FUNCTION = 60  # lines, without the docstring
 LONGEST_FILE = 450
 

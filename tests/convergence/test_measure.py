@@ -8,8 +8,8 @@ import pytest
 from voxgran.containers.box import Box
 from voxgran.containers.cylinder import Cylinder
 from voxgran.measure import cylinders, region, window
-from voxgran.measure.region import Regions
-from voxgran.measure.window import Solids
+from voxgran.measures.region import Regions
+from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive

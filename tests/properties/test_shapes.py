@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.shapes import sizes
-from voxgran.shapes.diagnose import diagnose
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.spheres import Spheres
 
 seeds = st.integers(0, 10**6)

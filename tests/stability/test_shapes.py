@@ -7,9 +7,9 @@ import pytest
 
 from voxgran._base.seeds import stream
 from voxgran.shapes import sizes
-from voxgran.shapes.diagnose import diagnose, merged
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.diagnose import diagnose, merged
 from voxgran.shapes.spheres import Spheres
 
 

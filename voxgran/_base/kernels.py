@@ -63,8 +63,8 @@ class Kernel:
             If numba cannot be loaded.
         """
         if self._compiled is None:
-            made: Any = self._dispatcher(pipeline_class=load("voxgran._base.linking").CallerCompiler)
-            made._cache = load("voxgran._base.kernel_files").KernelCache(
+            made: Any = self._dispatcher(pipeline_class=load("voxgran._base.compiling.linking").CallerCompiler)
+            made._cache = load("voxgran._base.compiling.kernel_files").KernelCache(
                 made.py_func, self.code_hash[:16], cache_folder(), on_miss=self._tell
             )
             self._compiled = made
@@ -79,7 +79,7 @@ class Kernel:
             If numba cannot be loaded.
         """
         if self._callee is None:
-            compiler = load("voxgran._base.linking").CalleeCompiler
+            compiler = load("voxgran._base.compiling.linking").CalleeCompiler
             self._callee = self._dispatcher(pipeline_class=compiler, no_cpython_wrapper=True, no_cfunc_wrapper=True)
         return self._callee
 
@@ -220,7 +220,7 @@ def cache_folder() -> Path:
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     for parent in (os.environ.get("VOXGRAN_CACHE"), os.path.join(home, "voxgran")):
         if parent and (folder := _writable(Path(parent) / "kernels")):
-            load("voxgran._base.kernel_files").remove_forgotten(folder)
+            load("voxgran._base.compiling.kernel_files").remove_forgotten(folder)
             for old in Path(parent).glob("kernels-*"):
                 # each edit of a kernel left one of these
                 shutil.rmtree(old, ignore_errors=True)

@@ -173,9 +173,9 @@ def shape(options: argparse.Namespace) -> None:
 
 def repair(options: argparse.Namespace) -> None:
     """Mend a mesh file and say what was done."""
-    from voxgran.shapes.diagnose import Remedies
     from voxgran.shapes.files import read_surface
-    from voxgran.shapes.repair import repaired
+    from voxgran.shapes.repairing.diagnose import Remedies
+    from voxgran.shapes.repairing.repair import repaired
 
     points, faces = read_surface(options.file)
     remedies = Remedies(
@@ -231,8 +231,8 @@ def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[st
 
 def clump(options: argparse.Namespace) -> None:
     """Fit a clump of spheres to a mesh file and write its spheres."""
-    from voxgran.shapes.diagnose import Remedies
     from voxgran.shapes.files import shape_of_file
+    from voxgran.shapes.repairing.diagnose import Remedies
 
     remedies = Remedies(
         mend="use 'voxgran repair'", keep_open="", choose="choose with 'voxgran repair --bodies largest'"
@@ -251,7 +251,7 @@ def clump(options: argparse.Namespace) -> None:
 def methods(options: argparse.Namespace) -> None:
     """List packing methods, clump methods, shape families and measures with their parameters and allowed values."""
     from voxgran.clumps.method import clump_registry
-    from voxgran.measure.model import measure_registry
+    from voxgran.measures.model import measure_registry
     from voxgran.packing.method import method_registry
     from voxgran.shapes.family import families
 

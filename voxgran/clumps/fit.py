@@ -12,8 +12,8 @@ from voxgran.clumps.method import Wanted, clump_methods, clump_registry
 from voxgran.clumps.model import Clump
 from voxgran.lattice.label import connected_components
 from voxgran.lattice.surface import smooth_surface
-from voxgran.shapes.bodies import split
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.bodies import split
 from voxgran.shapes.spheres import Spheres
 from voxgran.voxels.model import Voxels
 from voxgran.voxels.occupy import voxelize

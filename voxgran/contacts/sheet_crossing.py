@@ -2,9 +2,9 @@
 
 While one triangle is moved straight past another, both cross during one interval of the way: along each of eleven
 directions, their normals and the products of their edges, they overlap during one (separating axes, as in
-:mod:`voxgran.shapes.crossing`), and they cross where they do so along all. The move goes on to the end of such an
-interval as long as it lies within one; then the surfaces are free, and no shorter move that way frees them. Intervals
-of neighbours abut, so that the way hardly depends on how the surfaces are cut into triangles.
+:mod:`voxgran.shapes.repairing.crossing`), and they cross where they do so along all. The move goes on to the end of
+such an interval as long as it lies within one; then the surfaces are free, and no shorter move that way frees them.
+Intervals of neighbours abut, so that the way hardly depends on how the surfaces are cut into triangles.
 
 All directions are tried both ways: three perpendicular ones, the normals where the surfaces cross, the mean normals,
 the product of these and the offset of the centroids; then those about the best. So the depth is an upper bound of the

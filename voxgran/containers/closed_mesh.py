@@ -9,10 +9,10 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.errors import InputError, shown
-from voxgran.shapes.diagnose import Remedies
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.diagnose import Remedies
 
 #: what can be done about a file that is not one closed solid
 MENDING = Remedies(

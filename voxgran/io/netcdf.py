@@ -14,7 +14,7 @@ from voxgran._base.errors import OutputError
 from voxgran._base.files import existing_file, written_whole
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
-from voxgran.measure.accessor import register_accessor
+from voxgran.measures.accessor import register_accessor
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree

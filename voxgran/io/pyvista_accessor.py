@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pyvista
 
-from voxgran.shapes.diagnose import Diagnosis, diagnose
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repair import Repair, repair
+from voxgran.shapes.repairing.diagnose import Diagnosis, diagnose
+from voxgran.shapes.repairing.repair import Repair, repair
 from voxgran.voxels.model import Voxels
 from voxgran.voxels.occupy import voxelize
 

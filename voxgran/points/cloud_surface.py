@@ -20,9 +20,9 @@ from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.lazy import load
 from voxgran.points.backend_open3d import without_stderr
 from voxgran.points.cloud import Cloud, Frame
-from voxgran.shapes.diagnose import bounds_solid
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repair import repair
+from voxgran.shapes.repairing.diagnose import bounds_solid
+from voxgran.shapes.repairing.repair import repair
 
 log = logging.getLogger(__name__)
 

@@ -19,7 +19,7 @@ from voxgran.containers.box import Box
 from voxgran.io.files import save
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.vtk_files import save_scene
-from voxgran.measure.model import measure
+from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import write_report

@@ -20,10 +20,10 @@ from voxgran.containers.model import Container
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
-from voxgran.shapes.diagnose import Remedies
 from voxgran.shapes.family import families, make_shape
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.diagnose import Remedies
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 if TYPE_CHECKING:
@@ -335,7 +335,7 @@ def _share_by(value: Any) -> str:
 
 def _which(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
     """Return the names of the measures that are asked for."""
-    from voxgran.measure.model import measure_registry
+    from voxgran.measures.model import measure_registry
 
     for key in mapping:
         if key != "which":

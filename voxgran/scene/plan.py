@@ -9,12 +9,12 @@ import numpy as np
 from voxgran.packing.memory import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.model import REMEDIES, Scene, ShapeEntry
-from voxgran.shapes.diagnose import merged, refuse_open
 from voxgran.shapes.family import families
 from voxgran.shapes.files import read_surface
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.repairing.diagnose import merged, refuse_open
 from voxgran.shapes.surface import Surface
 
 #: bytes with the libraries that check, measure and save, when the method's own arrays are gone (measured)

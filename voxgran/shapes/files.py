@@ -20,11 +20,11 @@ from voxgran._base.guarded import Content, read_guarded
 from voxgran._base.lazy import load
 from voxgran._base.vtk_data import poly_data, write_data
 from voxgran._base.vtk_readers import vtk_triangles
-from voxgran.shapes.diagnose import Remedies, merged, refuse_dirty
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.mesh_formats import Polygons, gmsh_polygons, read_obj, read_off, read_ply, read_stl
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repair import repaired
+from voxgran.shapes.repairing.diagnose import Remedies, merged, refuse_dirty
+from voxgran.shapes.repairing.repair import repaired
 from voxgran.shapes.surface import Surface, refuse_unfit
 
 #: most corners of a polygon that is clipped, which takes time with their square and a deep stack

@@ -14,10 +14,10 @@ from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.rotation import rotation_matrices
 from voxgran._base.units import as_unit, stated_unit, unit_factor
-from voxgran.shapes.diagnose import merged, refuse_dirty
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.repairing.diagnose import merged, refuse_dirty
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface, refuse_unfit
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran.shapes.crossing import count_crossings
+from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.shells import connected, edge_faults
 from voxgran.shapes.triangles import Triangles, areas_of
 

@@ -17,9 +17,9 @@ from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError
 from voxgran._base.lazy import load
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
-from voxgran.shapes.bodies import outward
-from voxgran.shapes.diagnose import merged
 from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.repairing.bodies import outward
+from voxgran.shapes.repairing.diagnose import merged
 from voxgran.shapes.shells import turned_faces
 from voxgran.shapes.winding import winding_numbers
 from voxgran.voxels.model import Voxels

@@ -12,7 +12,7 @@ import xarray
 
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, UnknownNameError
-from voxgran.measure.accessor import register_accessor
+from voxgran.measures.accessor import register_accessor
 
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
 old_pyvista = not hasattr(pyvista, "register_dataset_accessor")

@@ -6,7 +6,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.shapes.diagnose import diagnose
+from voxgran.shapes.repairing.diagnose import diagnose
 
 
 def overlap_mean(image, shape):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from voxgran._base.seeds import stream
 from voxgran.lattice.cuberille import voxel_surface
 from voxgran.lattice.interfaces import MARGIN, fitted_surface
-from voxgran.shapes.crossing import count_crossings
+from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.shells import edge_faults
 
 

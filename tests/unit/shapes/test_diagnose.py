@@ -6,9 +6,9 @@ import pytest
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran.shapes.crossing import DEPTH, _is_crossing, count_crossings
-from voxgran.shapes.diagnose import Diagnosis, diagnose, merged, refuse_dirty
 from voxgran.shapes.family import make_shape
+from voxgran.shapes.repairing.crossing import DEPTH, _is_crossing, count_crossings
+from voxgran.shapes.repairing.diagnose import Diagnosis, diagnose, merged, refuse_dirty
 from voxgran.shapes.tessellate import revolved, sphere, unit_box
 
 BOX = unit_box()[:2]

@@ -6,9 +6,9 @@ import pytest
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.seeds import stream
-from voxgran.shapes.diagnose import diagnose, refuse_dirty
 from voxgran.shapes.families.solid_union import CORE, SolidUnion, _base_solid
 from voxgran.shapes.family import families, make_shape, shape_families
+from voxgran.shapes.repairing.diagnose import diagnose, refuse_dirty
 from voxgran.shapes.surface import refuse_unfit
 from voxgran.shapes.winding import winding_numbers
 

@@ -6,7 +6,7 @@ import pyvista
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, MissingLibraryError
-from voxgran.shapes.image_files import read_image
+from voxgran.shapes.images.image_files import read_image
 
 IMAGE = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 

@@ -14,7 +14,7 @@ from voxgran._base.seeds import stream
 from voxgran.lattice import census as counting
 from voxgran.lattice.census import census
 from voxgran.lattice.surface import smooth_surface
-from voxgran.shapes.diagnose import diagnose
+from voxgran.shapes.repairing.diagnose import diagnose
 
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
 

@@ -8,7 +8,7 @@ from voxgran._base.errors import DirtyMeshError, FileFormatError, MissingFileErr
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import READERS, WRITERS, load_shape, save_shape
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repair import repair
+from voxgran.shapes.repairing.repair import repair
 from voxgran.shapes.tessellate import unit_box
 
 VERTICES, FACES, _ = unit_box()

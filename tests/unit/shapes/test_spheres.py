@@ -5,9 +5,9 @@ import pytest
 
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.shapes.diagnose import diagnose
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.spheres import Spheres, _mark_inside, _measure_way_out
 
 DUMBBELL = Spheres(np.array([[0.0, 0.0, 0.0], [1.5, 0.0, 0.0]]), np.array([1.0, 1.0]))

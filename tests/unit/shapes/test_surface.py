@@ -7,7 +7,7 @@ import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.deform.deform import deform
 from voxgran.shapes.descriptors import principal_extents
-from voxgran.shapes.diagnose import diagnose
+from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.surface import Surface
 
 SQUARE = np.array([[0.0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])

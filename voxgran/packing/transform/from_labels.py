@@ -11,8 +11,8 @@ from voxgran._base.axes import Periodic, as_periodic, axis_names
 from voxgran.containers.box import Box
 from voxgran.lattice.census import census
 from voxgran.packing.model import Packing
-from voxgran.shapes.image_files import voxel_sizes
-from voxgran.shapes.labels import LabelledGrain, image_of, labelled_grains
+from voxgran.shapes.images.image_files import voxel_sizes
+from voxgran.shapes.images.labels import LabelledGrain, image_of, labelled_grains
 
 
 def packing_of_labels(

@@ -1,0 +1,160 @@
+"""`measure`: what is in the tree, for which packing, at what cost."""
+
+import math
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+import xarray
+
+import voxgran.measure
+from voxgran._base.errors import PackingWarning, UnknownNameError
+from voxgran.containers.box import Box
+from voxgran.containers.rectangle import Rectangle
+from voxgran.io.netcdf import load_statistics, save_statistics
+from voxgran.measures.model import FOUNDATION, Measure, measure, measure_registry, measures
+from voxgran.packing.model import Packing
+from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
+DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
+ALL = ("contacts", "coordination", "density", "gradation", "grains", "profile", "provenance", "strict")
+
+
+def some(count=60, **more):
+    """Return spheres side by side in a periodic box."""
+    position = np.stack(np.meshgrid(*[np.arange(4) + 0.5] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:count]
+    return Packing.of([BALL], Box((4, 4, 4), periodic="xyz"), position=position, **more)
+
+
+def test_the_names():
+    assert set(ALL) <= set(measures())
+    assert not FOUNDATION & set(measures())
+    for name in ALL:
+        entry = measure_registry().get(name)
+        assert isinstance(entry, Measure)
+        assert entry.name == name
+        assert entry.summary
+
+
+def test_an_unknown_name():
+    with pytest.raises(UnknownNameError, match="measure 'densty' is unknown: did you mean 'density'"):
+        measure(some(), which=["densty"])
+    with pytest.raises(UnknownNameError, match="measure 'window' is unknown"):
+        measure(some(), which=["window"])
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_each_measure_fills_the_groups_that_it_names(name):
+    entry = measure_registry().get(name)
+    assert set(entry.compute(some())) == set(entry.groups)
+    tree = measure(some(), which=[name])
+    assert set(tree.groups) == {"/", "/provenance", *entry.groups}
+
+
+def test_a_single_name_may_be_given_as_text():
+    assert set(measure(some(), which="density").groups) == {"/", "/provenance"}
+
+
+def test_the_package_can_be_called():
+    packing = some()
+    found = voxgran.measure(packing, which=["density"])
+    assert float(found.solid_fraction) == packing.solid_fraction
+    code = (
+        "import voxgran.measure, voxgran, numpy as np\n"
+        "from voxgran.measures.model import measure\n"
+        "from voxgran.shapes.primitive import Primitive\n"
+        "shape = voxgran.Shape.of(Primitive('sphere', (0.5,)), name='sphere')\n"
+        "packing = voxgran.Packing.of([shape], voxgran.Box((4, 4, 4)), position=np.ones((1, 3)))\n"
+        "assert int(voxgran.measure(packing, which=['grains'])['count']) == 1\n"
+        "assert voxgran.measure is voxgran.__dict__['measure']\n"
+    )
+    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def every_variable(tree):
+    """Yield path and variable of all variables and coordinates."""
+    for node in tree.subtree:
+        for name, found in node.to_dataset(inherit=False).variables.items():
+            yield f"{node.path}/{name}", found
+
+
+@pytest.mark.parametrize("unit", ["1", "mm"])
+def test_units_and_names_everywhere(unit):
+    tree = measure(some(unit=unit))
+    assert set(tree.groups) == {"/", "/grains", "/contacts", "/profiles", "/gradation", "/provenance"}
+    for path, found in every_variable(tree):
+        assert found.attrs["units"], path
+        assert len(found.attrs["long_name"]) > 3, path
+        for value in found.attrs.values():
+            assert type(value) in (str, float, int), path
+        if unit == "1" and path != "/provenance/wall_seconds":
+            assert found.attrs["units"] == "1", path
+    assert tree.attrs["unit"] == unit
+
+
+def test_it_survives_a_file(tmp_path):
+    tree = measure(some(unit="mm", provenance={"method": "digital", "timing": {"wall_seconds": 1.0}}))
+    save_statistics(tree, tmp_path / "a.nc")
+    again = load_statistics(tmp_path / "a.nc")
+    for (path, found), (_, read) in zip(every_variable(tree), every_variable(again), strict=True):
+        assert found.dims == read.dims, path
+        assert (found.dtype.kind in "UO") or np.array_equal(found.values, read.values, equal_nan=True), path
+        assert found.attrs["units"] == read.attrs["units"], path
+    assert str(again["provenance"].record.values) == str(tree["provenance"].record.values)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_no_grains_measure_without_warnings(dimension, tmp_path):
+    container = Box((4, 4, 4)) if dimension == 3 else Rectangle((4, 4))
+    shapes = [BALL] if dimension == 3 else [DISK]
+    for given in (shapes, []):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            tree = measure(Packing.of(given, container, position=np.zeros((0, 3))))
+            save_statistics(tree, tmp_path / "empty.nc", overwrite=True)
+        assert int(tree["count"]) == 0
+        assert float(tree.solid_fraction) == 0.0
+        assert math.isnan(float(tree.bulk_solid_fraction))
+        assert tree["grains"].sizes["grain"] == tree["contacts"].sizes["contact"] == 0
+
+
+def test_disks():
+    position = np.stack(np.meshgrid(np.arange(8) + 0.5, np.arange(8) + 0.5, [0.0], indexing="ij"), axis=-1)
+    packing = Packing.of([DISK], Rectangle((8, 8), periodic="xy"), position=position.reshape(-1, 3), unit="cm")
+    tree = measure(packing)
+    assert float(tree.bulk_solid_fraction) == pytest.approx(math.pi / 4, rel=1e-12)
+    assert tree.grain_volume.attrs == {"units": "cm^2", "long_name": "area of all grains together"}
+    assert (tree["grains"].coordination_number == 4).all()
+    assert set(tree["profiles"].coords) == {"gap", "x", "y"}
+
+
+def test_the_rows_of_the_grains():
+    packing = some(5, scale=np.array([1.0, 0.9, 0.8, 0.7, 0.6]), unit="mm")
+    grains = measure(packing, which=["grains"])["grains"]
+    assert np.array_equal(np.stack([grains.x, grains.y, grains.z], axis=1), packing.position)
+    assert np.array_equal(grains.diameter, packing.diameters)
+    assert np.array_equal(grains.volume, packing.volumes)
+    assert np.array_equal(grains.orientation, packing.orientation)
+    assert np.array_equal(grains.scale, packing.scale)
+    assert grains.volume.attrs["units"] == "mm^3"
+    assert grains.intermediate_axis.values == pytest.approx(packing.diameters)
+    assert grains.shape_id.dtype == np.int64
+
+
+def test_little_is_computed_that_is_not_asked():
+    packing = some()
+    measure(packing, which=["density", "gradation", "grains"])
+    assert not packing._contacts
+
+
+def test_few_grains_warn_once():
+    with pytest.warns(PackingWarning, match="the bulk holds") as found:
+        tree = measure(Packing.of([BALL], Box((4, 4, 4)), position=[[2, 2, 2]]))
+    assert len(found) == 1
+    assert isinstance(tree, xarray.DataTree)

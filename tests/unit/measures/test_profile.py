@@ -1,0 +1,114 @@
+"""Solid fraction along axes and from walls."""
+
+import math
+
+import numpy as np
+import pytest
+
+from voxgran._base.errors import InputError
+from voxgran.containers.box import Box
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.rectangle import Rectangle
+from voxgran.measures.model import measure
+from voxgran.measures.profile import axis_profile, wall_profile
+from voxgran.packing.model import Packing
+from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.tessellate import unit_box
+
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
+CUBE = Shape.of(Primitive("box", (1.0, 1.0, 1.0)), name="cube")
+DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
+FREE = {"gravity": None}
+
+
+def test_a_sphere_is_a_stack_of_disks():
+    packing = Packing.of([BALL], Box((1, 1, 1)), position=[[0.5, 0.5, 0.5]])
+    profile = axis_profile(packing, "z", bins=10)
+    z = profile.edges - 0.5
+    disks = math.pi * np.diff(0.25 * z - z**3 / 3) / 0.1
+    assert profile.solid_fraction == pytest.approx(disks, rel=1e-13)
+    assert profile.error.tolist() == [0.0] * 10
+    assert profile.middle == pytest.approx(np.arange(10) * 0.1 + 0.05)
+
+
+@pytest.mark.parametrize("axis", "xyz")
+def test_the_mean_is_the_solid_fraction(axis):
+    packing = Packing.of([BALL, CUBE], Box((3, 4, 5), periodic="yz"), position=[[1, 0, 0], [1, 2, 3]], shape_id=[0, 1])
+    assert axis_profile(packing, axis, bins=13).solid_fraction.mean() == pytest.approx(
+        packing.solid_fraction, rel=1e-12
+    )
+
+
+def test_disks_along_both_axes():
+    packing = Packing.of([DISK], Rectangle((2, 1)), position=[[0.5, 0.5, 0], [1.5, 0.5, 0]])
+    along = axis_profile(packing, "x", bins=4).solid_fraction
+    assert along == pytest.approx([math.pi / 4] * 4, rel=1e-13)
+    with pytest.raises(InputError, match="axis is 'z'"):
+        axis_profile(packing, "z")
+
+
+def test_a_cylinder_is_narrower_at_its_sides():
+    packing = Packing.of([BALL], Cylinder(1, 1), position=[[0, 0, 0.5]])
+    profile = axis_profile(packing, "x", bins=2)
+    assert profile.solid_fraction == pytest.approx([math.pi / 6 / math.pi] * 2, rel=1e-13)
+    quarters = axis_profile(packing, "x", bins=4)
+    assert quarters.solid_fraction[0] == 0.0
+    segment = math.pi / 3 - math.sqrt(3) / 4  # of a circle beyond half of its radius
+    assert quarters.solid_fraction[1] == pytest.approx(math.pi / 12 / (math.pi / 2 - segment), rel=1e-12)
+
+
+def test_a_closed_mesh_is_cut_too():
+    vertices, faces, _ = unit_box()
+    turned = vertices @ np.array([[1, -1, 0], [1, 1, 0], [0, 0, math.sqrt(2)]]) / math.sqrt(2) * 4
+    packing = Packing.of([BALL], ClosedMesh(Shape.from_mesh(turned, faces, name="box")), position=[[0, 0, 0]])
+    profile = axis_profile(packing, "x", bins=2)
+    assert profile.solid_fraction == pytest.approx([math.pi / 6 / 64] * 2, rel=1e-12)
+
+
+def test_from_the_walls_of_a_box():
+    # one cube in the middle of a box: at distance x from the walls the shell is solid from 1 on
+    packing = Packing.of([CUBE], Box((3, 3, 3)), position=[[1.5, 1.5, 1.5]], **FREE)
+    profile = wall_profile(packing, step=0.25)
+    assert profile.edges[-1] == 1.5
+    assert profile.solid_fraction == pytest.approx([0, 0, 0, 0, 1, 1], abs=1e-12)
+
+
+def test_from_the_walls_of_a_rectangle_without_gravity():
+    packing = Packing.of([DISK], Rectangle((4, 1), periodic=(True, False)), position=[[1, 0.5, 0]])
+    profile = wall_profile(packing, step=0.25)
+    ends = np.array([0.5, 0.25, 0.0])
+    segment = 0.25 * np.arccos(ends / 0.5) - ends * np.sqrt(0.25 - ends**2)
+    filled = np.diff(segment) * 2 / (4 * 0.5)
+    # gravity is along y: what lies above 85 % of the area is left out, on one side
+    free = Packing.of([DISK], packing.container, position=packing.position, **FREE)
+    assert wall_profile(free, step=0.25).solid_fraction == pytest.approx(filled, rel=1e-12)
+    assert len(profile.edges) == 3
+
+
+def test_from_the_wall_of_a_cylinder():
+    packing = Packing.of([BALL], Cylinder(2, 4), position=[[0, 0, 2]], **FREE)
+    profile = wall_profile(packing, step=0.5)
+    shells = np.pi * np.array([2 - e for e in profile.edges]) ** 2 * (4 - 2 * profile.edges)
+    total = (profile.solid_fraction * -np.diff(shells)).sum()
+    assert total == pytest.approx(math.pi / 6, rel=1e-9)
+    assert profile.solid_fraction[:2] == pytest.approx([0, 0], abs=1e-12)
+
+
+def test_without_walls_there_is_none():
+    packing = Packing.of([BALL], Box((3, 3, 3), periodic="xyz"), position=[[1, 1, 1]])
+    with pytest.raises(InputError, match="needs grains and a wall"):
+        wall_profile(packing)
+    assert "solid_fraction_wall" not in measure(packing, which=["profile"])["profiles"]
+
+
+def test_the_profiles_in_the_tree():
+    packing = Packing.of([BALL], Box((3, 3, 3)), position=[[1, 1, 1], [2, 2, 2]], unit="mm")
+    found = measure(packing, which=["profile"])["profiles"]
+    assert found.x.attrs["units"] == "mm"
+    assert found.solid_fraction_z.dims == ("z",)
+    assert found.solid_fraction_z_error.values.max() == 0.0
+    assert float(found.solid_fraction_y.mean()) == pytest.approx(packing.solid_fraction, rel=1e-12)
+    assert found.solid_fraction_wall.dims == ("wall_distance",)

@@ -1,0 +1,56 @@
+"""The strict solid fraction: grains shrunk until they are free."""
+
+import numpy as np
+import pytest
+
+from voxgran._base.errors import PackingWarning
+from voxgran.containers.box import Box
+from voxgran.measures.model import measure
+from voxgran.measures.strict import PRECISION, strict_solid_fraction
+from voxgran.packing.model import Packing
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
+
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
+
+
+def pair(distance, edge=4.0):
+    """Return two spheres of diameter 1."""
+    return Packing.of([BALL], Box((edge,) * 3), position=[[1, 2, 2], [1 + distance, 2, 2]])
+
+
+def test_nothing_is_shrunk_where_nothing_overlaps():
+    packing = pair(1.0)
+    assert strict_solid_fraction(packing) == packing.solid_fraction
+    with pytest.warns(PackingWarning, match="the bulk holds 1 of the grains"):
+        assert "strict_solid_fraction" not in measure(packing)
+    assert float(measure(packing, which=["strict"]).strict_solid_fraction) == packing.solid_fraction
+
+
+def test_overlapping_spheres_are_shrunk_until_they_touch():
+    packing = pair(0.9)
+    found = strict_solid_fraction(packing)
+    wanted = packing.solid_fraction * 0.9**3
+    assert wanted * (1 - 4 * PRECISION) <= found <= wanted * (1 + 1e-7)
+
+
+def test_a_grain_in_a_wall_is_shrunk_until_it_is_inside():
+    packing = Packing.of([BALL], Box((4, 4, 4)), position=[[0.4, 2, 2]])
+    assert strict_solid_fraction(packing) == pytest.approx(packing.solid_fraction * 0.8**3, rel=4 * PRECISION)
+
+
+def test_a_grain_that_lies_outside_leaves_nothing():
+    packing = Packing.of([BALL], Box((4, 4, 4)), position=[[-1, 2, 2]])
+    assert strict_solid_fraction(packing) == 0.0
+
+
+def test_it_is_in_the_tree_where_grains_overlap():
+    packing = Packing.of([BALL], Box((4, 4, 4), periodic=(True,) * 3), position=[[1, 2, 2], [1.95, 2, 2]])
+    tree = measure(packing, which=["strict"])
+    assert float(tree.strict_solid_fraction) == strict_solid_fraction(packing)
+    assert tree.strict_solid_fraction.attrs["units"] == "1"
+
+
+def test_no_grains():
+    empty = Packing.of([BALL], Box((4, 4, 4)), position=np.zeros((0, 3)))
+    assert strict_solid_fraction(empty) == 0.0

@@ -1,0 +1,35 @@
+"""Which grains are near each other and how, one row per pair."""
+
+from typing import TYPE_CHECKING
+
+from voxgran.measures.coordination import ROUND_OFF, mean_diameter, near_contacts, usual_gap
+from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.packing.model import Packing
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+
+def _compute(packing: Packing) -> "dict[str, Dataset]":
+    """Return one row per pair within the usual gap."""
+    unit, row = length_unit(packing), ("contact",)
+    reach, found = usual_gap(packing) * mean_diameter(packing), near_contacts(packing)
+    near = found.gap <= reach + ROUND_OFF * mean_diameter(packing)
+    values = {
+        "i": variable(row, found.i[near], "1", "index of the first grain"),
+        "j": variable(row, found.j[near], "1", "index of the second grain"),
+        "image": variable((*row, "axis"), found.image[near], "1", "periods by which the second grain is shifted"),
+        "gap": variable(row, found.gap[near], unit, "distance of the surfaces, negative where they overlap"),
+        "normal": variable((*row, "axis"), found.normal[near], "1", "unit vector from the first to the second grain"),
+        "point": variable((*row, "axis"), found.point[near], unit, "middle between the nearest points"),
+        "largest_gap": variable((), reach, unit, "pairs with a larger gap are left out"),
+    }
+    return {"/contacts": dataset(values)}
+
+
+registration = Measure(
+    name="contacts",
+    summary="pairs of grains within the usual gap, with gap, normal and point",
+    groups=("/contacts",),
+    compute=_compute,
+)

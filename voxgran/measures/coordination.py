@@ -1,0 +1,162 @@
+"""How many neighbours a grain has, as a function of the gap up to which they count.
+
+Packings that are computed leave gaps where grains in truth touch: of the order of a voxel, of the spacing of control
+points, of a tolerance. The curve over the gap shows a plateau where the coordination number means something.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_floats, as_number
+from voxgran._base.errors import InputError
+from voxgran.contacts.model import Contacts
+from voxgran.measures.model import Measure, dataset, variable
+from voxgran.packing.model import Packing
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+#: gap up to which neighbours of a single grain count at least, and largest gap of the curve, in mean diameters
+REFERENCE_GAP = 0.01
+WIDEST_GAP = 0.1
+#: gaps are known no better than this, in mean diameters; it is added to all, so that grains that touch have gap 0
+ROUND_OFF = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Coordination:
+    """Numbers of neighbours.
+
+    Attributes
+    ----------
+    gaps : (k,) ndarray of float
+        Gaps, in mean diameters.
+    mean : (k,) ndarray of float
+        Mean number of neighbours with at most that gap; NaN without grains.
+    of_grain : (n,) ndarray of int
+        Number of neighbours of each grain at the reference gap.
+    reference_gap : float
+        Gap of `of_grain`, in mean diameters.
+    """
+
+    gaps: Floats
+    mean: Floats
+    of_grain: Integers
+    reference_gap: float
+
+
+def coordination_number(
+    packing: Packing, gaps: ArrayLike | None = None, *, reference_gap: float | None = None
+) -> Coordination:
+    """Return the coordination number as a function of the gap, and that of each grain.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing; contacts are found once, at the largest gap.
+    gaps : (k,) array_like of float, optional
+        Largest distances of the surfaces, in mean diameters, not negative; 0 and from 1e-6 to 0.1 where left out.
+    reference_gap : float, optional
+        Gap at which the neighbours of each grain are counted, in mean diameters; :func:`usual_gap` where left out.
+
+    Returns
+    -------
+    Coordination
+        A pair that is near across several periodic images counts once for each.
+
+    Raises
+    ------
+    InputError
+        If a gap is negative or not finite.
+    """
+    default = np.concatenate([[0.0], np.logspace(-6, np.log10(WIDEST_GAP), 11)])
+    wanted = as_floats(default if gaps is None else gaps, "gaps", shape=(None,))
+    if wanted.min(initial=0.0) < 0:
+        raise InputError(f"gaps hold {wanted.min()}: none may be negative; take 0 for grains that touch")
+    usual = usual_gap(packing) if reference_gap is None else reference_gap
+    reference = as_number(usual, "reference_gap", at_least=0.0)
+    diameter = mean_diameter(packing)
+    found = near_contacts(packing, max(reference, float(wanted.max(initial=0.0))))
+    ordered = np.sort(found.gap)
+    pairs = np.searchsorted(ordered, (wanted + ROUND_OFF) * diameter, side="right")
+    with np.errstate(invalid="ignore"):
+        mean = 2.0 * pairs / np.float64(packing.count)
+    return Coordination(wanted, mean, _of_grains(packing, found, (reference + ROUND_OFF) * diameter), reference)
+
+
+def usual_gap(packing: Packing) -> float:
+    """Return the gap up to which grains of a packing may be said to touch, in mean diameters.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+
+    Returns
+    -------
+    float
+        The contact gap of the packing, such as one voxel or the spacing of the control points; at least 0.01.
+    """
+    return max(REFERENCE_GAP, packing.contact_gap / mean_diameter(packing)) if packing.count else REFERENCE_GAP
+
+
+def near_contacts(packing: Packing, gap: float | None = None) -> Contacts:
+    """Return the contacts up to a gap.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing; it keeps what was found.
+    gap : float, optional
+        Largest distance of the surfaces, in mean diameters; where left out, the one that both the curve of the
+        coordination number and the usual gap need, so that contacts are found once for all measures.
+
+    Raises
+    ------
+    InputError
+        If the gap is negative or not finite.
+    """
+    wanted = max(WIDEST_GAP, usual_gap(packing)) if gap is None else as_number(gap, "gap", at_least=0.0)
+    return packing.contacts((wanted + ROUND_OFF) * mean_diameter(packing))
+
+
+def mean_diameter(packing: Packing) -> float:
+    """Return the mean equivalent diameter of the grains, 0 without grains.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+    """
+    return float(packing.diameters.mean()) if packing.count else 0.0
+
+
+def _of_grains(packing: Packing, found: Contacts, reach: float) -> Integers:
+    """Count the neighbours of each grain."""
+    near, n = found.gap <= reach, packing.count
+    counts = np.bincount(found.i[near], minlength=n) + np.bincount(found.j[near], minlength=n)
+    return counts.astype(np.int64)
+
+
+def _compute(packing: Packing) -> "dict[str, Dataset]":
+    """Return the curve, and a column of the grains."""
+    found = coordination_number(packing)
+    where = f"at a gap of at most {found.reference_gap:g} mean diameters"
+    column = variable(("grain",), found.of_grain, "1", f"number of neighbours {where}")
+    curve = variable(("gap",), found.mean, "1", "mean number of neighbours with at most that gap")
+    gaps = variable(("gap",), found.gaps, "1", "largest gap, in mean diameters")
+    return {
+        "/grains": dataset({"coordination_number": column}),
+        "/profiles": dataset({"coordination_number": curve}, {"gap": gaps}),
+    }
+
+
+registration = Measure(
+    name="coordination",
+    summary="number of neighbours over the gap, and of each grain",
+    groups=("/grains", "/profiles"),
+    compute=_compute,
+)

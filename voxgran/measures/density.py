@@ -1,0 +1,143 @@
+"""How dense a packing is: as a whole, away from walls and surface, and inside a window."""
+
+import math
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.errors import InputError, PackingWarning
+from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.region import Regions
+from voxgran.measures.slices import as_window
+from voxgran.measures.window import Estimate, Solids
+from voxgran.packing.model import Packing
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+#: how far the bulk is from the walls, in median diameters, and how many grains it must hold
+INSET = 1.5
+FEWEST = 50
+
+
+def bulk_solid_fraction(packing: Packing) -> Estimate:
+    """Return the solid fraction away from the walls and from the free surface.
+
+    The bulk lies at least 1.5 median diameters from each wall, and below the height that holds 85 % of the volume of
+    the grains where there is gravity. Grains are cut exactly, and volume that overlaps counts once.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+
+    Returns
+    -------
+    Estimate
+        A float with the attribute `error`: 0 for spheres, clumps, ellipsoids, boxes and meshes in boxes and for disks
+        and polygons in rectangles; a bound for cylinders and cones there; of the quadrature for spheres and clumps in
+        cylinders; a standard error for other grains in cylinders and for all in closed meshes, where volume that
+        overlaps counts for each grain. NaN, with a `PackingWarning`, where fewer than 50 grains have their centroids
+        in the bulk.
+    """
+    return _bulk(packing)[0]
+
+
+def window_solid_fraction(packing: Packing, lower: ArrayLike, upper: ArrayLike) -> Estimate:
+    """Return the solid fraction inside a window along the axes, periodic images included.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+    lower, upper : (3,) or, in 2D, (2,) array_like of float
+        Corners of the window, in the unit of lengths; it may reach across periodic faces.
+
+    Returns
+    -------
+    Estimate
+        Volume of the union of the grains in the window over the volume of the window (in 2D areas): a float with the
+        attribute `error`, which is 0 but for cylinders and cones, and where curved grains overlap that are no spheres.
+
+    Raises
+    ------
+    InputError
+        If a corner has the wrong shape, or the window has no volume or no end.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> box = vg.Box((2, 2, 2), periodic="xyz")
+    >>> packing = vg.Packing.of([vg.make_shape("sphere")], box, position=[[0, 0, 0]])
+    >>> round(window_solid_fraction(packing, (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), 12)
+    0.523598775598
+    """
+    low, high = as_window(lower, upper, packing.dimension)
+    room = float(np.prod(high - low))
+    if not (math.isfinite(room) and room > 0):
+        raise InputError(
+            f"window runs from {low.tolist()} to {high.tolist()}: its volume must be finite and above 0; move a corner"
+        )
+    solid = Solids(packing).volume(low, high)
+    return Estimate(solid / room, solid.error / room)
+
+
+def _bulk(packing: Packing) -> tuple[Estimate, int, float]:
+    """Return solid fraction, number of grains and volume of the bulk."""
+    if not packing.count:
+        return Estimate(math.nan, math.nan), 0, math.nan
+    regions = Regions(packing)
+    region = regions.at(INSET * float(np.median(packing.diameters)))
+    room, count = region.volume, int(region.grains(packing).sum())
+    if count < FEWEST or room <= 0:
+        warnings.warn(
+            f"the bulk holds {count} of the grains: at least {FEWEST} are needed for a bulk solid fraction; "
+            "take more grains or a container that is larger than three median diameters across",
+            PackingWarning,
+            stacklevel=4,
+        )
+        return Estimate(math.nan, math.nan), count, float(room)
+    solid = region.solid(regions.solids)
+    error = (solid.error + solid / room * room.error) / room
+    return Estimate(solid / room, error), count, float(room)
+
+
+def _compute(packing: Packing) -> "dict[str, Dataset]":
+    """Return the numbers of the whole packing."""
+    bulk, bulk_count, room = _bulk(packing)
+    d, unit = packing.dimension, length_unit(packing)
+    size = length_unit(packing, power=d)
+    kind = "volume" if d == 3 else "area"
+    diameters = packing.diameters if packing.count else np.array([math.nan])
+    values = {
+        "container_volume": variable((), packing.container.volume, size, f"{kind} of the container"),
+        "grain_volume": variable((), packing.volumes.sum(), size, f"{kind} of all grains together"),
+        "specific_surface": variable(
+            (),
+            packing.surface_areas.sum() / packing.container.volume,
+            length_unit(packing, power=-1),
+            f"surface of the grains over {kind} of the container",
+        ),
+        "mean_diameter": variable((), diameters.mean(), unit, "mean equivalent diameter of the grains"),
+        "median_diameter": variable((), np.median(diameters), unit, "median equivalent diameter of the grains"),
+        "solid_fraction": variable(
+            (), packing.solid_fraction, "1", f"{kind} of the grains over {kind} of the container"
+        ),
+        "porosity": variable((), packing.porosity, "1", "one minus the solid fraction"),
+        "bulk_solid_fraction": variable(
+            (), float(bulk), "1", "solid fraction away from walls and surface", error=bulk.error
+        ),
+        "bulk_count": variable((), bulk_count, "1", "number of grains with their centroids in the bulk"),
+        "bulk_volume": variable((), room, size, f"{kind} of the bulk region"),
+    }
+    return {"/": dataset(values)}
+
+
+registration = Measure(
+    name="density",
+    summary="solid fraction and porosity, of the whole and of the bulk",
+    groups=("/",),
+    compute=_compute,
+)

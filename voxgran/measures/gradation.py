@@ -1,0 +1,149 @@
+"""Which sizes were asked and which were placed.
+
+Sizes are equivalent diameters; beside them stand the intermediate axes, by which real grains pass a sieve. The
+distance between the asked and the placed distribution is that of Kolmogorov and Smirnov: the largest difference of the
+cumulative curves.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran.measures.grains import intermediate_axes
+from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.packing.model import Packing
+from voxgran.shapes.size_laws import Basis, SizeDistribution
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+#: points of the curves
+POINTS = 201
+#: sizes that differ by less than this, relatively, are one
+SAME = 1e-9
+BASES: tuple[Basis, Basis] = ("number", "volume")
+
+
+@dataclass(frozen=True, eq=False)
+class Gradation:
+    """Cumulative curves over the size.
+
+    Attributes
+    ----------
+    sizes : (k,) ndarray of float
+        Sizes, evenly spaced in their logarithm, in the unit of lengths.
+    placed : dict of str to ndarray
+        Share of the placed grains with equivalent diameters up to each size, by ``"number"`` and by ``"volume"``.
+    placed_by_axis : dict of str to ndarray
+        The same with intermediate axes in place of equivalent diameters.
+    asked : dict of str to ndarray
+        Share that was asked for; empty where no distribution was.
+    distance : dict of str to float
+        Kolmogorov-Smirnov distance between asked and placed; empty where no distribution was asked.
+    by_axis : bool
+        Whether the asked sizes are intermediate axes.
+    """
+
+    sizes: Floats
+    placed: dict[Basis, Floats]
+    placed_by_axis: dict[Basis, Floats]
+    asked: dict[Basis, Floats]
+    distance: dict[Basis, float]
+    by_axis: bool
+
+
+def gradation(packing: Packing) -> Gradation:
+    """Return the sizes that were placed, beside those that were asked.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing, with the distribution that was asked for.
+
+    Returns
+    -------
+    Gradation
+        Without points where there are no grains.
+    """
+    asked = packing.asked_sizes
+    by_axis = asked is not None and asked.by_intermediate_axis
+    diameters, axes = packing.diameters, intermediate_axes(packing)
+    both = np.concatenate([diameters, axes])
+    sizes = np.geomspace(both.min() / 1.05, both.max() * 1.05, POINTS) if packing.count else np.zeros(0)
+    placed: dict[Basis, Floats] = {}
+    by_axes: dict[Basis, Floats] = {}
+    shares: dict[Basis, Floats] = {}
+    distance: dict[Basis, float] = {}
+    for basis in BASES:
+        weights = np.ones(packing.count) if basis == "number" else packing.volumes
+        placed[basis] = _cumulative(diameters, weights, sizes)
+        by_axes[basis] = _cumulative(axes, weights, sizes)
+        if asked is not None and packing.count:
+            shares[basis] = asked.cumulative(sizes, basis=basis, dimension=packing.dimension)
+            distance[basis] = _distance(packing, asked, axes if by_axis else diameters, weights, basis=basis)
+    return Gradation(sizes, placed, by_axes, shares, distance, by_axis)
+
+
+def _cumulative(sizes: Floats, weights: Floats, points: Floats) -> Floats:
+    """Return the share of the weights of sizes up to each point; NaN where nothing has a weight."""
+    if not len(sizes):
+        return np.zeros(len(points))
+    if not weights.any():
+        return np.full(len(points), np.nan)
+    order = np.argsort(sizes, kind="stable")
+    total = np.concatenate([[0.0], np.cumsum(weights[order])])
+    return np.asarray(total[np.searchsorted(sizes[order], points * (1 + SAME), side="right")] / total[-1])
+
+
+def _distance(packing: Packing, asked: SizeDistribution, sizes: Floats, weights: Floats, *, basis: Basis) -> float:
+    """Return the largest difference between the asked and the placed curve.
+
+    Both curves rise, and the placed one only at placed sizes; so the largest difference is just below or at one of
+    these.
+    """
+    points = np.unique(sizes)
+    d = packing.dimension
+    at, below = points * (1 + SAME), points * (1 - SAME)
+    placed_at, placed_below = _cumulative(sizes, weights, at), _cumulative(sizes, weights, below * (1 - SAME))
+    differences = [
+        placed_at - asked.cumulative(at, basis=basis, dimension=d),
+        placed_below - asked.cumulative(below, basis=basis, dimension=d),
+    ]
+    return float(np.abs(np.concatenate(differences)).max())
+
+
+def _compute(packing: Packing) -> "dict[str, Dataset]":
+    """Return the curves and the distances."""
+    found, unit, row = gradation(packing), length_unit(packing), ("size",)
+    values: dict[str, Any] = {}
+    for basis in BASES:
+        label = f"share by {basis} of placed grains with"
+        values[f"placed_{basis}"] = variable(
+            row, found.placed[basis], "1", f"{label} equivalent diameters up to the size"
+        )
+        values[f"placed_{basis}_by_axis"] = variable(
+            row, found.placed_by_axis[basis], "1", f"{label} intermediate axes up to the size"
+        )
+        if basis in found.asked:
+            kind = "intermediate axes" if found.by_axis else "equivalent diameters"
+            values[f"asked_{basis}"] = variable(
+                row, found.asked[basis], "1", f"share by {basis} asked for, over {kind}"
+            )
+            values[f"distance_{basis}"] = variable(
+                (),
+                found.distance[basis],
+                "1",
+                f"Kolmogorov-Smirnov distance by {basis} between asked and placed {kind}",
+            )
+    sizes = variable(row, found.sizes, unit, "size of a grain")
+    return {"/gradation": dataset(values, {"size": sizes})}
+
+
+registration = Measure(
+    name="gradation",
+    summary="cumulative curves of the sizes that were asked and placed",
+    groups=("/gradation",),
+    compute=_compute,
+)

@@ -1,0 +1,55 @@
+"""Where the grains are and how large they are, one row per grain."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.packing.model import Packing
+from voxgran.shapes.descriptors import principal_extents
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+    from voxgran._base.arrays import Floats
+
+
+def intermediate_axes(packing: Packing) -> "Floats":
+    """Return the intermediate axis of each grain, (n,), by which it passes a sieve, in the unit of lengths.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+    """
+    middle = np.array([principal_extents(shape)[1] for shape in packing.shapes])
+    return middle[packing.shape_id] * packing.scale if packing.count else np.zeros(0)
+
+
+def _compute(packing: Packing) -> "dict[str, Dataset]":
+    """Return one row per grain."""
+    unit, size = length_unit(packing), length_unit(packing, power=packing.dimension)
+    row = ("grain",)
+    values = {
+        axis: variable(row, packing.position[:, k], unit, f"{axis} of the centroid") for k, axis in enumerate("xyz")
+    }
+    kind = "volume" if packing.dimension == 3 else "area"
+    values |= {
+        "diameter": variable(row, packing.diameters, unit, "equivalent diameter"),
+        "intermediate_axis": variable(row, intermediate_axes(packing), unit, "extent along the intermediate axis"),
+        "volume": variable(row, packing.volumes, size, f"true {kind}"),
+        "shape_id": variable(row, packing.shape_id, "1", "index of the shape"),
+        "scale": variable(row, packing.scale, "1", "factor on the lengths of the shape"),
+        "orientation": variable(
+            (*row, "component"), packing.orientation, "1", "unit quaternion (w, x, y, z) from body to container"
+        ),
+    }
+    return {"/grains": dataset(values)}
+
+
+registration = Measure(
+    name="grains",
+    summary="position, size and orientation of each grain",
+    groups=("/grains",),
+    compute=_compute,
+)

@@ -1,0 +1,169 @@
+"""`measure`: what a packing is, in numbers with units, gathered in one tree.
+
+A measure answers one question and is one file of this folder, which holds ``registration = Measure(...)``.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.lazy import load
+from voxgran._base.registry import Registry
+from voxgran.measures.accessor import register_accessor
+from voxgran.packing.asked import check_packing
+from voxgran.packing.model import Packing
+
+if TYPE_CHECKING:
+    from xarray import Dataset, DataTree
+
+#: files of this folder that answer no question but hold what several answers need
+FOUNDATION = frozenset({"accessor", "cylinders", "halfspaces", "model", "overlap", "region", "slices", "window"})
+#: measured whatever is asked, so that numbers never part from where they come from
+ALWAYS = ("provenance",)
+
+
+def _always(packing: Packing) -> bool:
+    """Apply to every packing."""
+    del packing
+    return True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measure:
+    """One registered measure.
+
+    Attributes
+    ----------
+    name, summary : str
+        Name, and what it answers in one line.
+    groups : tuple of str
+        Groups of the tree that it adds variables to.
+    compute : callable
+        Packing to a mapping of these groups to datasets.
+    applies : callable
+        Tells whether a packing allows it; asked only where all measures are wanted.
+    """
+
+    name: str
+    summary: str
+    groups: tuple[str, ...]
+    compute: "Callable[[Packing], Mapping[str, Dataset]]"
+    applies: Callable[[Packing], bool] = _always
+
+
+class MeasureRegistry(Registry[Measure]):
+    """The registry of measures: all files of this folder but those of the foundation."""
+
+    def _files(self) -> tuple[str, ...]:
+        """Return the names of the files that hold a measure."""
+        return tuple(name for name in super()._files() if name not in FOUNDATION)
+
+
+def measure_registry() -> MeasureRegistry:
+    """Return the registry of measures."""
+    return MeasureRegistry("measure", "voxgran.measures", Measure, group="voxgran.measures")
+
+
+def measures() -> tuple[str, ...]:
+    """Return the names of all measures."""
+    return measure_registry().names()
+
+
+def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTree":
+    """Measure a packing.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing; zero grains are allowed.
+    which : sequence of str, optional
+        Names of measures; :func:`measures` lists them. Nothing else is computed but the provenance. All that the
+        packing allows where left out.
+
+    Returns
+    -------
+    xarray.DataTree
+        Groups ``/``, ``/grains``, ``/contacts``, ``/profiles``, ``/gradation`` and ``/provenance``, as far as they are
+        asked for. Every variable has the attributes `units` and `long_name`, and `error` where it is not exact.
+
+    Raises
+    ------
+    InputError
+        If it is no packing.
+    UnknownNameError
+        If there is no measure of that name.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> box = vg.Box((2, 2, 2), periodic="xyz")
+    >>> packing = vg.Packing.of([vg.make_shape("sphere")], box, position=[[0, 0, 0]])
+    >>> tree = vg.measure(packing, which=["coordination"])
+    >>> int(tree["/grains"].coordination_number[0])
+    0
+    """
+    check_packing(packing, "packing")
+    register_accessor()
+    registry = measure_registry()
+    if which is None:
+        chosen = [entry for entry in map(registry.get, registry.names()) if entry.applies(packing)]
+    else:
+        names = [which] if isinstance(which, str) else which
+        chosen = [registry.get(name) for name in dict.fromkeys([*names, *ALWAYS])]
+    groups: dict[str, Any] = {"/": dataset({"count": variable((), packing.count, "1", "number of grains")})}
+    told = {"unit": packing.unit, "gravity": packing.gravity or "none", "contact_gap": packing.contact_gap}
+    groups["/"].attrs.update(told)
+    for entry in chosen:
+        for group, found in entry.compute(packing).items():
+            groups[group] = groups[group].merge(found, compat="identical") if group in groups else found
+    tree: DataTree = load("xarray").DataTree.from_dict(groups, name="measures")
+    return tree
+
+
+def dataset(variables: Mapping[str, Any], coordinates: Mapping[str, Any] | None = None) -> "Dataset":
+    """Return a dataset of variables, and of coordinates along their dimensions."""
+    made: Dataset = load("xarray").Dataset(dict(variables), coords=dict(coordinates or {}))
+    return made
+
+
+def variable(
+    dims: tuple[str, ...], values: ArrayLike, units: str, long_name: str, *, error: float | None = None
+) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
+    """Return dimensions, values and attributes, as xarray takes them.
+
+    Parameters
+    ----------
+    dims : tuple of str
+        Names of the dimensions.
+    values : array_like
+        The values.
+    units : str
+        Unit, ``"1"`` where there is none.
+    long_name : str
+        What it is, in words.
+    error : float, optional
+        Bound or standard deviation of the error, for numbers that may have one.
+    """
+    attributes: dict[str, Any] = {"units": units, "long_name": long_name}
+    if error is not None:
+        attributes["error"] = float(error)
+    return dims, np.asarray(values), attributes
+
+
+def length_unit(packing: Packing, *, power: int = 1) -> str:
+    """Return the unit of a power of length: ``"mm"``, ``"mm^3"``, or ``"1"`` where the unit is not known."""
+    return packing.unit if power == 1 or packing.unit == "1" else f"{packing.unit}^{power}"
+
+
+def json_text(record: Mapping[str, Any]) -> str:
+    """Return a record as JSON with sorted keys, so that equal records are equal texts."""
+    return json.dumps(record, sort_keys=True, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    """Return NumPy values and other strangers as JSON can hold them."""
+    return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)

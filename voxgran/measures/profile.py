@@ -1,0 +1,202 @@
+"""How the solid fraction changes along the axes and with the distance from the walls."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_choice, as_count, as_length
+from voxgran._base.errors import InputError
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.model import Container
+from voxgran.containers.sphere import Sphere
+from voxgran.measures.coordination import mean_diameter
+from voxgran.measures.halfspaces import cut_disks
+from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.region import Regions
+from voxgran.measures.slices import cut_mesh
+from voxgran.measures.window import Solids
+from voxgran.packing.model import Packing
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+#: bins along an axis have about this width, in mean diameters, but are no more than that many
+BIN, MOST_BINS = 0.25, 100
+#: how far the distance from the walls goes, in mean diameters, and in which steps
+FAR, STEP = 5.0, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Solid fraction in bins.
+
+    Attributes
+    ----------
+    edges : (k + 1,) ndarray of float
+        Edges of the bins, in the unit of lengths.
+    solid_fraction : (k,) ndarray of float
+        Volume of the union of the grains over volume of the container, in each bin; NaN where the container has none.
+    error : (k,) ndarray of float
+        Bound or standard error; 0 where exact.
+    """
+
+    edges: Floats
+    solid_fraction: Floats
+    error: Floats
+
+    @property
+    def middle(self) -> Floats:
+        """Middles of the bins, (k,)."""
+        return (self.edges[1:] + self.edges[:-1]) / 2
+
+
+def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) -> Profile:
+    """Return the solid fraction in slices across an axis.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+    axis : {"x", "y", "z"}
+        The axis; in 2D ``"x"`` or ``"y"``.
+    bins : int, optional
+        Number of slices of equal width; about a quarter of the mean diameter wide, at most 100, where left out.
+
+    Returns
+    -------
+    Profile
+        Exact but for cylinders and cones, whose bound of error is stated.
+
+    Raises
+    ------
+    InputError
+        If there is no such axis or the number of bins is below 1.
+    """
+    k = "xyz".index(as_choice(axis, "axis", "xyz"[: packing.dimension]))
+    container = packing.container
+    low, high = container.bounds[:, k]
+    if bins is None:
+        width = BIN * mean_diameter(packing)
+        bins = int(np.clip(np.ceil((high - low) / width), 1, MOST_BINS)) if width > 0 else 1
+    edges = np.linspace(low, high, as_count(bins, "bins", at_least=1) + 1)
+    solids = Solids(packing)
+    parts = [solids.volume(*_slab(packing.dimension, k, edges[b : b + 2])) for b in range(len(edges) - 1)]
+    room = _rooms(container, k, edges)
+    return _profile(edges, np.array(parts), np.array([part.error for part in parts]), room)
+
+
+def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
+    """Return the solid fraction as a function of the distance from the nearest wall.
+
+    Only what lies below the height that holds 85 % of the volume is looked at, where there is
+    gravity.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+    step : float, optional
+        Width of the bins, in the unit of lengths; a tenth of the mean diameter where left out.
+
+    Returns
+    -------
+    Profile
+        Up to five mean diameters, or to where nothing is left of the container. Exact in boxes and rectangles but for
+        cylinders and cones; by quadrature for spheres in cylinders; sampled elsewhere. Errors are stated.
+
+    Raises
+    ------
+    InputError
+        If all sides are periodic, there are no grains, or the step is not above 0.
+    """
+    regions, diameter = Regions(packing), mean_diameter(packing)
+    if not regions.has_walls or not packing.count:
+        raise InputError(
+            f"the packing has {packing.count} grains and periodic sides {packing.container.periodic}: a profile "
+            "from the walls needs grains and a wall; measure along an axis instead"
+        )
+    width = STEP * diameter if step is None else as_length(step, "step")
+    edges = np.asarray(np.arange(int(np.ceil(FAR * diameter / width * (1 - 1e-9))) + 1) * width, dtype=np.float64)
+    found = [regions.at(float(edge)) for edge in edges]
+    room: Floats = np.array([float(region.volume) for region in found])
+    kept = max(2, int(np.count_nonzero(room > 1e-9 * room[0])) + 1)
+    solid = [region.solid(regions.solids) for region in found[:kept]]
+    errors: Floats = np.array([part.error for part in solid])
+    return _profile(
+        edges[:kept],
+        -np.diff(np.array(solid)),
+        np.hypot(errors[1:], errors[:-1]),
+        -np.diff(room[:kept]),
+    )
+
+
+def _profile(edges: Floats, solid: Floats, error: Floats, room: Floats) -> Profile:
+    """Return fractions of volumes."""
+    known = room > 0
+    span = np.where(known, room, 1.0)
+    return Profile(edges, np.where(known, solid / span, np.nan), np.where(known, error / span, np.nan))
+
+
+def _slab(dimension: int, axis: int, ends: Floats) -> tuple[Floats, Floats]:
+    """Return the corners of a slice across an axis, open elsewhere."""
+    lower, upper = np.full(dimension, -np.inf), np.full(dimension, np.inf)
+    lower[axis], upper[axis] = ends
+    return lower, upper
+
+
+def _rooms(container: Container, axis: int, edges: Floats) -> Floats:
+    """Return the volume of the container in each slice."""
+    if isinstance(container, ClosedMesh):
+        slabs = [_slab(3, axis, edges[b : b + 2]) for b in range(len(edges) - 1)]
+        vertices, faces = container.mesh()
+        pose = np.eye(3)[None], np.zeros((1, 3))
+        return np.array([cut_mesh(vertices[faces], *pose, lower=low, upper=high)[0] for low, high in slabs])
+    if isinstance(container, Cylinder) and axis < 2:
+        center, radius = np.array([container.origin[:2]]), np.array([container.radius])
+        slabs = [_slab(2, axis, edges[b : b + 2]) for b in range(len(edges) - 1)]
+        disk = [cut_disks(center, radius, lower=low, upper=high)[0] for low, high in slabs]
+        return np.array(disk) * container.height
+    if isinstance(container, Sphere):
+        heights = np.clip(edges - container.origin[axis], -container.radius, container.radius)
+        return np.asarray(np.diff(math.pi * (container.radius**2 * heights - heights**3 / 3)))
+    return np.asarray(np.diff(edges) * container.volume / (edges[-1] - edges[0]))
+
+
+def _columns(
+    profile: Profile, name: str, coordinate: str, text: tuple[str, str]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the variables and the coordinate of a profile; `text` is unit and meaning of the coordinate."""
+    unit, meaning = text
+    row = (coordinate,)
+    values = {
+        name: variable(row, profile.solid_fraction, "1", f"solid fraction over {meaning}"),
+        f"{name}_error": variable(row, profile.error, "1", f"error of the solid fraction over {meaning}"),
+    }
+    return values, {coordinate: variable(row, profile.middle, unit, f"{meaning}, middle of the bin")}
+
+
+def _compute(packing: Packing) -> "dict[str, Dataset]":
+    """Return the profiles along all axes and, where there are walls, from them."""
+    unit = length_unit(packing)
+    values: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {}
+    for axis in "xyz"[: packing.dimension]:
+        profile = axis_profile(packing, axis)
+        more, along = _columns(profile, f"solid_fraction_{axis}", axis, (unit, f"the coordinate {axis}"))
+        values, coordinates = values | more, coordinates | along
+    if packing.count and not all(packing.container.periodic[: packing.dimension]):
+        meaning = "the distance from the nearest wall"
+        more, along = _columns(wall_profile(packing), "solid_fraction_wall", "wall_distance", (unit, meaning))
+        values, coordinates = values | more, coordinates | along
+    return {"/profiles": dataset(values, coordinates)}
+
+
+registration = Measure(
+    name="profile",
+    summary="solid fraction along the axes and from the walls",
+    groups=("/profiles",),
+    compute=_compute,
+)

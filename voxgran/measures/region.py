@@ -1,0 +1,301 @@
+"""The part of a container that lies at least so far from each wall, and below a height; and the solid volume in it.
+
+In boxes and rectangles it is a box, and the solid volume is that of :mod:`voxgran.measures.window`. Spheres in a
+cylinder are cut by slices. Everything else is sampled: each grain is stood for by points of equal weight, one at random
+in each voxel of its shape, and the standard error is given.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.seeds import stream
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.sphere import Sphere
+from voxgran.measures.cylinders import cut_spheres_by_cylinder
+from voxgran.measures.halfspaces import cut_spheres
+from voxgran.measures.window import Estimate, Solids
+from voxgran.packing.down import main_axis
+from voxgran.packing.model import Packing
+from voxgran.voxels.occupy import voxelize
+
+#: the height that is looked for holds this share of the solid volume
+HELD = 0.85
+#: points for all grains together, for one grain, and for the container
+POINTS, MOST_POINTS, CONTAINER_POINTS = 60_000, 1000, 60_000
+
+
+class Region(Protocol):
+    """A part of a container."""
+
+    @property
+    def volume(self) -> Estimate:
+        """Volume (area in 2D); 0 where nothing is left."""
+
+    def grains(self, packing: Packing) -> Booleans:
+        """Tell which grains have their centroids in it."""
+
+    def solid(self, solids: Solids) -> Estimate:
+        """Return the volume of the union of the grains inside it."""
+
+
+class Regions:
+    """The regions of a packing, by their distance from the walls.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+    """
+
+    def __init__(self, packing: Packing) -> None:
+        self.packing = packing
+        self.solids = Solids(packing)
+
+    @cached_property
+    def limits(self) -> Floats:
+        """Lowest and highest coordinates, (2, 3), that the height allows; infinite where it does not."""
+        limits = np.array([np.full(3, -np.inf), np.full(3, np.inf)])
+        gravity = gravity_of(self.packing)
+        if gravity is not None and self.packing.count:
+            axis, sign = gravity
+            limits[1 if sign < 0 else 0, axis] = held_height(self.solids, axis, sign)
+        return limits
+
+    @cached_property
+    def samples(self) -> "Samples":
+        """Points that stand for the grains and for the container."""
+        return Samples.of(self.packing)
+
+    @property
+    def has_walls(self) -> bool:
+        """Whether a side of the container is not periodic."""
+        return not all(self.packing.container.periodic[: self.packing.dimension])
+
+    def at(self, inset: float) -> Region:
+        """Return the part that lies at least `inset` from each wall and below the height."""
+        container, d = self.packing.container, self.packing.dimension
+        if isinstance(container, Cylinder) and self.solids.spheres is not None:
+            floor = container.origin[2]
+            base = max(floor + inset, float(self.limits[0, 2]))
+            top = min(floor + container.height - inset, float(self.limits[1, 2]))
+            return CylinderRegion(container, max(0.0, container.radius - inset), base, max(base, top))
+        if isinstance(container, Cylinder | Sphere | ClosedMesh):
+            return SampledRegion(self.samples, inset, self.limits)
+        walls = ~np.array(container.periodic[:d])
+        lower = np.maximum(container.bounds[0, :d] + inset * walls, self.limits[0, :d])
+        upper = np.minimum(container.bounds[1, :d] - inset * walls, self.limits[1, :d])
+        return BoxRegion(lower, np.maximum(lower, upper), walls)
+
+
+@dataclass(frozen=True, eq=False)
+class BoxRegion:
+    """A box along the axes."""
+
+    lower: Floats
+    upper: Floats
+    walls: Booleans
+
+    @property
+    def volume(self) -> Estimate:
+        """Volume."""
+        return Estimate(float(np.prod(self.upper - self.lower)))
+
+    def grains(self, packing: Packing) -> Booleans:
+        """Tell which grains have their centroids in it; all do on periodic axes."""
+        if self.volume <= 0:
+            return np.zeros(packing.count, dtype=np.bool_)
+        p = packing.position[:, : len(self.lower)]
+        return np.asarray((((p >= self.lower) & (p <= self.upper)) | ~self.walls).all(axis=1))
+
+    def solid(self, solids: Solids) -> Estimate:
+        """Return the volume of the grains inside."""
+        return solids.volume(self.lower, self.upper)
+
+
+@dataclass(frozen=True, eq=False)
+class CylinderRegion:
+    """An upright cylinder within a cylinder, for spheres."""
+
+    container: Cylinder
+    radius: float
+    lower: float
+    upper: float
+
+    @property
+    def volume(self) -> Estimate:
+        """Volume."""
+        return Estimate(math.pi * self.radius**2 * (self.upper - self.lower))
+
+    def grains(self, packing: Packing) -> Booleans:
+        """Tell which grains have their centroids in it."""
+        p = packing.position - np.array([*self.container.origin[:2], 0.0])
+        tall = (p[:, 2] >= self.lower) & (p[:, 2] <= self.upper)
+        return np.asarray(tall & (np.hypot(p[:, 0], p[:, 1]) <= self.radius))
+
+    def solid(self, solids: Solids) -> Estimate:
+        """Return the volume of the spheres inside.
+
+        What overlaps is known for a sphere as a whole; of a sphere that is cut it is taken in proportion, and is the
+        error.
+        """
+        if solids.spheres is None:
+            return Estimate(math.nan)
+        centers, radii, planes = solids.spheres
+        moved = centers - np.array([*self.container.origin[:2], 0.0])
+        volumes, errors = cut_spheres_by_cylinder(moved, radii, radius=self.radius, lower=self.lower, upper=self.upper)
+        if not len(planes[1]):
+            return Estimate(float(volumes.sum()), float(errors.sum()))
+        full = 4 / 3 * math.pi * radii**3
+        open_box = np.full(3, -np.inf), np.full(3, np.inf)
+        twice = full - cut_spheres(centers, radii, lower=open_box[0], upper=open_box[1], planes=planes)
+        share = volumes / full
+        cut = (share > 0) & (share < 1 - 1e-12)
+        return Estimate(float((volumes - share * twice).sum()), float(errors.sum() + twice[cut].sum()))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Points of equal weight in each grain and in the container, with their distances from the walls.
+
+    Attributes
+    ----------
+    points, depths : ndarray of float
+        Points (m, 3) in the grains, and their distances (m,) inside the walls.
+    grain : (m,) ndarray of int
+        In which grain each lies.
+    volumes : (n,) ndarray of float
+        Volumes of the grains.
+    around, around_depths : ndarray of float
+        Points (k, 3) in the bounds of the container, and their distances (k,) inside the walls.
+    span : float
+        Volume of the bounds.
+    """
+
+    points: Floats
+    depths: Floats
+    grain: Integers
+    volumes: Floats
+    around: Floats
+    around_depths: Floats
+    span: float
+
+    @classmethod
+    def of(cls, packing: Packing) -> "Samples":
+        """Sample the grains and the container of a packing."""
+        each = int(np.clip(POINTS // max(packing.count, 1), 8, MOST_POINTS))
+        points, grain = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
+        for k in np.unique(packing.shape_id):
+            shape, mine = packing.shapes[k], np.flatnonzero(packing.shape_id == k)
+            if shape.is_open:
+                continue
+            voxels = voxelize(shape, voxel_size=(shape.volume / each) ** (1 / 3))
+            body = voxels.grid.coordinates(np.argwhere(voxels.mask))
+            # each point is moved within its voxel, so that no face of a region lies along a lattice
+            jitter = (stream(0, "samples", int(k)).random((len(mine), *body.shape)) - 0.5) * voxels.voxel_size
+            world = np.einsum("gij,gpj->gpi", packing.matrices[mine], body + jitter)
+            world *= packing.scale[mine, None, None]
+            points.append((world + packing.position[mine, None]).reshape(-1, 3))
+            grain.append(np.repeat(mine, len(body)))
+        inside = np.concatenate(points)
+        low, high = packing.container.bounds
+        step = (np.prod(high - low) / CONTAINER_POINTS) ** (1 / 3)
+        counts = np.maximum(np.round((high - low) / step).astype(int), 1)
+        axes = [low[a] + (np.arange(n) + 0.5) * (high[a] - low[a]) / n for a, n in enumerate(counts)]
+        around = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+        around += (stream(0, "container samples").random(around.shape) - 0.5) * (high - low) / counts
+        depths = (-packing.container.signed_distance(p) for p in (inside, around))
+        return cls(
+            inside,
+            next(depths),
+            np.concatenate(grain),
+            packing.volumes,
+            around,
+            next(depths),
+            float(np.prod(high - low)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SampledRegion:
+    """What is known of a region by points."""
+
+    samples: Samples
+    inset: float
+    limits: Floats
+
+    @cached_property
+    def volume(self) -> Estimate:
+        """Volume, from points in the bounds of the container."""
+        share = float(self._held(self.samples.around, self.samples.around_depths).mean())
+        error = math.sqrt(share * (1 - share) / len(self.samples.around))
+        return Estimate(share * self.samples.span, error * self.samples.span)
+
+    def grains(self, packing: Packing) -> Booleans:
+        """Tell which grains have their centroids in it."""
+        return self._held(packing.position, -packing.container.signed_distance(packing.position))
+
+    def solid(self, solids: Solids) -> Estimate:
+        """Return the volume of the grains inside; what overlaps counts for each."""
+        del solids
+        n = len(self.samples.volumes)
+        held = self._held(self.samples.points, self.samples.depths)
+        count = np.maximum(np.bincount(self.samples.grain, minlength=n), 1)
+        share = np.bincount(self.samples.grain, weights=held, minlength=n) / count
+        variance = self.samples.volumes**2 * share * (1 - share) / count
+        return Estimate(float((self.samples.volumes * share).sum()), math.sqrt(float(variance.sum())))
+
+    def _held(self, points: Floats, depths: Floats) -> Booleans:
+        """Tell which sample points lie in the region."""
+        low = ((points >= self.limits[0]) & (points <= self.limits[1])).all(axis=1)
+        return np.asarray(low & (depths >= self.inset))
+
+
+def gravity_of(packing: Packing) -> tuple[int, int] | None:
+    """Return the axis along which gravity is strongest, and its sign; None where there is none."""
+    if packing.gravity is None:
+        return None
+    down = main_axis(np.array(packing.gravity))
+    axis = int(np.flatnonzero(down)[0])
+    return axis, int(down[axis])
+
+
+def held_height(solids: Solids, axis: int, sign: int) -> float:
+    """Return the coordinate up to which HELD of the solid volume lies, seen from where the grains fall to.
+
+    Parameters
+    ----------
+    solids : Solids
+        The grains, at least one.
+    axis : int
+        Axis of gravity.
+    sign : int
+        -1 where the grains fall to low coordinates, 1 to high ones.
+    """
+    packing = solids.packing
+    wanted = HELD * float(packing.volumes.sum())
+    height = -sign * packing.position[:, axis]
+    bottom, top = height - packing.bounding_radii, height + packing.bounding_radii
+    low, high = float(bottom.min()), float(top.max())
+    active, below = np.arange(packing.count), 0.0
+    for _ in range(54):
+        middle = (low + high) / 2
+        lower, upper = np.full(packing.dimension, -np.inf), np.full(packing.dimension, np.inf)
+        if sign < 0:
+            upper[axis] = middle
+        else:
+            lower[axis] = -middle
+        held = below + float(solids.cut_grains(active, lower, upper)[0].sum())
+        if held < wanted:
+            low = middle
+            below += float(packing.volumes[active[top[active] <= low]].sum())
+            active = active[top[active] > low]
+        else:
+            high = middle
+            active = active[bottom[active] < high]
+    return -sign * low

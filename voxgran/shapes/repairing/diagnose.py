@@ -1,0 +1,319 @@
+"""Whether a triangle mesh bounds one solid, and what is wrong where it does not.
+
+A grain is bounded by one outer shell whose faces point outward and any number of inner shells, the cavities, whose
+faces point inward; no edge is open or shared by more than two faces, and no face cuts through another.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_faces
+from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran._base.lazy import load
+from voxgran.shapes.repairing.crossing import count_crossings
+from voxgran.shapes.shells import connected, count_apart, count_flipped, edge_faults, shell_counts
+
+#: vertices nearer than this many diagonals of the bounding box are one
+WELD = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Remedies:
+    """What a caller can do about a mesh that is not one closed solid, in words that end a message.
+
+    A message names only what its reader can type: keywords in Python, keys in a scene, flags at the prompt.
+
+    Attributes
+    ----------
+    mend : str
+        What mends it.
+    keep_open : str
+        What takes it as an open surface; empty where the caller takes none.
+    choose : str
+        What chooses among several solids.
+    hole : str
+        What closes a wider hole.
+    """
+
+    mend: str = "use vg.repair"
+    keep_open: str = "use Shape.from_surface"
+    choose: str = "use vg.repair with bodies='largest' or bodies='all'"
+    hole: str = "raise largest_hole"
+
+    def of_opening(self, closing: str) -> str:
+        """Return what closes an opening, and what keeps it open where that can be done."""
+        return f"{closing}, or {self.keep_open} where it is to stay open" if self.keep_open else closing
+
+
+#: of functions that take vertices and faces
+IN_PYTHON = Remedies()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """What is known about a triangle mesh; all are counts.
+
+    Attributes
+    ----------
+    faces : int
+        Triangles.
+    not_finite : int
+        Coordinates that are NaN or infinite; where there are any, nothing else is looked at.
+    open_edges : int
+        Edges with a face on one side only.
+    non_manifold_edges : int
+        Edges with more than two faces, or of a face that is a line or a point.
+    flipped_faces : int
+        Faces that are wound against their neighbours.
+    self_intersections : int
+        Pairs of faces that cut through each other.
+    bodies : int
+        Separate solids; 0 where edges are open.
+    cavities : int
+        Inner shells that point inward: empty space in a solid.
+    outward_inner_shells : int
+        Inner shells that point outward: solid counted twice.
+    inside_out : int
+        Outer shells that point inward.
+    zero_volume : int
+        Shells that enclose nothing.
+    """
+
+    faces: int
+    not_finite: int = 0
+    open_edges: int = 0
+    non_manifold_edges: int = 0
+    flipped_faces: int = 0
+    self_intersections: int = 0
+    bodies: int = 0
+    cavities: int = 0
+    outward_inner_shells: int = 0
+    inside_out: int = 0
+    zero_volume: int = 0
+
+    @property
+    def closed(self) -> bool:
+        """Whether each edge has two faces that are wound alike."""
+        wrong = self.not_finite, self.open_edges, self.non_manifold_edges, self.flipped_faces
+        return self.faces > 0 and not any(wrong)
+
+    @property
+    def ok(self) -> bool:
+        """Whether it bounds one solid."""
+        return not self.sentences()
+
+    def sentences(self, name: str = "the mesh", *, remedies: Remedies = IN_PYTHON) -> list[str]:
+        """Return what is wrong, one sentence each, the gravest first; empty where it bounds one solid.
+
+        Parameters
+        ----------
+        name : str
+            What the sentences call the mesh.
+        remedies : Remedies
+            What the reader can do about it.
+        """
+        found = [] if self.faces else [f"{name} has no faces: a grain must be a closed surface; check the file"]
+        mend, several = remedies.mend, self.bodies if self.bodies > 1 else 0
+        rules = [
+            (self.not_finite, "coordinates that are not finite", "every one must be a number", "correct them"),
+            (self.open_edges, "open edges", "a grain must be a closed surface", remedies.of_opening(mend)),
+            (self.non_manifold_edges, "edges without exactly two faces", "each must join two", mend),
+            (several, "separate bodies", "a grain must be one solid", remedies.choose),
+            (self.flipped_faces, "faces wound against their neighbours", "all must be wound alike", mend),
+            (self.zero_volume, "shells without volume", "a grain must enclose space", mend),
+            (self.self_intersections, "pairs of faces that cut through each other", "they may touch", mend),
+            (self.inside_out, "outer shells with faces that point inward", "they must point outward", mend),
+            (self.outward_inner_shells, "inner shells that point outward", "a cavity points inward", mend),
+        ]
+        found += [f"{name} has {count} {nouns}: {rule}; {remedy}" for count, nouns, rule, remedy in rules if count]
+        return found
+
+
+def diagnose(vertices: ArrayLike | Any, faces: ArrayLike | None = None) -> Diagnosis:
+    """Find out whether a triangle mesh bounds one solid.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float, or an object with `vertices` and `faces`
+        Corner points; those that coincide count as one.
+    faces : (m, 3) array_like of int, optional
+        Triangles; left out where the first argument is an object that has them.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError
+        If an array has the wrong shape or an index is out of range.
+    """
+    if faces is None:
+        if not hasattr(vertices, "vertices") or not hasattr(vertices, "faces"):
+            raise InputError(
+                f"faces is None and {type(vertices).__name__} has none: give vertices and faces, or a shape"
+            )
+        vertices, faces = vertices.vertices, vertices.faces
+    points = np.asarray(vertices, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"vertices has shape {points.shape}: it must have shape (n, 3)")
+    triangles = as_faces(np.asarray(faces), len(points))
+    bad = int((~np.isfinite(points)).sum())
+    if bad or not len(triangles):
+        return Diagnosis(faces=len(triangles), not_finite=bad)
+    return _examine(*merged(points, triangles), whole=True)
+
+
+def refuse_dirty(vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON) -> None:
+    """Raise unless a triangle mesh bounds one solid.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points, merged.
+    faces : (m, 3) ndarray of int
+        Triangles.
+    name : str
+        What the message calls it.
+    remedies : Remedies
+        What its reader can do about it.
+
+    Raises
+    ------
+    DirtyMeshError
+        If it does not; the message names the gravest reason.
+    """
+    wrong = _examine(vertices, faces, whole=False).sentences(name, remedies=remedies)
+    if wrong:
+        raise DirtyMeshError(wrong[0])
+
+
+def bounds_solid(vertices: Floats, faces: Integers) -> bool:
+    """Return whether a triangle mesh of finite coordinates bounds one solid, without looking for all that is wrong.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points; those that coincide count as one.
+    faces : (m, 3) ndarray of int
+        Triangles.
+    """
+    return _examine(*merged(vertices, faces), whole=False).ok
+
+
+def refuse_open(vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON) -> None:
+    """Raise where a triangle mesh has open edges, as :func:`refuse_dirty` does; nothing else is looked at.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points, merged.
+    faces : (m, 3) ndarray of int
+        Triangles.
+    name : str
+        What the message calls it.
+    remedies : Remedies
+        What its reader can do about it.
+
+    Raises
+    ------
+    DirtyMeshError
+        If it has open edges.
+    """
+    open_edges = int(edge_faults(faces, len(vertices))[0])
+    if open_edges:
+        raise DirtyMeshError(Diagnosis(faces=len(faces), open_edges=open_edges).sentences(name, remedies=remedies)[0])
+
+
+def merged(vertices: Floats, faces: Integers, *, weld: float = WELD) -> tuple[Floats, Integers]:
+    """Return the mesh with coincident vertices made one and unused ones left out.
+
+    Nothing is repaired: a vertex moves by less than `weld`, and a face that becomes a line is
+    left out only where the surface is closed without it.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray of float
+        Corner points, finite.
+    faces : (m, 3) ndarray of int
+        Triangles.
+    weld : float
+        Vertices nearer than this count as one, in diagonals of the bounding box.
+
+    Returns
+    -------
+    vertices : (k, 3) ndarray of float
+    faces : (l, 3) ndarray of int
+    """
+    if not len(faces):
+        return vertices[:0].copy(), faces.copy()
+    used, index = np.unique(faces, return_inverse=True)
+    points = vertices[used] + 0.0  # no negative zeros
+    first, same = _bit_equal(points)
+    corners, group = points[first], same[index.reshape(-1, 3)]
+    welded = _near(corners, weld)
+    if welded is not None:
+        corners, group = corners[welded[0]], welded[1][group]
+    line = (group == np.roll(group, 1, axis=1)).any(axis=1)
+    if line.any() and not edge_faults(group[~line], len(corners)).any():
+        group = group[~line]
+        kept, index = np.unique(group, return_inverse=True)
+        corners, group = corners[kept], index.reshape(-1, 3)
+    return np.ascontiguousarray(corners), np.ascontiguousarray(group, dtype=np.int64)
+
+
+def _bit_equal(points: Floats) -> tuple[Integers, Integers]:
+    """Return the first of each set of equal points, in their order, and the set of each point."""
+    order = np.lexsort(points.T)
+    ordered = points[order]
+    new = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
+    leader = np.minimum.reduceat(order, np.flatnonzero(new))
+    rank = np.argsort(leader, kind="stable")
+    place = np.empty(len(leader), dtype=np.int64)
+    place[rank] = np.arange(len(leader))
+    same = np.empty(len(points), dtype=np.int64)
+    same[order] = place[np.cumsum(new) - 1]
+    return leader[rank], same
+
+
+def _near(points: Floats, weld: float) -> tuple[Integers, Integers] | None:
+    """Return the first of each set of points nearer than `weld`, and the set of each; None where all are apart."""
+    reach = weld * float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+    pairs = load("scipy.spatial").cKDTree(points).query_pairs(reach, output_type="ndarray")
+    if not len(pairs):
+        return None
+    label = connected(len(points), pairs[:, 0], pairs[:, 1])
+    first = np.unique(label, return_index=True)[1]
+    order = np.argsort(first, kind="stable")
+    place = np.empty(len(first), dtype=np.int64)
+    place[order] = np.arange(len(first))
+    return first[order], place[label]
+
+
+def _examine(vertices: Floats, faces: Integers, *, whole: bool) -> Diagnosis:
+    """Diagnose a merged mesh of finite coordinates; where it is not to be whole, no further than to wrong edges.
+
+    Triangles that lie on each other, as in damaged files, take time with the square of their number.
+    """
+    if not len(faces):
+        return Diagnosis(faces=0)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    size = float(np.linalg.norm(high - low)) or 1.0
+    points = (vertices - (low + high) / 2) / size
+    open_edges, crowded, unlike = (int(n) for n in edge_faults(faces, len(points)))
+    if not whole and (open_edges or crowded):
+        return Diagnosis(faces=len(faces), open_edges=open_edges, non_manifold_edges=crowded)
+    shells: dict[str, int] = {}
+    if not (open_edges or crowded):
+        shells = {"bodies": count_apart(points, faces)} if unlike else shell_counts(points, faces)
+    return Diagnosis(
+        faces=len(faces),
+        open_edges=open_edges,
+        non_manifold_edges=crowded,
+        flipped_faces=count_flipped(faces, len(points)) if unlike else 0,
+        self_intersections=count_crossings(points, faces),
+        **shells,
+    )

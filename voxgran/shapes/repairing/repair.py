@@ -1,0 +1,369 @@
+"""Repair: mend what is certain in a triangle mesh, say what was done, and give up with the reason where it is not.
+
+The steps, in this order: vertices that coincide become one; faces without area, faces that stand twice and patches
+that hang on edges with too many faces go; faces are wound alike; small holes are closed; shells without volume go and
+outer shells are turned outward; faces that cut through each other are cut out and the hole is closed; shells that
+overlap are joined by manifold3d; and one body is kept, or all, or several are refused. Every step that did something is
+one sentence with its numbers, and the result has passed the same check as any other shape.
+"""
+
+import logging
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points
+from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran.shapes.boolean import united
+from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.bodies import outward, shells_of, split, without_flat
+from voxgran.shapes.repairing.crossing import crossing_faces
+from voxgran.shapes.repairing.diagnose import IN_PYTHON, Remedies, bounds_solid, merged
+from voxgran.shapes.repairing.holes import closed_loop, extent, hole_loops
+from voxgran.shapes.repairing.patches import without_doubles, without_flaps, without_pinches, wound_alike
+from voxgran.shapes.shells import edge_faults, shell_labels
+
+log = logging.getLogger(__name__)
+
+#: vertices nearer than this many diagonals of the bounding box become one
+WELD = 1e-7
+#: rings of faces around a crossing that are cut out at the most
+MOST_RINGS = 5
+
+#: widest hole that is closed where nothing is said, in diagonals of the bounding box
+LARGEST_HOLE = 0.25
+BODIES = ("refuse", "largest", "all")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repair:
+    """What came of a repair.
+
+    Attributes
+    ----------
+    shapes : tuple of Shape
+        Closed solids, the largest first; more than one only where all bodies were asked for.
+    sentences : tuple of str
+        What was done, in order; empty where nothing was wrong.
+    volume_before : float
+        What the faces enclosed once they were wound alike, each hole closed by a cone to the centroid of its shell.
+    volume : float
+        Volume of all shapes together.
+    """
+
+    shapes: tuple[Shape, ...]
+    sentences: tuple[str, ...]
+    volume_before: float
+    volume: float
+
+    @property
+    def shape(self) -> Shape:
+        """The largest solid."""
+        return self.shapes[0]
+
+    @property
+    def volume_change(self) -> float:
+        """Relative change of the volume."""
+        return self.volume / self.volume_before - 1 if self.volume_before else float("inf")
+
+
+def repair(
+    vertices: ArrayLike | Any,
+    faces: ArrayLike | None = None,
+    *,
+    largest_hole: float = LARGEST_HOLE,
+    bodies: str = "refuse",
+    name: str = "mesh",
+    unit: str | None = None,
+) -> Repair:
+    """Make closed solids of a triangle mesh that is almost one.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like of float, path-like, or an object with `vertices` and `faces`
+        Corner points, in the unit of lengths, or a mesh file as :func:`voxgran.load_shape` reads it. A shape is closed
+        as it is and comes back unchanged.
+    faces : (m, 3) array_like of int, optional
+        Triangles; left out where the first argument is an object that has them.
+    largest_hole : float
+        How wide a hole may be to be closed, in diagonals of the bounding box.
+    bodies : {"refuse", "largest", "all"}
+        What becomes of a mesh that holds several solids.
+    name : str
+        What reports call the shape; several get a number each.
+    unit : str, optional
+        Unit of its lengths.
+
+    Returns
+    -------
+    Repair
+        Closed shapes and what was done.
+
+    Raises
+    ------
+    InputError
+        If an array has the wrong shape, an index is out of range, a coordinate is not finite, there are no faces, or
+        a parameter is out of range.
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If the file is of no known format, or damaged.
+    DirtyMeshError
+        If the mesh cannot be mended with certainty; the message names the reason.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> cube = vg.make_shape("box", lengths=(1, 1, 1))
+    >>> mended = vg.repair(cube.vertices, cube.faces[1:], largest_hole=1.0)
+    >>> mended.sentences
+    ('closed 1 holes with 1 faces, the widest 0.82 of the size',)
+    >>> round(mended.shape.volume, 12)
+    1.0
+    """
+    source: Any = vertices
+    as_choice(bodies, "bodies", BODIES)
+    as_number(largest_hole, "largest_hole", at_least=0.0)
+    if isinstance(source, Shape) and not source.is_open:
+        return Repair(shapes=(source,), sentences=(), volume_before=source.volume, volume=source.volume)
+    if isinstance(source, str | os.PathLike):
+        from voxgran.shapes.files import read_surface
+
+        source, faces = read_surface(source)
+    if faces is None:
+        if not hasattr(source, "vertices") or not hasattr(source, "faces"):
+            raise InputError(f"faces is None and {type(source).__name__} has none: give vertices and faces, or a shape")
+        source, faces = source.vertices, source.faces
+    return repaired(source, faces, largest_hole=largest_hole, bodies=bodies, name=name, unit=unit)
+
+
+def repaired(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    *,
+    name: str,
+    unit: str | None = None,
+    largest_hole: float = LARGEST_HOLE,
+    bodies: str = "refuse",
+    remedies: Remedies = IN_PYTHON,
+) -> Repair:
+    """Make closed solids of arrays, as :func:`repair` does, with the remedies of a caller in the messages.
+
+    Parameters
+    ----------
+    vertices, faces, name, unit, largest_hole, bodies
+        As :func:`repair`.
+    remedies : Remedies
+        What the reader of a message can do.
+
+    Returns
+    -------
+    Repair
+
+    Raises
+    ------
+    InputError
+        If an array or a parameter breaks a rule.
+    DirtyMeshError
+        If the mesh cannot be mended with certainty.
+    """
+    as_choice(bodies, "bodies", BODIES)
+    limit = as_number(largest_hole, "largest_hole", at_least=0.0)
+    given = as_points(vertices, "vertices")
+    triangles = as_faces(np.asarray(faces), len(given))
+    if not len(triangles):
+        raise InputError(f"{name} has 0 faces: a solid needs a closed surface; check the file")
+    if bounds_solid(given, triangles):
+        whole = Shape.from_mesh(given, triangles, name=name, unit=unit)
+        return Repair(shapes=(whole,), sentences=(), volume_before=whole.volume, volume=whole.volume)
+    done: list[str] = []
+    used = len(np.unique(triangles))
+    corners, triangles = merged(given, triangles, weld=WELD)
+    _say(done, used - len(corners), "merged {} vertices that coincide")
+    triangles = _cleared(corners, triangles, done)
+    before = _enclosed(corners, triangles)
+    rules = _Rules(name, limit, remedies)
+    solids = _chosen(_mended(corners, triangles, rules, done), bodies, rules, done)
+    names = [name] if len(solids) == 1 else [f"{name}_{k}" for k in range(len(solids))]
+    shapes = tuple(Shape.from_mesh(*solid, name=one, unit=unit) for solid, one in zip(solids, names, strict=True))
+    for sentence in done:
+        log.info("%s: %s", name, sentence)
+    volume = sum(shape.volume for shape in shapes)
+    return Repair(shapes=shapes, sentences=tuple(done), volume_before=before, volume=volume)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rules:
+    """Name of the mesh, the widest hole that is closed, in diagonals, and what the reader of a message can do."""
+
+    name: str
+    largest_hole: float
+    remedies: Remedies
+
+
+def _mended(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> tuple[Floats, Integers]:
+    """Return a closed surface of faces that are wound alike; say what was done."""
+    corners, triangles = points, faces
+    if len(triangles):
+        corners, triangles = _closed(points, faces, rules, done)
+        triangles, flat = without_flat(corners, triangles)
+        _say(done, flat, "left out {} shells that enclose nothing")
+    if not len(triangles):
+        raise DirtyMeshError(f"{rules.name} encloses no volume: a grain must be a solid; check the file")
+    triangles, turned = outward(corners, triangles)
+    _say(done, turned, "turned {} shells inside out, so that outer faces point outward")
+    corners, triangles = _uncrossed(corners, triangles, rules, done)
+    return _joined(corners, triangles, done)
+
+
+def _cleared(points: Floats, faces: Integers, done: list[str]) -> Integers:
+    """Leave out faces that are no part of the surface of a solid, and wind the others alike."""
+    line = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    _say(done, int(line.sum()), "left out {} faces without area")
+    faces, doubles, empty = without_doubles(faces[~line])
+    _say(done, doubles, "left out {} faces that stand twice")
+    _say(done, empty, "left out {} faces that lie on their own reverse")
+    faces, patches, hanging = without_flaps(points, faces)
+    _say(done, patches, f"left out {{}} patches with {hanging} faces that hang on edges with more than two faces")
+    faces, pinched = without_pinches(points, faces)
+    _say(done, pinched, "cut out {} faces at edges with more than two faces")
+    faces, turned = wound_alike(faces, len(points))
+    _say(done, turned, "turned over {} faces that were wound against their neighbours")
+    return faces
+
+
+def _closed(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> tuple[Floats, Integers]:
+    """Close the holes."""
+    size = _diagonal(points)
+    loops = hole_loops(faces, len(points))
+    wide = np.array([extent(points, loop) for loop in loops]) / size
+    if len(wide) and wide.max() > rules.largest_hole:
+        raise DirtyMeshError(
+            f"{rules.name} has {len(wide)} holes, the widest {wide.max():.3g} of its size: holes are closed up to "
+            f"{rules.largest_hole:g}; {rules.remedies.of_opening(rules.remedies.hole)}"
+        )
+    before = len(faces)
+    for loop in loops:
+        added, triangles = closed_loop(points, faces, loop)
+        points, faces = np.concatenate([points, added]), np.concatenate([faces, triangles])
+    widest = f", the widest {wide.max():.2g} of the size" if len(wide) else ""
+    _say(done, len(loops), f"closed {{}} holes with {len(faces) - before} faces{widest}")
+    open_edges, crowded, unlike = edge_faults(faces, len(points)).tolist()
+    if open_edges or crowded or unlike:
+        raise DirtyMeshError(
+            f"{rules.name} still has {open_edges} open edges and {crowded} edges without exactly two faces: what "
+            "belongs to the solid there is not certain; mend it by hand"
+        )
+    return points, faces
+
+
+def _uncrossed(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> tuple[Floats, Integers]:
+    """Cut out faces of one shell that cut through each other, with ever more around them, and close the hole."""
+    crossing = _self_crossing(points, faces)
+    cut, rings = 0, 0
+    while crossing.any() and rings <= MOST_RINGS:
+        out = _grown(faces, crossing, len(points), rings)
+        cut, rings = cut + int(out.sum()), rings + 1
+        silent: list[str] = []
+        left = _cleared(points, faces[~out], silent)
+        points, faces = _closed(points, left, rules, silent)
+        faces, _ = outward(points, without_flat(points, faces)[0])
+        crossing = _self_crossing(points, faces)
+    if crossing.any():
+        raise DirtyMeshError(
+            f"{rules.name} has {int(crossing.sum())} faces that cut through others of the same shell after {cut} were "
+            "cut out: what is inside is not certain there; mend it by hand"
+        )
+    _say(done, cut, "cut out {} faces at places where the surface cut through itself, and closed it again")
+    return points, faces
+
+
+def _self_crossing(points: Floats, faces: Integers) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Tell which faces are cut through by another one of their own shell."""
+    crossing = crossing_faces(points, faces)
+    if crossing.any():
+        label = shells_of(points, faces).label
+        for shell in np.unique(label[crossing]):
+            own = np.flatnonzero(label == shell)
+            crossing[own] = crossing_faces(points, faces[own])
+    return crossing
+
+
+def _grown(faces: Integers, chosen: Any, vertex_count: int, rings: int) -> Any:
+    """Return chosen faces with so many rings of neighbours."""
+    for _ in range(rings):
+        touched = np.zeros(vertex_count, dtype=np.bool_)
+        touched[faces[chosen]] = True
+        chosen = touched[faces].any(axis=1)
+    return chosen
+
+
+def _joined(points: Floats, faces: Integers, done: list[str]) -> tuple[Floats, Integers]:
+    """Join shells that overlap, or that lie in others and point outward."""
+    shells = shells_of(points, faces)
+    inner = (shells.volume > 0) & (shells.level % 2 == 1)
+    if not inner.any() and not crossing_faces(points, faces).any():
+        return points, faces
+    if (shells.volume < 0).any():
+        raise DirtyMeshError(
+            f"the mesh has {int((shells.volume < 0).sum())} cavities beside shells that overlap: what is inside is "
+            "not certain; save each solid in a file of its own"
+        )
+    solids = [(points, faces[shells.label == shell]) for shell in range(len(shells.volume))]
+    done.append(f"joined {len(solids)} shells that overlap or lie in each other, by manifold3d")
+    return united([_used(*solid) for solid in solids])
+
+
+def _used(points: Floats, faces: Integers) -> tuple[Floats, Integers]:
+    """Leave out vertices that no face has."""
+    used, index = np.unique(faces, return_inverse=True)
+    return points[used], index.reshape(-1, 3).astype(np.int64)
+
+
+def _chosen(
+    mesh: tuple[Floats, Integers], bodies: str, rules: _Rules, done: list[str]
+) -> list[tuple[Floats, Integers]]:
+    """Return the solids that were asked for."""
+    solids = split(*mesh)
+    if len(solids) > 1 and bodies == "refuse":
+        raise DirtyMeshError(
+            f"{rules.name} has {len(solids)} separate bodies: a grain must be one solid; {rules.remedies.choose}"
+        )
+    if len(solids) > 1 and bodies == "largest":
+        volumes = [_signed(vertices[faces]) for vertices, faces in solids]
+        share = 100 * (1 - volumes[0] / sum(volumes))
+        done.append(f"kept the largest of {len(solids)} bodies and left out {share:.2g} % of the volume")
+        return solids[:1]
+    return solids
+
+
+def _say(done: list[str], count: int, text: str) -> None:
+    """Add a sentence where something was done."""
+    if count:
+        done.append(text.format(count))
+
+
+def _diagonal(points: Floats) -> float:
+    """Return the diagonal of the bounding box."""
+    return float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+
+
+def _enclosed(points: Floats, faces: Integers) -> float:
+    """Return the volume of all shells, open ones closed by cones to their centroids; of inner ones as they point."""
+    label = shell_labels(points, faces)
+    total, parts = 0.0, [points[faces[label == k]] for k in range(int(label.max(initial=-1)) + 1)]
+    signed = [_signed(part) for part in parts]
+    low, high = ([f(part, axis=(0, 1)) for part in parts] for f in (np.min, np.max))
+    for k, volume in enumerate(signed):
+        around = [t for t in range(len(parts)) if t != k and (low[t] < low[k]).all() and (high[t] > high[k]).all()]
+        total += volume * np.sign(signed[around[0]]) if around else abs(volume)
+    return float(total)
+
+
+def _signed(corners: Floats) -> float:
+    """Return the volume of the tetrahedra between triangles and their centroid."""
+    local = corners - corners.mean(axis=(0, 1))
+    return float(np.einsum("fi,fi->", local[:, 0], np.cross(local[:, 1], local[:, 2]))) / 6
