@@ -11,7 +11,8 @@ import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint
 from voxgran._base.errors import CheckpointError, FileFormatError
 from voxgran._base.lazy import load
-from voxgran.shapes import diagnose, files
+from voxgran.shapes import files
+from voxgran.shapes.repairing import diagnose
 from voxgran.shapes.tessellate import unit_box
 
 VERTICES, FACES, _ = unit_box()
