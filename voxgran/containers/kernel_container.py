@@ -16,10 +16,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.tree import STACK, is_behind, search_triangles
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.model import Container
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.model import Container, boundary_of
 from voxgran.shapes.mesh import Mesh
 
 #: kinds of containers: flat walls only, a cylinder, a sphere, a closed mesh
@@ -76,12 +73,9 @@ def frame_of(container: Container) -> Frame:
     lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
     periodic = np.array(container.periodic, dtype=np.int64)
     walled = np.where(np.arange(3) < container.dimension, 1 - periodic, 0).astype(np.int64)
-    kind, radius = FLAT, 0.0
-    if isinstance(container, Cylinder | Sphere):
-        kind, radius = UPRIGHT if isinstance(container, Cylinder) else ROUND, float(container.radius)
-    elif isinstance(container, ClosedMesh):
-        kind = MESH
-    return Frame(kind, lower, upper - lower, walled, periodic, radius)
+    boundary = boundary_of(container)
+    kind = MESH if boundary.solid is not None else {2: UPRIGHT, 3: ROUND}.get(boundary.round_axes, FLAT)
+    return Frame(kind, lower, upper - lower, walled, periodic, float(boundary.radius))
 
 
 def walls_of(container: Container, origin: Floats) -> MeshWalls:
@@ -94,16 +88,17 @@ def walls_of(container: Container, origin: Floats) -> MeshWalls:
     origin : (3,) ndarray of float
         Where places are counted from.
     """
-    if not isinstance(container, ClosedMesh):
+    solid = boundary_of(container).solid
+    if solid is None:
         return MeshWalls(
             *(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64)),
             *(np.zeros((0, 7, 3)), np.zeros(3), np.zeros(0, dtype=np.int64)),
         )
-    assert isinstance(container.shape.geometry, Mesh)
-    tree = container.shape.geometry.tree
+    assert isinstance(solid.geometry, Mesh)
+    tree = solid.geometry.tree
     # copies that may be written, as the arrays of other containers may: kernels are compiled once
     corners, low, high = tree.corners.copy(), tree.low.copy(), tree.high.copy()
-    shift = origin - np.array(container.shape.offset, dtype=np.float64)
+    shift = origin - np.array(solid.offset, dtype=np.float64)
     stack = np.zeros(STACK, dtype=np.int64)
     return MeshWalls(corners, low, high, tree.start.copy(), tree.normals.copy(), shift, stack)
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.kernel_container import FLAT, ROUND, UPRIGHT, MeshWalls, frame_of, mesh_distance, walls_of
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, boundary_of
 from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
 
 #: most cells of the map of clearances along an axis
 MOST_CELLS = 64
@@ -60,8 +60,9 @@ def front_room_of(container: Container, smallest: float) -> FrontRoom:
     lengths, walls = frame.lengths, walls_of(container, frame.lower)
     slack = 1e-12 * smallest + 8 * float(np.spacing(lengths.max()))
     center, clearance, cell = lengths / 2, np.zeros((0, 0, 0)), 1.0
-    if isinstance(container, ClosedMesh):
-        clearance, cell = _clearances(container, walls, lengths, smallest)
+    solid = boundary_of(container).solid
+    if solid is not None:
+        clearance, cell = _clearances(solid, walls, lengths, smallest)
         # the center of the cell that is farthest from the walls
         widest = np.unravel_index(int(np.argmin(clearance)), clearance.shape)
         center = (np.array(widest, dtype=np.float64) + 0.5) * cell
@@ -71,13 +72,13 @@ def front_room_of(container: Container, smallest: float) -> FrontRoom:
     )
 
 
-def _clearances(container: ClosedMesh, walls: MeshWalls, lengths: Floats, smallest: float) -> tuple[Floats, float]:
+def _clearances(solid: Shape, walls: MeshWalls, lengths: Floats, smallest: float) -> tuple[Floats, float]:
     """Return the map of clearances and the width of its cells."""
-    assert isinstance(container.shape.geometry, Mesh)
+    assert isinstance(solid.geometry, Mesh)
     cell = float(max(smallest, lengths.max() / MOST_CELLS))
     count = np.ceil(lengths / cell).astype(np.int64)
     points: Floats = (np.indices(count.tolist()).reshape(3, -1).T + 0.5) * cell
-    return container.shape.geometry.tree.signed_distance(points + walls.shift).reshape(count), cell
+    return solid.geometry.tree.signed_distance(points + walls.shift).reshape(count), cell
 
 
 @bare_kernel

@@ -24,12 +24,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import WHOLE, Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.containers.kernel_container import Room, is_barred, is_between, is_held
-from voxgran.packing.digital.bit_columns import Words
-from voxgran.packing.digital.container_lattice import WHOLE
 from voxgran.packing.rsa.available_boxes import NEAR, open_boxes, slices
 from voxgran.packing.rsa.candidates import PLACED, REFUSED, TRIED, TURN
 from voxgran.packing.rsa.level_grid import Bed, Cells, enter, extents, find_overlap, gather, is_within

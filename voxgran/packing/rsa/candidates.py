@@ -11,11 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.containers.kernel_container import Room, is_between, is_held
-from voxgran.packing.digital.bit_columns import Words
 from voxgran.packing.rsa.level_grid import Bed, Cells, enter, extents, find_overlap
 
 #: what becomes of the radius of a refused candidate

@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import WHOLE, Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import Room
-from voxgran.packing.digital.container_lattice import WHOLE
 
 #: cells of a level at the most, per grain of it
 CELLS_PER_GRAIN = 2
