@@ -93,8 +93,6 @@ class PackingMethod:
         Problem to its Cost, before anything is made, without numba, Open3D or VTK.
     dimensions : tuple of int
         In which dimensions it works.
-    tolerance : float
-        Largest overlap of true shapes that the method may leave, in mean diameters; 0 where it leaves none.
     libraries : tuple of str
         Libraries that it loads.
     selects : bool
@@ -115,7 +113,6 @@ class PackingMethod:
     finish: Callable[[Problem, State], Packing]
     cost: Callable[[Problem], Cost]
     dimensions: tuple[int, ...] = (3,)
-    tolerance: Callable[[Any], float] = field(default=lambda parameters: 0.0)
     libraries: tuple[str, ...] = ("numba",)
     selects: bool = False
     open_surfaces: bool = False

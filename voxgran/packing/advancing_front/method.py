@@ -27,8 +27,9 @@ from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.verify import verify
+from voxgran.containers.kernel_container import KernelContainer
 from voxgran.containers.model import boundary_of
-from voxgran.packing.advancing_front.container import FrontRoom, front_room_of
+from voxgran.packing.advancing_front.container import front_container
 from voxgran.packing.advancing_front.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Bed, Front, Rules
 from voxgran.packing.advancing_front.level_grid import BITS, SphereCells, lay_cells, link_all
 from voxgran.packing.advancing_front.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
@@ -190,7 +191,7 @@ class _Setting:
     """What follows from the problem: radii of the grains, walls, cells and how the front advances."""
 
     radius: Floats
-    room: FrontRoom
+    room: KernelContainer
     cells: SphereCells
     rules: Rules
 
@@ -199,13 +200,13 @@ def _setting(problem: Problem, state: State) -> _Setting:
     """Return the setting, with all spheres in their cells, made again where the state was read from a checkpoint."""
     if "setting" not in state.derived:
         radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
-        room = front_room_of(problem.container, float(radius.min(initial=np.inf)))
+        room, widest = front_container(problem.container, float(radius.min(initial=np.inf)))
         cells = lay_cells(room.lengths, room.periodic, radius, problem.dimension)
         link_all(cells, state.arrays["spheres"], state.counters["placed"])
         asked: AdvancingFront = problem.parameters
         pocket = float(np.quantile(radius, POCKET)) if len(radius) else 1.0
-        goal = room.center + np.array(ASIDE) * pocket
-        first = room.center if problem.start is None else np.zeros(0)
+        goal = widest + np.array(ASIDE) * pocket
+        first = widest if problem.start is None else np.zeros(0)
         rules = Rules(_is_dense(problem, state), _order(problem, state), asked.tries, goal, PATIENCE, first, pocket)
         state.derived["setting"] = _Setting(radius, room, cells, rules)
         numbers, points = np.zeros(FEW, dtype=np.int64), np.zeros((FEW, 5))
