@@ -6,7 +6,7 @@ of the stated shape and of type float64 (int64 for indices), and nobody checks a
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,7 +17,10 @@ from voxgran._base.scalars import float_of, number_of, whole_number_of
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
-
+#: words of bits
+Words: TypeAlias = NDArray[np.uint64]
+#: a quotient of lengths within this of a whole number is that number
+WHOLE = 1e-9
 
 #: lengths whose fifth powers, of which second moments are made, are numbers
 SHORTEST, LONGEST = 1e-60, 1e60

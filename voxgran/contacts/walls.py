@@ -20,12 +20,9 @@ from voxgran.contacts.mesh_parts import touch_convex
 from voxgran.contacts.parts import has_parts, parts_of
 from voxgran.contacts.solid import Solid, combine
 from voxgran.contacts.triangles import nearest_points
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.surface import Surface
@@ -78,24 +75,23 @@ def beyond_lid(assembly: Assembly) -> Floats:
 
 def _beyond_container(assembly: Assembly) -> Floats:
     """Return how far each grain reaches beyond the walls of the container."""
-    container = assembly.container
+    walls = boundary_of(assembly.container)
     escape = np.full(assembly.count, -np.inf)
-    if isinstance(container, ClosedMesh):
-        for shape in range(len(assembly.shapes)):
-            grains = np.flatnonzero(assembly.shape_id == shape)
-            escape[grains] = _beyond_mesh(assembly, container, grains)
+    if walls is UNKNOWN:
+        for grain in range(assembly.count):
+            shape = assembly.shapes[assembly.shape_id[grain]]
+            error = shape.tessellation_error * assembly.scale[grain]
+            escape[grain] = assembly.container.signed_distance(assembly.world_vertices(grain)).max() + error
         return escape
-    if isinstance(container, Box | Rectangle):
-        return _beyond_planes(assembly, [axis for axis in range(assembly.dimension) if not container.periodic[axis]])
-    if isinstance(container, Cylinder):
-        reach = horizontal_reach(assembly, np.array(container.origin))
-        return np.maximum(_beyond_planes(assembly, [2]), reach - container.radius)
-    if isinstance(container, Sphere):
-        return farthest_reach(assembly, np.array(container.origin)) - container.radius
-    for grain in range(assembly.count):
-        shape = assembly.shapes[assembly.shape_id[grain]]
-        error = shape.tessellation_error * assembly.scale[grain]
-        escape[grain] = container.signed_distance(assembly.world_vertices(grain)).max() + error
+    if walls.solid is not None:
+        for kind in range(len(assembly.shapes)):
+            grains = np.flatnonzero(assembly.shape_id == kind)
+            escape[grains] = _beyond_mesh(assembly, walls.solid, grains)
+    if any(walls.flat):
+        escape = np.maximum(escape, _beyond_planes(assembly, [axis for axis in range(3) if walls.flat[axis]]))
+    if walls.round_axes:
+        reach = horizontal_reach if walls.round_axes == 2 else farthest_reach
+        escape = np.maximum(escape, reach(assembly, np.array(walls.center)) - walls.radius)
     return escape
 
 
@@ -183,16 +179,16 @@ def _beyond_planes(assembly: Assembly, axes: list[int]) -> Floats:
     return np.asarray(np.maximum(below, above).max(axis=1))
 
 
-def _beyond_mesh(assembly: Assembly, container: ClosedMesh, grains: Integers) -> Floats:
+def _beyond_mesh(assembly: Assembly, wall: Shape, grains: Integers) -> Floats:
     """Return the reach of grains of one shape beyond the walls of a closed mesh."""
     found = np.zeros(len(grains))
     if not len(grains):
         return found
     geometry = assembly.shapes[assembly.shape_id[grains[0]]].geometry
-    mesh = container.shape.geometry
+    mesh = wall.geometry
     assert isinstance(mesh, Mesh)
     inside, outside = Solid(mesh), Solid(mesh, inside_out=True)
-    offsets = assembly.position[grains] - np.array(container.shape.offset)
+    offsets = assembly.position[grains] - np.array(wall.offset)
     if has_parts(geometry) and not (isinstance(geometry, Primitive) and geometry.kind != "sphere"):
         parts = parts_of([geometry])
         for k, grain in enumerate(grains):

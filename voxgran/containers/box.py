@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive, as_vector
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
+from voxgran.containers.model import Boundary
 from voxgran.shapes.tessellate import unit_box
 
 
@@ -65,6 +66,12 @@ class Box:
         low = np.array(self.origin)
         return np.array([low, low + np.array(self.lengths)])
 
+    @property
+    def boundary(self) -> Boundary:
+        """The walls in closed form."""
+        x, y, z = self.periodic
+        return Boundary(flat=(not x, not y, not z))
+
     def signed_distance(self, points: ArrayLike) -> Floats:
         """Return the distance of (n, 3) points from the nearest wall, negative inside.
 
@@ -91,6 +98,16 @@ class Box:
         times = as_positive(factor, "factor")
         lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))
         return Box(lengths, self.periodic, origin=origin)
+
+    def with_periodic(self, periodic: Periodic) -> "Box":
+        """Return the box with other periodic axes.
+
+        Raises
+        ------
+        InputError
+            If `periodic` names no axes.
+        """
+        return Box(self.lengths, periodic, origin=self.origin)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values."""

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.errors import InputError, shown
+from voxgran.containers.model import Boundary
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -88,6 +89,11 @@ class ClosedMesh:
         """Lower and upper corner, (2, 3)."""
         vertices = self.mesh()[0]
         return np.array([vertices.min(axis=0), vertices.max(axis=0)])
+
+    @property
+    def boundary(self) -> Boundary:
+        """The wall in closed form."""
+        return Boundary(solid=self.shape)
 
     def signed_distance(self, points: ArrayLike) -> Floats:
         """Return the distance of (n, 3) points from the surface, negative inside.

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained
+from voxgran.containers.model import Boundary
 from voxgran.shapes.tessellate import revolved
 
 
@@ -58,6 +59,11 @@ class Cylinder:
         reach = np.array([self.radius, self.radius, 0.0])
         base = np.array(self.origin)
         return np.array([base - reach, base + reach + np.array([0.0, 0.0, self.height])])
+
+    @property
+    def boundary(self) -> Boundary:
+        """The walls in closed form."""
+        return Boundary(flat=(False, False, True), round_axes=2, radius=self.radius, center=self.origin)
 
     def signed_distance(self, points: ArrayLike) -> Floats:
         """Return the distance of (n, 3) points from the nearest wall, negative inside.

@@ -1,11 +1,12 @@
-"""The container as kernels see it: does it hold a sphere or an upright box, and may a small box hold such a centre?
+"""Containers in kernels: whether a sphere or an upright box lies inside, and whether a small box may hold its center.
 
-Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright. In a
-closed mesh the distance of a centre from the surface is exact (:mod:`voxgran._base.tree`), so that a sphere that is
-held protrudes by no more than rounding.
+Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright. In a closed mesh the
+distance of a center from the surface is exact (:mod:`voxgran._base.tree`), so that a sphere that is accepted protrudes
+by no more than rounding.
 
-What the advancing front asks beyond that, in coordinates of its own, is in
-:mod:`voxgran.packing.advancing_front.container`.
+The advancing front counts coordinates from the lower corner and has tests of its own
+(:mod:`voxgran.packing.advancing_front.container`). Control points keep convex hulls within walls, which move with a lid
+(:mod:`voxgran.packing.control_point.walls`).
 """
 
 import math
@@ -16,34 +17,22 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.tree import STACK, is_behind, search_triangles
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.model import Container
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.model import Container, boundary_of
 from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
 
 #: kinds of containers: flat walls only, a cylinder, a sphere, a closed mesh
 FLAT, UPRIGHT, ROUND, MESH = 0, 1, 2, 3
-#: a grain that reaches beyond a wall by this share of the container, or less, does so by rounding
+#: largest reach beyond a wall that is rounding, in lengths of the container
 ROUNDING = 1e-15
 
 
-class Frame(NamedTuple):
-    """What every container has: its kind, bounds, which axes have walls and which are periodic (2D: z neither).
-
-    radius: of a cylinder or a sphere.
-    """
-
-    kind: int
-    lower: Floats
-    lengths: Floats
-    walled: Integers
-    periodic: Integers
-    radius: float
-
-
 class MeshWalls(NamedTuple):
-    """The walls of a closed mesh: its tree, about `shift`, and room for searches; of other containers nothing."""
+    """The walls of a closed mesh: its tree, about `shift`, and work space for searches; empty for other containers.
+
+    clearance: signed distances of the centers of cubic cells of edge `cell` from the surface, negative inside, counted
+    from `lower` of the container; empty where no map was asked for.
+    """
 
     corners: Floats
     low: Floats
@@ -52,15 +41,22 @@ class MeshWalls(NamedTuple):
     normals: Floats
     shift: Floats
     stack: Integers
+    clearance: Floats
+    cell: float
 
 
-class Room(NamedTuple):
-    """The container: its frame, a point of the axis of a cylinder or the centre of a sphere, and the walls of a mesh.
+class KernelContainer(NamedTuple):
+    """A container as kernels take it.
 
-    `slack` is what rounding does.
+    kind: FLAT, UPRIGHT, ROUND or MESH.  lower, lengths: of the bounds; in two dimensions the length along z is 1, or 0
+    in coordinates from the corner.
+    walled, periodic: which axes are, as 0 or 1 (in two dimensions z is neither).  radius: of a cylinder or a sphere.
+    middle: of the bounds, which is on the axis of a cylinder and the center of a sphere.  slack: length up to which a
+    sphere may reach beyond a wall, by rounding.  mesh: walls of a closed mesh.
     """
 
     kind: int
+    dimension: int
     lower: Floats
     lengths: Floats
     walled: Integers
@@ -71,55 +67,65 @@ class Room(NamedTuple):
     mesh: MeshWalls
 
 
-def frame_of(container: Container) -> Frame:
-    """Return what every container has."""
-    lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
-    periodic = np.array(container.periodic, dtype=np.int64)
-    walled = np.where(np.arange(3) < container.dimension, 1 - periodic, 0).astype(np.int64)
-    kind, radius = FLAT, 0.0
-    if isinstance(container, Cylinder | Sphere):
-        kind, radius = UPRIGHT if isinstance(container, Cylinder) else ROUND, float(container.radius)
-    elif isinstance(container, ClosedMesh):
-        kind = MESH
-    return Frame(kind, lower, upper - lower, walled, periodic, radius)
-
-
-def walls_of(container: Container, origin: Floats) -> MeshWalls:
-    """Return the walls of a closed mesh for places that are counted from an origin; of other containers none.
+def kernel_container(
+    container: Container, *, from_corner: bool = False, slack: float | None = None, map_cell: float | None = None
+) -> KernelContainer:
+    """Return a container as kernels take it.
 
     Parameters
     ----------
     container : Container
         The container.
-    origin : (3,) ndarray of float
-        Where places are counted from.
+    from_corner : bool
+        Whether coordinates are counted from the lower corner of the bounds.
+    slack : float, optional
+        Length up to which a sphere may reach beyond a wall; if omitted, the rounding error of its coordinates.
+    map_cell : float, optional
+        Edge of the cells of the map of clearances of a closed mesh; no map if omitted.
     """
-    if not isinstance(container, ClosedMesh):
+    boundary = boundary_of(container)
+    lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
+    periodic = np.array(container.periodic, dtype=np.int64)
+    walled = np.where(np.arange(3) < container.dimension, 1 - periodic, 0).astype(np.int64)
+    lengths, middle = upper - lower, np.mean(container.bounds, axis=0)
+    walls = _mesh_walls(boundary.solid, lower if from_corner else np.zeros(3))
+    if boundary.solid is not None and map_cell is not None:
+        assert isinstance(boundary.solid.geometry, Mesh)
+        count = np.ceil(lengths / map_cell).astype(np.int64)
+        points: Floats = (np.indices(count.tolist()).reshape(3, -1).T + 0.5) * map_cell
+        distance = boundary.solid.geometry.tree.signed_distance(points + walls.shift)
+        walls = walls._replace(clearance=distance.reshape(count), cell=map_cell)
+    if from_corner:
+        lower, middle = np.zeros(3), lengths / 2
+    else:
+        lengths = np.where(np.arange(3) < container.dimension, lengths, 1.0)
+    if slack is None:
+        slack = ROUNDING * float(lengths.max() + np.abs(lower).max())
+    kind = MESH if boundary.solid is not None else {2: UPRIGHT, 3: ROUND}.get(boundary.round_axes, FLAT)
+    axes = (lower, lengths, walled, periodic)
+    return KernelContainer(kind, container.dimension, *axes, float(boundary.radius), middle, slack, walls)
+
+
+def _mesh_walls(solid: Shape | None, origin: Floats) -> MeshWalls:
+    """Return the walls of a closed mesh in coordinates from an origin; empty ones where there is none."""
+    no_map = np.zeros((0, 0, 0)), 1.0
+    if solid is None:
         return MeshWalls(
             *(np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64)),
             *(np.zeros((0, 7, 3)), np.zeros(3), np.zeros(0, dtype=np.int64)),
+            *no_map,
         )
-    assert isinstance(container.shape.geometry, Mesh)
-    tree = container.shape.geometry.tree
-    # copies that may be written, as the arrays of other containers may: kernels are compiled once
+    assert isinstance(solid.geometry, Mesh)
+    tree = solid.geometry.tree
+    # writable copies, as the arrays of other containers are: kernels are compiled once
     corners, low, high = tree.corners.copy(), tree.low.copy(), tree.high.copy()
-    shift = origin - np.array(container.shape.offset, dtype=np.float64)
+    shift = origin - np.array(solid.offset, dtype=np.float64)
     stack = np.zeros(STACK, dtype=np.int64)
-    return MeshWalls(corners, low, high, tree.start.copy(), tree.normals.copy(), shift, stack)
-
-
-def room_of(container: Container) -> Room:
-    """Return a container as kernels take it."""
-    frame = frame_of(container)
-    lengths = np.where(np.arange(3) < container.dimension, frame.lengths, 1.0)
-    slack = ROUNDING * float(lengths.max() + np.abs(frame.lower).max())
-    middle = np.mean(container.bounds, axis=0)
-    walls = walls_of(container, np.zeros(3))
-    return Room(*frame._replace(lengths=lengths), middle, slack, walls)
+    return MeshWalls(corners, low, high, tree.start.copy(), tree.normals.copy(), shift, stack, *no_map)
 
 
 @bare_kernel
-def is_held(room: Room, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
+def is_held(room: KernelContainer, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
     """Return whether the container holds a grain with its centre at (x, y, z).
 
     hx, hy, hz: half its extents; in a round or a closed container it is the sphere of radius hx.
@@ -135,7 +141,7 @@ def is_held(room: Room, x: float, y: float, z: float, hx: float, hy: float, hz: 
 
 
 @bare_kernel
-def is_between(room: Room, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
+def is_between(room: KernelContainer, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
     """Return whether a box of half extents (hx, hy, hz) lies within the bounds along the axes that have walls."""
     lower, lengths, walled, slack = room.lower, room.lengths, room.walled, room.slack
     if walled[0] == 1 and (x - hx < lower[0] - slack or x + hx > lower[0] + lengths[0] + slack):
@@ -146,7 +152,9 @@ def is_between(room: Room, x: float, y: float, z: float, hx: float, hy: float, h
 
 
 @bare_kernel
-def is_barred(room: Room, x: float, y: float, z: float, ex: float, ey: float, ez: float, radius: float) -> bool:
+def is_barred(
+    room: KernelContainer, x: float, y: float, z: float, ex: float, ey: float, ez: float, radius: float
+) -> bool:
     """Return whether no point of a box can be the centre of a sphere that the container holds.
 
     The box has its middle at (x, y, z) and half extents (ex, ey, ez).

@@ -15,19 +15,19 @@ from voxgran.containers.sphere import Sphere
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 
-#: which keys each kind takes; those before the bar must be given
-KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "box": (("lengths",), ("periodic", "origin")),
-    "cylinder": (("radius", "height"), ("origin",)),
-    "mesh": ((), ("file", "vertices", "faces", "name", "offset")),
-    "rectangle": (("lengths",), ("periodic", "origin")),
-    "sphere": (("radius",), ("origin",)),
+#: the class of each kind, the keys that it needs, and those that it takes beside them
+KINDS: dict[str, tuple[type, tuple[str, ...], tuple[str, ...]]] = {
+    "box": (Box, ("lengths",), ("periodic", "origin")),
+    "cylinder": (Cylinder, ("radius", "height"), ("origin",)),
+    "mesh": (ClosedMesh, (), ("file", "vertices", "faces", "name", "offset")),
+    "rectangle": (Rectangle, ("lengths",), ("periodic", "origin")),
+    "sphere": (Sphere, ("radius",), ("origin",)),
 }
 
 
-def container_kinds() -> tuple[str, ...]:
-    """Return the kinds of containers."""
-    return tuple(KEYS)
+def container_classes() -> str:
+    """Return the names of the classes of containers, as messages list them."""
+    return ", ".join(sorted(made.__name__ for made, _, _ in KINDS.values()))
 
 
 def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Container:
@@ -55,24 +55,17 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
         raise InputError(f"{where} is {shown(mapping)}: it must be a mapping with the key kind; give one")
     rest = dict(mapping)
     kind = rest.pop("kind", None)
-    if not isinstance(kind, str) or kind not in KEYS:
-        raise UnknownNameError(unknown(f"{where} kind", kind, KEYS))
-    needed, optional = KEYS[kind]
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise UnknownNameError(unknown(f"{where} kind", kind, KINDS))
+    made, needed, optional = KINDS[kind]
     for key in rest:
         if key not in needed + optional:
             raise UnknownNameError(unknown(f"{where} key", key, needed + optional))
     for key in needed:
         if key not in rest:
             raise InputError(f"{where} {key} is missing: {with_article(kind)} needs it; add it")
-    if kind == "box":
-        return Box(**rest)
-    if kind == "rectangle":
-        return Rectangle(**rest)
-    if kind == "cylinder":
-        return Cylinder(**rest)
-    if kind == "sphere":
-        return Sphere(**rest)
-    return _make_mesh(rest, where)
+    container: Container = _make_mesh(rest, where) if made is ClosedMesh else made(**rest)
+    return container
 
 
 def _make_mesh(rest: Mapping[str, Any], where: str) -> ClosedMesh:

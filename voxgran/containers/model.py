@@ -1,10 +1,16 @@
 """Container: what holds the grains, the type that the containers room hands on."""
 
+from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, check_lengths
+from voxgran._base.errors import InputError, shown
+from voxgran.shapes.model import Shape
+
+#: attributes that an object must have to be a container
+NEEDED = ("kind", "dimension", "periodic", "volume", "bounds", "signed_distance", "mesh", "scaled", "to_mapping")
 
 
 @runtime_checkable
@@ -19,6 +25,11 @@ class Container(Protocol):
         2 or 3.
     periodic : tuple of bool
         Which of the three axes are periodic.
+
+    Notes
+    -----
+    A container may also have an attribute ``boundary``, its walls in closed form as a :class:`Boundary`. Without it the
+    container is known by its signed distance and its mesh only, which some packing methods refuse.
     """
 
     @property
@@ -52,3 +63,59 @@ class Container(Protocol):
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values, from which `make_container` makes it again."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Boundary:
+    """The walls of a container in closed form.
+
+    Attributes
+    ----------
+    flat : tuple of bool
+        Across which axes there are two plane walls, at the bounds.
+    round_axes : int
+        0; 2 for a wall around the line along z through `center`; 3 for a wall around the point `center`.
+    radius : float
+        Radius of the round wall; 0 where there is none.
+    center : tuple of float
+        Center of a sphere, or a point of the axis of a cylinder.
+    solid : Shape or None
+        Shape of triangles whose surface is the wall, in its own frame; its ``offset`` places it.
+    """
+
+    flat: tuple[bool, bool, bool] = (False, False, False)
+    round_axes: int = 0
+    radius: float = 0.0
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    solid: Shape | None = None
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether the container is its bounds: a box or a rectangle, walled or periodic along each axis."""
+        return self.round_axes == 0 and self.solid is None
+
+
+#: the boundary of a container that is known by its signed distance only
+UNKNOWN = Boundary(round_axes=-1)
+
+
+def boundary_of(container: Container) -> Boundary:
+    """Return the walls of a container in closed form; :data:`UNKNOWN` if it gives none."""
+    boundary = getattr(container, "boundary", UNKNOWN)
+    return boundary if isinstance(boundary, Boundary) else UNKNOWN
+
+
+def check_container(container: Any) -> None:
+    """Check that an object is a container.
+
+    Raises
+    ------
+    InputError
+        If it lacks attributes of :class:`Container`, or is smaller than 1e-60 or larger than 1e60.
+    """
+    missing = [name for name in NEEDED if not hasattr(container, name)]
+    if isinstance(container, type) or "signed_distance" in missing:
+        raise InputError(f"container is {shown(container)}: it must be a container; give a Box, or a Rectangle in 2D")
+    if missing:
+        raise InputError(f"container has no {', '.join(missing)}: a container needs {', '.join(NEEDED)}; add them")
+    check_lengths(container.bounds[1] - container.bounds[0], "length of the container")

@@ -10,6 +10,7 @@ from voxgran._base.arrays import Floats, Integers, as_floats, as_length, as_plac
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran.containers.box import box_distance
+from voxgran.containers.model import Boundary
 
 
 @dataclass(frozen=True, init=False)
@@ -65,6 +66,11 @@ class Rectangle:
         low = np.array([*self.origin, 0.0])
         return np.array([low, low + np.array([*self.lengths, 0.0])])
 
+    @property
+    def boundary(self) -> Boundary:
+        """The walls in closed form."""
+        return Boundary(flat=(not self.periodic[0], not self.periodic[1], False))
+
     def signed_distance(self, points: ArrayLike) -> Floats:
         """Return the distance of (n, 2 or 3) points from the nearest wall, negative inside; z does not count.
 
@@ -94,6 +100,16 @@ class Rectangle:
         times = as_positive(factor, "factor")
         lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))
         return Rectangle(lengths, self.periodic[:2], origin=origin)
+
+    def with_periodic(self, periodic: Periodic) -> "Rectangle":
+        """Return the rectangle with other periodic axes.
+
+        Raises
+        ------
+        InputError
+            If `periodic` names no axes.
+        """
+        return Rectangle(self.lengths, periodic, origin=self.origin)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values."""

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained
+from voxgran.containers.model import Boundary
 from voxgran.shapes.tessellate import sphere
 
 
@@ -53,6 +54,11 @@ class Sphere:
         """Lower and upper corner, (2, 3)."""
         center = np.array(self.origin)
         return np.array([center - self.radius, center + self.radius])
+
+    @property
+    def boundary(self) -> Boundary:
+        """The wall in closed form."""
+        return Boundary(round_axes=3, radius=self.radius, center=self.origin)
 
     def signed_distance(self, points: ArrayLike) -> Floats:
         """Return the distance of (n, 3) points from the wall, negative inside.

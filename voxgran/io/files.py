@@ -15,8 +15,7 @@ from voxgran.io.spheres import save_spheres
 from voxgran.io.tables import read_table
 from voxgran.io.vtk_files import is_own, load_packing, save_packing
 from voxgran.io.vtk_points import SUFFIXES, read_vtk_points
-from voxgran.packing.asked import check_packing
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 
 log = logging.getLogger(__name__)
 

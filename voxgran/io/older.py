@@ -7,7 +7,7 @@ import numpy as np
 
 from voxgran._base.errors import InputError
 from voxgran.containers.model import Container
-from voxgran.packing.down import Down, as_down
+from voxgran.packing.gravity import Down, as_down
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 

@@ -150,11 +150,11 @@ def packing_of(
         for subject in ("periodic", "dimension"):
             assumed.pop(subject, None)
     if periodic is not None:
-        if not isinstance(held, Box | Rectangle):
+        if not hasattr(held, "with_periodic"):
             raise InputError(
                 f"periodic is {shown(periodic)}: {with_article(held.kind)} is given as it is; only a box takes axes"
             )
-        held = type(held)(held.lengths, periodic, origin=held.origin)
+        held = held.with_periodic(periodic)
         assumed.pop("periodic", None)
     named = known_unit(particles.unit)
     if unit is None and named is None:

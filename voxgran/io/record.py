@@ -20,8 +20,9 @@ from voxgran._base.guarded import reason_of
 from voxgran._base.units import known_unit
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.make import make_container
+from voxgran.containers.model import boundary_of
 from voxgran.io.older import fields_of
-from voxgran.packing.down import as_down
+from voxgran.packing.gravity import as_down
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
@@ -84,7 +85,8 @@ def to_record(packing: Packing) -> Record:
         "volume": packing.volumes,
     }
     container = packing.container
-    solid = (container.shape,) if isinstance(container, ClosedMesh) else ()
+    wall = boundary_of(container).solid
+    solid = () if wall is None else (wall,)
     shapes, arrays = _shapes_apart(packing.shapes + solid)
     if packing._contacts:
         gap, contacts = min(packing._contacts.items())

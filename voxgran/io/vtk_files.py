@@ -21,8 +21,7 @@ from voxgran._base.vtk_data import attach, attach_texts, poly_data, write_data
 from voxgran._base.vtk_readers import vtk_points
 from voxgran.io.record import Record, from_record, to_record
 from voxgran.io.surfaces import merged_surfaces
-from voxgran.packing.asked import check_packing
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.primitive import Primitive
 
 #: a scene with more spheres than this draws them as points with a radius, not as surfaces

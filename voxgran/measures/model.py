@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
 from voxgran.measures.accessor import register_accessor
-from voxgran.packing.asked import check_packing
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree

@@ -8,10 +8,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length
 from voxgran._base.errors import InputError
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.model import Container
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.model import Container, boundary_of
 from voxgran.measures.coordination import mean_diameter
 from voxgran.measures.halfspaces import cut_disks
 from voxgran.measures.model import Measure, dataset, length_unit, variable
@@ -149,19 +146,21 @@ def _slab(dimension: int, axis: int, ends: Floats) -> tuple[Floats, Floats]:
 
 def _rooms(container: Container, axis: int, edges: Floats) -> Floats:
     """Return the volume of the container in each slice."""
-    if isinstance(container, ClosedMesh):
+    walls = boundary_of(container)
+    radius = walls.radius
+    if walls.solid is not None:
         slabs = [_slab(3, axis, edges[b : b + 2]) for b in range(len(edges) - 1)]
         vertices, faces = container.mesh()
         pose = np.eye(3)[None], np.zeros((1, 3))
         return np.array([cut_mesh(vertices[faces], *pose, lower=low, upper=high)[0] for low, high in slabs])
-    if isinstance(container, Cylinder) and axis < 2:
-        center, radius = np.array([container.origin[:2]]), np.array([container.radius])
+    if walls.round_axes == 2 and axis < 2:
+        center, lower, upper = np.array([walls.center[:2]]), *container.bounds[:, 2]
         slabs = [_slab(2, axis, edges[b : b + 2]) for b in range(len(edges) - 1)]
-        disk = [cut_disks(center, radius, lower=low, upper=high)[0] for low, high in slabs]
-        return np.array(disk) * container.height
-    if isinstance(container, Sphere):
-        heights = np.clip(edges - container.origin[axis], -container.radius, container.radius)
-        return np.asarray(np.diff(math.pi * (container.radius**2 * heights - heights**3 / 3)))
+        disk = [cut_disks(center, np.array([radius]), lower=low, upper=high)[0] for low, high in slabs]
+        return np.array(disk) * (upper - lower)
+    if walls.round_axes == 3:
+        heights = np.clip(edges - walls.center[axis], -radius, radius)
+        return np.asarray(np.diff(math.pi * (radius**2 * heights - heights**3 / 3)))
     return np.asarray(np.diff(edges) * container.volume / (edges[-1] - edges[0]))
 
 

@@ -14,13 +14,11 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.seeds import stream
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.model import boundary_of
 from voxgran.measures.cylinders import cut_spheres_by_cylinder
 from voxgran.measures.halfspaces import cut_spheres
 from voxgran.measures.window import Estimate, Solids
-from voxgran.packing.down import main_axis
+from voxgran.packing.gravity import main_axis
 from voxgran.packing.model import Packing
 from voxgran.voxels.occupy import voxelize
 
@@ -80,12 +78,12 @@ class Regions:
     def at(self, inset: float) -> Region:
         """Return the part that lies at least `inset` from each wall and below the height."""
         container, d = self.packing.container, self.packing.dimension
-        if isinstance(container, Cylinder) and self.solids.spheres is not None:
-            floor = container.origin[2]
-            base = max(floor + inset, float(self.limits[0, 2]))
-            top = min(floor + container.height - inset, float(self.limits[1, 2]))
-            return CylinderRegion(container, max(0.0, container.radius - inset), base, max(base, top))
-        if isinstance(container, Cylinder | Sphere | ClosedMesh):
+        boundary = boundary_of(container)
+        if boundary.round_axes == 2 and self.solids.spheres is not None:
+            base = max(float(container.bounds[0, 2]) + inset, float(self.limits[0, 2]))
+            top = min(float(container.bounds[1, 2]) - inset, float(self.limits[1, 2]))
+            return CylinderRegion(boundary.center, max(0.0, boundary.radius - inset), base, max(base, top))
+        if not boundary.is_flat and d == 3:
             return SampledRegion(self.samples, inset, self.limits)
         walls = ~np.array(container.periodic[:d])
         lower = np.maximum(container.bounds[0, :d] + inset * walls, self.limits[0, :d])
@@ -122,7 +120,7 @@ class BoxRegion:
 class CylinderRegion:
     """An upright cylinder within a cylinder, for spheres."""
 
-    container: Cylinder
+    center: tuple[float, float, float]
     radius: float
     lower: float
     upper: float
@@ -134,7 +132,7 @@ class CylinderRegion:
 
     def grains(self, packing: Packing) -> Booleans:
         """Tell which grains have their centroids in it."""
-        p = packing.position - np.array([*self.container.origin[:2], 0.0])
+        p = packing.position - np.array([*self.center[:2], 0.0])
         tall = (p[:, 2] >= self.lower) & (p[:, 2] <= self.upper)
         return np.asarray(tall & (np.hypot(p[:, 0], p[:, 1]) <= self.radius))
 
@@ -147,7 +145,7 @@ class CylinderRegion:
         if solids.spheres is None:
             return Estimate(math.nan)
         centers, radii, planes = solids.spheres
-        moved = centers - np.array([*self.container.origin[:2], 0.0])
+        moved = centers - np.array([*self.center[:2], 0.0])
         volumes, errors = cut_spheres_by_cylinder(moved, radii, radius=self.radius, lower=self.lower, upper=self.upper)
         if not len(planes[1]):
             return Estimate(float(volumes.sum()), float(errors.sum()))

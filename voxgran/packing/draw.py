@@ -14,9 +14,7 @@ from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_float
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.seeds import stream
 from voxgran.contacts.parts import is_one_sphere
-from voxgran.containers.box import Box
-from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.model import Container, boundary_of
 from voxgran.packing.size_limits import can_fit
 from voxgran.shapes.descriptors import principal_extents
 from voxgran.shapes.model import Shape
@@ -150,7 +148,7 @@ def _refuse_denser_than_lattice(
     container may hold more.
     """
     dimension, densest = container.dimension, DENSEST[container.dimension]
-    if wanted <= densest * (1 + 1e-12) or not isinstance(container, Box | Rectangle) or not len(diameter):
+    if wanted <= densest * (1 + 1e-12) or not boundary_of(container).is_flat or not len(diameter):
         return
     spheres = all(is_one_sphere(shapes[k].geometry) for k in set(shape_id.tolist()))
     volume = _volumes(shapes, shape_id, diameter).sum()
@@ -160,24 +158,6 @@ def _refuse_denser_than_lattice(
             f"solid_fraction is {wanted:.6g}, a porosity of {1 - wanted:.6g}: equal {name} have a "
             f"porosity of at least {1 - densest:.4f}, that of the densest lattice; ask for less, or for several sizes"
         )
-
-
-def size_distance(asked: Floats, placed: Floats) -> float:
-    """Return the largest difference of the shares of grains up to a size, that of Kolmogorov and Smirnov.
-
-    Parameters
-    ----------
-    asked, placed : (n,), (m,) ndarray of float
-        Diameters; those placed are some of those asked. Without grains the difference is 0.
-    """
-    if not len(asked) or not len(placed):
-        return 0.0
-    asked, placed = np.sort(asked), np.sort(placed)
-    # sizes that differ by rounding are one size
-    sizes = np.unique(asked) * (1 + 1e-9)
-    share = np.searchsorted(asked, sizes, side="right") / len(asked)
-    share -= np.searchsorted(placed, sizes, side="right") / len(placed)
-    return float(np.abs(share).max())
 
 
 def _shares(shapes: Sequence[Shape], weights: ArrayLike | None, weights_by: str, own_size: bool) -> Floats:

@@ -16,8 +16,8 @@ import numpy as np
 
 from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import CheckpointError, Interrupted, OutputError
-from voxgran._base.files import remove_drafts
+from voxgran._base.errors import CheckpointError, InputError, Interrupted, OutputError, shown
+from voxgran._base.files import as_path, remove_drafts
 from voxgran._base.kernels import telling_of_compilation
 from voxgran._base.lock import locked_file
 from voxgran._base.progress import OnStep, Step
@@ -246,3 +246,30 @@ def _farewell(how: Drive, state: State) -> str:
     if how.checkpoint is None:
         return f"stopped after {made} without a checkpoint: give one to be able to resume"
     return f"stopped after {made}; to {'finish' if ended else 'go on'}, resume from {how.checkpoint}"
+
+
+def check_drive(checkpoint: Any, resume: Any, on_step: Any, recorder: Any) -> None:
+    """Check what a run is driven with.
+
+    Parameters
+    ----------
+    checkpoint, resume, on_step, recorder
+        As :func:`voxgran.packing.pack.pack` takes them.
+
+    Raises
+    ------
+    InputError
+        If one of them is of another type, or the checkpoint is no path.
+    OutputError
+        If the checkpoint cannot be reached.
+    """
+    if checkpoint is not None and not isinstance(checkpoint, str | os.PathLike):
+        raise InputError(f"checkpoint is {shown(checkpoint)}: it must be the path of a file; change it")
+    if checkpoint is not None:
+        as_path(checkpoint)
+    if not isinstance(resume, bool | np.bool_):
+        raise InputError(f"resume is {shown(resume)}: it must be True or False; give the file as checkpoint")
+    if on_step is not None and not callable(on_step):
+        raise InputError(f"on_step is {shown(on_step)}: it must be a function of a step; change it")
+    if recorder is not None and not (hasattr(recorder, "due") and hasattr(recorder, "record")):
+        raise InputError(f"recorder is {shown(recorder)}: it must have the methods due and record; give a Series")

@@ -1,13 +1,117 @@
-"""Where down is, as methods are told it, and the axis along which it is strongest."""
+"""The direction in which gravity acts: an axis such as ``"-z"`` or any vector."""
+
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
-from voxgran.packing.down import axis_of, direction_of, usual_axis
-from voxgran.packing.problem import Problem
+from voxgran._base.arrays import Floats, Integers, as_vector
+from voxgran._base.errors import InputError, shown
+from voxgran.containers.model import Container
+
+#: unit vector in which gravity acts
+Down: TypeAlias = tuple[float, float, float]
+#: the axes as texts; "none" is no direction
+AXES = ("-x", "+x", "-y", "+y", "-z", "+z", "none")
 
 
-def gravity_vector(problem: Problem) -> Floats:
+class HasGravity(Protocol):
+    """A problem whose parameters have a direction of gravity."""
+
+    container: Container
+    parameters: Any
+
+
+def as_down(asked: Any, container: Container) -> Down | None:
+    """Return the unit vector in which gravity acts, None where it does not.
+
+    Parameters
+    ----------
+    asked : str or (3,) array_like of float or None
+        An axis such as ``"-z"``, a vector, or None or ``"none"``; ``"down"`` is the usual axis where it has walls.
+    container : Container
+        Its walls.
+
+    Raises
+    ------
+    InputError
+        If it is no direction, or has a part along a periodic axis or out of the plane.
+    """
+    if isinstance(asked, str) and asked == "down":
+        asked = usual_axis(container)
+        asked = None if container.periodic["xyz".index(asked[1])] else asked
+    if asked is None:
+        return None
+    if isinstance(asked, str):
+        x, y, z = (float(value) for value in axis_of(asked, container))
+    else:
+        x, y, z = direction_of(as_vector(asked, "gravity"), container).tolist()
+    return (x, y, z) if x or y or z else None
+
+
+def usual_axis(container: Container) -> str:
+    """Return where gravity acts when nothing is said: ``"-z"``, in two dimensions ``"-y"``."""
+    return "-z" if container.dimension == 3 else "-y"
+
+
+def axis_of(asked: str | None, container: Container) -> Integers:
+    """Return a direction such as ``"-z"`` as a lattice vector; ``"none"`` is zero, None the usual one.
+
+    Raises
+    ------
+    InputError
+        If it is no axis, points along a periodic axis, or out of the plane of a 2D container.
+    """
+    vector = np.zeros(3, dtype=np.int64)
+    direction = usual_axis(container) if asked is None else asked
+    if direction not in AXES:
+        raise InputError(f"gravity is {shown(direction)}: it must be a vector or one of {', '.join(AXES)}")
+    if direction != "none":
+        axis = "xyz".index(direction[1])
+        if axis >= container.dimension or container.periodic[axis]:
+            told = repr(direction) if asked else f"not set and thus {direction!r}"
+            raise InputError(
+                f"gravity is {told}: it must point along a walled axis of the container; choose another axis, or 'none'"
+            )
+        vector[axis] = -1 if direction[0] == "-" else 1
+    return vector
+
+
+def direction_of(vector: Floats, container: Container) -> Floats:
+    """Return a vector at length 1; one of length 1 stays as it is.
+
+    Raises
+    ------
+    InputError
+        If its length is 0 or not finite, or it has a part along a periodic axis or out of the plane.
+    """
+    length = float(np.linalg.norm(vector))
+    held = np.array(container.periodic) | (np.arange(3) >= container.dimension)
+    if not np.isfinite(length) or length == 0.0 or vector[held].any():
+        raise InputError(
+            f"gravity is {vector.tolist()}: it must be finite, not 0, and have no part along a periodic axis or out of "
+            "the plane; turn it, or say 'none'"
+        )
+    # adding 0 takes the sign of a zero away
+    return (vector if abs(length - 1.0) <= 4e-16 else vector / length) + 0.0
+
+
+def main_axis(gravity: Floats) -> Integers:
+    """Return the lattice vector along which gravity is strongest; zero where there is none."""
+    down = np.zeros(3, dtype=np.int64)
+    if gravity.any():
+        axis = int(np.argmax(np.abs(gravity)))
+        down[axis] = 1 if gravity[axis] > 0 else -1
+    return down
+
+
+def upward(gravity: Integers, dimension: int) -> Integers:
+    """Return the lattice vector against gravity, or along the last axis where there is no gravity."""
+    last = np.zeros(3, dtype=np.int64)
+    last[dimension - 1] = 1
+    return -gravity if gravity.any() else last
+
+
+def gravity_vector(problem: HasGravity) -> Floats:
     """Return the direction of gravity, of length 1; zero where there is none.
 
     Raises
@@ -21,8 +125,8 @@ def gravity_vector(problem: Problem) -> Floats:
     return direction_of(np.array(asked, dtype=np.float64), problem.container)
 
 
-def gravity_text(problem: Problem) -> str | list[float]:
-    """Return where down is, as it is recorded."""
+def gravity_text(problem: HasGravity) -> str | list[float]:
+    """Return the direction of gravity as provenance records it."""
     asked = problem.parameters.gravity
     if asked is None:
         return usual_axis(problem.container)

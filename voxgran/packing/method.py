@@ -13,11 +13,18 @@ from typing import Any, TypeAlias
 
 from numpy.typing import NDArray
 
+from voxgran._base.errors import TooLargeError
+from voxgran._base.machine import memory_limit
 from voxgran._base.registry import Registry
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
 Array: TypeAlias = NDArray[Any]
+
+#: bytes that the interpreter and the libraries take while a method packs (measured)
+PACKING_BYTES = 120 * 2**20
+#: what Open3D adds where a method samples surfaces (measured)
+SAMPLING_BYTES = 310 * 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,8 +93,6 @@ class PackingMethod:
         Problem to its Cost, before anything is made, without numba, Open3D or VTK.
     dimensions : tuple of int
         In which dimensions it works.
-    tolerance : float
-        Largest overlap of true shapes that the method may leave, in mean diameters; 0 where it leaves none.
     libraries : tuple of str
         Libraries that it loads.
     selects : bool
@@ -108,7 +113,6 @@ class PackingMethod:
     finish: Callable[[Problem, State], Packing]
     cost: Callable[[Problem], Cost]
     dimensions: tuple[int, ...] = (3,)
-    tolerance: Callable[[Any], float] = field(default=lambda parameters: 0.0)
     libraries: tuple[str, ...] = ("numba",)
     selects: bool = False
     open_surfaces: bool = False
@@ -123,3 +127,50 @@ def method_registry() -> Registry[PackingMethod]:
 def packing_methods() -> tuple[str, ...]:
     """Return the names of all packing methods."""
     return method_registry().names()
+
+
+def packing_memory(method: PackingMethod, problem: Problem) -> int:
+    """Return how many bytes a packing takes at the peak, with the libraries; an estimate.
+
+    Parameters
+    ----------
+    method : PackingMethod
+        The method.
+    problem : Problem
+        What it is to pack.
+
+    Raises
+    ------
+    InputError
+        If the lattice of the method does not fit the container.
+    TooLargeError
+        If the lattice has more voxels than the method can hold.
+    """
+    sampling = SAMPLING_BYTES if "open3d" in method.libraries else 0
+    return PACKING_BYTES + sampling + method.cost(problem).memory
+
+
+def check_memory(method: PackingMethod, needed: int, what: str) -> None:
+    """Check that this machine has as much memory as is needed.
+
+    Parameters
+    ----------
+    method : PackingMethod
+        The method, for what helps.
+    needed : int
+        Bytes.
+    what : str
+        What needs them, as the message names it.
+
+    Raises
+    ------
+    TooLargeError
+        If it has less.
+    """
+    available = memory_limit()
+    if needed > available:
+        coarser = "the voxels larger or " if hasattr(method.parameters, "voxel_size") else ""
+        raise TooLargeError(
+            f"{what} needs about {needed / 2**30:.1f} GiB: this machine has {available / 2**30:.1f} GiB; make "
+            f"{coarser}the grains fewer"
+        )

@@ -3,31 +3,23 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_choice, as_number, as_positive
+from voxgran._base.arrays import as_choice, as_number, as_positive, check_type
 from voxgran._base.units import as_unit, unit_factor
 from voxgran.contacts.assembly import Assembly, checked_arrays
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.model import Contacts
 from voxgran.containers.model import Container
-from voxgran.packing.down import Down, as_down
-from voxgran.packing.one_unit import converted, in_one_unit
+from voxgran.containers.one_unit import converted, in_one_unit
+from voxgran.packing.gravity import Down, as_down
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws import SizeDistribution
 
-StopReason: TypeAlias = Literal["settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted"]
-STOP_REASONS: tuple[str, ...] = (
-    "settled",
-    "count",
-    "solid_fraction",
-    "saturated",
-    "full",
-    "steps",
-    "interrupted",
-)
+#: why a method stopped
+STOP_REASONS = ("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted")
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,3 +208,21 @@ class Packing(Assembly):
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""
         return f"Packing({self.count} grains, solid_fraction={self.solid_fraction:.4f}, {self.stop_reason})"
+
+
+def check_packing(packing: Any, name: str) -> None:
+    """Check that something is a packing.
+
+    Parameters
+    ----------
+    packing : Packing
+        What was given.
+    name : str
+        What the message calls it.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    check_type(packing, Packing, name, "a Packing; load or pack one")

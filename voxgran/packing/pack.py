@@ -12,33 +12,25 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_count, as_number, as_positive
+from voxgran._base.arrays import as_count, as_number, as_positive, check_lengths
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT, as_unit
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
-from voxgran.packing.asked import check_asked, check_drive, warn_of_units
-from voxgran.packing.draw import Grains, draw_grains, size_distance
-from voxgran.packing.driver import Drive, Recorder, drive
-from voxgran.packing.memory import check_memory, packing_memory
-from voxgran.packing.method import PackingMethod, State, method_registry
-from voxgran.packing.model import Packing
-from voxgran.packing.one_unit import in_one_unit
-from voxgran.packing.problem import Problem
+from voxgran.containers.make import container_classes
+from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
+from voxgran.containers.one_unit import in_one_unit
+from voxgran.packing.draw import Grains, draw_grains
+from voxgran.packing.driver import Drive, Recorder, check_drive, drive
+from voxgran.packing.method import PackingMethod, State, check_memory, method_registry, packing_memory
+from voxgran.packing.model import Packing, check_packing
+from voxgran.packing.problem import Problem, warn_of_units
 from voxgran.packing.start import Start, check_start
-from voxgran.shapes.model import Shape
-from voxgran.shapes.sizes import SizeDistribution
+from voxgran.shapes.model import Shape, check_shapes
+from voxgran.shapes.sizes import SizeDistribution, size_distance
 
-#: containers whose walls all methods know
-CONTAINERS = (Box, ClosedMesh, Cylinder, Rectangle, Sphere)
 #: what helps where a count or a solid fraction is missed, and where the method found that there is no room
 FEWER = "make the container larger, the grains fewer, or give the method more attempts"
 LESS = "ask for less, give the method more attempts or choose a method that packs denser"
@@ -271,6 +263,30 @@ def prepare_task(
     return Task(chosen, problem, grains.removed, asked, sizes)
 
 
+def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Shape, ...]:
+    """Return the shapes as a tuple.
+
+    Parameters
+    ----------
+    shapes, container, sizes, start
+        Arguments of :func:`pack`.
+
+    Raises
+    ------
+    InputError
+        If one of them is of another type, or a shape or the container is smaller than 1e-60 or larger than 1e60.
+    """
+    given = check_shapes(shapes)
+    check_container(container)
+    if sizes is not None and not isinstance(sizes, SizeDistribution):
+        raise InputError(f"sizes is {shown(sizes)}: it must be a size distribution; for one size give sizes.fixed")
+    if start is not None:
+        check_packing(start, "start")
+    for shape in given:
+        check_lengths(shape.bounding_radius, f"bounding radius of shape {shape.name!r}")
+    return given
+
+
 def _arguments() -> tuple[str, ...]:
     """Return the names of the arguments of `pack` itself, which a misspelt parameter may have meant."""
     return tuple(item.name for item in inspect.signature(pack).parameters.values() if item.kind is item.KEYWORD_ONLY)
@@ -291,11 +307,11 @@ def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: C
             f"method {method.name!r} packs in dimension {method.dimensions}: the container has {container.dimension}; "
             "choose another method"
         )
-    if not method.any_container and not isinstance(container, CONTAINERS):
-        names = ", ".join(kind.__name__ for kind in CONTAINERS)
+    if not method.any_container and boundary_of(container) is UNKNOWN:
         remedy = "make a mesh of it, ClosedMesh(Shape.from_mesh(*container.mesh()))"
         raise InputError(
-            f"container is of type {type(container).__name__}: method {method.name!r} knows the walls of {names} only; "
+            f"container is of type {type(container).__name__}: method {method.name!r} knows the walls of "
+            f"{container_classes()} only; "
             f"{remedy if container.dimension == 3 else 'use a Rectangle'}, or choose a digital method"
         )
 

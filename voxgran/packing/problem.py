@@ -5,23 +5,34 @@ scene in other units give the same numbers. Representations are kept under a byt
 """
 
 import hashlib
+import warnings
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.errors import InputError
+from voxgran._base.config import to_mapping
+from voxgran._base.errors import InputError, PackingWarning
+from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.parts import is_one_sphere
+from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
+from voxgran.packing.model import Packing
 from voxgran.packing.start import Start
 from voxgran.points.control import sample_controls
 from voxgran.points.sample import SurfacePoints
 from voxgran.shapes.model import Shape
 from voxgran.voxels.occupy import occupy
+
+#: depth up to which true shapes of a start overlap by rounding, in mean diameters
+ROUND_OFF = 1e-10
+#: parts of the container, by length and by volume, below which sizes are likely in another unit than the container
+TINY, NOTHING = 1e-3, 1e-6
 
 
 @dataclass(eq=False)
@@ -103,6 +114,67 @@ class Problem:
         """Return a length given in the user's unit in median diameters."""
         return value / self.unit_length
 
+    def start_assembly(self, start: Start) -> Assembly:
+        """Return the grains of a start with their true shapes, in the normalized frame."""
+        n = start.count
+        arrays = {"position": start.position, "scale": self.diameter[:n], "shape_id": self.shape_id[:n]}
+        return Assembly.of(self.shapes, self.container, orientation=start.orientation, **arrays)
+
+    def packing(
+        self,
+        placed: Integers,
+        *,
+        position: Floats,
+        stop_reason: str,
+        orientation: Floats | None = None,
+        provenance: Mapping[str, Any] | None = None,
+        gravity: ArrayLike | None = None,
+        contact_gap: float = 0.0,
+        voxel_size: float | None = None,
+    ) -> Packing:
+        """Return the packing of grains in the user's unit of lengths.
+
+        Parameters
+        ----------
+        placed : (m,) ndarray of int
+            Indices of the grains.
+        position : (m, 3) ndarray of float
+            Centroids, in median diameters.
+        stop_reason : str
+            Empty while the method has not stopped.
+        orientation : (m, 4) ndarray of float, optional
+            Unit quaternions; no rotation where omitted.
+        provenance : mapping, optional
+            Record of the method; its parameters are added.
+        gravity : (3,) array_like of float, optional
+            Unit vector in which gravity acts; zero or None where there is none.
+        contact_gap : float
+            Distance of surfaces up to which the method leaves touching grains apart, in median diameters.
+        voxel_size : float, optional
+            Edge of a voxel, in median diameters, for methods on a lattice.
+        """
+        shape_id, unit = self.shape_id[placed], self.unit_length
+        own = np.array([shape.diameter for shape in self.original])
+        told = dict(provenance or {})
+        resolved = to_mapping(self.parameters)
+        if voxel_size is not None:
+            resolved["voxel_size"] = voxel_size * unit
+        resolved.update(told.get("parameters", {}))
+        return Packing.of(
+            self.original,
+            self.container.scaled(unit),
+            position=position * unit,
+            scale=self.diameter[placed] * unit / own[shape_id],
+            shape_id=shape_id,
+            orientation=orientation,
+            density=self.density,
+            provenance={**told, "parameters": resolved},
+            stop_reason=stop_reason or "interrupted",
+            unit=self.unit,
+            gravity=gravity if gravity is not None and np.any(gravity) else None,
+            contact_gap=contact_gap * unit,
+        )
+
     def voxels(self, grain: int, orientation: Floats, voxel_size: float, *, cover: str) -> Booleans:
         """Return the voxels of a grain on a cubic lattice with a voxel corner at its centroid.
 
@@ -183,3 +255,33 @@ class Problem:
         while self._bytes > self.byte_limit and len(self._kept) > 1:
             self._bytes -= self._kept.popitem(last=False)[1].nbytes
         return made
+
+
+def stands_free(problem: Problem, start: Start) -> bool:
+    """Return whether the true shapes of a start overlap neither each other nor a wall."""
+    return verify(problem.start_assembly(start), tolerance=ROUND_OFF).ok
+
+
+def warn_of_units(problem: Problem) -> None:
+    """Warn where grains are so small, and so few, that sizes and container are likely in different units.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the grains drawn.
+    """
+    if problem.start is not None or not problem.count:
+        return
+    bounds = problem.container.bounds
+    edge = float((bounds[1] - bounds[0])[: problem.dimension].min())
+    largest, share = float(problem.diameter.max()), float(problem.volumes.sum()) / problem.container.volume
+    if largest <= TINY * edge and share < NOTHING:
+        unit = "" if problem.unit == "1" else f" {problem.unit}"
+        warnings.warn(
+            f"all {problem.count} grains, of diameters up to {largest * problem.unit_length:g}{unit}, fill "
+            f"{share:.1g} of a container that is {edge * problem.unit_length:g}{unit} wide: if that is a mistake of "
+            "units, give sizes and container in the same one",
+            PackingWarning,
+            # the same place for a plan and for the run after it, so that it is told once
+            stacklevel=2,
+        )

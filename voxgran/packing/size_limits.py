@@ -8,9 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.parts import is_one_sphere
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.model import Container
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.model import Container, boundary_of
 from voxgran.shapes.descriptors import principal_extents
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
@@ -65,11 +63,8 @@ def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, d
 def _longest_line(container: Container) -> float:
     """Return a length that no line in a container with walls goes beyond."""
     lengths = (container.bounds[1] - container.bounds[0])[: container.dimension]
-    if isinstance(container, Sphere):
-        return float(lengths[0])
-    if isinstance(container, Cylinder):
-        return float(np.linalg.norm(lengths[1:]))
-    return float(np.linalg.norm(lengths))
+    # the round axes share one diameter
+    return float(np.linalg.norm(lengths[max(boundary_of(container).round_axes - 1, 0) :]))
 
 
 def _length(shape: Shape) -> float:

@@ -12,8 +12,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
 from voxgran.measures.coordination import coordination_number, usual_gap
 from voxgran.measures.model import measure
-from voxgran.packing.asked import check_packing
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 from voxgran.report.significance import (
     EQUAL,
     LEVEL,

@@ -19,8 +19,7 @@ from voxgran import __version__
 from voxgran._base.errors import with_article
 from voxgran._base.files import as_path, refuse_to_replace, write_text, written_whole
 from voxgran._base.lazy import load
-from voxgran.packing.asked import check_packing
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 from voxgran.report import facts, scenes
 from voxgran.report.closeup import picture_contacts
 from voxgran.report.colors import Coloring, coloring

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats
 from voxgran.contacts.parts import is_one_sphere
+from voxgran.containers.model import boundary_of
 from voxgran.packing.model import Packing
 
 #: spread of the diameters, relative to their mean, up to which spheres count as equal
@@ -40,7 +41,7 @@ def wall_law(distance: ArrayLike, *, bulk: float) -> Floats:
 
 def law_applies(packing: Packing) -> bool:
     """Return whether the law is for such a packing: equal spheres, in three dimensions, in an upright cylinder."""
-    if packing.dimension != 3 or packing.container.kind != "cylinder" or packing.count < 2:
+    if boundary_of(packing.container).round_axes != 2 or packing.count < 2:
         return False
     size = packing.diameters
     spheres = all(is_one_sphere(packing.shapes[index].geometry) for index in np.unique(packing.shape_id))

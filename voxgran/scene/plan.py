@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran.packing.memory import check_memory, packing_memory
+from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.model import REMEDIES, Scene, ShapeEntry
 from voxgran.shapes.family import families

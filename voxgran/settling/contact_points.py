@@ -11,8 +11,7 @@ from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import gaps_of_pairs, is_closed_surface, surface_trees
 from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.surface_pairs import surface_gaps
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.model import boundary_of
 from voxgran.shapes.mesh import Mesh
 
 #: corners of a mesh up to which they are looked at; a mesh of more is so round that one place does
@@ -138,7 +137,7 @@ def near_walls(assembly: Assembly, reach: float) -> Touching:
 def _near_container(assembly: Assembly, sphere: Booleans, reach: float) -> Touching:
     """Return where grains are near the walls of their container."""
     container = assembly.container
-    if isinstance(container, Box | Rectangle):
+    if boundary_of(container).is_flat:
         lower, upper = container.bounds
         found = []
         for axis in range(assembly.dimension):

@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_faces, as_points, as_positive, as_quaternions, read_only
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.rotation import rotation_matrices
 from voxgran._base.units import as_unit, stated_unit, unit_factor
@@ -314,3 +315,17 @@ class Shape:
         open3d = load("open3d")
         vertices = open3d.utility.Vector3dVector(self.vertices)
         return open3d.geometry.TriangleMesh(vertices, open3d.utility.Vector3iVector(self.faces.astype(np.int32)))
+
+
+def check_shapes(shapes: Any) -> tuple[Shape, ...]:
+    """Return one shape, or several, as a tuple.
+
+    Raises
+    ------
+    InputError
+        If it is something else.
+    """
+    given = (shapes,) if isinstance(shapes, Shape) else shapes
+    if not isinstance(given, Sequence) or not all(isinstance(shape, Shape) for shape in given):
+        raise InputError(f"shapes is {shown(shapes)}: it must be a Shape or a list of them; make_shape makes one")
+    return tuple(given)

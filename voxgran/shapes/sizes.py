@@ -7,9 +7,10 @@ in :mod:`voxgran.shapes.size_laws`.
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_floats, as_number
+from voxgran._base.arrays import Floats, as_floats, as_number
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, UnknownNameError
@@ -171,3 +172,21 @@ def make_sizes(mapping: Mapping[str, Any], where: str = "[sizes]") -> SizeDistri
 
 #: the distributions by the kind that scene files name
 KINDS: dict[str, type[SizeDistribution]] = {law.kind: law for law in (Discrete, Fixed, Lognormal, Sieve, Uniform)}
+
+
+def size_distance(asked: Floats, placed: Floats) -> float:
+    """Return the largest difference of the shares of grains up to a size, that of Kolmogorov and Smirnov.
+
+    Parameters
+    ----------
+    asked, placed : (n,), (m,) ndarray of float
+        Diameters; those placed are some of those asked. Without grains the difference is 0.
+    """
+    if not len(asked) or not len(placed):
+        return 0.0
+    asked, placed = np.sort(asked), np.sort(placed)
+    # sizes that differ by rounding are one size
+    sizes = np.unique(asked) * (1 + 1e-9)
+    share = np.searchsorted(asked, sizes, side="right") / len(asked)
+    share -= np.searchsorted(placed, sizes, side="right") / len(placed)
+    return float(np.abs(share).max())

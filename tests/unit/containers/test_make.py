@@ -7,7 +7,8 @@ from voxgran._base.errors import DirtyMeshError, InputError, UnknownNameError
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.make import container_kinds, make_container
+from voxgran.containers.make import KINDS, make_container
+from voxgran.containers.model import boundary_of
 from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
 from voxgran.shapes.model import Shape
@@ -59,7 +60,26 @@ def test_axis_names_as_in_a_scene_file():
 
 
 def test_all_kinds_are_listed():
-    assert container_kinds() == ("box", "cylinder", "mesh", "rectangle", "sphere")
+    assert tuple(KINDS) == ("box", "cylinder", "mesh", "rectangle", "sphere")
+    assert all(made.kind == kind for kind, (made, _, _) in KINDS.items())
+
+
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_the_boundary_is_that_of_the_signed_distance(container):
+    """On flat walls, on the round wall and on the solid the distance is 0."""
+    walls, (lower, upper) = boundary_of(container), container.bounds
+    middle = (lower + upper) / 2
+    for axis in np.flatnonzero(walls.flat):
+        for end in (lower, upper):
+            place = middle.copy()
+            place[axis] = end[axis]
+            assert container.signed_distance(place[None])[0] == pytest.approx(0, abs=1e-12)
+    if walls.round_axes:
+        place = np.array(walls.center) + walls.radius * np.array([0.6, 0.8, 0.0])
+        place[2] += 0.0 if walls.round_axes == 3 else (upper - lower)[2] / 2
+        assert container.signed_distance(place[None])[0] == pytest.approx(0, abs=1e-12)
+    assert walls.is_flat == isinstance(container, Box | Rectangle)
+    assert (walls.solid is not None) == isinstance(container, ClosedMesh)
 
 
 @pytest.mark.parametrize(

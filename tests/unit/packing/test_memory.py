@@ -10,7 +10,7 @@ SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
 
 @pytest.mark.parametrize("method", vg.packing_methods())
 def test_every_method_is_refused_where_memory_is_short(method, monkeypatch):
-    monkeypatch.setattr("voxgran.packing.memory.memory_limit", lambda: 2**20)
+    monkeypatch.setattr("voxgran.packing.method.memory_limit", lambda: 2**20)
     monkeypatch.setattr("voxgran.packing.pack.drive", lambda *_: pytest.fail("something was packed"))
     with pytest.raises(TooLargeError, match=r"the packing needs about 0\.. GiB: this machine has 0\.0 GiB; make "):
         vg.pack(SPHERE, BOX, method=method, count=3)
@@ -19,7 +19,7 @@ def test_every_method_is_refused_where_memory_is_short(method, monkeypatch):
 @pytest.mark.filterwarnings("ignore:all 10 grains")
 @pytest.mark.parametrize("method", ["digital", "digital_fill", "digital_rsa"])
 def test_a_lattice_beyond_the_memory_is_refused_in_a_sentence(method, monkeypatch):
-    monkeypatch.setattr("voxgran.packing.memory.memory_limit", lambda: 2**33)
+    monkeypatch.setattr("voxgran.packing.method.memory_limit", lambda: 2**33)
     words = r"needs about \d+\.\d GiB: this machine has 8\.0 GiB; make the voxels larger or the grains fewer"
     with pytest.raises(TooLargeError, match=words):
         vg.pack(SPHERE, vg.Box((1000, 1000, 1000)), method=method, count=10, voxel_size=0.1)
@@ -38,11 +38,11 @@ def test_plan_and_pack_refuse_alike(monkeypatch):
     needed = scene.plan().memory
     monkeypatch.setattr("voxgran.packing.pack.drive", lambda *_: pytest.fail("it began"))
     for limit, error in ((needed - 1, TooLargeError), (needed, pytest.fail.Exception)):
-        monkeypatch.setattr("voxgran.packing.memory.memory_limit", lambda limit=limit: limit)
+        monkeypatch.setattr("voxgran.packing.method.memory_limit", lambda limit=limit: limit)
         with pytest.raises(error, match=r"the packing needs about|it began"):
             vg.pack(SPHERE, vg.Box((30, 30, 30)), **asked)
     assert scene.plan().memory == needed
-    monkeypatch.setattr("voxgran.packing.memory.memory_limit", lambda: needed - 1)
+    monkeypatch.setattr("voxgran.packing.method.memory_limit", lambda: needed - 1)
     with pytest.raises(TooLargeError, match="the scene needs about"):
         scene.plan()
 

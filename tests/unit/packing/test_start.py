@@ -6,8 +6,8 @@ from scipy.spatial import cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError
+from voxgran.packing.digital.initial_sites import ways_from
 from voxgran.packing.pack import prepare_task
-from voxgran.packing.start import ways_from
 from voxgran.settling.separate import spread
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")

@@ -140,7 +140,7 @@ def test_what_cannot_fit_in_the_memory_of_a_container_is_refused(tmp_path, monke
     path = tmp_path / "scene.toml"
     path.write_text(LARGE)
     scene = vg.Scene.from_toml(path)
-    monkeypatch.setattr("voxgran.packing.memory.memory_limit", lambda: 2**28)
+    monkeypatch.setattr("voxgran.packing.method.memory_limit", lambda: 2**28)
     with pytest.raises(TooLargeError, match=r"needs about 0\.. GiB: this machine has 0\.2 GiB"):
         scene.plan()
     with pytest.raises(TooLargeError):

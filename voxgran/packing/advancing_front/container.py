@@ -1,49 +1,24 @@
-"""The room that a container leaves to the spheres of an advancing front, in coordinates from its lower corner.
+"""Tests of spheres of an advancing front against the walls of the container, in coordinates from its lower corner.
 
-Beyond :mod:`voxgran.containers.kernel_container`: where the container is widest, places that keep off walls, and for
-closed meshes a coarse map of clearances, which answers far from the walls.
+In closed meshes a coarse map of clearances replaces the exact distance wherever it decides. A sphere must also not
+overlap its own images across a periodic axis.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.kernel_container import FLAT, ROUND, UPRIGHT, MeshWalls, frame_of, mesh_distance, walls_of
+from voxgran.containers.kernel_container import FLAT, ROUND, UPRIGHT, KernelContainer, kernel_container, mesh_distance
 from voxgran.containers.model import Container
-from voxgran.shapes.mesh import Mesh
 
 #: most cells of the map of clearances along an axis
 MOST_CELLS = 64
 
 
-class FrontRoom(NamedTuple):
-    """Where the center of a sphere may be.
-
-    kind: FLAT, UPRIGHT (a cylinder), ROUND (a sphere) or MESH.  lengths: of the bounds.  periodic, walled: which axes
-    are, as 0 or 1.  center: where the room is widest.  radius: of a cylinder or a sphere.  slack: lengths up to here
-    are rounding.  mesh: the walls of a mesh.  clearance: distance of the centers of cells of width `cell` from them,
-    negative inside.
-    """
-
-    kind: int
-    dimension: int
-    lengths: Floats
-    periodic: Integers
-    walled: Integers
-    center: Floats
-    radius: float
-    slack: float
-    mesh: MeshWalls
-    clearance: Floats
-    cell: float
-
-
-def front_room_of(container: Container, smallest: float) -> FrontRoom:
-    """Return the room of a container.
+def front_container(container: Container, smallest: float) -> tuple[KernelContainer, Floats]:
+    """Return a container in coordinates from its lower corner, and where it is widest.
 
     Parameters
     ----------
@@ -54,34 +29,24 @@ def front_room_of(container: Container, smallest: float) -> FrontRoom:
 
     Returns
     -------
-    FrontRoom
+    walls : KernelContainer
+        The container; a closed mesh with a map of clearances.
+    widest : (3,) ndarray of float
+        The point farthest from the walls: the middle of the bounds, in a closed mesh by the map of clearances.
     """
-    frame = frame_of(container)
-    lengths, walls = frame.lengths, walls_of(container, frame.lower)
-    slack = 1e-12 * smallest + 8 * float(np.spacing(lengths.max()))
-    center, clearance, cell = lengths / 2, np.zeros((0, 0, 0)), 1.0
-    if isinstance(container, ClosedMesh):
-        clearance, cell = _clearances(container, walls, lengths, smallest)
-        # the center of the cell that is farthest from the walls
-        widest = np.unravel_index(int(np.argmin(clearance)), clearance.shape)
-        center = (np.array(widest, dtype=np.float64) + 0.5) * cell
-    axes = (lengths, frame.periodic, frame.walled)
-    return FrontRoom(
-        *(frame.kind, container.dimension, *axes, center, frame.radius, slack, walls, clearance, cell),
-    )
-
-
-def _clearances(container: ClosedMesh, walls: MeshWalls, lengths: Floats, smallest: float) -> tuple[Floats, float]:
-    """Return the map of clearances and the width of its cells."""
-    assert isinstance(container.shape.geometry, Mesh)
-    cell = float(max(smallest, lengths.max() / MOST_CELLS))
-    count = np.ceil(lengths / cell).astype(np.int64)
-    points: Floats = (np.indices(count.tolist()).reshape(3, -1).T + 0.5) * cell
-    return container.shape.geometry.tree.signed_distance(points + walls.shift).reshape(count), cell
+    longest = float((container.bounds[1] - container.bounds[0]).max())
+    slack = 1e-12 * smallest + 8 * float(np.spacing(longest))
+    cell = float(max(smallest, longest / MOST_CELLS))
+    walls = kernel_container(container, from_corner=True, slack=slack, map_cell=cell)
+    clearance = walls.mesh.clearance
+    if not clearance.size:
+        return walls, walls.middle
+    widest = np.unravel_index(int(np.argmin(clearance)), clearance.shape)
+    return walls, (np.array(widest, dtype=np.float64) + 0.5) * cell
 
 
 @bare_kernel
-def is_inside(room: FrontRoom, x: float, y: float, z: float, r: float) -> bool:
+def is_inside(room: KernelContainer, x: float, y: float, z: float, r: float) -> bool:
     """Return whether a sphere reaches through no wall, and not through itself across a periodic axis."""
     if not _within(room, 0, x, r) or not _within(room, 1, y, r):
         return False
@@ -96,7 +61,7 @@ def is_inside(room: FrontRoom, x: float, y: float, z: float, r: float) -> bool:
 
 
 @bare_kernel
-def pulled_in(room: FrontRoom, x: float, y: float, z: float, r: float) -> tuple[float, float, float]:
+def pulled_in(room: KernelContainer, x: float, y: float, z: float, r: float) -> tuple[float, float, float]:
     """Return a place at which a sphere keeps off flat walls, the side of a cylinder and the wall of a sphere."""
     x, y = _between_walls(room, 0, x, r), _between_walls(room, 1, y, r)
     z = _between_walls(room, 2, z, r) if room.dimension == 3 else z
@@ -111,13 +76,13 @@ def pulled_in(room: FrontRoom, x: float, y: float, z: float, r: float) -> tuple[
 
 
 @bare_kernel
-def _between_walls(room: FrontRoom, axis: int, at: float, r: float) -> float:
+def _between_walls(room: KernelContainer, axis: int, at: float, r: float) -> float:
     """Return the nearest coordinate at which a sphere keeps off both walls of an axis."""
     return min(max(at, r), room.lengths[axis] - r) if room.walled[axis] == 1 else at
 
 
 @bare_kernel
-def _within(room: FrontRoom, axis: int, at: float, r: float) -> bool:
+def _within(room: KernelContainer, axis: int, at: float, r: float) -> bool:
     """Return whether a sphere keeps the room along an axis."""
     length = room.lengths[axis]
     if room.walled[axis] == 0:
@@ -126,16 +91,16 @@ def _within(room: FrontRoom, axis: int, at: float, r: float) -> bool:
 
 
 @bare_kernel
-def _mesh_distance(room: FrontRoom, x: float, y: float, z: float, r: float) -> float:
+def _mesh_distance(room: KernelContainer, x: float, y: float, z: float, r: float) -> float:
     """Return the distance of a point from the wall of a mesh, negative inside; a bound where that tells enough.
 
     A distance changes by no more than the way: far from where a sphere touches, the map of clearances tells.
     """
-    cell, last = room.cell, room.clearance.shape
+    cell, last = room.mesh.cell, room.mesh.clearance.shape
     i = min(max(int(x / cell), 0), last[0] - 1)
     j = min(max(int(y / cell), 0), last[1] - 1)
     k = min(max(int(z / cell), 0), last[2] - 1)
-    known = room.clearance[i, j, k]
+    known = room.mesh.clearance[i, j, k]
     dx, dy, dz = x - (i + 0.5) * cell, y - (j + 0.5) * cell, z - (k + 0.5) * cell
     way = math.sqrt(dx * dx + dy * dy + dz * dz)
     if known + way < -r:
@@ -146,11 +111,11 @@ def _mesh_distance(room: FrontRoom, x: float, y: float, z: float, r: float) -> f
 
 
 @bare_kernel
-def is_near_mesh(room: FrontRoom, x: float, y: float, z: float, reach: float) -> bool:
+def is_near_mesh(room: KernelContainer, x: float, y: float, z: float, reach: float) -> bool:
     """Return whether a point may be within reach of the wall of a mesh, by the map of clearances."""
-    cell, last = room.cell, room.clearance.shape
+    cell, last = room.mesh.cell, room.mesh.clearance.shape
     i = min(max(int(x / cell), 0), last[0] - 1)
     j = min(max(int(y / cell), 0), last[1] - 1)
     k = min(max(int(z / cell), 0), last[2] - 1)
     dx, dy, dz = x - (i + 0.5) * cell, y - (j + 0.5) * cell, z - (k + 0.5) * cell
-    return room.clearance[i, j, k] + math.sqrt(dx * dx + dy * dy + dz * dz) >= -reach
+    return room.mesh.clearance[i, j, k] + math.sqrt(dx * dx + dy * dy + dz * dz) >= -reach

@@ -13,7 +13,8 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
-from voxgran.packing.advancing_front.container import FrontRoom, is_inside, pulled_in
+from voxgran.containers.kernel_container import KernelContainer
+from voxgran.packing.advancing_front.container import is_inside, pulled_in
 from voxgran.packing.advancing_front.level_grid import BITS, HERE, IMAGES, SphereCells, is_free, link, unlink
 from voxgran.packing.advancing_front.mesh_pockets import place_in
 from voxgran.packing.advancing_front.tangent_spheres import PLANE, center_of
@@ -102,7 +103,7 @@ def _drop(front, tally, at):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def rank(room: FrontRoom, rules: Rules, x: float, y: float, z: float) -> float:
+def rank(room: KernelContainer, rules: Rules, x: float, y: float, z: float) -> float:
     """Return what a place is ranked by, lowest first."""
     if rules.order == RANDOM:
         return 0.0
@@ -286,7 +287,7 @@ def attempt_once(
     bed: Bed,
     front: Front,
     cells: SphereCells,
-    room: FrontRoom,
+    room: KernelContainer,
     rules: Rules,
     tally: Integers,
     key: Integers,

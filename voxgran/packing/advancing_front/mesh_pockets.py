@@ -9,8 +9,7 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.containers.kernel_container import wall_of_mesh
-from voxgran.packing.advancing_front.container import FrontRoom
+from voxgran.containers.kernel_container import KernelContainer, wall_of_mesh
 from voxgran.packing.advancing_front.level_grid import BITS
 from voxgran.packing.advancing_front.tangent_spheres import ON_A_LINE, center_of, place_at
 
@@ -21,7 +20,9 @@ LOOKS = 60
 
 
 @bare_kernel
-def place_in(spheres: Floats, room: FrontRoom, a: int, b: int, c: int, r: float) -> tuple[bool, float, float, float]:
+def place_in(
+    spheres: Floats, room: KernelContainer, a: int, b: int, c: int, r: float
+) -> tuple[bool, float, float, float]:
     """Return whether a sphere of radius r can touch a, b and c, and its center, as `place_at`; c may be a mesh."""
     if c == WALL:
         return _at_mesh(spheres, room, a, b, r)

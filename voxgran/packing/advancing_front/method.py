@@ -27,19 +27,19 @@ from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.verify import verify
-from voxgran.containers.sphere import Sphere
-from voxgran.packing.advancing_front.container import FrontRoom, front_room_of
+from voxgran.containers.kernel_container import KernelContainer
+from voxgran.containers.model import boundary_of
+from voxgran.packing.advancing_front.container import front_container
 from voxgran.packing.advancing_front.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Bed, Front, Rules
 from voxgran.packing.advancing_front.level_grid import BITS, SphereCells, lay_cells, link_all
 from voxgran.packing.advancing_front.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
-from voxgran.packing.down import as_down
-from voxgran.packing.draw import size_distance
-from voxgran.packing.hand_over import packing_of_poses
+from voxgran.packing.gravity import as_down
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start, refuse_start
 from voxgran.packing.transform.grow import grow
+from voxgran.shapes.sizes import size_distance
 
 #: what the kernels count, in their order
 TALLY = ("front", "placed", "ranked", "closed", "begun", "missed_in_a_row")
@@ -122,8 +122,9 @@ def prepare(problem: Problem) -> State:
 def _spheres(problem: Problem) -> Floats:
     """Return room for the spheres, and in the last row the wall of a sphere, where the container is one."""
     spheres = np.zeros((problem.count + 1, 4))
-    if isinstance(problem.container, Sphere):
-        spheres[-1] = np.array([1.0, 1.0, 1.0, -1.0]) * problem.container.radius
+    walls = boundary_of(problem.container)
+    if walls.round_axes == 3:
+        spheres[-1] = np.array([1.0, 1.0, 1.0, -1.0]) * walls.radius
     return spheres
 
 
@@ -155,16 +156,13 @@ def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the spheres, in the order in which they came."""
     placed = state.counters["placed"]
     grains, spheres = state.arrays["order"][:placed], state.arrays["spheres"][:placed]
-    packing = packing_of_poses(
-        problem,
+    packing = problem.packing(
         grains,
         position=spheres[:, :3] + problem.container.bounds[0],
         orientation=_orientations(problem, grains),
-        provenance={},
         stop_reason=state.stop_reason,
         # where the lowest place comes first, what lies above is a free surface
         gravity=as_down("down", problem.container) if _order(problem, state) == LOWEST else None,
-        contact_gap=0.0,
     )
     # a run that was cut short goes on from where it is, with the sizes that were asked
     return packing if state.stop_reason in ("", "interrupted") else _grown(problem, packing)
@@ -193,7 +191,7 @@ class _Setting:
     """What follows from the problem: radii of the grains, walls, cells and how the front advances."""
 
     radius: Floats
-    room: FrontRoom
+    room: KernelContainer
     cells: SphereCells
     rules: Rules
 
@@ -202,13 +200,13 @@ def _setting(problem: Problem, state: State) -> _Setting:
     """Return the setting, with all spheres in their cells, made again where the state was read from a checkpoint."""
     if "setting" not in state.derived:
         radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
-        room = front_room_of(problem.container, float(radius.min(initial=np.inf)))
+        room, widest = front_container(problem.container, float(radius.min(initial=np.inf)))
         cells = lay_cells(room.lengths, room.periodic, radius, problem.dimension)
         link_all(cells, state.arrays["spheres"], state.counters["placed"])
         asked: AdvancingFront = problem.parameters
         pocket = float(np.quantile(radius, POCKET)) if len(radius) else 1.0
-        goal = room.center + np.array(ASIDE) * pocket
-        first = room.center if problem.start is None else np.zeros(0)
+        goal = widest + np.array(ASIDE) * pocket
+        first = widest if problem.start is None else np.zeros(0)
         rules = Rules(_is_dense(problem, state), _order(problem, state), asked.tries, goal, PATIENCE, first, pocket)
         state.derived["setting"] = _Setting(radius, room, cells, rules)
         numbers, points = np.zeros(FEW, dtype=np.int64), np.zeros((FEW, 5))

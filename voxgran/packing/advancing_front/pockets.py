@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT
-from voxgran.packing.advancing_front.container import FrontRoom, is_inside, is_near_mesh
+from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, KernelContainer
+from voxgran.packing.advancing_front.container import is_inside, is_near_mesh
 from voxgran.packing.advancing_front.front import (
     MISSED,
     MISSING,
@@ -55,7 +55,7 @@ def advance_front(
     bed: Bed,
     front: Front,
     cells: SphereCells,
-    room: FrontRoom,
+    room: KernelContainer,
     rules: Rules,
     scratch: Scratch,
     tally: Integers,

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.control_point.neighbours import list_in_cells, meets_any, meets_own_image
@@ -18,7 +18,6 @@ from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.separating_planes import write_span
 from voxgran.packing.control_point.verlet_lists import strayed
 from voxgran.packing.control_point.walls import CLEAR, is_outside
-from voxgran.packing.digital.bit_columns import Words
 
 #: factors on the step of a grain after a move and after a refusal: a quarter of the attempts then succeed
 GROWTH, DECAY = 1.1, 0.97

@@ -43,13 +43,11 @@ from voxgran.packing.control_point.checks import check_distance, check_overlap, 
 from voxgran.packing.control_point.precompute import Setting, bed_of, memory_needed, setting_of
 from voxgran.packing.control_point.records import Rules
 from voxgran.packing.control_point.schedule import lid_rests, lower_lid, next_event
-from voxgran.packing.down import main_axis
-from voxgran.packing.gravity import gravity_text, gravity_vector
-from voxgran.packing.hand_over import packing_of_poses
+from voxgran.packing.gravity import gravity_text, gravity_vector, main_axis, upward
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
-from voxgran.packing.problem import Problem
-from voxgran.packing.start import Start, refuse_start, stands_free, upward
+from voxgran.packing.problem import Problem, stands_free
+from voxgran.packing.start import Start, refuse_start
 from voxgran.packing.walking.feeding import (
     MOST_SWEEPS,
     SETTLE_SWEEPS,
@@ -291,8 +289,7 @@ def finish(problem: Problem, state: State) -> Packing:
         "lid_lowered": float(state.arrays["lid"][0]) * problem.unit_length,
         **finishing_report(state, assembly, gravity),
     }
-    return packing_of_poses(
-        problem,
+    return problem.packing(
         _placed(state),
         position=assembly.position,
         orientation=normalized(assembly.orientation),

@@ -10,9 +10,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import philox_key
 from voxgran.contacts.parts import is_one_sphere
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.model import boundary_of
 from voxgran.packing.control_point.attempts import link_all, span_all
 from voxgran.packing.control_point.distance_fields import MARGIN, Fields, make_fields
 from voxgran.packing.control_point.point_grids import make_cells, no_cells
@@ -34,8 +32,7 @@ from voxgran.packing.control_point.records import (
 )
 from voxgran.packing.control_point.support_tables import make_reaches, no_reaches
 from voxgran.packing.control_point.verlet_lists import MOST_GRAINS, ROOM, make_lists
-from voxgran.packing.down import main_axis
-from voxgran.packing.gravity import gravity_vector
+from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.points.control import inner_count, inner_points, sample_controls
@@ -115,8 +112,8 @@ def put_lid(problem: Problem, walls: Walls, lowered: float) -> None:
 def memory_needed(problem: Problem) -> int:
     """Return how many bytes the setting takes at the most, before anything is made."""
     settings: ControlPoint = problem.parameters
-    container = problem.container
-    solids = [*problem.shapes, *([container.shape] if isinstance(container, ClosedMesh) else [])]
+    wall = boundary_of(problem.container).solid
+    solids = [*problem.shapes, *([] if wall is None else [wall])]
     total = 0.0
     for solid in solids:
         # points that keep apart and cover at this spacing; 24 bytes each, as much in the tree, and their probes
@@ -204,7 +201,7 @@ def _open_ways(problem: Problem, bodies: Bodies, cover: Floats) -> Floats:
     all along the way, so that what they cover does not cross; the least of all radii stands for that of the partner.
     """
     least = float(cover.min(initial=np.inf))
-    if isinstance(problem.container, ClosedMesh):
+    if boundary_of(problem.container).solid is not None:
         least = min(least, float(bodies.spacing[-1]) / (2 * KEPT))
     return WAY * (cover + least)
 
@@ -219,8 +216,9 @@ def _bodies(problem: Problem) -> Bodies:
     settings: ControlPoint = problem.parameters
     samples: list[Any] = [problem.points(k, settings.spacing) for k in range(len(problem.shapes))]
     solids = list(problem.shapes)
-    if isinstance(problem.container, ClosedMesh):
-        solids.append(problem.container.shape)
+    wall = boundary_of(problem.container).solid
+    if wall is not None:
+        solids.append(wall)
         samples.append(sample_controls(solids[-1], spacing=settings.spacing, seed=problem.seed))
     # points of a curved shape lie on its tessellation, and that lies near the true surface
     kept = KEPT if any(shape.is_open for shape in problem.shapes) else 1.0
@@ -300,13 +298,12 @@ def _walls(problem: Problem) -> Walls:
     lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
     periodic = np.array(container.periodic, dtype=np.int64)
     walled = np.where(np.arange(3) < problem.dimension, 1 - periodic, 0).astype(np.int64)
-    kind, radius, offset = FLAT, 0.0, np.zeros(3)
-    if isinstance(container, ClosedMesh):
-        kind, offset = MESH, np.array(container.shape.offset)
-    elif isinstance(container, Cylinder):
-        kind, radius, offset = ROUND, float(container.radius), (lower + upper) / 2
-    elif isinstance(container, Sphere):
-        kind, radius, offset = BALL, float(container.radius), (lower + upper) / 2
+    boundary = boundary_of(container)
+    kind, radius, offset = FLAT, float(boundary.radius), np.zeros(3)
+    if boundary.solid is not None:
+        kind, offset = MESH, np.array(boundary.solid.offset)
+    elif boundary.round_axes > 0:
+        kind, offset = {2: ROUND, 3: BALL}[boundary.round_axes], (lower + upper) / 2
     return Walls(kind, lower, upper, walled, periodic, radius, offset, bool(problem.parameters.lid))
 
 

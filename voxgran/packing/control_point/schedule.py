@@ -4,8 +4,7 @@ import numpy as np
 
 from voxgran.packing.control_point.precompute import Setting, bed_of, put_lid
 from voxgran.packing.control_point.walls import room_of_lid
-from voxgran.packing.down import main_axis
-from voxgran.packing.gravity import gravity_vector
+from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.packing.walking.feeding import SETTLE_SWEEPS

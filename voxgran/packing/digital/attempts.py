@@ -5,10 +5,10 @@ Attempt number a draws block a of the random stream and nothing else, so that ch
 
 import numpy as np
 
-from voxgran._base.arrays import Integers
+from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
-from voxgran.packing.digital.bit_columns import Field, Words, grain_words, turned_box, write_turned
+from voxgran.packing.digital.bit_columns import Field, grain_words, turned_box, write_turned
 from voxgran.packing.digital.fast_path import make_moves
 from voxgran.packing.digital.no_fit_tables import PairTables, enlist, look_up, relist
 from voxgran.packing.digital.periodic_images import (

@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from voxgran._base.arrays import Booleans, Integers
+from voxgran._base.arrays import Booleans, Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.digital.simd import LANES
 
-Words: TypeAlias = NDArray[np.uint64]
 Triple: TypeAlias = tuple[int, int, int]
 
 #: voxels of the canvas that are unpacked at a time

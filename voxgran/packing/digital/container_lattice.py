@@ -1,27 +1,16 @@
 """The lattice of a container: how many voxels, where, and which of them grains may take."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import WHOLE, Booleans, Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.lattice.grid import Grid, check_voxel_size
-from voxgran.packing.hand_over import packing_of_poses
-from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.voxels.occupy import occupy
 
-#: a count of voxels within this of a whole number is that number
-WHOLE = 1e-9
 #: voxels of a container at the most, one bit each
 MOST_VOXELS = 2**40
 #: orientations in the bank of a grain at the most
@@ -112,17 +101,18 @@ def free_voxels(container: Container, lattice: ContainerLattice) -> Booleans | N
     -------
     (nx, ny, nz) ndarray of bool or None
     """
-    if isinstance(container, Box | Rectangle):
+    walls = boundary_of(container)
+    if walls.is_flat:
         return None
     x, y, z = (int(n) for n in lattice.shape)
     corner = (float(lattice.corner[0]), float(lattice.corner[1]), float(lattice.corner[2]))
-    if isinstance(container, ClosedMesh):
+    if walls.solid is not None:
         # touched from inside the solid and touched from outside: what is inside and not on the surface is free
         grid = Grid(corner, lattice.voxel_size, (x, y, z))
-        offset = np.asarray(container.shape.offset)
-        surface = occupy(container.shape, grid, offset=offset, cover="surface")
-        return occupy(container.shape, grid, offset=offset, cover="center") & ~surface
-    if not isinstance(container, Cylinder | Sphere):
+        offset = np.asarray(walls.solid.offset)
+        surface = occupy(walls.solid, grid, offset=offset, cover="surface")
+        return occupy(walls.solid, grid, offset=offset, cover="center") & ~surface
+    if walls is UNKNOWN:
         return _far_from_walls(container, lattice)
     # these are convex: a cube lies inside when its corners do
     axes = [corner[k] + np.arange(n + 1) * lattice.voxel_size for k, n in enumerate((x, y, z))]
@@ -145,51 +135,6 @@ def _far_from_walls(container: Container, lattice: ContainerLattice) -> Booleans
         depth = -np.asarray(container.signed_distance(points))
         inside[:, :, k] = (depth >= 0.5 * size * np.sqrt(container.dimension)).reshape(inside.shape[:2])
     return inside
-
-
-def packing_on_lattice(
-    problem: Problem,
-    lattice: ContainerLattice,
-    placed: Integers,
-    *,
-    site: Integers,
-    orientation: Floats,
-    provenance: dict[str, Any],
-    stop_reason: str,
-    gravity: ArrayLike | None,
-) -> Packing:
-    """Return the packing of grains whose centroids lie at corners of voxels; contacts are open by up to one voxel.
-
-    Parameters
-    ----------
-    problem : Problem
-        In the normalized frame.
-    lattice : ContainerLattice
-        Its lattice.
-    placed : (m,) ndarray of int
-        Which grains.
-    site : (m, 3) ndarray of int
-        Corners, counted from the lower corner of the lattice.
-    orientation : (m, 4) ndarray of float
-        Unit quaternions.
-    provenance : dict
-        What the method tells beyond its parameters, which are added with the voxel size.
-    stop_reason : str
-        Empty while there is more to do.
-    gravity : (3,) array_like of float or None
-        Unit vector in which gravity acts; zero or None where there is none.
-    """
-    return packing_of_poses(
-        problem,
-        placed,
-        position=positions_on(lattice, site, problem.dimension),
-        orientation=orientation,
-        provenance=provenance,
-        voxel_size=lattice.voxel_size,
-        stop_reason=stop_reason,
-        gravity=gravity,
-        contact_gap=lattice.voxel_size,
-    )
 
 
 def positions_on(lattice: ContainerLattice, site: Integers, dimension: int) -> Floats:

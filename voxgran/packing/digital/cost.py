@@ -4,8 +4,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran.contacts.parts import is_one_sphere
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.model import boundary_of
 from voxgran.packing.digital.bit_columns import UNPACKED
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice
 from voxgran.packing.digital.no_fit_tables import table_bytes
@@ -47,7 +46,7 @@ def digital_cost(problem: Problem) -> Cost:
     canvas = float(np.prod(lattice.shape + 2 * margin + np.array([0, 0, 64]))) / 8
     tables = _bytes_of_tables(problem, lattice, width, turns)
     # what is free is found voxel by voxel where the walls are not those of the lattice
-    even = isinstance(problem.container, Box | Rectangle)
+    even = boundary_of(problem.container).is_flat
     unpacked = 4 * UNPACKED + (0.0 if even else 2.5 * float(np.prod(lattice.shape)))
     return Cost(
         memory=int((tables or canvas + unpacked) + bank + kept),

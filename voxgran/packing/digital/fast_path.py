@@ -6,10 +6,10 @@ next took as long as looking at the voxels of a small grain.
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.seeds import philox_block, unit_float
-from voxgran.packing.digital.bit_columns import Field, Words, turned_box
+from voxgran.packing.digital.bit_columns import Field, turned_box
 from voxgran.packing.digital.periodic_images import (
     image_of,
     look_along_step,

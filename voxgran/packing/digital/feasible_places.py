@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Booleans, Integers
+from voxgran._base.arrays import Booleans, Integers, Words
 from voxgran._base.kernels import kernel
 from voxgran._base.stopping import stop_if_asked
-from voxgran.packing.digital.bit_columns import Words, pack_columns
+from voxgran.packing.digital.bit_columns import pack_columns
 
 #: words that are joined between two looks whether to stop, and runs at the least: columns are grown anew for these
 JOINED_WORDS, FEWEST_RUNS = 2**26, 16

@@ -19,18 +19,18 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_count, as_length
+from voxgran._base.arrays import Booleans, Floats, Integers, Words, as_count, as_length
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran._base.stopping import stop_if_asked
-from voxgran.packing.digital.bit_columns import Canvas, Field, Words
+from voxgran.packing.digital.bit_columns import Canvas, Field
 from voxgran.packing.digital.container_lattice import (
     MOST_ORIENTATIONS,
     ContainerLattice,
     container_lattice,
     free_voxels,
-    packing_on_lattice,
+    positions_on,
 )
 from voxgran.packing.digital.feasible_places import (
     Room,
@@ -47,8 +47,7 @@ from voxgran.packing.digital.feasible_places import (
     wall_shells,
 )
 from voxgran.packing.digital.oriented_voxels import Oriented, base_orientations, kinds_of, orient, stand_start
-from voxgran.packing.down import axis_of
-from voxgran.packing.gravity import gravity_text
+from voxgran.packing.gravity import axis_of, gravity_text
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -159,11 +158,11 @@ def finish(problem: Problem, state: State) -> Packing:
     setting = _setting(problem, state)
     placed = np.flatnonzero(state.arrays["member"] >= 0)
     member = state.arrays["member"][placed]
-    return packing_on_lattice(
-        problem,
-        setting.lattice,
+    return problem.packing(
         placed,
-        site=state.arrays["site"][placed],
+        position=positions_on(setting.lattice, state.arrays["site"][placed], problem.dimension),
+        voxel_size=setting.lattice.voxel_size,
+        contact_gap=setting.lattice.voxel_size,
         orientation=setting.oriented.orientation[member],
         provenance={"parameters": {"gravity": gravity_text(problem)}},
         stop_reason=state.stop_reason,

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Integers
+from voxgran._base.arrays import Booleans, Integers, Words
 from voxgran._base.kernels import bare_kernel
-from voxgran.packing.digital.bit_columns import Bank, Field, Words, turned_box, unpack_columns
+from voxgran.packing.digital.bit_columns import Bank, Field, turned_box, unpack_columns
 from voxgran.packing.digital.feasible_places import overlap_table
 from voxgran.packing.digital.periodic_images import is_outside, wrapped
 

@@ -8,14 +8,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers, Words
 from voxgran._base.rotation import lattice_rotations, product, quaternions_of, random_rotations
 from voxgran._base.seeds import stream
-from voxgran.packing.digital.bit_columns import Field, Words, pack_columns, row_length
+from voxgran.packing.digital.bit_columns import Field, pack_columns, row_length
 from voxgran.packing.digital.container_lattice import ContainerLattice
+from voxgran.packing.digital.initial_sites import stand_on_lattice
 from voxgran.packing.digital.trial_sites import Parts, find_near, stamp_grain
 from voxgran.packing.problem import Problem
-from voxgran.packing.start import Start, stand_on_lattice
+from voxgran.packing.start import Start
 
 
 @dataclass(frozen=True, slots=True)

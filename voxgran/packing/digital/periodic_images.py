@@ -1,8 +1,8 @@
 """Grains on the canvas with their periodic images: where they are, what they meet, and stamping them."""
 
-from voxgran._base.arrays import Integers
+from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran.packing.digital.bit_columns import Field, Triple, Words
+from voxgran.packing.digital.bit_columns import Field, Triple
 from voxgran.packing.digital.stamping import (
     look,
     look_along,

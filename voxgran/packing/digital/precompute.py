@@ -8,18 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers, Words
 from voxgran._base.rotation import lattice_rotations, random_rotations
 from voxgran._base.seeds import philox_key, stream
 from voxgran.contacts.parts import is_one_sphere
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.model import boundary_of
 from voxgran.packing.digital.attempts import put
 from voxgran.packing.digital.bit_columns import (
     Bank,
     Canvas,
     Field,
-    Words,
     aligned_words,
     empty_bank,
     grain_words,
@@ -30,8 +28,7 @@ from voxgran.packing.digital.bit_columns import (
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, free_voxels
 from voxgran.packing.digital.no_fit_tables import make_tables, no_tables, table_bytes
 from voxgran.packing.digital.records import Grains, Members
-from voxgran.packing.down import main_axis
-from voxgran.packing.gravity import gravity_vector
+from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.shapes.model import Shape
@@ -166,7 +163,7 @@ def tables_pay(problem: Problem, shape: Integers, *, size: Integers, low: Intege
     settings = problem.parameters
     if settings.lid or settings.guided > 0 or problem.start is not None:
         return False
-    if not isinstance(problem.container, Box | Rectangle) or voxels < TABLE_VOXELS:
+    if not boundary_of(problem.container).is_flat or voxels < TABLE_VOXELS:
         return False
     # a table has a word at the least; many members are not even multiplied out
     if 8 * turns * len(size) ** 2 > TABLE_BYTES or table_bytes(size, turns) > TABLE_BYTES:

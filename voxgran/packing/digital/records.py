@@ -2,8 +2,7 @@
 
 from typing import NamedTuple
 
-from voxgran._base.arrays import Integers
-from voxgran.packing.digital.bit_columns import Words
+from voxgran._base.arrays import Integers, Words
 
 
 class Members(NamedTuple):

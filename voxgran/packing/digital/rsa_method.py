@@ -26,7 +26,7 @@ from voxgran.packing.digital.container_lattice import (
     ContainerLattice,
     container_lattice,
     free_voxels,
-    packing_on_lattice,
+    positions_on,
 )
 from voxgran.packing.digital.oriented_voxels import Oriented, base_orientations, kinds_of, orient, stand_start
 from voxgran.packing.digital.trial_sites import Lists, Parts, add_at_random, stamp_grain
@@ -125,11 +125,11 @@ def finish(problem: Problem, state: State) -> Packing:
     member = state.arrays["member"][placed]
     free = free_voxels(problem.container, setting.lattice)
     room = int(np.prod(setting.lattice.shape)) if free is None else int(np.count_nonzero(free))
-    return packing_on_lattice(
-        problem,
-        setting.lattice,
+    return problem.packing(
         placed,
-        site=state.arrays["site"][placed],
+        position=positions_on(setting.lattice, state.arrays["site"][placed], problem.dimension),
+        voxel_size=setting.lattice.voxel_size,
+        contact_gap=setting.lattice.voxel_size,
         orientation=setting.oriented.orientation[member],
         provenance={
             "candidates": int(setting.bounds[-1]),
@@ -137,7 +137,6 @@ def finish(problem: Problem, state: State) -> Packing:
             "voxel_solid_fraction": float(setting.oriented.voxels[member].sum() / max(room, 1)),
         },
         stop_reason=state.stop_reason,
-        gravity=None,
     )
 
 

@@ -9,8 +9,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from voxgran._base.arrays import Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
-from voxgran.packing.digital.bit_columns import Field, Triple, Words, row_length
+from voxgran.packing.digital.bit_columns import Field, Triple, row_length
 from voxgran.packing.digital.simd import flip_lanes, flip_low_lanes, meets_lanes, meets_low_lanes
 
 Four: TypeAlias = tuple[int, int, int, int]

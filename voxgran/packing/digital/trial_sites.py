@@ -4,10 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Integers
+from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import kernel
 from voxgran._base.seeds import shuffled
-from voxgran.packing.digital.bit_columns import Field, Triple, Words
+from voxgran.packing.digital.bit_columns import Field, Triple
 from voxgran.packing.digital.periodic_images import look_anywhere, stamp_images, wrapped
 
 

@@ -37,6 +37,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.packing.digital.attempts import enter_near, make_attempts, put
 from voxgran.packing.digital.container_lattice import MOST_ORIENTATIONS, positions_on
 from voxgran.packing.digital.cost import digital_cost
+from voxgran.packing.digital.initial_sites import stand_on_lattice
 from voxgran.packing.digital.precompute import (
     Setting,
     need_member,
@@ -46,11 +47,10 @@ from voxgran.packing.digital.precompute import (
 from voxgran.packing.digital.proposals import Rules, Turn
 from voxgran.packing.digital.schedule import SORT_SWEEPS, look_at_turns, lower_lid_again, sort_grains, turn_arrays
 from voxgran.packing.gravity import gravity_text, gravity_vector
-from voxgran.packing.hand_over import packing_of_poses
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.start import Start, stand_on_lattice
+from voxgran.packing.start import Start
 from voxgran.packing.walking.feeding import (
     MOST_SWEEPS,
     SETTLE_SWEEPS,
@@ -262,8 +262,7 @@ def finish(problem: Problem, state: State) -> Packing:
         **finishing_report(state, assembly, setting.gravity),
     }
     placed = np.flatnonzero(state.arrays["member"] >= 0)
-    return packing_of_poses(
-        problem,
+    return problem.packing(
         placed,
         position=assembly.position,
         orientation=assembly.orientation,

@@ -11,7 +11,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.stopping import stop_if_asked
-from voxgran.containers.kernel_container import Room
+from voxgran.containers.kernel_container import KernelContainer
 from voxgran.packing.rsa.level_grid import Bed, Cells, gather
 
 #: grains near a cell that are looked at; more of them only keep it open longer
@@ -24,7 +24,7 @@ NARROW = 16.0
 AT_ONCE = 2**15
 
 
-def open_boxes(bed: Bed, cells: Cells, room: Room, before: Floats, half: Floats) -> Floats:
+def open_boxes(bed: Bed, cells: Cells, room: KernelContainer, before: Floats, half: Floats) -> Floats:
     """Return what is left of some boxes for the centres of grains, (m, 6): lower corners and edges.
 
     Parameters

@@ -24,12 +24,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import WHOLE, Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
-from voxgran.containers.kernel_container import Room, is_barred, is_between, is_held
-from voxgran.packing.digital.bit_columns import Words
-from voxgran.packing.digital.container_lattice import WHOLE
+from voxgran.containers.kernel_container import KernelContainer, is_barred, is_between, is_held
 from voxgran.packing.rsa.available_boxes import NEAR, open_boxes, slices
 from voxgran.packing.rsa.candidates import PLACED, REFUSED, TRIED, TURN
 from voxgran.packing.rsa.level_grid import Bed, Cells, enter, extents, find_overlap, gather, is_within
@@ -83,7 +81,7 @@ class Open(NamedTuple):
 
 
 def make_classes(
-    half: Floats, kind: NDArray[np.int32], queue: NDArray[np.int32], room: Room, dimension: int, tries: int
+    half: Floats, kind: NDArray[np.int32], queue: NDArray[np.int32], room: KernelContainer, dimension: int, tries: int
 ) -> Classes:
     """Return classes of sizes and how their first cells lie.
 
@@ -95,7 +93,7 @@ def make_classes(
         Their classes.
     queue : (m,) ndarray of int
         Those that are to enter.
-    room : Room
+    room : KernelContainer
         The container.
     dimension : int
         2 or 3.
@@ -150,7 +148,7 @@ def first_cells(classes: Classes, boxes: bool) -> Open:
     return Open(np.concatenate(cells), bounds, nothing, nothing.copy())
 
 
-def cut_cells(bed: Bed, cells: Cells, room: Room, classes: Classes, known: Open, kind: int) -> Open:
+def cut_cells(bed: Bed, cells: Cells, room: KernelContainer, classes: Classes, known: Open, kind: int) -> Open:
     """Return the open cells with those of one class cut, and what is blocked closed.
 
     Parameters
@@ -235,7 +233,7 @@ def deepest_cut(classes: Classes, boxes: bool) -> Integers:
 def throw_into_cells(
     bed: Bed,
     cells: Cells,
-    room: Room,
+    room: KernelContainer,
     classes: Classes,
     known: Open,
     edge: Floats,

@@ -11,11 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import philox_block, unit_float
-from voxgran.containers.kernel_container import Room, is_between, is_held
-from voxgran.packing.digital.bit_columns import Words
+from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
 from voxgran.packing.rsa.level_grid import Bed, Cells, enter, extents, find_overlap
 
 #: what becomes of the radius of a refused candidate
@@ -53,7 +52,7 @@ class Coordinates(NamedTuple):
 def add_candidates(
     bed: Bed,
     cells: Cells,
-    room: Room,
+    room: KernelContainer,
     rules: Rules,
     coordinates: Coordinates,
     queue: NDArray[np.int32],
@@ -144,7 +143,7 @@ def coordinate(table: Floats, key: Words, c: int) -> tuple[float, float, float]:
 
 
 @bare_kernel
-def placed(room: Room, axis: int, share: float, half: float) -> float:
+def placed(room: KernelContainer, axis: int, share: float, half: float) -> float:
     """Return the place at a share of the way that a grain of half extent `half` has along an axis."""
     if room.walled[axis] == 0:
         return room.lower[axis] + share * room.lengths[axis] * room.periodic[axis]

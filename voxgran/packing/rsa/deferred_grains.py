@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
-from voxgran.containers.kernel_container import Room
+from voxgran.containers.kernel_container import KernelContainer
 from voxgran.packing.rsa.available_boxes import NARROW
 from voxgran.packing.rsa.available_cells import PATIENCE, Classes, Open
 from voxgran.packing.rsa.level_grid import Bed
@@ -34,7 +34,7 @@ def left_out(bed: Bed, queue: NDArray[np.int32]) -> NDArray[np.int32]:
     return waiting if ordered else waiting[:0]
 
 
-def aim(bed: Bed, room: Room, classes: Classes, late: NDArray[np.int32], turn: int) -> None:
+def aim(bed: Bed, room: KernelContainer, classes: Classes, late: NDArray[np.int32], turn: int) -> None:
     """Make the last class that of a grain which was put off, in the lattice of the class of the first of them.
 
     Parameters
@@ -57,7 +57,9 @@ def aim(bed: Bed, room: Room, classes: Classes, late: NDArray[np.int32], turn: i
         classes.parts[-1] = np.where(way > 0, 2, 1)
 
 
-def open_late(bed: Bed, room: Room, classes: Classes, known: Open, late: NDArray[np.int32], turn: int) -> Open:
+def open_late(
+    bed: Bed, room: KernelContainer, classes: Classes, known: Open, late: NDArray[np.int32], turn: int
+) -> Open:
     """Return the open cells with those for a grain that was put off.
 
     For the first one they are to be cut at once: after so many throws in vain the cells of its class are too many.
@@ -86,7 +88,7 @@ def open_late(bed: Bed, room: Room, classes: Classes, known: Open, late: NDArray
     return Open(cell, bounds, misses, depth)
 
 
-def _between_walls(cell: Floats, room: Room, half: Floats) -> Floats:
+def _between_walls(cell: Floats, room: KernelContainer, half: Floats) -> Floats:
     """Return what flat walls leave of the cells of boxes; with those of spheres it is left out when they are cut."""
     walled = room.walled == 1
     low = np.where(walled, np.maximum(cell[:, :3], room.lower + half), cell[:, :3])

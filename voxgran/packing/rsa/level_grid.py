@@ -11,10 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import WHOLE, Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.containers.kernel_container import Room
-from voxgran.packing.digital.container_lattice import WHOLE
+from voxgran.containers.kernel_container import KernelContainer
 
 #: cells of a level at the most, per grain of it
 CELLS_PER_GRAIN = 2
@@ -66,7 +65,7 @@ def sort_into_levels(half: Floats) -> NDArray[np.int8]:
     return np.clip(np.floor(exact + WHOLE), 0, LEVELS - 1).astype(np.int8)
 
 
-def lay_out(half: Floats, level: NDArray[np.int8], room: Room, dimension: int) -> Cells:
+def lay_out(half: Floats, level: NDArray[np.int8], room: KernelContainer, dimension: int) -> Cells:
     """Return empty cells.
 
     Parameters
@@ -75,7 +74,7 @@ def lay_out(half: Floats, level: NDArray[np.int8], room: Room, dimension: int) -
         Half the extents of the grains.
     level : (n,) ndarray of int
         Their levels.
-    room : Room
+    room : KernelContainer
         The container.
     dimension : int
         2 or 3.
@@ -101,7 +100,7 @@ def lay_out(half: Floats, level: NDArray[np.int8], room: Room, dimension: int) -
 
 
 @bare_kernel
-def enter(bed: Bed, cells: Cells, room: Room, g: int, x: float, y: float, z: float) -> None:
+def enter(bed: Bed, cells: Cells, room: KernelContainer, g: int, x: float, y: float, z: float) -> None:
     """Put a grain at a place, which is wrapped into the container along periodic axes."""
     bed.position[g, 0] = _wrapped(room, 0, x)
     bed.position[g, 1] = _wrapped(room, 1, y)
@@ -111,7 +110,7 @@ def enter(bed: Bed, cells: Cells, room: Room, g: int, x: float, y: float, z: flo
 
 
 @bare_kernel
-def link(bed: Bed, cells: Cells, room: Room, g: int) -> None:
+def link(bed: Bed, cells: Cells, room: KernelContainer, g: int) -> None:
     """Put a grain, at its place already, into its cell."""
     level = bed.level[g]
     flat = 0
@@ -125,7 +124,7 @@ def link(bed: Bed, cells: Cells, room: Room, g: int) -> None:
 
 
 @bare_kernel
-def link_all(bed: Bed, cells: Cells, room: Room, order: NDArray[np.int32]) -> None:
+def link_all(bed: Bed, cells: Cells, room: KernelContainer, order: NDArray[np.int32]) -> None:
     """Put all grains that have entered into empty cells, in the order in which they entered."""
     for k in range(len(order)):
         if bed.entered[order[k]] == 1:
@@ -152,7 +151,7 @@ def cells_near(
 def find_overlap(
     bed: Bed,
     cells: Cells,
-    room: Room,
+    room: KernelContainer,
     x: float,
     y: float,
     z: float,
@@ -224,7 +223,7 @@ def find_overlap(
 def gather(
     bed: Bed,
     cells: Cells,
-    room: Room,
+    room: KernelContainer,
     x: float,
     y: float,
     z: float,

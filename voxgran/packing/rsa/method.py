@@ -33,15 +33,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Integers, as_count
+from voxgran._base.arrays import Integers, Words, as_count
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.verify import verify
-from voxgran.packing.digital.bit_columns import Words
-from voxgran.packing.hand_over import packing_of_poses
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -210,15 +208,12 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that found a place."""
     placed = np.flatnonzero(state.arrays["entered"])
-    return packing_of_poses(
-        problem,
+    return problem.packing(
         placed,
         position=state.arrays["position"][placed],
         orientation=orientations(problem, placed),
         provenance={"saturation": _proof(problem, state)} if "cell" in state.arrays else {},
         stop_reason=state.stop_reason,
-        gravity=None,
-        contact_gap=0.0,
     )
 
 

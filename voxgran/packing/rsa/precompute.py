@@ -10,7 +10,7 @@ from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import philox_key, stream
 from voxgran.contacts.parts import is_one_sphere
-from voxgran.containers.kernel_container import FLAT, Room, room_of
+from voxgran.containers.kernel_container import FLAT, KernelContainer, kernel_container
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import Classes, make_classes
 from voxgran.packing.rsa.candidates import SCAN, Rules, fill_table
@@ -40,7 +40,7 @@ class Setting:
         Half the extents of the grains; of spheres one column, the radii.
     level : (n,) ndarray of int
         Their levels of size.
-    room : Room
+    room : KernelContainer
         The container.
     cells : Cells
         Cells of the grains that are in.
@@ -60,7 +60,7 @@ class Setting:
 
     half: Floats
     level: NDArray[np.int8]
-    room: Room
+    room: KernelContainer
     cells: Cells
     queue: NDArray[np.int32]
     kind: NDArray[np.int32]
@@ -99,7 +99,7 @@ def make_setting(problem: Problem, search_from: int) -> Setting:
     TooLargeError
         If there are more than 2**31 coordinates, and they must be kept.
     """
-    settings, room, half = problem.parameters, room_of(problem.container), half_extents(problem)
+    settings, room, half = problem.parameters, kernel_container(problem.container), half_extents(problem)
     search, scan = search_from >= 0, settings.retaining == SCAN
     many = coordinate_count(problem)
     level = sort_into_levels(half[:, : problem.dimension])
@@ -157,7 +157,7 @@ def half_extents(problem: Problem) -> Floats:
         If grains are asked to stand aligned that are no boxes along the axes, or the container is round or closed.
     """
     if problem.parameters.aligned:
-        if room_of(problem.container).kind != FLAT:
+        if kernel_container(problem.container).kind != FLAT:
             raise InputError(
                 f"aligned boxes are asked for in a container of kind {problem.container.kind!r}: it must be a box or "
                 "a rectangle; choose one, or leave aligned out"
@@ -221,7 +221,7 @@ def newcomers(problem: Problem) -> int:
     return problem.count - (0 if problem.start is None else problem.start.count)
 
 
-def queue_of(problem: Problem, half: Floats, room: Room) -> NDArray[np.int32]:
+def queue_of(problem: Problem, half: Floats, room: KernelContainer) -> NDArray[np.int32]:
     """Return the grains that are to enter, as they come; those wider than the container stay out.
 
     Parameters
@@ -230,7 +230,7 @@ def queue_of(problem: Problem, half: Floats, room: Room) -> NDArray[np.int32]:
         In the normalized frame.
     half : (n, 1 or 3) ndarray of float
         Half the extents of the grains.
-    room : Room
+    room : KernelContainer
         The container.
     """
     n, m = problem.count, newcomers(problem)

@@ -15,11 +15,9 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import grain_pairs
 from voxgran.contacts.find import gaps_of_pairs
 from voxgran.contacts.walls import escape_depths, grain_bounds
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
-from voxgran.packing.asked import check_packing
-from voxgran.packing.draw import size_distance
-from voxgran.packing.model import Packing
+from voxgran.containers.model import boundary_of
+from voxgran.packing.model import Packing, check_packing
+from voxgran.shapes.sizes import size_distance
 
 #: gaps up to which grains touch, and that are left to them, in mean diameters
 TOUCH, CLEAR = 1e-8, 1e-10
@@ -137,7 +135,7 @@ def _room_at_walls(grains: Assembly, reach: float, clear: float) -> tuple[Floats
     """Return by which share each grain may grow before it meets a wall, and how far the nearest wall is."""
     container, radius = grains.container, grains.bounding_radii
     room, gap = np.full(grains.count, np.inf), np.full(grains.count, np.inf)
-    if isinstance(container, Box | Rectangle):
+    if boundary_of(container).is_flat:
         (lower, upper), (low, high) = container.bounds, grain_bounds(grains)
         for axis in range(grains.dimension):
             if not container.periodic[axis]:

@@ -11,9 +11,8 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.contacts.parts import is_one_sphere
-from voxgran.packing.asked import check_packing, check_shapes
-from voxgran.packing.model import Packing
-from voxgran.shapes.model import Shape
+from voxgran.packing.model import Packing, check_packing
+from voxgran.shapes.model import Shape, check_shapes
 
 #: steps of the search for the smallest sphere around a shape
 STEPS = 400

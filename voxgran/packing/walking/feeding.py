@@ -11,11 +11,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_count
 from voxgran._base.errors import InputError
-from voxgran.containers.box import Box
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.rectangle import Rectangle
-from voxgran.packing.down import main_axis
-from voxgran.packing.gravity import gravity_vector
+from voxgran.containers.model import boundary_of
+from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 
@@ -41,8 +38,8 @@ def entry_of(problem: Problem, gravity: Floats) -> Integers:
     Boxes and cylinders that stand have a flat top. That of any other container may have no room for a grain: there
     they enter anywhere.
     """
-    container, down = problem.container, main_axis(gravity)
-    stands = isinstance(container, Box | Rectangle) or (isinstance(container, Cylinder) and down[2] != 0)
+    walls, down = boundary_of(problem.container), main_axis(gravity)
+    stands = walls.is_flat or (walls.round_axes == 2 and down[2] != 0)
     return down if stands and problem.parameters.feed != "at_once" else np.zeros(3, dtype=np.int64)
 
 

@@ -14,7 +14,7 @@ from voxgran._base.seeds import stream
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.walls import beyond_lid
-from voxgran.packing.down import main_axis
+from voxgran.packing.gravity import main_axis
 from voxgran.packing.method import State
 from voxgran.settling.settle import CALM, follow, part_once
 from voxgran.settling.trial_motion import falling, shaken
