@@ -97,7 +97,7 @@ _PLACES = {
     "Packing": "voxgran.packing.model",
     "Rectangle": "voxgran.containers.rectangle",
     "Sphere": "voxgran.containers.sphere",
-    "Scene": "voxgran.scene.model",
+    "Scene": "voxgran.scene.scene",
     "Shape": "voxgran.shapes.model",
     "VoxgranError": "voxgran._base.errors",
     "clump_methods": "voxgran.clumps.fit",
