@@ -17,6 +17,7 @@ from voxgran.packing.down import Down, as_down
 from voxgran.packing.one_unit import converted, in_one_unit
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws import SizeDistribution
+from voxgran.shapes.thumbnail import card, picture
 
 StopReason: TypeAlias = Literal["settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted"]
 STOP_REASONS: tuple[str, ...] = (
@@ -209,9 +210,23 @@ class Packing(Assembly):
 
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""
-        from voxgran.packing.notebook import packing_card
-
-        return packing_card(self)
+        names = ", ".join(shape.name for shape in self.shapes[:4]) + (" ..." if len(self.shapes) > 4 else "")
+        axes = ", ".join(axis for axis, wraps in zip("xyz", self.container.periodic, strict=True) if wraps)
+        rows = {
+            "packing": f"{self.count} grains of {len(self.shapes)} shapes: {names}",
+            "solid fraction": f"{self.solid_fraction:.4f}",
+            "method": str(self.provenance.get("method", "not known")),
+            "stopped": self.stop_reason,
+            "container": self.container.kind + (f", periodic in {axes}" if axes else ""),
+        }
+        if not self.count:
+            return card(None, rows)
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        rows["equivalent diameter"] = f"{self.diameters.min():.4g} to {self.diameters.max():.4g}{unit}"
+        bodies = [shape.vertices[shape.faces] for shape in self.shapes]
+        matrices = self.matrices * self.scale[:, None, None]
+        flat = self.dimension == 2
+        return card(picture(bodies, self.shape_id, matrices, self.position, self.diameters, flat=flat), rows)
 
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""

@@ -20,6 +20,7 @@ from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_dirty
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface, refuse_unfit
+from voxgran.shapes.thumbnail import card, picture
 
 Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline | Surface
 
@@ -162,9 +163,19 @@ class Shape:
 
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""
-        from voxgran.shapes.thumbnail import shape_card
-
-        return shape_card(self)
+        kind = str(getattr(self.geometry, "kind", type(self.geometry).__name__.lower()))
+        flat, unit = self.dimension == 2, f" {self.unit}" if self.unit else ""
+        size = np.array([2 * self.bounding_radius])
+        triangles = [self.vertices[self.faces]]
+        image = picture(triangles, np.zeros(1, int), np.eye(3)[None], np.zeros((1, 3)), size, flat=flat)
+        rows = {
+            "shape": f"{self.name} ({kind})",
+            "equivalent diameter": f"{self.diameter:.6g}{unit}",
+            "area" if flat else "volume": f"{self.volume:.6g}",
+            "perimeter" if flat else "surface area": f"{self.surface_area:.6g}",
+            "faces": f"{len(self.faces)}, at most {self.tessellation_error:.2g} from the true surface",
+        }
+        return card(image, rows)
 
     @property
     def dimension(self) -> int:
