@@ -137,7 +137,7 @@ _PLACES = {
     "verify": "voxgran.contacts.verify",
     "voxelize": "voxgran.voxels.occupy",
     "voxelize_mesh": "voxgran.voxels.open_mesh",
-    "window_solid_fraction": "voxgran.measures.density",
+    "window_solid_fraction": "voxgran.measures.registered.density",
     "write_comparison": "voxgran.report.compare",
     "write_report": "voxgran.report.page",
 }

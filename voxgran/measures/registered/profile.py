@@ -12,10 +12,10 @@ from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
 from voxgran.containers.sphere import Sphere
-from voxgran.measures.coordination import mean_diameter
 from voxgran.measures.halfspaces import cut_disks
 from voxgran.measures.model import Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
+from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.slices import cut_mesh
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing
