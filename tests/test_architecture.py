@@ -32,8 +32,8 @@ ARROWS = {
 ARROWS["contacts"] = ARROWS["clumps"] | {"containers", "clumps"}
 ARROWS["settling"] = ARROWS["contacts"] | {"contacts"}
 ARROWS["packing"] = ARROWS["settling"] | {"settling"}
-ARROWS["deform"] = ARROWS["packing"] | {"packing"}
-ARROWS["measures"] = ARROWS["deform"] | {"deform"}
+ARROWS["deformation"] = ARROWS["packing"] | {"packing"}
+ARROWS["measures"] = ARROWS["deformation"] | {"deformation"}
 ARROWS["io"] = ARROWS["measures"] | {"measures"}
 ARROWS["report"] = ARROWS["io"] | {"io"}
 ARROWS["scene"] = ARROWS["report"] | {"report"}
@@ -83,6 +83,8 @@ RANDOM = {"seed", "RandomState", "default_rng"}
 PLUGIN = "io/pyvista_accessor.py"
 #: what subclasses numba, loaded by `lazy.load` when the first kernel is compiled
 COMPILER = {"_base/compiling/kernel_files.py", "_base/compiling/linking.py"}
+#: the nouns whose methods may call public functions of rooms above their own, by `_base.names.public`
+NOUNS = {"packing/model.py", "shapes/model.py"}
 LONGEST_FUNCTION = 60  # lines, without the docstring
 LONGEST_FILE = 450
 #: entries of a folder, files and folders together, beside its __init__.py; and of packing/, 20 with it
@@ -375,8 +377,31 @@ def full_folders(names: list[str]) -> list[str]:
     ]
 
 
+def upward_calls(tree, name):
+    """Find what reaches the rooms above by the public names, elsewhere than in a method of a noun."""
+    found = []
+    if room_of(name) in OPEN or name == "_base/names.py":
+        return found
+    methods = {
+        id(inner)
+        for node in tree.body
+        if name in NOUNS and isinstance(node, ast.ClassDef)
+        for method in node.body
+        if isinstance(method, FUNCTIONS)
+        for inner in ast.walk(method)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and id(node) not in methods:
+            text = ast.unparse(node.func).split(".")[-1]
+            named = [arg.value for arg in node.args if isinstance(arg, ast.Constant)]
+            if text == "public" or (text in {"load", "import_module", "__import__"} and "voxgran" in named):
+                found.append(f"line {node.lineno}: {ast.unparse(node)}: only methods of {sorted(NOUNS)} may")
+    return found
+
+
 ROOMS_OF_PACKING = {name.split("/")[1] for name in NAMES if name.startswith("packing/") and name.count("/") > 1}
 RULES = [
+    upward_calls,
     wrong_arrows,
     heavy_imports,
     undocumented_errors,
@@ -387,6 +412,9 @@ RULES = [
     container_classes,
 ]
 BREACHES = [
+    (upward_calls, "def f():\n    return public('measure')"),
+    (upward_calls, "load('voxgran').measure"),
+    (upward_calls, "importlib.import_module('voxgran')"),
     (wrong_arrows, "from voxgran.packing.model import Packing"),
     (wrong_arrows, "def f():\n    from voxgran import packing"),
     (wrong_arrows, "def f():\n    import voxgran.cli"),

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
-from voxgran.measures.coordination import coordination_number
-from voxgran.measures.density import window_solid_fraction
+from voxgran.measures.registered.coordination import coordination_number
+from voxgran.measures.registered.density import window_solid_fraction
 from voxgran.measures.slices import mesh_box_volume, sphere_box_volume
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing

@@ -11,9 +11,9 @@ import pytest
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
-from voxgran.measures.coordination import coordination_number
-from voxgran.measures.density import bulk_solid_fraction, window_solid_fraction
-from voxgran.measures.profile import axis_profile
+from voxgran.measures.registered.coordination import coordination_number
+from voxgran.measures.registered.density import bulk_solid_fraction, window_solid_fraction
+from voxgran.measures.registered.profile import axis_profile
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline

@@ -15,8 +15,8 @@ from voxgran._base.config import from_mapping, parameters_of
 from voxgran._base.errors import VoxgranError
 from voxgran.clumps.method import clump_registry
 from voxgran.io.cloud_of_packing import cloud_of_packing
-from voxgran.measures.coordination import coordination_number, near_contacts
-from voxgran.measures.profile import axis_profile, wall_profile
+from voxgran.measures.registered.coordination import coordination_number, near_contacts
+from voxgran.measures.registered.profile import axis_profile, wall_profile
 from voxgran.packing.method import method_registry
 from voxgran.packing.pack import prepare_task
 from voxgran.points.control import inner_points, sample_controls

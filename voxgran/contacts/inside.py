@@ -36,10 +36,7 @@ def inner_distance(geometry: Geometry) -> Inner:
     if isinstance(geometry, Spheres):
         return lambda points: _in_spheres(points, geometry.centers, geometry.radii)
     if isinstance(geometry, Outline):
-        if geometry.kind == "disk":
-            center = np.array([[*geometry.center, 0.0]])
-            return lambda points: _in_spheres(points, center, np.array([geometry.radius]))
-        return lambda points: _in_polygon(points, geometry.vertices)
+        return lambda points: -geometry.signed_distance(points)
     assert isinstance(geometry, Primitive)
     return lambda points: _in_primitive(geometry, points)
 
@@ -57,18 +54,6 @@ def _in_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
     for center, radius in zip(centers, radii, strict=True):
         best = np.maximum(best, radius - np.linalg.norm(points - center, axis=1))
     return best
-
-
-def _in_polygon(points: Floats, vertices: Floats) -> Floats:
-    """Distance to the edges of a simple polygon, negative outside."""
-    p = points[:, None, :2]
-    a, b = vertices, np.roll(vertices, -1, axis=0)
-    along = b - a
-    share = np.clip(((p - a) * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
-    distance = np.linalg.norm(p - a - share[..., None] * along, axis=2).min(axis=1)
-    side = along[:, 0] * (p[..., 1] - a[:, 1]) - along[:, 1] * (p[..., 0] - a[:, 0])
-    crosses = ((a[:, 1] <= p[..., 1]) != (b[:, 1] <= p[..., 1])) & ((side > 0) == (b[:, 1] > a[:, 1]))
-    return np.where(crosses.sum(axis=1) % 2 == 1, distance, -distance)
 
 
 def _in_primitive(primitive: Primitive, points: Floats) -> Floats:

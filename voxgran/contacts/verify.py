@@ -110,6 +110,8 @@ class Verification:
         lines += [f"  grain {item.grain}: {item.depth:.3g} beyond a wall" for item in self.escapes]
         return "\n".join(lines)
 
+    __str__ = summary
+
 
 def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
     """Check a packing against the true geometry of its grains.

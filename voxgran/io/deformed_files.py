@@ -7,7 +7,7 @@ import numpy as np
 from voxgran._base.errors import FileFormatError
 from voxgran._base.files import as_path, written_whole
 from voxgran._base.vtk_data import attach, poly_data, write_data
-from voxgran.deform.deform import Deformed
+from voxgran.deformation.deform import Deformed
 
 
 def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:

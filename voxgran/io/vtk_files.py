@@ -19,8 +19,8 @@ from voxgran._base.files import as_path, existing_file, refuse_to_replace, write
 from voxgran._base.guarded import read_guarded, reason_of
 from voxgran._base.vtk_data import attach, attach_texts, poly_data, write_data
 from voxgran._base.vtk_readers import vtk_points
+from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.io.record import Record, from_record, to_record
-from voxgran.io.surfaces import merged_surfaces
 from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.primitive import Primitive
 

@@ -1,6 +1,7 @@
 """`measure`: what a packing is, in numbers with units, gathered in one tree.
 
-A measure answers one question and is one file of this folder, which holds ``registration = Measure(...)``.
+A measure answers one question and is one file of the folder ``registered``, which holds
+``registration = Measure(...)``.
 """
 
 import json
@@ -19,8 +20,6 @@ from voxgran.packing.model import Packing, check_packing
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
-#: files of this folder that answer no question but hold what several answers need
-FOUNDATION = frozenset({"accessor", "cylinders", "halfspaces", "model", "overlap", "region", "slices", "window"})
 #: measured whatever is asked, so that numbers never part from where they come from
 ALWAYS = ("provenance",)
 
@@ -54,17 +53,9 @@ class Measure:
     applies: Callable[[Packing], bool] = _always
 
 
-class MeasureRegistry(Registry[Measure]):
-    """The registry of measures: all files of this folder but those of the foundation."""
-
-    def _files(self) -> tuple[str, ...]:
-        """Return the names of the files that hold a measure."""
-        return tuple(name for name in super()._files() if name not in FOUNDATION)
-
-
-def measure_registry() -> MeasureRegistry:
+def measure_registry() -> Registry[Measure]:
     """Return the registry of measures."""
-    return MeasureRegistry("measure", "voxgran.measures", Measure, group="voxgran.measures")
+    return Registry("measure", "voxgran.measures.registered", Measure, group="voxgran.measures")
 
 
 def measures() -> tuple[str, ...]:

@@ -1,30 +1,44 @@
 """Packing: grains where a method left them, the type that the packing room hands on."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_choice, as_number, as_positive, check_type
+from voxgran._base.arrays import Integers, as_choice, as_number, as_positive, check_type
+from voxgran._base.errors import InputError, shown
+from voxgran._base.names import public
 from voxgran._base.units import as_unit, unit_factor
-from voxgran.contacts.assembly import Assembly, checked_arrays
+from voxgran.contacts.assembly import checked_arrays
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.model import Contacts
+from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
+from voxgran.packing.grains import GrainSequence
 from voxgran.packing.gravity import Down, as_down
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws import SizeDistribution
+from voxgran.shapes.thumbnail import card, picture
+
+if TYPE_CHECKING:
+    from xarray import DataTree
 
 #: why a method stopped
 STOP_REASONS = ("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted")
 
 
 @dataclass(frozen=True, eq=False)
-class Packing(Assembly):
+class Packing(GrainSequence):
     """Grains in a container, with how they came there.
+
+    ``len(packing)`` is the number of grains, iteration yields each as a :class:`Grain`, ``packing[3]`` is one of them,
+    ``packing[packing.diameter > 1]`` the packing of some, and ``packing + other`` that of both. Two packings are equal
+    where their grains, container, unit, density and gravity are; how they were made is not compared.
 
     Attributes
     ----------
@@ -162,6 +176,62 @@ class Packing(Assembly):
             asked_sizes=None if self.asked_sizes is None else self.asked_sizes.scaled(factor),
         )
 
+    def _chosen(self, kept: Integers) -> "Packing":
+        """Return the packing of some of the grains."""
+        record = {**self.provenance, "chosen": {"count": len(kept), "of": self.count}}
+        return replace(super()._chosen(kept), provenance=record, asked_sizes=None)
+
+    def __add__(self, other: "Packing") -> "Packing":
+        """Return the packing of the grains of both; nothing is moved, so that they may overlap.
+
+        Raises
+        ------
+        InputError
+            If they differ in container, unit, density, gravity or lid.
+        """
+        if not isinstance(other, Packing):
+            return NotImplemented
+        mine, its = self._frame(), other._frame()
+        for name, value in mine.items():
+            if value != its[name]:
+                raise InputError(
+                    f"{name} of the packings is {shown(value)} and {shown(its[name])}: grains are put together in one "
+                    "container, unit and material; convert one with to_unit, or make it anew with Packing.of"
+                )
+        shapes = tuple(dict.fromkeys((*self.shapes, *other.shapes)))
+        ids = [np.array([shapes.index(shape) for shape in one.shapes], int)[one.shape_id] for one in (self, other)]
+        return replace(
+            self,
+            shapes=shapes,
+            shape_id=np.concatenate(ids),
+            scale=np.concatenate([self.scale, other.scale]),
+            position=np.concatenate([self.position, other.position]),
+            orientation=np.concatenate([self.orientation, other.orientation]),
+            provenance={"method": "sum", "parts": [dict(self.provenance), dict(other.provenance)]},
+            contact_gap=max(self.contact_gap, other.contact_gap),
+            asked_sizes=None,
+        )
+
+    def _frame(self) -> dict[str, Any]:
+        """Return all that two packings must share so that their grains can be put together."""
+        lid = None if self.lid is None else (*self.lid.normal.tolist(), self.lid.level)
+        container = self.container.to_mapping()
+        return {"container": container, "unit": self.unit, "density": self.density, "gravity": self.gravity, "lid": lid}
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Packing):
+            return NotImplemented
+        arrays = ("shape_id", "scale", "position", "orientation")
+        return (
+            all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
+            and self.contact_gap == other.contact_gap
+            and self.shapes == other.shapes
+            and self._frame() == other._frame()
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.unit, self.position.tobytes()))
+
     @cached_property
     def solid_fraction(self) -> float:
         """True volume of the grains over the volume of the container (in 2D areas)."""
@@ -199,11 +269,62 @@ class Packing(Assembly):
             self._contacts[reach] = find_contacts(self, reach)
         return self._contacts[reach]
 
+    def verify(self, *, tolerance: float = 1e-9) -> Verification:
+        """Return whether grains overlap or leave the container, as :func:`voxgran.verify`."""
+        return verify(self, tolerance=tolerance)
+
+    def measure(self, which: str | Sequence[str] | None = None) -> "DataTree":
+        """Return measures with units, as :func:`voxgran.measure`.
+
+        Parameters
+        ----------
+        which : str or sequence of str, optional
+            Names of measures; all that the packing allows where left out.
+        """
+        found: DataTree = public("measure")(self, which=which)
+        return found
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the packing to a file, as :func:`voxgran.save`.
+
+        Parameters
+        ----------
+        path : path-like
+            File to write; its extension chooses the format.
+        overwrite : bool
+            Whether an existing file may be replaced.
+        """
+        public("save")(self, path, overwrite=overwrite)
+
+    def plot(self, *, color: str = "diameter") -> Any:
+        """Show the packing in a window, or return a picture of it, as :func:`voxgran.plot`.
+
+        Parameters
+        ----------
+        color : {"diameter", "shape", "coordination", "distance"}
+            What the colours show.
+        """
+        return public("plot")(self, color=color)
+
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""
-        from voxgran.packing.notebook import packing_card
-
-        return packing_card(self)
+        names = ", ".join(shape.name for shape in self.shapes[:4]) + (" ..." if len(self.shapes) > 4 else "")
+        axes = ", ".join(axis for axis, wraps in zip("xyz", self.container.periodic, strict=True) if wraps)
+        rows = {
+            "packing": f"{self.count} grains of {len(self.shapes)} shapes: {names}",
+            "solid fraction": f"{self.solid_fraction:.4f}",
+            "method": str(self.provenance.get("method", "not known")),
+            "stopped": self.stop_reason,
+            "container": self.container.kind + (f", periodic in {axes}" if axes else ""),
+        }
+        if not self.count:
+            return card(None, rows)
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        rows["equivalent diameter"] = f"{self.diameters.min():.4g} to {self.diameters.max():.4g}{unit}"
+        bodies = [shape.vertices[shape.faces] for shape in self.shapes]
+        matrices = self.matrices * self.scale[:, None, None]
+        flat = self.dimension == 2
+        return card(picture(bodies, self.shape_id, matrices, self.position, self.diameters, flat=flat), rows)
 
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
-from voxgran.measures.coordination import WIDEST_GAP, mean_diameter
+from voxgran.measures.registered.coordination import WIDEST_GAP, mean_diameter
 from voxgran.packing.model import Packing
 from voxgran.report.stage import MATERIAL, Picture, add_scale_bar, look_at, shot, stage_of
 from voxgran.shapes.tessellate import sphere

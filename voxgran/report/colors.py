@@ -7,7 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.lazy import load
-from voxgran.measures.coordination import coordination_number
+from voxgran.measures.registered.coordination import coordination_number
 from voxgran.packing.model import Packing
 
 ColorBy: TypeAlias = Literal["diameter", "shape", "coordination", "distance"]

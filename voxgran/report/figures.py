@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran._base.lazy import load
-from voxgran.measures.coordination import mean_diameter
-from voxgran.measures.gradation import gradation
 from voxgran.measures.region import gravity_of
+from voxgran.measures.registered.coordination import mean_diameter
+from voxgran.measures.registered.gradation import gradation
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, shape_plots
 from voxgran.report.wall_law import law_applies, wall_law

@@ -10,8 +10,8 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
-from voxgran.measures.coordination import coordination_number, usual_gap
 from voxgran.measures.model import measure
+from voxgran.measures.registered.coordination import coordination_number, usual_gap
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report.significance import (
     EQUAL,

@@ -12,7 +12,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.clumps.fit import fit_clump
-from voxgran.io.surfaces import merged_surfaces
+from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.packing.model import Packing
 from voxgran.points.sample import sample_surface
 from voxgran.report.colors import Coloring, coloring
@@ -29,9 +29,9 @@ FEWEST_FACES = 80
 #: more spheres than this are drawn as shaded points
 BALL_LIMIT = 10_000
 
-_GRAIN = "#6d9fb5"
+GRAIN_COLOR = "#6d9fb5"
 COLORS = "viridis"
-_SMOOTH = {"smooth_shading": True, "split_sharp_edges": True, **MATERIAL}
+SMOOTH = {"smooth_shading": True, "split_sharp_edges": True, **MATERIAL}
 
 
 def picture_faces(packing: Packing) -> int:
@@ -127,7 +127,7 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
     for name in names[: 3 if flat else None]:
         with stage_of(window) as stage:
             if name == "surface":
-                stage.add_mesh(shape.to_pyvista(), color=_GRAIN, **_SMOOTH)
+                stage.add_mesh(shape.to_pyvista(), color=GRAIN_COLOR, **SMOOTH)
             elif name == "voxels":
                 _add_voxels(stage, shape)
             elif name == "points":
@@ -181,7 +181,7 @@ def _picture(
             merged = merged_surfaces(packing, grains=as_meshes, bodies=_bodies(packing))
             mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
             mesh.cell_data["value"] = values[merged.grain]
-            stage.add_mesh(mesh, scalars="value", **look, **_SMOOTH)
+            stage.add_mesh(mesh, scalars="value", **look, **SMOOTH)
         if len(as_points):
             shades = load("matplotlib").colormaps[COLORS]((values[as_points] - low) / (high - low))[:, :3]
             add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
@@ -236,7 +236,7 @@ def _add_voxels(stage: Any, shape: Shape) -> None:
     )
     image.cell_data["solid"] = voxels.mask.ravel(order="F").astype(np.uint8)
     solid = image.threshold(0.5, scalars="solid").extract_surface(algorithm="dataset_surface")
-    stage.add_mesh(solid, color=_GRAIN, show_edges=True, edge_color="#46626f", line_width=0.6, **MATERIAL)
+    stage.add_mesh(solid, color=GRAIN_COLOR, show_edges=True, edge_color="#46626f", line_width=0.6, **MATERIAL)
 
 
 def _add_points(stage: Any, shape: Shape) -> None:
@@ -247,7 +247,7 @@ def _add_points(stage: Any, shape: Shape) -> None:
     beads = (points[:, None] + size * vertices).reshape(-1, 3)
     triangles = (faces + len(vertices) * np.arange(len(points))[:, None, None]).reshape(-1, 3)
     pyvista = load("pyvista")
-    stage.add_mesh(shape.to_pyvista(), color="#d7dee3", **_SMOOTH)
+    stage.add_mesh(shape.to_pyvista(), color="#d7dee3", **SMOOTH)
     stage.add_mesh(pyvista.PolyData.from_regular_faces(beads, triangles), color="#2f4b7c", **MATERIAL)
 
 
@@ -260,4 +260,4 @@ def _add_clump(stage: Any, shape: Shape, spheres: int) -> None:
     mesh = load("pyvista").PolyData.from_regular_faces(surfaces, triangles)
     mesh.cell_data["radius"] = np.repeat(clump.radii, len(faces))
     limits = (0.0, float(clump.radii.max()))
-    stage.add_mesh(mesh, scalars="radius", cmap=COLORS, clim=limits, show_scalar_bar=False, **_SMOOTH)
+    stage.add_mesh(mesh, scalars="radius", cmap=COLORS, clim=limits, show_scalar_bar=False, **SMOOTH)

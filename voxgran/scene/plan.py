@@ -8,7 +8,7 @@ import numpy as np
 
 from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
-from voxgran.scene.model import REMEDIES, Scene, ShapeEntry
+from voxgran.scene.description import REMEDIES, SceneDescription, ShapeEntry
 from voxgran.shapes.family import families
 from voxgran.shapes.files import read_surface
 from voxgran.shapes.mesh import Mesh
@@ -83,7 +83,7 @@ class Plan:
         }
 
 
-def make_plan(scene: Scene) -> Plan:
+def make_plan(scene: SceneDescription) -> Plan:
     """Return the plan of a scene.
 
     Raises
@@ -115,7 +115,7 @@ def make_plan(scene: Scene) -> Plan:
     )
 
 
-def task_of(scene: Scene, shapes: tuple[Shape, ...]) -> Task:
+def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:
     """Return the packing task of a scene with its shapes made.
 
     Raises
@@ -161,12 +161,12 @@ def _stand_in(entry: ShapeEntry) -> Shape:
     return entry.make()
 
 
-def _makes_unions(scene: Scene) -> bool:
+def _makes_unions(scene: SceneDescription) -> bool:
     """Return whether random solids are joined by boolean operations."""
     return any(entry.source == "family" and entry.name == "solid_union" for entry in scene.shapes)
 
 
-def _steps(scene: Scene, task: Task) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+def _steps(scene: SceneDescription, task: Task) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
     computed = [f"pack {task.problem.count} grains by {scene.method}", "verify against the true shapes"]
     if scene.general.seeds > 1:

@@ -18,7 +18,7 @@ from voxgran.io.netcdf import save_statistics
 from voxgran.io.vtk_files import load_packing
 from voxgran.packing.model import Packing
 from voxgran.report.significance import standard_error
-from voxgran.scene.model import Scene
+from voxgran.scene.description import SceneDescription
 from voxgran.scene.run import PACKING, SUMMARY, SceneResult, opened_folder, run_one
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def run_seeds(
-    scene: Scene,
+    scene: SceneDescription,
     folder: str | os.PathLike[str],
     *,
     resume: bool = False,
@@ -37,7 +37,7 @@ def run_seeds(
 
     Parameters
     ----------
-    scene : Scene
+    scene : SceneDescription
         With ``seeds`` above 1.
     folder : path-like
         Where results go: ``seed_K/`` for each seed, ``summary.json`` and ``statistics.nc`` over all.
@@ -72,7 +72,9 @@ def run_seeds(
         return _run_in(target, scene, resume=resume, overwrite=overwrite, on_step=on_step)
 
 
-def _run_in(target: Path, scene: Scene, *, resume: bool, overwrite: bool, on_step: OnStep | None) -> SceneResult:
+def _run_in(
+    target: Path, scene: SceneDescription, *, resume: bool, overwrite: bool, on_step: OnStep | None
+) -> SceneResult:
     """Pack a scene once per seed in a folder that no other process uses, and average."""
     first: SceneResult | None = None
     runs: list[dict[str, Any]] = []
@@ -183,13 +185,13 @@ def averaged(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _with_seed(scene: Scene, number: int) -> Scene:
+def _with_seed(scene: SceneDescription, number: int) -> SceneDescription:
     """Return the scene of one seed; only the first one is drawn and shown."""
     output = scene.output if number == 0 else replace(scene.output, vtk=False, report=False, snapshots=0)
     return replace(scene, general=replace(scene.general, seed=scene.general.seed + number, seeds=1), output=output)
 
 
-def _numbered(on_step: OnStep | None, number: int, scene: Scene) -> OnStep | None:
+def _numbered(on_step: OnStep | None, number: int, scene: SceneDescription) -> OnStep | None:
     """Return a callback that says which seed a step is of."""
     if on_step is None:
         return None

@@ -24,7 +24,7 @@ from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import write_report
-from voxgran.scene.model import Scene
+from voxgran.scene.description import SceneDescription
 from voxgran.scene.plan import Plan, make_plan
 from voxgran.shapes.model import Shape
 
@@ -61,55 +61,8 @@ class SceneResult:
     folder: Path
 
 
-def run_scene(
-    scene: Scene,
-    folder: str | os.PathLike[str],
-    *,
-    resume: bool = False,
-    overwrite: bool = False,
-    on_step: OnStep | None = None,
-) -> SceneResult:
-    """Pack, check, measure and save a scene, once for each of its seeds.
-
-    Parameters
-    ----------
-    scene : Scene
-        What to do.
-    folder : path-like
-        Where results go; what is there stays until the new files are complete.
-    resume : bool
-        Whether to go on from the checkpoint in the folder; what is complete is read and not packed again.
-    overwrite : bool
-        Whether results that are there may be replaced.
-    on_step : callable, optional
-        Told of each step.
-
-    Returns
-    -------
-    SceneResult
-
-    Raises
-    ------
-    OutputExistsError
-        If the folder holds something and neither `resume` nor `overwrite` is set.
-    InUseError
-        If another process writes into the folder.
-    OutputError
-        If something cannot be written.
-    InputError
-        If the scene breaks a rule that shows only now.
-    Interrupted
-        On SIGINT or SIGTERM, after a checkpoint was written.
-    """
-    if scene.general.seeds > 1:
-        from voxgran.scene.replicates import run_seeds
-
-        return run_seeds(scene, folder, resume=resume, overwrite=overwrite, on_step=on_step)
-    return run_one(scene, folder, resume=resume, overwrite=overwrite, on_step=on_step)
-
-
 def run_one(
-    scene: Scene,
+    scene: SceneDescription,
     folder: str | os.PathLike[str],
     *,
     resume: bool,
@@ -117,6 +70,23 @@ def run_one(
     on_step: OnStep | None,
 ) -> SceneResult:
     """Pack, check, measure and save a scene with its first seed.
+
+    Parameters
+    ----------
+    scene : SceneDescription
+        What to do.
+    folder : path-like
+        Folder of the results; what is there stays until the new files are complete.
+    resume : bool
+        Whether to go on from the checkpoint in the folder; what is complete is read and not packed again.
+    overwrite : bool
+        Whether existing results may be replaced.
+    on_step : callable or None
+        Called with each step.
+
+    Returns
+    -------
+    SceneResult
 
     Raises
     ------
@@ -144,7 +114,13 @@ def run_one(
 
 
 def _run_in(
-    target: Path, scene: Scene, plan: Plan, shapes: tuple[Shape, ...], *, resume: bool, on_step: OnStep | None
+    target: Path,
+    scene: SceneDescription,
+    plan: Plan,
+    shapes: tuple[Shape, ...],
+    *,
+    resume: bool,
+    on_step: OnStep | None,
 ) -> SceneResult:
     """Pack, check, measure and save a scene in a folder that no other process uses."""
     checkpoint = target / CHECKPOINT
@@ -186,7 +162,7 @@ def is_complete(folder: Path) -> bool:
     return (folder / SUMMARY).is_file() and (folder / PACKING).is_file() and not (folder / CHECKPOINT).exists()
 
 
-def read_folder(scene: Scene, folder: Path) -> SceneResult:
+def read_folder(scene: SceneDescription, folder: Path) -> SceneResult:
     """Return the results that a run has left, checked and measured anew; nothing is packed.
 
     Raises
@@ -235,7 +211,9 @@ def opened_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bo
         yield target
 
 
-def finish_folder(packing: Packing, folder: Path, *, scene: Scene, on_step: OnStep | None = None) -> SceneResult:
+def finish_folder(
+    packing: Packing, folder: Path, *, scene: SceneDescription, on_step: OnStep | None = None
+) -> SceneResult:
     """Check, measure and save a packing.
 
     Raises

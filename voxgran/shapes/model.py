@@ -10,10 +10,12 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_faces, as_points, as_positive, as_quaternions, read_only
+from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_points, as_positive, as_quaternions, read_only
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
+from voxgran._base.names import public
 from voxgran._base.rotation import rotation_matrices
+from voxgran._base.tree import TriangleTree, grow_tree
 from voxgran._base.units import as_unit, stated_unit, unit_factor
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
@@ -21,6 +23,7 @@ from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_dirty
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface, refuse_unfit
+from voxgran.shapes.thumbnail import card, picture
 
 Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline | Surface
 
@@ -163,9 +166,19 @@ class Shape:
 
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""
-        from voxgran.shapes.thumbnail import shape_card
-
-        return shape_card(self)
+        kind = str(getattr(self.geometry, "kind", type(self.geometry).__name__.lower()))
+        flat, unit = self.dimension == 2, f" {self.unit}" if self.unit else ""
+        size = np.array([2 * self.bounding_radius])
+        triangles = [self.vertices[self.faces]]
+        image = picture(triangles, np.zeros(1, int), np.eye(3)[None], np.zeros((1, 3)), size, flat=flat)
+        rows = {
+            "shape": f"{self.name} ({kind})",
+            "equivalent diameter": f"{self.diameter:.6g}{unit}",
+            "area" if flat else "volume": f"{self.volume:.6g}",
+            "perimeter" if flat else "surface area": f"{self.surface_area:.6g}",
+            "faces": f"{len(self.faces)}, at most {self.tessellation_error:.2g} from the true surface",
+        }
+        return card(image, rows)
 
     @property
     def dimension(self) -> int:
@@ -220,6 +233,27 @@ class Shape:
             return 2 * math.sqrt(self.volume / math.pi)
         return float(np.cbrt(6 * self.volume / math.pi))
 
+    @property
+    def centroid(self) -> Floats:
+        """Centroid in the body frame, (3,): the origin; `offset` is its place in the original coordinates."""
+        return np.zeros(3)
+
+    @cached_property
+    def bounds(self) -> Floats:
+        """Lower and upper corner of the true shape in its body frame, (2, 3)."""
+        geometry = self.geometry
+        if isinstance(geometry, Primitive):
+            ends = geometry.support(np.vstack([-np.eye(3), np.eye(3)]))
+            return read_only(np.array([ends[:3].diagonal(), ends[3:].diagonal()]))
+        low = high = self.vertices
+        if isinstance(geometry, Spheres):
+            low, high = (geometry.centers + side * geometry.radii[:, None] for side in (-1, 1))
+        elif isinstance(geometry, Outline) and geometry.kind == "disk":
+            low, high = (
+                np.array([[*geometry.center, 0.0]]) + side * geometry.radius * np.array([1, 1, 0]) for side in (-1, 1)
+            )
+        return read_only(np.array([low.min(axis=0), high.max(axis=0)]))
+
     @cached_property
     def bounding_radius(self) -> float:
         """Radius of a sphere about the centroid that holds it."""
@@ -245,6 +279,72 @@ class Shape:
     def tessellation_error(self) -> float:
         """Largest distance of the tessellation from the true surface, in the unit of lengths."""
         return self._tessellation[2]
+
+    @cached_property
+    def _tree(self) -> TriangleTree:
+        """Box tree of the tessellation."""
+        return self.geometry.tree if isinstance(self.geometry, Mesh) else grow_tree(self.vertices, self.faces)
+
+    def contains(self, points: ArrayLike) -> Booleans:
+        """Return whether points lie in the solid.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like of float
+            In the body frame; z = 0 in 2D.
+
+        Returns
+        -------
+        (n,) ndarray of bool
+
+        Raises
+        ------
+        InputError
+            If the points are not an (n, 3) array of finite numbers, or the shape is an open surface.
+        """
+        self.refuse_open("points inside")
+        if isinstance(self.geometry, Mesh):
+            return np.asarray(self._tree.signed_distance(as_points(points)) <= 0)
+        assert not isinstance(self.geometry, Surface)
+        return self.geometry.contains(as_points(points))
+
+    def signed_distance(self, points: ArrayLike) -> Floats:
+        """Return the distance of points from the surface, negative inside.
+
+        It is exact for meshes, boxes, spheres and outlines. For other shapes it is the distance from the tessellation,
+        with an error of at most `tessellation_error` and the sign of the true shape.
+
+        Parameters
+        ----------
+        points : (n, 3) array_like of float
+            In the body frame; z = 0 in 2D.
+
+        Returns
+        -------
+        (n,) ndarray of float
+            In the unit of lengths.
+
+        Raises
+        ------
+        InputError
+            If the points are not an (n, 3) array of finite numbers, or the shape is an open surface.
+        """
+        self.refuse_open("signed distances")
+        places = as_points(points)
+        if isinstance(self.geometry, Outline):
+            return self.geometry.signed_distance(places)
+        if isinstance(self.geometry, Primitive) and self.geometry.kind == "sphere":
+            return np.asarray(np.linalg.norm(places, axis=1) - self.bounding_radius)
+        distance = self._tree.signed_distance(places)
+        return np.where(self.contains(places), -np.abs(distance), np.abs(distance))
+
+    def voxelize(self, voxel_size: float, **options: Any) -> Any:
+        """Return the voxels of the solid, as :func:`voxgran.voxelize`, which takes the same options."""
+        return public("voxelize")(self, voxel_size=voxel_size, **options)
+
+    def plot(self) -> Any:
+        """Show the shape in a window, or return a picture of it, as :func:`voxgran.plot`."""
+        return public("plot")(self)
 
     def rotated(self, quaternion: ArrayLike) -> "Shape":
         """Return the shape turned about its centroid.

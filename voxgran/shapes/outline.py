@@ -123,6 +123,19 @@ class Outline:
             border |= (side == 0) & (((p - a) * (p - b)).sum(axis=1) <= 0)
         return inside | border
 
+    def signed_distance(self, points: Floats) -> Floats:
+        """Return the distance of (n, 3) points in the plane from the boundary, negative inside."""
+        if self.kind == "disk":
+            return np.asarray(np.linalg.norm(points - np.array([*self.center, 0.0]), axis=1) - self.radius)
+        p = points[:, None, :2]
+        a, b = self.vertices, np.roll(self.vertices, -1, axis=0)
+        along = b - a
+        share = np.clip(((p - a) * along).sum(axis=2) / (along**2).sum(axis=1), 0.0, 1.0)
+        distance = np.linalg.norm(p - a - share[..., None] * along, axis=2).min(axis=1)
+        side = along[:, 0] * (p[..., 1] - a[:, 1]) - along[:, 1] * (p[..., 0] - a[:, 0])
+        crosses = ((a[:, 1] <= p[..., 1]) != (b[:, 1] <= p[..., 1])) & ((side > 0) == (b[:, 1] > a[:, 1]))
+        return np.where(crosses.sum(axis=1) % 2 == 1, -distance, distance)
+
     def content(self) -> bytes:
         """Return the bytes that the key of the shape is a hash of."""
         numbers = np.array([self.radius, *self.center])

@@ -7,13 +7,16 @@ counts. That takes a tenth of a second where starting a renderer takes seconds.
 import base64
 import html
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
-from voxgran.shapes.model import Shape
+
+Image: TypeAlias = NDArray[np.uint8]
 
 #: edge of a picture in pixels, and how many samples a pixel has along each axis
 EDGE, FINE = 160, 2
@@ -21,9 +24,11 @@ EDGE, FINE = 160, 2
 DENSITY = 4.5
 #: rows: to the right, up and towards the eye
 VIEW = np.array([[0.877, 0.481, 0.0], [-0.187, 0.341, 0.921], [0.443, -0.808, 0.389]])
-FLAT_VIEW = np.eye(3)
 LIGHT = np.array([-0.41, 0.61, 0.68])
-COLOR = np.array([0.36, 0.55, 0.63])
+#: dark, middle and light end of the colours, small to large
+RAMP = np.array([[0.23, 0.32, 0.55], [0.13, 0.57, 0.55], [0.93, 0.85, 0.25]])
+#: triangles up to which grains are drawn with their own surfaces; more are drawn as icosahedra
+MAX_TRIANGLES = 1_500_000
 
 
 def surface_samples(triangles: Floats, spacing: float) -> tuple[Floats, Floats]:
@@ -55,25 +60,61 @@ def surface_samples(triangles: Floats, spacing: float) -> tuple[Floats, Floats]:
 
 
 def picture(
-    points: Floats, normals: Floats, colors: Floats, *, flat: bool = False, edge: int = EDGE
-) -> np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]:
-    """Draw points with normals, lit from the upper left.
+    bodies: Sequence[Floats], body: Integers, matrices: Floats, position: Floats, size: Floats, *, flat: bool
+) -> Image:
+    """Draw placed bodies, coloured by size: with their own surfaces, or as icosahedra where there are many.
 
     Parameters
     ----------
-    points, normals, colors : (n, 3) ndarray of float
-        Where, which way, and red, green and blue from 0 to 1.
+    bodies : sequence of (m, 3, 3) ndarray of float
+        Triangles of each different body.
+    body : (n,) ndarray of int
+        Which body each grain has.
+    matrices : (n, 3, 3) ndarray of float
+        Rotation times scale of each grain.
+    position, size : (n, 3) and (n,) ndarray of float
+        Places and diameters of the grains; at least one.
     flat : bool
-        Whether the scene lies in the plane z = 0.
-    edge : int
-        Width and height, in pixels.
+        Whether all lies in the plane z = 0.
 
     Returns
     -------
-    (edge, edge, 4) ndarray of uint8
+    (160, 160, 4) ndarray of uint8
         Red, green, blue and opacity.
     """
-    view, fine = FLAT_VIEW if flat else VIEW, FINE * edge
+    if np.bincount(body) @ [len(triangles) for triangles in bodies[: int(body.max()) + 1]] > MAX_TRIANGLES:
+        bodies, body, matrices = [_icosahedron()], np.zeros(len(body), int), size[:, None, None] * np.eye(3)
+    spacing = float(np.ptp(position, axis=0).max() + size.max()) / (FINE * EDGE)
+    share = (size - size.min()) / np.ptp(size) if np.ptp(size) else np.full(len(size), 0.5)
+    colors = np.column_stack([np.interp(share, (0.0, 0.5, 1.0), ramp) for ramp in RAMP.T])
+    points, normals, owner = [], [], []
+    for index in np.unique(body):
+        members = np.flatnonzero(body == index)
+        factor = np.cbrt(np.abs(np.linalg.det(matrices[members])))
+        samples, outward = surface_samples(bodies[index], spacing / float(factor.max()))
+        placed = np.einsum("gij,pj->gpi", matrices[members], samples) + position[members, None]
+        points.append(placed.reshape(-1, 3))
+        turned = np.einsum("gij,pj->gpi", matrices[members] / factor[:, None, None], outward)
+        normals.append(turned.reshape(-1, 3))
+        owner.append(np.repeat(members, len(samples)))
+    return _drawn(np.concatenate(points), np.concatenate(normals), colors[np.concatenate(owner)], flat=flat)
+
+
+def _icosahedron() -> Floats:
+    """Return the triangles of a regular icosahedron of diameter 1, (20, 3, 3)."""
+    golden = (1 + np.sqrt(5)) / 2
+    corners = np.array([np.roll((0.0, a, b * golden), k) for k in range(3) for a in (-1, 1) for b in (-1, 1)])
+    near = np.linalg.norm(corners[:, None] - corners, axis=2) < 2.1
+    i, j, k = np.array(
+        [(i, j, k) for i in range(12) for j in range(i) for k in range(j) if near[i, j] & near[j, k] & near[i, k]]
+    ).T
+    triangles = corners[np.column_stack([i, j, k])] / (2 * np.linalg.norm(corners[0]))
+    return np.asarray(triangles, dtype=np.float64)
+
+
+def _drawn(points: Floats, normals: Floats, colors: Floats, *, flat: bool) -> Image:
+    """Draw points with normals and colours, lit from the upper left."""
+    view, fine = np.eye(3) if flat else VIEW, FINE * EDGE
     seen = points @ view.T
     low, high = seen.min(axis=0), seen.max(axis=0)
     scale = 0.94 * fine / max(float((high - low)[:2].max()), 1e-300)
@@ -88,34 +129,14 @@ def picture(
     canvas = np.zeros((fine * fine, 4))
     canvas[taken, :3] = np.clip(colors[top[taken]] * shade[:, None], 0, 1)
     canvas[taken, 3] = 1.0
-    blocks = canvas.reshape(edge, FINE, edge, FINE, 4)
+    blocks = canvas.reshape(EDGE, FINE, EDGE, FINE, 4)
     opacity = blocks[..., 3].mean(axis=(1, 3))
     total = (blocks[..., :3] * blocks[..., 3:]).sum(axis=(1, 3)) / FINE**2
     mixed = total / np.maximum(opacity, 1e-300)[..., None]
     return np.round(255 * np.concatenate([mixed, opacity[..., None]], axis=2)).astype(np.uint8)
 
 
-def shape_picture(shape: Shape, *, edge: int = EDGE) -> np.ndarray[tuple[int, int, int], np.dtype[np.uint8]]:
-    """Draw a shape.
-
-    Parameters
-    ----------
-    shape : Shape
-        What is drawn: its tessellation.
-    edge : int
-        Width and height, in pixels.
-
-    Returns
-    -------
-    (edge, edge, 4) ndarray of uint8
-        Red, green, blue and opacity.
-    """
-    spacing = 2 * shape.bounding_radius / (FINE * edge)
-    points, normals = surface_samples(shape.vertices[shape.faces], spacing)
-    return picture(points, normals, np.broadcast_to(COLOR, points.shape), flat=shape.dimension == 2, edge=edge)
-
-
-def image_tag(image: np.ndarray[tuple[int, int, int], np.dtype[np.uint8]], text: str) -> str:
+def _tag(image: Image, text: str) -> str:
     """Return a picture as an ``<img>`` that holds its data."""
     buffer = io.BytesIO()
     load("matplotlib.image").imsave(buffer, image, format="png")
@@ -123,25 +144,12 @@ def image_tag(image: np.ndarray[tuple[int, int, int], np.dtype[np.uint8]], text:
     return f'<img alt="{html.escape(text)}" width="{len(image)}" src="data:image/png;base64,{data}">'
 
 
-def card(image: str, rows: Mapping[str, str]) -> str:
-    """Return a picture beside a table of names and values, as HTML."""
+def card(image: Image | None, rows: Mapping[str, str]) -> str:
+    """Return a picture, where there is one, beside a table of names and values, as HTML."""
     lines = "".join(
         f'<tr><th style="text-align:left">{html.escape(name)}</th>'
         f'<td style="text-align:left">{html.escape(value)}</td></tr>'
         for name, value in rows.items()
     )
-    return f'<div style="display:flex;gap:1em;align-items:center">{image}<table>{lines}</table></div>'
-
-
-def shape_card(shape: Shape) -> str:
-    """Return what a notebook shows of a shape: a small picture and its numbers, as HTML."""
-    kind = str(getattr(shape.geometry, "kind", type(shape.geometry).__name__.lower()))
-    flat, unit = shape.dimension == 2, f" {shape.unit}" if shape.unit else ""
-    rows = {
-        "shape": f"{shape.name} ({kind})",
-        "equivalent diameter": f"{shape.diameter:.6g}{unit}",
-        "area" if flat else "volume": f"{shape.volume:.6g}",
-        "perimeter" if flat else "surface area": f"{shape.surface_area:.6g}",
-        "faces": f"{len(shape.faces)}, at most {shape.tessellation_error:.2g} from the true surface",
-    }
-    return card(image_tag(shape_picture(shape), shape.name), rows)
+    tag = "" if image is None else _tag(image, next(iter(rows.values()), ""))
+    return f'<div style="display:flex;gap:1em;align-items:center">{tag}<table>{lines}</table></div>'

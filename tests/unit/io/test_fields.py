@@ -9,7 +9,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import FileFormatError
 from voxgran.io.record import from_record, to_record
-from voxgran.measures.provenance import content_hash
+from voxgran.measures.registered.provenance import content_hash
 
 BALL = vg.make_shape("sphere")
 

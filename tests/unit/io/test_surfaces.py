@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from voxgran._base.errors import TooLargeError
-from voxgran.io import surfaces
-from voxgran.io.surfaces import merged_surfaces
+from voxgran.contacts import surfaces
+from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.shapes.mesh import Mesh
 
 

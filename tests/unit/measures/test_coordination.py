@@ -5,8 +5,14 @@ import pytest
 
 from voxgran._base.errors import InputError
 from voxgran.containers.box import Box
-from voxgran.measures.coordination import REFERENCE_GAP, WIDEST_GAP, coordination_number, near_contacts, usual_gap
 from voxgran.measures.model import measure
+from voxgran.measures.registered.coordination import (
+    REFERENCE_GAP,
+    WIDEST_GAP,
+    coordination_number,
+    near_contacts,
+    usual_gap,
+)
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive

@@ -11,9 +11,9 @@ from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.rectangle import Rectangle
-from voxgran.measures.density import bulk_solid_fraction
 from voxgran.measures.model import measure
 from voxgran.measures.region import Regions, gravity_of, held_height
+from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape

@@ -8,9 +8,9 @@ import pytest
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
-from voxgran.measures.gradation import gradation
-from voxgran.measures.grains import intermediate_axes
 from voxgran.measures.model import measure
+from voxgran.measures.registered.gradation import gradation
+from voxgran.measures.registered.grains import intermediate_axes
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline

@@ -11,7 +11,7 @@ from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.rectangle import Rectangle
 from voxgran.measures.model import measure
-from voxgran.measures.profile import axis_profile, wall_profile
+from voxgran.measures.registered.profile import axis_profile, wall_profile
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline

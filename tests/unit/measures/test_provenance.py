@@ -8,7 +8,7 @@ import numpy as np
 
 from voxgran.containers.box import Box
 from voxgran.measures.model import measure
-from voxgran.measures.provenance import content_hash
+from voxgran.measures.registered.provenance import content_hash
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive

@@ -6,7 +6,7 @@ import pytest
 from voxgran._base.errors import PackingWarning
 from voxgran.containers.box import Box
 from voxgran.measures.model import measure
-from voxgran.measures.strict import PRECISION, strict_solid_fraction
+from voxgran.measures.registered.strict import PRECISION, strict_solid_fraction
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive

@@ -12,7 +12,7 @@ from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
-from voxgran.measures.density import window_solid_fraction
+from voxgran.measures.registered.density import window_solid_fraction
 from voxgran.measures.window import Estimate, Solids, images
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh

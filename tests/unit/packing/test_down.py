@@ -5,7 +5,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran.measures.coordination import usual_gap
+from voxgran.measures.registered.coordination import usual_gap
 
 BALL, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 BOX = vg.Box((4, 4, 6))

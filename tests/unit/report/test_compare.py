@@ -11,7 +11,7 @@ import scipy.stats
 import voxgran as vg
 from voxgran._base.errors import InputError, OutputExistsError, PackingWarning
 from voxgran._base.seeds import stream
-from voxgran.measures.coordination import coordination_number
+from voxgran.measures.registered.coordination import coordination_number
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*the bulk holds")
 

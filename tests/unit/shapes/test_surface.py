@@ -5,7 +5,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran.deform.deform import deform
+from voxgran.deformation.deform import deform
 from voxgran.shapes.descriptors import principal_extents
 from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.surface import Surface

@@ -22,7 +22,7 @@ from voxgran._base.seeds import stream
 from voxgran.bench.contact_peers import Grains, grid_moves, tree_moves
 from voxgran.bench.model import TradeOff, calibration
 from voxgran.containers.box import Box
-from voxgran.measures.density import bulk_solid_fraction
+from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.packing.control_point.precompute import setting_of
 from voxgran.packing.method import State, method_registry

@@ -22,7 +22,7 @@ from voxgran.containers.box import Box
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
-from voxgran.measures.density import bulk_solid_fraction
+from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.wall_law import wall_law

@@ -21,7 +21,7 @@ from voxgran._base.lazy import load
 from voxgran.bench.model import TradeOff, calibration
 from voxgran.contacts.verify import verify
 from voxgran.containers.box import Box
-from voxgran.measures.density import bulk_solid_fraction
+from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.pack import pack
 from voxgran.shapes.family import make_shape
 

@@ -19,7 +19,7 @@ from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration
 from voxgran.bench.walk_peers import Walk, front_walk, numpy_walk, occupied
 from voxgran.containers.box import Box
-from voxgran.measures.density import bulk_solid_fraction
+from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.digital.precompute import setting_of
 from voxgran.packing.digital.schedule import SORT_SWEEPS
 from voxgran.packing.method import State, method_registry

@@ -1,18 +1,17 @@
-"""Scene: a granular scene as one TOML file describes it, the type that the scene room hands on."""
+"""What a TOML file says of a granular scene, read and checked; nothing is planned or packed here."""
 
 import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, Self
 
 from voxgran._base.arrays import as_count, as_number, as_positive, check_type
 from voxgran._base.config import from_mapping, parameter, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
-from voxgran._base.progress import OnStep
 from voxgran._base.registry import nearest, unknown
 from voxgran._base.units import as_unit
 from voxgran.containers.make import make_container
@@ -25,10 +24,6 @@ from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Remedies
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
-
-if TYPE_CHECKING:
-    from voxgran.scene.plan import Plan
-    from voxgran.scene.run import SceneResult
 
 #: keys of a [[shape]] from a file, and of any
 FILE_KEYS = ("file", "share", "repair", "surface", "unit")
@@ -96,8 +91,8 @@ class ShapeEntry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
-    """A granular scene.
+class SceneDescription:
+    """A granular scene as its file describes it.
 
     Attributes
     ----------
@@ -139,7 +134,7 @@ class Scene:
     output: Output
 
     @classmethod
-    def from_toml(cls, path: str | os.PathLike[str]) -> "Scene":
+    def from_toml(cls, path: str | os.PathLike[str]) -> Self:
         """Read a scene file; files that it names are relative to it.
 
         Parameters
@@ -173,7 +168,7 @@ class Scene:
         return cls.from_mapping(mapping, folder=found.parent)
 
     @classmethod
-    def from_mapping(cls, mapping: Mapping[str, Any], *, folder: str | os.PathLike[str] = ".") -> "Scene":
+    def from_mapping(cls, mapping: Mapping[str, Any], *, folder: str | os.PathLike[str] = ".") -> Self:
         """Make a scene from nested mappings, as TOML gives them.
 
         Parameters
@@ -253,21 +248,6 @@ class Scene:
             made["measure"] = {"which": list(self.which)}
         return made
 
-    def plan(self) -> "Plan":
-        """Return what a run would compute, skip and cost; nothing is packed and neither numba, Open3D nor VTK is
-        loaded.
-
-        Raises
-        ------
-        InputError
-            If the scene breaks a rule that shows only now, such as grains that cannot fit.
-        TooLargeError
-            If it does not fit in memory.
-        """
-        from voxgran.scene.plan import make_plan
-
-        return make_plan(self)
-
     def begin(self) -> Packing | None:
         """Return the packing whose grains are there from the beginning, read from its file; None where there is none.
 
@@ -277,44 +257,6 @@ class Scene:
             If the file is no packing.
         """
         return None if self.start is None else load(self.start)
-
-    def run(
-        self,
-        folder: str | os.PathLike[str],
-        *,
-        resume: bool = False,
-        overwrite: bool = False,
-        on_step: OnStep | None = None,
-    ) -> "SceneResult":
-        """Pack, check, measure and save.
-
-        Parameters
-        ----------
-        folder : path-like
-            Where results go.
-        resume : bool
-            Whether to go on from the checkpoint in the folder.
-        overwrite : bool
-            Whether results that are there may be replaced.
-        on_step : callable, optional
-            Told of each step.
-
-        Raises
-        ------
-        OutputExistsError
-            If the folder holds something and neither `resume` nor `overwrite` is set.
-        InUseError
-            If another process writes into the folder.
-        OutputError
-            If something cannot be written.
-        InputError
-            If the scene breaks a rule that shows only now.
-        Interrupted
-            On SIGINT or SIGTERM, after a checkpoint was written.
-        """
-        from voxgran.scene.run import run_scene
-
-        return run_scene(self, folder, resume=resume, overwrite=overwrite, on_step=on_step)
 
 
 def _general(mapping: Mapping[str, Any]) -> General:

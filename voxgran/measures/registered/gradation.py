@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.measures.grains import intermediate_axes
 from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.registered.grains import intermediate_axes
 from voxgran.packing.model import Packing
 from voxgran.shapes.size_laws import Basis, SizeDistribution
 

@@ -9,10 +9,10 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length
 from voxgran._base.errors import InputError
 from voxgran.containers.model import Container, boundary_of
-from voxgran.measures.coordination import mean_diameter
 from voxgran.measures.halfspaces import cut_disks
 from voxgran.measures.model import Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
+from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.slices import cut_mesh
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing

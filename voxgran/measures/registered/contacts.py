@@ -2,8 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from voxgran.measures.coordination import ROUND_OFF, mean_diameter, near_contacts, usual_gap
 from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.registered.coordination import ROUND_OFF, mean_diameter, near_contacts, usual_gap
 from voxgran.packing.model import Packing
 
 if TYPE_CHECKING:

@@ -25,8 +25,8 @@ from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import overlaps, pair_keys
 from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.model import Contacts
-from voxgran.deform.indentation import FARTHEST, SoftBody, give_way
-from voxgran.deform.refined_surface import Partner, SoftGrain, fine_surface
+from voxgran.deformation.indentation import FARTHEST, SoftBody, give_way
+from voxgran.deformation.refined_surface import Partner, SoftGrain, fine_surface
 from voxgran.shapes.finer import enclosed_volume, onto_surface, vector_areas
 from voxgran.shapes.primitive import Primitive
 

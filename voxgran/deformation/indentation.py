@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran.deform.refined_surface import EXACT, FineSurface, SoftGrain, crossing
+from voxgran.deformation.refined_surface import EXACT, FineSurface, SoftGrain, crossing
 from voxgran.shapes.finer import edges_of, enclosed_volume, vector_areas, vertex_normals
 
 #: largest part of the free distance that a bulge takes, below a half

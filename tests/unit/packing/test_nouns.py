@@ -1,0 +1,115 @@
+"""What a packing does as a sequence of grains, and what it answers itself."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError, UnknownNameError
+
+
+def three(**more):
+    """Return two spheres and a cone in a box."""
+    shapes = [vg.make_shape("sphere"), vg.make_shape("cone")]
+    position = [[1, 1, 1], [3, 3, 3], [1, 3, 1]]
+    return vg.Packing.of(
+        shapes, vg.Box((4, 4, 4)), position=position, shape_id=[0, 1, 0], **{"scale": [1, 1.5, 0.5], **more}
+    )
+
+
+def test_grains_are_counted_and_visited():
+    packing = three()
+    assert len(packing) == packing.count == 3
+    grains = list(packing)
+    assert [grain.diameter for grain in grains] == pytest.approx([1, 1.5, 0.5])
+    assert grains[1].shape == packing.shapes[1]
+    assert (packing[-1].position == (1, 3, 1)).all()
+    assert packing[0].scale == 1
+    assert packing[0].orientation.tolist() == [1, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("chosen", "kept"),
+    [
+        (slice(1, None), [1, 2]),
+        ([True, False, True], [0, 2]),
+        (np.array([2, 0]), [2, 0]),
+        ([], []),
+        (np.zeros(3, bool), []),
+    ],
+)
+def test_some_grains_are_a_packing(chosen, kept):
+    packing = three(provenance={"method": "by hand"})
+    some = packing[chosen]
+    assert isinstance(some, vg.Packing)
+    assert (some.position == packing.position[kept]).all()
+    assert (some.shape_id == packing.shape_id[kept]).all()
+    assert some.provenance["chosen"] == {"count": len(kept), "of": 3}
+    assert some.provenance["method"] == "by hand"
+    assert some
+
+
+@pytest.mark.parametrize("chosen", [3, [True], "large", [0.5], [-4]])
+def test_what_chooses_no_grain_is_an_error(chosen):
+    with pytest.raises(InputError, match="give an index, a slice, a mask of 3"):
+        three()[chosen]
+
+
+def test_two_packings_are_put_together():
+    packing = three()
+    both = packing[:1] + packing[1:]
+    assert both == packing
+    assert len(both.shapes) == 2
+    assert len(packing + packing) == 6
+    assert both.provenance["method"] == "sum"
+    for other in (three(unit="mm"), three(density=2.0), three(gravity=None)):
+        with pytest.raises(InputError, match="of the packings is"):
+            packing + other
+    with pytest.raises(TypeError):
+        packing + 1
+
+
+def test_equal_packings():
+    packing = three()
+    assert packing == three(provenance={"seconds": 3})
+    assert hash(packing) == hash(three())
+    assert packing != three(contact_gap=0.1)
+    assert packing != three(scale=[1, 1.5, 0.6])
+    assert packing != packing[:2]
+    assert packing != 3
+
+
+def test_it_survives_pickling():
+    packing = three(unit="mm", provenance={"method": "by hand"})
+    packing.contacts(1.0)
+    again = pickle.loads(pickle.dumps(packing))
+    assert again == packing
+    assert again.provenance == packing.provenance
+    assert not again.position.flags.writeable
+
+
+def test_tables_and_meshes():
+    packing = three()
+    table = packing.to_dataframe()
+    assert list(table["shape"]) == ["sphere", "cone", "sphere"]
+    assert table[["x", "y", "z"]].to_numpy() == pytest.approx(packing.position)
+    assert table["diameter"].to_numpy() == pytest.approx(packing.diameter)
+    mesh = packing.to_pyvista()
+    assert set(mesh.cell_data["grain"]) == {0, 1, 2}
+    assert mesh.volume == pytest.approx(packing.volumes.sum(), rel=0.01)
+
+
+def test_it_verifies_measures_and_saves_itself(tmp_path, monkeypatch):
+    packing = three()
+    assert str(packing.verify()) == vg.verify(packing).summary()
+    assert "1 pairs" in str((packing + packing).verify(tolerance=0.5)) or not (packing + packing).verify().ok
+    assert packing.measure("coordination").equals(vg.measure(packing, which="coordination"))
+    packing.save(tmp_path / "a.vtp")
+    assert vg.load(tmp_path / "a.vtp") == packing
+    with pytest.raises(vg.VoxgranError, match="overwrite"):
+        packing.save(tmp_path / "a.vtp")
+    monkeypatch.delenv("DISPLAY", raising=False)
+    assert np.asarray(packing.plot(color="shape")).shape == (900, 900, 3)
+    with pytest.raises((InputError, UnknownNameError), match="color"):
+        packing.plot(color="taste")

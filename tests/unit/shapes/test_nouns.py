@@ -1,0 +1,61 @@
+"""What a shape answers itself: points inside, distances, bounds, voxels and pictures."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError
+
+SOLIDS = ["sphere", "ellipsoid", "box", "cylinder", "cone", "platonic", "solid_union"]
+
+
+@pytest.mark.parametrize("family", [*SOLIDS, "disk", "polygon"])
+def test_bounds_hold_the_shape_and_touch_it(family):
+    shape = vg.make_shape(family)
+    lower, upper = shape.bounds
+    assert (lower <= shape.vertices.min(axis=0) + 1e-12).all()
+    assert (upper >= shape.vertices.max(axis=0) - 1e-12).all()
+    assert shape.vertices.min(axis=0) - lower == pytest.approx(0, abs=2 * shape.tessellation_error + 1e-12)
+    assert (shape.centroid == 0).all()
+
+
+@pytest.mark.parametrize("family", SOLIDS)
+def test_signs_and_distances_agree_with_the_solid(family):
+    shape = vg.make_shape(family)
+    points = np.random.Generator(np.random.Philox(1)).uniform(-0.8, 0.8, (400, 3))
+    inside, distance = shape.contains(points), shape.signed_distance(points)
+    assert ((distance <= 0) == inside).all()
+    volume = 1.6**3 * inside.mean()
+    assert volume == pytest.approx(shape.volume, rel=0.5)
+    assert distance[~inside].max() < 1.6
+    on_surface = shape.signed_distance(shape.vertices)
+    assert np.abs(on_surface).max() <= shape.tessellation_error + 1e-12
+
+
+def test_distances_of_spheres_boxes_and_disks_are_exact():
+    points = np.array([[0.0, 0, 0], [2, 0, 0], [0, 0.2, 0]])
+    assert vg.make_shape("sphere").signed_distance(points) == pytest.approx([-0.5, 1.5, -0.3])
+    assert vg.make_shape("disk").signed_distance(points) == pytest.approx([-0.5, 1.5, -0.3])
+    edge = vg.make_shape("box").bounds[1, 0]
+    assert vg.make_shape("box").signed_distance([[2 * edge, 2 * edge, 0]]) == pytest.approx(np.sqrt(2) * edge)
+    square = vg.make_shape("polygon", vertices=[(0, 0), (1, 0), (1, 1), (0, 1)])
+    assert square.signed_distance([[0, 0, 0], [1, 0, 0]]) == pytest.approx([-0.5, 0.5])
+    assert list(square.contains([[0, 0, 0], [1, 0, 0]])) == [True, False]
+
+
+def test_open_surfaces_and_wrong_points_are_refused():
+    with pytest.raises(InputError, match="open surface"):
+        vg.make_shape("sheet").contains([[0, 0, 0]])
+    with pytest.raises(InputError, match="open surface"):
+        vg.make_shape("sheet").signed_distance([[0, 0, 0]])
+    with pytest.raises(InputError, match="points"):
+        vg.make_shape("sphere").contains([0, 0])
+
+
+def test_it_gives_voxels_and_a_picture(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    shape = vg.make_shape("cone")
+    assert shape.voxelize(0.1).volume == vg.voxelize(shape, voxel_size=0.1).volume
+    picture = np.asarray(shape.plot())
+    assert picture.shape == (900, 900, 3)
+    assert len(np.unique(picture)) > 20

@@ -1,0 +1,142 @@
+"""Grains as a sequence: what Python users expect of something that holds many things, and tables and meshes of it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from functools import partial
+from typing import Any, Self, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import InputError, shown
+from voxgran._base.lazy import load
+from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.surfaces import merged_surfaces
+from voxgran.shapes.model import Shape
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Grain:
+    """One grain of a packing.
+
+    Attributes
+    ----------
+    shape : Shape
+        Its shape in the body frame, at the size of the shape.
+    position : (3,) ndarray of float
+        Centroid, in the unit of lengths.
+    orientation : (4,) ndarray of float
+        Unit quaternion (w, x, y, z) from the body frame to the container.
+    scale : float
+        Factor on the lengths of the shape.
+    diameter : float
+        Equivalent diameter, in the unit of lengths.
+    """
+
+    shape: Shape
+    position: Floats
+    orientation: Floats
+    scale: float
+    diameter: float
+
+
+@dataclass(frozen=True, eq=False)
+class GrainSequence(Assembly):
+    """An assembly whose grains are counted, visited and chosen as the items of a sequence are."""
+
+    @property
+    def diameter(self) -> Floats:
+        """Equivalent diameters of the grains, (n,), in the unit of lengths."""
+        return self.diameters
+
+    def __len__(self) -> int:
+        return self.count
+
+    def __bool__(self) -> bool:
+        # a packing without grains is a packing too
+        return True
+
+    def __iter__(self) -> Iterator[Grain]:
+        return (self._grain(index) for index in range(self.count))
+
+    def _grain(self, index: int) -> Grain:
+        """Return one grain."""
+        return Grain(
+            shape=self.shapes[self.shape_id[index]],
+            position=self.position[index],
+            orientation=self.orientation[index],
+            scale=float(self.scale[index]),
+            diameter=float(self.diameters[index]),
+        )
+
+    @overload
+    def __getitem__(self, chosen: int) -> Grain: ...
+    @overload
+    def __getitem__(self, chosen: slice | ArrayLike) -> Self: ...
+    def __getitem__(self, chosen: int | slice | ArrayLike) -> Grain | Self:
+        """Return one grain by its index, or those that a slice, a mask or indices choose.
+
+        Raises
+        ------
+        InputError
+            If there is no such grain, or what is given is no index, slice, mask or list of indices.
+        """
+        every = np.arange(self.count)
+        try:
+            wanted = chosen if isinstance(chosen, slice) else np.asarray(chosen)
+            kept = every[wanted.astype(int) if isinstance(wanted, np.ndarray) and not wanted.size else wanted]
+        except (IndexError, ValueError) as error:
+            raise InputError(
+                f"{shown(chosen)} chooses no grains of the {self.count} here ({error}): give an index, a slice, a mask "
+                f"of {self.count} or a list of indices"
+            ) from None
+        if kept.ndim == 0:
+            return self._grain(int(kept))
+        return self._chosen(kept)
+
+    def _chosen(self, kept: Integers) -> Self:
+        """Return some of the grains."""
+        return replace(
+            self,
+            shape_id=self.shape_id[kept],
+            scale=self.scale[kept],
+            position=self.position[kept],
+            orientation=self.orientation[kept],
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # made anew by its constructor, so that its arrays are read-only again and what was cached stays behind
+        return partial(type(self), **{entry.name: getattr(self, entry.name) for entry in fields(self)}), ()
+
+    def to_pyvista(self) -> Any:
+        """Return the surfaces of all grains as one `pyvista.PolyData`, with the cell data ``grain`` and ``diameter``.
+
+        Raises
+        ------
+        TooLargeError
+            If there are more than 40 million triangles.
+        MissingLibraryError
+            If PyVista cannot be loaded.
+        """
+        merged = merged_surfaces(self)
+        mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
+        mesh.cell_data["grain"] = merged.grain
+        mesh.cell_data["diameter"] = self.diameters[merged.grain]
+        return mesh
+
+    def to_dataframe(self) -> Any:
+        """Return a `pandas.DataFrame` with one row per grain: shape, x, y, z, qw, qx, qy, qz, scale, diameter, volume.
+
+        Raises
+        ------
+        MissingLibraryError
+            If pandas cannot be loaded.
+        """
+        columns: dict[str, Any] = {"shape": [self.shapes[index].name for index in self.shape_id]}
+        columns.update(zip("xyz", self.position.T, strict=True))
+        columns.update(zip(("qw", "qx", "qy", "qz"), self.orientation.T, strict=True))
+        columns.update(scale=self.scale, diameter=self.diameters, volume=self.volumes)
+        made = load("pandas").DataFrame(columns)
+        made.index.name = "grain"
+        return made

@@ -1,0 +1,65 @@
+"""Scene: a granular scene that can be planned and run, the type that the scene room hands on."""
+
+import os
+from dataclasses import dataclass
+
+from voxgran._base.progress import OnStep
+from voxgran.scene.description import SceneDescription
+from voxgran.scene.plan import Plan, make_plan
+from voxgran.scene.replicates import run_seeds
+from voxgran.scene.run import SceneResult, run_one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene(SceneDescription):
+    """A granular scene, from a TOML file or a mapping; its attributes are those of :class:`SceneDescription`."""
+
+    def plan(self) -> Plan:
+        """Return what a run would compute, skip and cost; nothing is packed and neither numba, Open3D nor VTK is
+        loaded.
+
+        Raises
+        ------
+        InputError
+            If the scene breaks a rule that shows only now, such as grains that cannot fit.
+        TooLargeError
+            If it does not fit in memory.
+        """
+        return make_plan(self)
+
+    def run(
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        resume: bool = False,
+        overwrite: bool = False,
+        on_step: OnStep | None = None,
+    ) -> SceneResult:
+        """Pack, check, measure and save.
+
+        Parameters
+        ----------
+        folder : path-like
+            Where results go.
+        resume : bool
+            Whether to go on from the checkpoint in the folder.
+        overwrite : bool
+            Whether results that are there may be replaced.
+        on_step : callable, optional
+            Told of each step.
+
+        Raises
+        ------
+        OutputExistsError
+            If the folder holds something and neither `resume` nor `overwrite` is set.
+        InUseError
+            If another process writes into the folder.
+        OutputError
+            If something cannot be written.
+        InputError
+            If the scene breaks a rule that shows only now.
+        Interrupted
+            On SIGINT or SIGTERM, after a checkpoint was written.
+        """
+        run = run_seeds if self.general.seeds > 1 else run_one
+        return run(self, folder, resume=resume, overwrite=overwrite, on_step=on_step)
