@@ -10,11 +10,11 @@ the fan is closed and has whole winding numbers by columns, and those of the fan
 import warnings
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_length, as_points
 from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError
-from voxgran._base.lazy import load
+from voxgran._base.graph import components
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.mesh import Mesh
@@ -188,9 +188,7 @@ def _winding_about(
 
 def _fan(inner: Floats, rim: Integers) -> tuple[Floats, Integers]:
     """Return corners and triangles that close a surface: of each connected rim to the mean of its corners."""
-    sparse, graph = load("scipy.sparse"), load("scipy.sparse.csgraph")
-    links = sparse.coo_array((np.ones(len(rim)), tuple(rim.T)), shape=(len(inner), len(inner)))
-    label: NDArray[np.int32] = graph.connected_components(links, directed=False)[1]
+    label = components(len(inner), *rim.T)
     names, body = np.unique(label[rim[:, 0]], return_inverse=True)
     count = np.bincount(body, minlength=len(names))
     tips = np.stack([np.bincount(body, weights=inner[rim[:, 0], k], minlength=len(names)) / count for k in range(3)], 1)
