@@ -113,8 +113,7 @@ def voxelize_mesh(
             stacklevel=2,
         )
     return Voxels(
-        bits, np.array(grid.origin), grid.voxel_size, surface=(corners, triangles), open_columns=columns,
-        doubtful_voxels=doubtful,
+        bits, np.array(grid.origin), grid.voxel_size, open_columns=columns, doubtful_voxels=doubtful,
     )  # fmt: skip
 
 
