@@ -24,7 +24,7 @@ from voxgran.contacts.meshes import meshes_meet, touch_meshes
 from voxgran.contacts.model import Contacts
 from voxgran.contacts.open_surfaces import open_touch
 from voxgran.contacts.outlines import touch_disk, touch_polygons
-from voxgran.contacts.parts import has_parts, is_disk, is_one_sphere, parts_of
+from voxgran.contacts.parts import has_parts, is_disk, parts_of
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Solid
 from voxgran.contacts.spheres import sphere_contacts
@@ -159,7 +159,7 @@ def gaps_of_pairs(
 
     deepest: whether the deepest point of an overlap is searched; without, depths are lower bounds above 0, and faster.
     """
-    if all(is_one_sphere(shape.geometry) for shape in assembly.shapes):
+    if all(shape.is_sphere for shape in assembly.shapes):
         return sphere_contacts(pairs, assembly.bounding_radii)
     return _test_mixed(assembly, pairs, gap, deepest=deepest)
 

@@ -14,7 +14,6 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
 from voxgran.packing.start import Start
@@ -128,7 +127,7 @@ class Problem:
             If the grain holds no center of a voxel, and those are asked for.
         """
         shape, diameter = self.shapes[self.shape_id[grain]], float(self.diameter[grain])
-        if is_one_sphere(shape.geometry):
+        if shape.is_sphere:
             orientation = np.array([1.0, 0.0, 0.0, 0.0])
         key = ("voxels", self.shape_id[grain], diameter, orientation.tobytes(), voxel_size, cover)
 

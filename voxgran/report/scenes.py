@@ -18,7 +18,6 @@ from voxgran.points.sample import sample_surface
 from voxgran.report.colors import Coloring, coloring
 from voxgran.report.stage import MATERIAL, Picture, add_container, add_scale_bar, add_spheres, look_at, shot, stage_of
 from voxgran.shapes.model import Shape
-from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.occupy import voxelize
 
@@ -173,7 +172,8 @@ def _picture(
     """Draw some grains, the container and a scale bar."""
     values, (low, high) = colors.values, colors.limits
     look = {"cmap": COLORS, "clim": (low, high), "show_scalar_bar": False}
-    spheres = np.array([_is_sphere(shape) for shape in packing.shapes] + [False])[packing.shape_id[grains]]
+    round_ones = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
+    spheres = round_ones[packing.shape_id[grains]]
     as_points = grains[spheres] if spheres.sum() > BALL_LIMIT else grains[:0]
     as_meshes = np.setdiff1d(grains, as_points)
     with stage_of(window) as stage:
@@ -191,11 +191,6 @@ def _picture(
         return shot(stage)
 
 
-def _is_sphere(shape: Shape) -> bool:
-    """Return whether a shape is one sphere."""
-    return isinstance(shape.geometry, Primitive) and shape.geometry.kind == "sphere"
-
-
 def _bodies(packing: Packing) -> Sequence[tuple[Floats, Integers]]:
     """Return triangles that stand for each shape, as many as the picture can have."""
     most = picture_faces(packing)
@@ -208,7 +203,7 @@ def _body(shape: Shape, most: int) -> tuple[Floats, Integers]:
     Vertices are clustered with quadric error metrics (Lindstrom 2000, doi:10.1145/344779.344912): a tenth of the time
     of edge collapses, and hundreds of different shapes are common.
     """
-    if _is_sphere(shape):
+    if shape.is_sphere and shape.dimension == 3:
         level = int(np.clip(np.log(most / 20) / np.log(4), 1, 4))
         vertices, faces, _ = sphere(level)
         return vertices * shape.bounding_radius, faces

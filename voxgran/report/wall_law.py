@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.packing.model import Packing
 
 #: spread of the diameters, relative to their mean, up to which spheres count as equal
@@ -43,5 +42,5 @@ def law_applies(packing: Packing) -> bool:
     if packing.dimension != 3 or packing.container.kind != "cylinder" or packing.count < 2:
         return False
     size = packing.diameters
-    spheres = all(is_one_sphere(packing.shapes[index].geometry) for index in np.unique(packing.shape_id))
+    spheres = all(packing.shapes[index].is_sphere for index in np.unique(packing.shape_id))
     return bool(spheres and np.ptp(size) <= EQUAL * size.mean())
