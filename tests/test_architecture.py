@@ -42,8 +42,6 @@ ARROWS["study"] = ARROWS["bench"] = ARROWS["scene"] | {"scene"}
 OPEN = {"__init__", "__main__", "cli"}
 
 HEAVY = {
-    "dask",
-    "distributed",
     "jinja2",
     "manifold3d",
     "matplotlib",

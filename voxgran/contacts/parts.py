@@ -5,7 +5,6 @@ part. Rows are those of :mod:`voxgran.contacts.gjk`, here turned and stretched t
 centroids.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,18 +110,6 @@ def row_of(primitive: Primitive) -> Floats:
     row[1 : 1 + len(primitive.dimensions)] = primitive.dimensions
     row[4:] = primitive.matrix.ravel()
     return row
-
-
-def inner_radius(kind: str, dimensions: tuple[float, ...]) -> float:
-    """Return the radius of the largest sphere in an ellipsoid, box, cylinder or cone."""
-    if kind == "ellipsoid":
-        return min(dimensions)
-    if kind == "box":
-        return min(dimensions) / 2
-    radius, height = dimensions
-    if kind == "cylinder":
-        return min(radius, height / 2)
-    return radius * height / (radius + math.hypot(radius, height))
 
 
 def _parts_of_one(geometry: Geometry) -> tuple[Floats, Floats, Floats]:

@@ -25,11 +25,6 @@ KEYS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 
 
-def container_kinds() -> tuple[str, ...]:
-    """Return the kinds of containers."""
-    return tuple(KEYS)
-
-
 def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Container:
     """Return a container from kind and parameters.
 

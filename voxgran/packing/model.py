@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -18,7 +18,6 @@ from voxgran.packing.one_unit import converted, in_one_unit
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws import SizeDistribution
 
-StopReason: TypeAlias = Literal["settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted"]
 STOP_REASONS: tuple[str, ...] = (
     "settled",
     "count",

@@ -138,34 +138,6 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
     return pictures
 
 
-def render_ids(packing: Packing, *, window: tuple[int, int] = (320, 240)) -> Integers:
-    """Draw which grain is seen where: the same view as the pictures, without light.
-
-    Parameters
-    ----------
-    packing : Packing
-        Any packing of fewer than 16 million grains.
-    window : tuple of int
-        Width and height, in pixels.
-
-    Returns
-    -------
-    (height, width) ndarray of int
-        0 is background, k + 1 is grain k.
-    """
-    merged = merged_surfaces(packing, bodies=_bodies(packing))
-    label = merged.grain + 1
-    colors = np.stack([label >> 16 & 255, label >> 8 & 255, label & 255], axis=1).astype(np.uint8)
-    with stage_of(window, lit=False) as stage:
-        if len(label):
-            mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
-            mesh.cell_data["label"] = colors
-            stage.add_mesh(mesh, scalars="label", rgb=True, lighting=False)
-        look_at(stage, packing.container.mesh()[0], flat=packing.dimension == 2)
-        seen: Integers = shot(stage).astype(np.int64) @ np.array([1 << 16, 1 << 8, 1])
-    return seen
-
-
 def _picture(
     packing: Packing, grains: Integers, colors: Coloring, window: tuple[int, int], *, turn: float = 0.0
 ) -> Picture:

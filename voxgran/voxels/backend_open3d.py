@@ -38,5 +38,5 @@ def open3d_inside(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
     for begin in range(0, grid.shape[0], thick):
         slab = np.stack(np.meshgrid(x[begin : begin + thick], y, z, indexing="ij"), axis=-1) @ turn
         votes = scene.compute_occupancy(open3d.core.Tensor(slab.astype(np.float32)), nsamples=RAYS)
-        bits.words[begin : begin + thick] = PackedMask.of(votes.numpy() > 0.5).words
+        bits.words[begin : begin + thick] = PackedMask.from_mask(votes.numpy() > 0.5).words
     return bits

@@ -52,7 +52,7 @@ class Voxels:
     @cached_property
     def bits(self) -> PackedMask:
         """Voxels that are taken, a bit each."""
-        return self.taken if isinstance(self.taken, PackedMask) else PackedMask.of(self.taken)
+        return self.taken if isinstance(self.taken, PackedMask) else PackedMask.from_mask(self.taken)
 
     @cached_property
     def fraction(self) -> Floats | None:

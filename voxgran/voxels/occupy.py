@@ -203,7 +203,7 @@ def _occupied(
     geometry = _posed(shape.geometry, as_positive(scale, "scale"), rotation)
     filled = "center" if cover == "center" else "touch"
     if isinstance(geometry, Outline):
-        return PackedMask.of(outline_mask(geometry.moved(place), grid, cover=filled))
+        return PackedMask.from_mask(outline_mask(geometry.moved(place), grid, cover=filled))
     if isinstance(geometry, Spheres):
         return spheres_bits(geometry.centers + place, geometry.radii, grid, cover=filled)
     if isinstance(geometry, Mesh):
@@ -309,4 +309,4 @@ def _occupy_mesh(vertices: Floats, faces: Integers, grid: Grid, backend: str | N
         return inside
     mask, sure, where = inside.unpacked(), scanline_inside(vertices, faces, grid), tuple(doubtful.T)
     mask[where] = sure.unpacked()[where]
-    return PackedMask.of(mask)
+    return PackedMask.from_mask(mask)

@@ -147,7 +147,7 @@ def _wound(inner: Floats, faces: Integers, counts: tuple[int, int, int]) -> tupl
     """Return the voxels whose winding number, counted from below, is above 0, and the number of open columns."""
     bits, columns = PackedMask.empty(counts), 0
     for begin, numbers, total in winding_slabs(inner, faces, counts):
-        bits.words[begin : begin + len(numbers)] = PackedMask.of(numbers > 0).words
+        bits.words[begin : begin + len(numbers)] = PackedMask.from_mask(numbers > 0).words
         columns += int(np.count_nonzero(total))
     return bits, columns
 
@@ -167,7 +167,7 @@ def _voted(inner: Floats, faces: Integers, rim: Integers, counts: tuple[int, int
     doubtful = np.argwhere((votes > 0) & (votes < 6))
     if len(doubtful):
         inside[tuple(doubtful.T)] = _winding_about(inner, faces, rim, counts, doubtful) > 0.5
-    return PackedMask.of(inside), len(doubtful)
+    return PackedMask.from_mask(inside), len(doubtful)
 
 
 def _winding_about(

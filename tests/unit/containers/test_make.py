@@ -7,7 +7,7 @@ from voxgran._base.errors import DirtyMeshError, InputError, UnknownNameError
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.make import container_kinds, make_container
+from voxgran.containers.make import KEYS, make_container
 from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
 from voxgran.shapes.model import Shape
@@ -59,7 +59,7 @@ def test_axis_names_as_in_a_scene_file():
 
 
 def test_all_kinds_are_listed():
-    assert container_kinds() == ("box", "cylinder", "mesh", "rectangle", "sphere")
+    assert tuple(KEYS) == ("box", "cylinder", "mesh", "rectangle", "sphere")
 
 
 @pytest.mark.parametrize(
