@@ -62,8 +62,6 @@ CONTAINERS = {"Box", "ClosedMesh", "Cylinder", "Rectangle", "Sphere"}
 OPEN = {"__init__", "__main__", "cli"}
 
 HEAVY = {
-    "dask",
-    "distributed",
     "jinja2",
     "manifold3d",
     "matplotlib",

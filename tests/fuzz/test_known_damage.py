@@ -11,7 +11,7 @@ import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint
 from voxgran._base.errors import CheckpointError, FileFormatError
 from voxgran._base.lazy import load
-from voxgran.shapes import files
+from voxgran.shapes import mesh_files
 from voxgran.shapes.repairing import diagnose
 from voxgran.shapes.tessellate import unit_box
 
@@ -106,7 +106,7 @@ def test_a_face_of_very_many_corners(tmp_path, capfd):
 
 
 def test_a_round_face_of_many_corners_is_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(files, "MOST_CORNERS", 500)
+    monkeypatch.setattr(mesh_files, "MOST_CORNERS", 500)
     angle = np.linspace(0, 2 * np.pi, 601)[:-1]
     ring = np.column_stack([np.cos(angle), np.sin(angle)])
     lines = [f"v {x!r} {y!r} {z}" for z in (0, 1) for x, y in ring.tolist()]

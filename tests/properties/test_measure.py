@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
+from voxgran.measures.halfspaces import cut_spheres
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import window_solid_fraction
-from voxgran.measures.slices import mesh_box_volume, sphere_box_volume
+from voxgran.measures.slices import cut_mesh
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
@@ -31,6 +32,21 @@ KINDS = {
 number = st.floats(-1.5, 1.5, allow_nan=False)
 corner = st.tuples(number, number, number)
 seeds = st.integers(0, 2**20)
+
+
+def box_of(lower, upper):
+    """Return the corners of a box as arrays."""
+    return {"lower": np.array(lower, dtype=float), "upper": np.array(upper, dtype=float)}
+
+
+def sphere_box_volume(centers, radii, *, lower, upper):
+    """Return the volume of each sphere inside a box."""
+    return cut_spheres(np.array(centers, dtype=float), np.array(radii), **box_of(lower, upper))
+
+
+def mesh_box_volume(vertices, faces, *, lower, upper):
+    """Return the volume of a closed mesh inside a box."""
+    return cut_mesh(vertices[faces], np.eye(3)[None], np.zeros((1, 3)), **box_of(lower, upper))[0]
 
 
 def apart(kind, seed):

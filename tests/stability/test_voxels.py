@@ -7,8 +7,7 @@ import voxgran as vg
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.lattice.grid import Grid
-from voxgran.voxels.backend import backends
-from voxgran.voxels.occupy import occupy, voxelize
+from voxgran.voxels.occupy import BACKENDS, occupy, voxelize
 
 TURN = random_rotations(stream(11, "turn"), 1)[0]
 
@@ -32,7 +31,7 @@ def test_a_power_of_two_gives_the_same_bits(scan, family, cover):
         assert np.array_equal(occupy(shape, scaled, scale=factor, rotation=TURN, cover=cover), mask)
 
 
-@pytest.mark.parametrize("backend", backends())
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("factor", [1e-12, 1e-6, 1e6, 1e12])
 def test_any_unit_gives_the_same_voxels(scan, backend, factor):
     small = voxelize(scan, voxel_size=0.11, backend=backend)
@@ -41,7 +40,7 @@ def test_any_unit_gives_the_same_voxels(scan, backend, factor):
     assert voxels.volume == pytest.approx(small.volume * factor**3)
 
 
-@pytest.mark.parametrize("backend", backends())
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("cover", ["center", "touch"])
 def test_one_voxel(scan, backend, cover):
     inside = Grid((-0.05, -0.05, -0.05), 0.1, (1, 1, 1))
@@ -61,7 +60,7 @@ def test_a_solid_smaller_than_a_voxel_touches_all_voxels_at_its_corner():
         assert not voxelize(shape, voxel_size=10.0).mask.any()
 
 
-@pytest.mark.parametrize("backend", backends())
+@pytest.mark.parametrize("backend", BACKENDS)
 def test_far_away_the_voxels_are_the_same(scan, backend):
     # offsets and corners that are exact in binary: what is left is the round-off of the body
     grid = Grid((-1.0, -1.0, -1.0), 0.125, (16, 16, 16))
@@ -76,7 +75,7 @@ def test_far_away_the_voxels_are_the_same(scan, backend):
 
 def test_a_body_far_larger_than_the_lattice_fills_it(scan):
     grid = Grid((-0.5, -0.5, -0.5), 0.1, (10, 10, 10))
-    for backend in backends():
+    for backend in BACKENDS:
         assert occupy(scan, grid, scale=1e6, backend=backend).all()
     assert not occupy(scan, grid, scale=1e6, cover="surface").any()
     assert occupy(scan, grid, scale=1e6, cover="touch").all()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_count
+from voxgran._base.arrays import Floats
 
 
 def rotation_matrices(quaternions: Floats) -> Floats:
@@ -84,29 +84,6 @@ def random_rotations(generator: np.random.Generator, count: int) -> Floats:
         np.stack(
             [inner * np.cos(second), outer * np.sin(first), outer * np.cos(first), inner * np.sin(second)], axis=-1
         )
-    )
-
-
-def spread_rotations(count: int) -> Floats:
-    """Return (count, 4) quaternions spread evenly over SO(3): super-Fibonacci spirals.
-
-    References
-    ----------
-    Alexa 2022, Super-Fibonacci spirals: fast, low-discrepancy sampling of SO(3), doi:10.1109/CVPR52688.2022.00811
-
-    Raises
-    ------
-    InputError
-        If the count is not a whole number of at least 1.
-    """
-    n = as_count(count, "count of rotations", at_least=1)
-    psi = 1.533751168755204288118041413  # the positive root of x**4 = x + 4
-    s = np.arange(n) + 0.5
-    t, d = s / n, 2 * np.pi * s
-    inner, outer = np.sqrt(t), np.sqrt(1 - t)
-    alpha, beta = d / np.sqrt(2.0), d / psi
-    return normalized(
-        np.stack([outer * np.cos(beta), inner * np.sin(alpha), inner * np.cos(alpha), outer * np.sin(beta)], axis=-1)
     )
 
 

@@ -1,13 +1,23 @@
-"""What a trade-off is, the registry that finds them, and the clock they share."""
+"""The class of trade-offs, their registry, the clock that they share, and the programs that they compare with.
 
+Those programs, the peers, lie in the folder ``bench_peers`` of the source repository and are not installed.
+"""
+
+import importlib.util
+import logging
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 
 from voxgran._base.registry import Registry
+
+LOG = logging.getLogger(__name__)
+#: folder of the peers in a checkout of the source repository
+PEERS = Path(__file__).parents[2] / "bench_peers"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +40,23 @@ class TradeOff:
 def trade_offs() -> Registry[TradeOff]:
     """Return the registry of trade-offs."""
     return Registry("trade-off", "voxgran.bench.tradeoffs", TradeOff, group="voxgran.trade_offs")
+
+
+def peers_of(name: str) -> ModuleType | None:
+    """Return the module of peer programs of a trade-off; None, with a warning in the log, outside of a checkout.
+
+    Parameters
+    ----------
+    name : str
+        Name of a file in ``bench_peers``, without its suffix.
+    """
+    spec = importlib.util.spec_from_file_location(f"bench_peers_{name}", PEERS / f"{name}.py")
+    if spec is None or spec.loader is None or not (PEERS / f"{name}.py").is_file():
+        LOG.warning("the peers of this trade-off are in the source repository only: their rows are left out")
+        return None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 def least_seconds(work: Callable[[], object], *, repeats: int = 3, processor: bool = False) -> float:

@@ -24,7 +24,7 @@ from voxgran.contacts.meshes import meshes_meet, touch_meshes
 from voxgran.contacts.model import Contacts
 from voxgran.contacts.open_surfaces import open_touch
 from voxgran.contacts.outlines import touch_disk, touch_polygons
-from voxgran.contacts.parts import has_parts, is_disk, is_one_sphere, parts_of
+from voxgran.contacts.parts import has_parts, is_disk, parts_of
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Solid
 from voxgran.contacts.spheres import sphere_contacts
@@ -159,7 +159,7 @@ def gaps_of_pairs(
 
     deepest: whether the deepest point of an overlap is searched; without, depths are lower bounds above 0, and faster.
     """
-    if all(is_one_sphere(shape.geometry) for shape in assembly.shapes):
+    if all(shape.is_sphere for shape in assembly.shapes):
         return sphere_contacts(pairs, assembly.bounding_radii)
     return _test_mixed(assembly, pairs, gap, deepest=deepest)
 
@@ -183,7 +183,7 @@ def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool) 
         some = pairs.where(simple)
         distance[simple], normal[simple], point[simple], deep = part_contacts(some, parts, gap)
         for k in np.flatnonzero(simple)[deep] if deepest else ():
-            _search(assembly, pairs, int(k), distance, normal, point)
+            _search(assembly, pairs, int(k), distance, point)
     tests = _PairTests(assembly, deepest=deepest)
     closed = np.array([is_closed_surface(geometry) for geometry in geometries], dtype=np.bool_)[assembly.shape_id]
     rest = ~simple
@@ -223,7 +223,7 @@ def relative_pose(assembly: Assembly, i: int, j: int, offset: Floats) -> tuple[F
     return back @ assembly.matrices[j] * ratio, back @ offset / assembly.scale[i]
 
 
-def _search(assembly: Assembly, pairs: Pairs, k: int, distance: Floats, normal: Floats, point: Floats) -> None:
+def _search(assembly: Assembly, pairs: Pairs, k: int, distance: Floats, point: Floats) -> None:
     """Replace the depth of a pair that lies too deep for a closed form where a search finds more."""
     stop_if_asked()
     i, j = int(pairs.i[k]), int(pairs.j[k])

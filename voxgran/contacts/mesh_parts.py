@@ -17,7 +17,7 @@ from voxgran._base.rotation import stretch_of
 from voxgran._base.tree import square_to_box
 from voxgran.contacts.convex import TOUCHING, part_size, penetration
 from voxgran.contacts.depth import deepest_of_round
-from voxgran.contacts.gjk import CONE, CYLINDER, separation, support
+from voxgran.contacts.gjk import CONE, CYLINDER, TRIANGLE, separation, support
 from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.meshes import outward
 from voxgran.contacts.parts import Parts, row_of
@@ -156,7 +156,7 @@ def distance_to_triangles(
     """Return the distance of a convex solid from a surface; write the nearest points, first that of the solid."""
     best, hit = reach, False
     stack, triangle, points = np.zeros(64, dtype=np.int64), np.zeros(13), np.zeros(9)
-    triangle[0] = 5.0
+    triangle[0] = TRIANGLE
     shift = np.zeros(3)
     depth, leaves = 1, len(low) // 2
     while depth > 0:
@@ -229,7 +229,7 @@ def depth_in_convex(
     deep, shift = False, np.zeros(3)
     stack, triangle = np.zeros(64, dtype=np.int64), np.zeros(13)
     points, trial = np.zeros(9), np.zeros(7)
-    triangle[0] = 5.0
+    triangle[0] = TRIANGLE
     depth, leaves = 1, len(low) // 2
     while depth > 0:
         depth -= 1

@@ -72,15 +72,6 @@ def is_disk(geometry: Geometry) -> bool:
     return isinstance(geometry, Outline) and geometry.kind == "disk"
 
 
-def is_one_sphere(geometry: Geometry) -> bool:
-    """Return whether a geometry is a single sphere or disk about its centroid."""
-    if isinstance(geometry, Spheres):
-        return len(geometry.radii) == 1 and not geometry.centers.any()
-    if isinstance(geometry, Primitive):
-        return geometry.kind == "sphere"
-    return isinstance(geometry, Outline) and geometry.kind == "disk" and geometry.center == (0.0, 0.0)
-
-
 def parts_of(geometries: list[Geometry]) -> Parts:
     """Return the parts of geometries in their own frames; those without parts have none.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
+from voxgran._base.graph import components
 from voxgran._base.lazy import load
 from voxgran.deformation.refined_surface import EXACT, FineSurface, SoftGrain, crossing
 from voxgran.shapes.finer import edges_of, enclosed_volume, vector_areas, vertex_normals
@@ -182,13 +183,9 @@ def _directions(grain: SoftGrain, surface: FineSurface) -> Floats:
     """
     count = len(surface.vertices)
     total = np.zeros((count, 3))
-    sparse = load("scipy.sparse")
     for k in range(len(grain.touching)):
         corners = surface.faces[_within(surface, k)]
-        joined = sparse.coo_matrix(
-            (np.ones(corners.size), (corners.ravel(), np.roll(corners, 1, axis=1).ravel())), shape=(count, count)
-        )
-        _, region = sparse.csgraph.connected_components(joined, directed=False)
+        region = components(count, corners.ravel(), np.roll(corners, 1, axis=1).ravel())
         area = np.zeros((count, 3))
         np.add.at(area, region[corners[:, 0]], vector_areas(surface.vertices, corners))
         normal = area[region] / np.maximum(np.linalg.norm(area[region], axis=1, keepdims=True), 1e-300)

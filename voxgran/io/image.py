@@ -15,7 +15,6 @@ from voxgran._base.kernels import kernel
 from voxgran._base.vtk_data import image_data, write_data
 from voxgran.lattice.grid import Grid, check_voxel_size
 from voxgran.packing.model import Packing
-from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.voxels.occupy import occupy
 
@@ -65,7 +64,9 @@ def to_image(packing: Packing, voxel_size: float, *, labels: bool | ArrayLike = 
     grid = image_grid(packing, voxel_size)
     image = np.zeros(grid.shape, dtype=np.int32)
     shifts = _shifts(packing)
-    spheres = np.array([isinstance(s.geometry, Spheres) or _is_sphere(s.geometry) for s in packing.shapes], dtype=bool)
+    spheres = np.array(
+        [isinstance(s.geometry, Spheres) or (s.is_sphere and s.dimension == 3) for s in packing.shapes], dtype=bool
+    )
     round_ones = spheres[packing.shape_id] if packing.count else np.zeros(0, dtype=bool)
     _paint_round(image, grid, packing, np.flatnonzero(round_ones), shifts)
     for grain in np.flatnonzero(~round_ones):
@@ -170,11 +171,6 @@ def save_image(
     data = image_data(array, "image", voxel_size=as_length(voxel_size, "voxel_size"), origin=(x, y, z))
     with written_whole(path, overwrite=overwrite) as draft:
         write_data("vtkXMLImageDataWriter", data, draft)
-
-
-def _is_sphere(geometry: Any) -> bool:
-    """Return whether a geometry is one sphere."""
-    return isinstance(geometry, Primitive) and geometry.kind == "sphere"
 
 
 def _shifts(packing: Packing) -> Floats:

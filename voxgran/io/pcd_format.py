@@ -1,4 +1,7 @@
-"""PCD files, the point clouds of PCL: header and points, text or binary."""
+"""PCD files, the point clouds of PCL: header and points, text or binary.
+
+Open3D writes these files and does not read them here: of a file that is cut it returns whatever the memory holds.
+"""
 
 import numpy as np
 

@@ -1,4 +1,7 @@
-"""Tables of text that hold points: columns by their names, or by what can only be meant."""
+"""Points in text tables, with columns identified by their names or, without names, by their number.
+
+The reader is not that of pandas, which fills rows that are too short with NaN instead of refusing a file that is cut.
+"""
 
 from pathlib import Path
 from typing import Any

@@ -6,12 +6,9 @@ import os
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.axes import Periodic
 from voxgran._base.errors import InputError, with_article
-from voxgran._base.files import existing_file, written_whole
-from voxgran.containers.model import Container
-from voxgran.io.particles import packing_of
-from voxgran.io.tables import CONTAINER, UNIT, read_table
+from voxgran._base.files import written_whole
+from voxgran.io.tables import CONTAINER, UNIT
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -32,7 +29,7 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
     path : path-like
         File to write. With the suffix ``.csv`` it is a table with the names of the columns in its first line and
         values parted by commas, as pandas and spreadsheets read it; else values are parted by blanks, and container
-        and unit stand in comments at the top, where :func:`load_spheres` finds them.
+        and unit stand in comments at the top, where :func:`voxgran.load` finds them.
     overwrite : bool
         Whether a file that is there may be replaced.
 
@@ -50,7 +47,7 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
     Numbers have as many digits as read back to the same bits. A ``.csv`` has no room for container and unit: give
     them when it is loaded.
     """
-    centers, radii, owner = _owned_spheres(packing)
+    centers, radii, owner = owned_spheres(packing)
     names = ["x", "y", "z", "r"] if packing.dimension == 3 else ["x", "y", "r"]
     rows, form = np.column_stack([centers[:, : len(names) - 1], radii]), ["%r"] * len(names)
     clump = np.where(np.bincount(owner, minlength=packing.count)[owner] > 1, owner, -1)
@@ -69,72 +66,7 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
             file.write(line * len(block) % tuple(block.ravel().tolist()))
 
 
-def load_spheres(
-    path: str | os.PathLike[str],
-    *,
-    container: Container | None = None,
-    unit: str | None = None,
-    periodic: Periodic | None = None,
-) -> Packing:
-    """Read spheres from text.
-
-    Parameters
-    ----------
-    path : path-like
-        One sphere a line: x, y, z, r, parted by blanks, tabs, commas or semicolons. Blank lines and what follows a
-        ``#`` are skipped. A line of names at the top says what stands where, with ``diameter`` in place of ``r`` if
-        need be, and columns of other names are ignored; without a column ``z`` the rows are disks. A fifth column of
-        whole numbers, as YADE writes it, is the clump of each sphere, below 0 for none.
-    container : Container, optional
-        What holds the spheres. Left out, it is the one in the comments that :func:`save_spheres` writes, or else the
-        box around the spheres.
-    unit : str, optional
-        Unit of the lengths; left out, the one in the comments or in brackets behind a name, or else ``"1"``.
-    periodic : str, bool or sequence, optional
-        Axes along which the box is periodic, such as ``"xy"``, as of
-        :class:`voxgran.Box`; left out, as the container says.
-
-    Returns
-    -------
-    Packing
-        Grains in the order in which their first spheres stand; the provenance says what was assumed.
-
-    Raises
-    ------
-    MissingFileError
-        If there is no such file.
-    FileFormatError
-        If a line is not a sphere or has more or fewer values than the first; the message gives its number.
-    InputError
-        If there is neither a container nor a sphere to put a box around, or `periodic` does not fit.
-    """
-    found = existing_file(path)
-    return packing_of(read_table(found), found, container=container, unit=unit, periodic=periodic)
-
-
-def spheres_of(packing: Packing) -> tuple[Floats, Floats]:
-    """Return centers (n, 3) and radii (n,) of all spheres of a packing, in the order of the grains.
-
-    Parameters
-    ----------
-    packing : Packing
-        Grains that are spheres, clumps of spheres, or disks.
-
-    Returns
-    -------
-    centers : (n, 3) ndarray of float
-    radii : (n,) ndarray of float
-
-    Raises
-    ------
-    InputError
-        If a grain is neither.
-    """
-    centers, radii, _ = _owned_spheres(packing)
-    return centers, radii
-
-
-def _owned_spheres(packing: Packing) -> tuple[Floats, Floats, Integers]:
+def owned_spheres(packing: Packing) -> tuple[Floats, Floats, Integers]:
     """Return centers, radii and grain of all spheres."""
     centers, radii, owner = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, np.int64)]
     for index in np.unique(packing.shape_id):

@@ -1,7 +1,7 @@
 """Spheres in text tables: ``x y z r``, ``x y z r clumpId`` as YADE writes them, and CSV with a header.
 
-A table is read at once where all of it is numbers; where that fails it is read line by line, and the first bad line is
-named.
+A table is read by NumPy where all of it is numbers, otherwise line by line, and the message names the first bad line.
+pandas does not replace this: it fills rows that are too short with NaN and reads no mixture of blanks and commas.
 """
 
 import json
@@ -25,45 +25,15 @@ CONTAINER, UNIT = "# container ", "# unit "
 
 #: what columns are called, in lower case and without unit, blanks and marks
 NAMES: dict[str, tuple[str, ...]] = {
-    "x": (
-        "x",
-        "xcoord",
-        "xcoordinate",
-        "posx",
-        "positionx",
-        "px",
-        "cx",
-        "centerx",
-        "points0",
-        "coordinates0",
-        "center0",
-    ),
-    "y": (
-        "y",
-        "ycoord",
-        "ycoordinate",
-        "posy",
-        "positiony",
-        "py",
-        "cy",
-        "centery",
-        "points1",
-        "coordinates1",
-        "center1",
-    ),
-    "z": (
-        "z",
-        "zcoord",
-        "zcoordinate",
-        "posz",
-        "positionz",
-        "pz",
-        "cz",
-        "centerz",
-        "points2",
-        "coordinates2",
-        "center2",
-    ),
+    axis: (
+        *(
+            form.replace("*", axis)
+            for form in ("*", "*coord", "*coordinate", "pos*", "position*", "p*", "c*", "center*")
+        ),
+        *(f"{head}{place}" for head in ("points", "coordinates", "center")),
+    )
+    for place, axis in enumerate("xyz")
+} | {
     "r": ("r", "radius", "radii", "rad"),
     "d": ("d", "diameter", "dia", "diam"),
     "clump": ("clumpid", "clump", "idclump"),

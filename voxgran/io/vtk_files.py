@@ -22,7 +22,6 @@ from voxgran._base.vtk_readers import vtk_points
 from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.io.record import Record, from_record, to_record
 from voxgran.packing.model import Packing, check_packing
-from voxgran.shapes.primitive import Primitive
 
 #: a scene with more spheres than this draws them as points with a radius, not as surfaces
 BALL_SURFACE_LIMIT = 1000
@@ -227,15 +226,10 @@ def _check_seal(path: Path) -> None:
         raise FileFormatError(f"{path} is damaged (its hash is not the one in its seal): save the packing again")
 
 
-def _is_sphere(packing: Packing) -> Any:
-    """Tell for each grain whether it is a sphere, (n,)."""
-    spheres = [isinstance(s.geometry, Primitive) and s.geometry.kind == "sphere" for s in packing.shapes]
-    return np.array([*spheres, False])[packing.shape_id]
-
-
 def _spheres_as_points(packing: Packing) -> Any:
     """Return the grains that are drawn as points: all spheres, if there are many."""
-    spheres = np.flatnonzero(_is_sphere(packing))
+    is_sphere = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
+    spheres = np.flatnonzero(is_sphere[packing.shape_id])
     return spheres if len(spheres) > BALL_SURFACE_LIMIT else spheres[:0]
 
 

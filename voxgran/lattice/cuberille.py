@@ -12,7 +12,7 @@ Processing 9(1), 1-21, doi:10.1016/0146-664X(79)90079-0
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.lazy import load
+from voxgran._base.graph import components
 
 #: part of the way to the middle of their voxels by which vertices move that are taken apart
 APART = 2.0**-10
@@ -114,5 +114,4 @@ def _fans(faces: Integers) -> Integers:
     one, two = order[0::2], order[1::2]
     # of the two faces of an edge one goes along it and the other back
     pairs = np.concatenate([np.stack([first[one], second[two]]), np.stack([second[one], first[two]])], axis=1)
-    graph = load("scipy.sparse").coo_array((np.ones(pairs.shape[1], dtype=bool), tuple(pairs)), (faces.size,) * 2)
-    return np.asarray(load("scipy.sparse.csgraph").connected_components(graph, directed=False)[1], dtype=np.int64)
+    return components(faces.size, *pairs)

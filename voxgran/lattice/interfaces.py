@@ -60,7 +60,7 @@ def fitted_surface(labels: Integers, own: Booleans, beyond: Booleans, *, smoothi
     here, there = np.where(inside, lower, upper), np.where(inside, upper, lower)
     nodes = np.column_stack(np.unravel_index(here, own.shape)) + 0.5
     way = np.column_stack(np.unravel_index(there, own.shape)) + 0.5 - nodes
-    share, slope = _crossings(labels, own, beyond, here, there, smoothing)
+    share, slope = _crossings(labels, beyond, here, there, smoothing)
     free = np.where(labels.ravel()[there] == 0, 1.0 / slope, 0.0) * ~beyond.ravel()[there]
 
     def vertices(shift: float) -> Floats:
@@ -105,7 +105,7 @@ def _cut_edges(own: Booleans) -> tuple[Integers, Integers, Integers]:
 
 
 def _crossings(
-    labels: Integers, own: Booleans, beyond: Booleans, here: Integers, there: Integers, smoothing: float
+    labels: Integers, beyond: Booleans, here: Integers, there: Integers, smoothing: float
 ) -> tuple[Floats, Floats]:
     """Return where edges are cut, as the part of the way from the grain, and how steeply its share falls there."""
     smooth, flat = load("scipy.ndimage").gaussian_filter, labels.ravel()

@@ -48,7 +48,7 @@ class PackedMask:
         return cls(np.zeros((shape[0], shape[1], -(-shape[2] // 64)), dtype=np.uint64), shape)
 
     @classmethod
-    def of(cls, mask: Booleans) -> "PackedMask":
+    def from_mask(cls, mask: Booleans) -> "PackedMask":
         """Pack an (nx, ny, nz) mask."""
         nx, ny, nz = mask.shape
         packed = cls.empty((nx, ny, nz))

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.graph import components
 from voxgran.measures.slices import cut_mesh
 from voxgran.packing.model import Packing
 from voxgran.shapes.boolean import united
-from voxgran.shapes.shells import connected
 
 #: a grain and the image in which it is looked at
 Copy = tuple[int, tuple[int, int, int]]
@@ -67,7 +67,7 @@ def _clusters(pairs: tuple[Integers, Integers, Integers], present: tuple[Integer
             if partner is not None:
                 one.append(place[i, turn])
                 two.append(partner)
-    label = connected(len(copies), np.array(one, dtype=np.int64), np.array(two, dtype=np.int64))
+    label = components(len(copies), np.array(one, dtype=np.int64), np.array(two, dtype=np.int64))
     members = np.unique(one + two).astype(np.int64)
     return [[copies[m] for m in members[label[members] == k]] for k in np.unique(label[members])]
 

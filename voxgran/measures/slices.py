@@ -11,122 +11,9 @@ doi:10.1145/360767.360802).
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, as_faces, as_floats, as_points, float_array
+from voxgran._base.arrays import Floats, float_array
 from voxgran._base.errors import InputError, shown
 from voxgran._base.kernels import kernel
-from voxgran.measures.halfspaces import cut_disks, cut_spheres
-
-
-def sphere_box_volume(centers: ArrayLike, radii: ArrayLike, *, lower: ArrayLike, upper: ArrayLike) -> Floats:
-    """Return the exact volume of each sphere inside a box along the axes.
-
-    Parameters
-    ----------
-    centers : (n, 3) array_like of float
-        Centers, in the unit of lengths.
-    radii : (n,) array_like of float
-        Radii, above 0.
-    lower, upper : (3,) array_like of float
-        Corners of the box; infinite where it is open.
-
-    Returns
-    -------
-    (n,) ndarray of float
-        Volumes, to about 1e-15 of the volume of the sphere.
-
-    Raises
-    ------
-    InputError
-        If an array has the wrong shape, a value is not finite or a radius is not above 0.
-
-    Examples
-    --------
-    >>> float(sphere_box_volume([[0, 0, 0]], [1.0], lower=[0, 0, 0], upper=[2, 2, 2])[0] * 6)
-    3.141592653589793
-    """
-    points, sizes = _spheres(centers, radii, 3)
-    low, high = as_window(lower, upper, 3)
-    return cut_spheres(points, sizes, lower=low, upper=high)
-
-
-def disk_rectangle_area(centers: ArrayLike, radii: ArrayLike, *, lower: ArrayLike, upper: ArrayLike) -> Floats:
-    """Return the exact area of each disk inside a rectangle along the axes.
-
-    Parameters
-    ----------
-    centers : (n, 2) array_like of float
-        Centers, in the unit of lengths.
-    radii : (n,) array_like of float
-        Radii, above 0.
-    lower, upper : (2,) array_like of float
-        Corners of the rectangle; infinite where it is open.
-
-    Returns
-    -------
-    (n,) ndarray of float
-        Areas, to about 1e-15 of the area of the disk.
-
-    Raises
-    ------
-    InputError
-        If an array has the wrong shape, a value is not finite or a radius is not above 0.
-    """
-    points, sizes = _spheres(centers, radii, 2)
-    low, high = as_window(lower, upper, 2)
-    return cut_disks(points, sizes, lower=low, upper=high)
-
-
-def mesh_box_volume(vertices: ArrayLike, faces: ArrayLike, *, lower: ArrayLike, upper: ArrayLike) -> float:
-    """Return the exact volume of a closed mesh inside a box along the axes.
-
-    Parameters
-    ----------
-    vertices : (n, 3) array_like of float
-        Corner points, in the unit of lengths.
-    faces : (m, 3) array_like of int
-        Triangles of a closed surface, counterclockwise seen from outside.
-    lower, upper : (3,) array_like of float
-        Corners of the box; infinite where it is open.
-
-    Returns
-    -------
-    float
-        Volume.
-
-    Raises
-    ------
-    InputError
-        If an array has the wrong shape, an index is out of range or a vertex is not finite.
-    """
-    points = as_points(vertices, "vertices")
-    triangles = points[as_faces(faces, len(points))]
-    low, high = as_window(lower, upper, 3)
-    return float(cut_mesh(triangles, np.eye(3)[None], np.zeros((1, 3)), lower=low, upper=high)[0])
-
-
-def polygon_rectangle_area(vertices: ArrayLike, *, lower: ArrayLike, upper: ArrayLike) -> float:
-    """Return the exact area of a simple polygon inside a rectangle along the axes.
-
-    Parameters
-    ----------
-    vertices : (n, 2) array_like of float
-        Corners, counterclockwise, in the unit of lengths.
-    lower, upper : (2,) array_like of float
-        Corners of the rectangle; infinite where it is open.
-
-    Returns
-    -------
-    float
-        Area.
-
-    Raises
-    ------
-    InputError
-        If an array has the wrong shape or a corner is not finite.
-    """
-    points = as_points(vertices, "vertices", dimension=2)
-    low, high = as_window(lower, upper, 2)
-    return float(cut_polygon(points, np.eye(2)[None], np.zeros((1, 2)), lower=low, upper=high)[0])
 
 
 def as_window(lower: ArrayLike, upper: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
@@ -203,15 +90,6 @@ def cut_polygon(vertices: Floats, maps: Floats, centers: Floats, *, lower: Float
         low, high = lower - centers[copy], upper - centers[copy]
         areas[copy] = _flat(work, len(vertices), low, high)
     return areas
-
-
-def _spheres(centers: ArrayLike, radii: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
-    """Check centers and radii."""
-    points = as_points(centers, "centers", dimension=dimension)
-    sizes = as_floats(radii, "radii", shape=(len(points),))
-    if len(sizes) and sizes.min() <= 0:
-        raise InputError(f"radius is {sizes.min()}: it must be above 0; change it")
-    return points, sizes
 
 
 @kernel

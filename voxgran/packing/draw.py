@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number, check_lengths
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.seeds import stream
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.model import Container, boundary_of
 from voxgran.packing.size_limits import can_fit
 from voxgran.shapes.descriptors import principal_extents
@@ -150,7 +149,7 @@ def _refuse_denser_than_lattice(
     dimension, densest = container.dimension, DENSEST[container.dimension]
     if wanted <= densest * (1 + 1e-12) or not boundary_of(container).is_flat or not len(diameter):
         return
-    spheres = all(is_one_sphere(shapes[k].geometry) for k in set(shape_id.tolist()))
+    spheres = all(shapes[k].is_sphere for k in set(shape_id.tolist()))
     volume = _volumes(shapes, shape_id, diameter).sum()
     if spheres and np.ptp(diameter) <= 1e-12 * diameter.max() and volume > densest * container.volume:
         name = "disks" if dimension == 2 else "spheres"

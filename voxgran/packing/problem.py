@@ -18,7 +18,6 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
@@ -200,7 +199,7 @@ class Problem:
             If the grain holds no center of a voxel, and those are asked for.
         """
         shape, diameter = self.shapes[self.shape_id[grain]], float(self.diameter[grain])
-        if is_one_sphere(shape.geometry):
+        if shape.is_sphere:
             orientation = np.array([1.0, 0.0, 0.0, 0.0])
         key = ("voxels", self.shape_id[grain], diameter, orientation.tobytes(), voxel_size, cover)
 

@@ -7,7 +7,6 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.model import Container, boundary_of
 from voxgran.shapes.descriptors import principal_extents
 from voxgran.shapes.model import Shape
@@ -69,7 +68,7 @@ def _longest_line(container: Container) -> float:
 
 def _length(shape: Shape) -> float:
     """Return the distance of two points of a shape that lie far from each other."""
-    if is_one_sphere(shape.geometry):
+    if shape.is_sphere:
         return shape.diameter
     points = shape.vertices
     far = points[np.linalg.norm(points, axis=1).argmax()]
@@ -85,7 +84,7 @@ def _spheres(shape: Shape) -> tuple[float, float]:
     geometry = shape.geometry
     if isinstance(geometry, Surface):
         return 0.0, 0.0
-    if is_one_sphere(geometry):
+    if shape.is_sphere:
         return shape.diameter, shape.diameter
     if isinstance(geometry, Primitive):
         sphere = _sphere_of_primitive(geometry)

@@ -17,6 +17,7 @@ from voxgran._base.arrays import (
     check_type,
 )
 from voxgran._base.errors import DirtyMeshError, InputError, shown
+from voxgran._base.graph import components
 from voxgran._base.lazy import load
 from voxgran.points.backend_open3d import without_stderr
 from voxgran.points.cloud import Cloud, Frame
@@ -234,10 +235,7 @@ def _facets(tetras: Integers) -> _Facets:
 
 def _reached(facets: _Facets, many: int, through: Booleans) -> Booleans:
     """Return which of so many tetrahedra, and at last the outside itself, are reached through passable facets."""
-    graph = load("scipy.sparse").coo_array(
-        (np.ones(int(through.sum())), (facets.one[through], facets.other[through])), shape=(many + 1, many + 1)
-    )
-    body = load("scipy.sparse.csgraph").connected_components(graph, directed=False)[1]
+    body = components(many + 1, facets.one[through], facets.other[through])
     return np.asarray(body == body[-1])
 
 

@@ -54,7 +54,7 @@ def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePo
         # from the tessellation onto the true surface, which is nearer than the error of the tessellation
         level = np.linalg.norm(places @ shape.geometry.matrix / np.array(shape.geometry.dimensions), axis=1)
         places /= level[:, None]
-    return SurfacePoints.of(places, points.spacing)
+    return SurfacePoints.from_points(places, points.spacing)
 
 
 def inner_points(shape: Shape, *, spacing: float) -> Floats:

@@ -36,7 +36,7 @@ class SurfacePoints(np.ndarray[Any, np.dtype[np.float64]]):
     spacing: float
 
     @classmethod
-    def of(cls, points: Floats, spacing: float) -> "SurfacePoints":
+    def from_points(cls, points: Floats, spacing: float) -> "SurfacePoints":
         """Return points with their spacing."""
         made = np.asarray(points, dtype=np.float64).view(cls)
         made.spacing = spacing
@@ -83,7 +83,7 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     chosen = as_count(seed, "seed", at_most=None)
     if isinstance(shape.geometry, Outline):
         points, reached = _along_outline(shape.geometry.scaled(1 / shape.diameter), wanted)
-        return SurfacePoints.of(points * shape.diameter, reached * shape.diameter)
+        return SurfacePoints.from_points(points * shape.diameter, reached * shape.diameter)
     vertices = shape.vertices / shape.diameter
     area = shape.surface_area / shape.diameter**2
     share = POISSON if method == "poisson" else UNIFORM
@@ -96,7 +96,7 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
         points, slack = _on_sphere(shape, points)
         reached = 2 * (covering_radius(points, vertices, shape.faces) + slack)
         if reached <= wanted:
-            return SurfacePoints.of(points * shape.diameter, reached * shape.diameter)
+            return SurfacePoints.from_points(points * shape.diameter, reached * shape.diameter)
         estimate = count * max(1.05, 1.03 * (reached / wanted) ** 2) + 1
     raise InputError(
         f"spacing is {spacing}: it needs more than {int(min(estimate, MOST_POINTS))} points on {shape.name!r}; "

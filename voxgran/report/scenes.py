@@ -18,7 +18,6 @@ from voxgran.points.sample import sample_surface
 from voxgran.report.colors import Coloring, coloring
 from voxgran.report.stage import MATERIAL, Picture, add_container, add_scale_bar, add_spheres, look_at, shot, stage_of
 from voxgran.shapes.model import Shape
-from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.occupy import voxelize
 
@@ -139,41 +138,14 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
     return pictures
 
 
-def render_ids(packing: Packing, *, window: tuple[int, int] = (320, 240)) -> Integers:
-    """Draw which grain is seen where: the same view as the pictures, without light.
-
-    Parameters
-    ----------
-    packing : Packing
-        Any packing of fewer than 16 million grains.
-    window : tuple of int
-        Width and height, in pixels.
-
-    Returns
-    -------
-    (height, width) ndarray of int
-        0 is background, k + 1 is grain k.
-    """
-    merged = merged_surfaces(packing, bodies=_bodies(packing))
-    label = merged.grain + 1
-    colors = np.stack([label >> 16 & 255, label >> 8 & 255, label & 255], axis=1).astype(np.uint8)
-    with stage_of(window, lit=False) as stage:
-        if len(label):
-            mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
-            mesh.cell_data["label"] = colors
-            stage.add_mesh(mesh, scalars="label", rgb=True, lighting=False)
-        look_at(stage, packing.container.mesh()[0], flat=packing.dimension == 2)
-        seen: Integers = shot(stage).astype(np.int64) @ np.array([1 << 16, 1 << 8, 1])
-    return seen
-
-
 def _picture(
     packing: Packing, grains: Integers, colors: Coloring, window: tuple[int, int], *, turn: float = 0.0
 ) -> Picture:
     """Draw some grains, the container and a scale bar."""
     values, (low, high) = colors.values, colors.limits
     look = {"cmap": COLORS, "clim": (low, high), "show_scalar_bar": False}
-    spheres = np.array([_is_sphere(shape) for shape in packing.shapes] + [False])[packing.shape_id[grains]]
+    round_ones = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
+    spheres = round_ones[packing.shape_id[grains]]
     as_points = grains[spheres] if spheres.sum() > BALL_LIMIT else grains[:0]
     as_meshes = np.setdiff1d(grains, as_points)
     with stage_of(window) as stage:
@@ -191,11 +163,6 @@ def _picture(
         return shot(stage)
 
 
-def _is_sphere(shape: Shape) -> bool:
-    """Return whether a shape is one sphere."""
-    return isinstance(shape.geometry, Primitive) and shape.geometry.kind == "sphere"
-
-
 def _bodies(packing: Packing) -> Sequence[tuple[Floats, Integers]]:
     """Return triangles that stand for each shape, as many as the picture can have."""
     most = picture_faces(packing)
@@ -208,7 +175,7 @@ def _body(shape: Shape, most: int) -> tuple[Floats, Integers]:
     Vertices are clustered with quadric error metrics (Lindstrom 2000, doi:10.1145/344779.344912): a tenth of the time
     of edge collapses, and hundreds of different shapes are common.
     """
-    if _is_sphere(shape):
+    if shape.is_sphere and shape.dimension == 3:
         level = int(np.clip(np.log(most / 20) / np.log(4), 1, 4))
         vertices, faces, _ = sphere(level)
         return vertices * shape.bounding_radius, faces

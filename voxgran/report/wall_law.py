@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.model import boundary_of
 from voxgran.packing.model import Packing
 
@@ -44,5 +43,5 @@ def law_applies(packing: Packing) -> bool:
     if boundary_of(packing.container).round_axes != 2 or packing.count < 2:
         return False
     size = packing.diameters
-    spheres = all(is_one_sphere(packing.shapes[index].geometry) for index in np.unique(packing.shape_id))
+    spheres = all(packing.shapes[index].is_sphere for index in np.unique(packing.shape_id))
     return bool(spheres and np.ptp(size) <= EQUAL * size.mean())

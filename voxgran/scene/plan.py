@@ -10,8 +10,8 @@ from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.description import REMEDIES, SceneDescription, ShapeEntry
 from voxgran.shapes.family import families
-from voxgran.shapes.files import read_surface
 from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.mesh_files import read_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_open

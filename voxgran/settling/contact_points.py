@@ -9,7 +9,6 @@ from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import gaps_of_pairs, is_closed_surface, surface_trees
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.containers.model import boundary_of
 from voxgran.shapes.mesh import Mesh
@@ -127,7 +126,7 @@ def near_walls(assembly: Assembly, reach: float) -> Touching:
     Spheres touch at one place. Of other grains each side of flat walls counts by itself, with the corners that are
     nearest to it; at other containers the point of the tessellation that is nearest.
     """
-    sphere = np.array([is_one_sphere(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)[assembly.shape_id]
+    sphere = np.array([shape.is_sphere for shape in assembly.shapes], dtype=np.bool_)[assembly.shape_id]
     found, lid = _near_container(assembly, sphere, reach), assembly.lid
     if lid is None:
         return found

@@ -190,6 +190,16 @@ class Shape:
         """Whether it is an open surface, without thickness and inside."""
         return isinstance(self.geometry, Surface)
 
+    @property
+    def is_sphere(self) -> bool:
+        """Whether it is a single sphere (in 2D a disk) about its centroid, however it is described."""
+        geometry = self.geometry
+        if isinstance(geometry, Spheres):
+            return len(geometry.radii) == 1 and not geometry.centers.any()
+        if isinstance(geometry, Primitive):
+            return geometry.kind == "sphere"
+        return isinstance(geometry, Outline) and geometry.kind == "disk" and geometry.center == (0.0, 0.0)
+
     def refuse_open(self, what: str) -> None:
         """Refuse an open surface for what needs an inside.
 

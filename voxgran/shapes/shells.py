@@ -6,19 +6,11 @@ Which shell lies in which follows from the winding numbers of the others about a
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.lazy import load
+from voxgran._base.graph import components
 from voxgran.shapes.winding import winding_numbers
 
 #: a shell with less volume than this, in its area times the diagonal of the bounding box, has none
 FLAT = 1e-12
-
-
-def connected(count: int, one: Integers, two: Integers) -> Integers:
-    """Return the number of the connected component of each of `count` nodes."""
-    sparse, graph = load("scipy.sparse"), load("scipy.sparse.csgraph")
-    links = sparse.coo_matrix((np.ones(len(one), dtype=np.int8), (one, two)), shape=(count, count))
-    label: Integers = graph.connected_components(links, directed=False)[1].astype(np.int64)
-    return label
 
 
 def half_edges(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers, Integers]:
@@ -54,7 +46,7 @@ def turned_faces(faces: Integers, vertex_count: int) -> Booleans | None:
     # each face stands twice in the graph, as it is and turned over; neighbours that agree are linked
     here = np.concatenate([one, one + m])
     there = np.concatenate([two + m * unlike, two + m * (1 - unlike)])
-    label = connected(2 * m, here, there)
+    label = components(2 * m, here, there)
     turned: Booleans = label[:m] > label[m:]
     if (label[:m] == label[m:]).any():
         return None
@@ -82,7 +74,7 @@ def count_apart(points: Floats, faces: Integers) -> int:
 def shell_labels(points: Floats, faces: Integers) -> Integers:
     """Return the number of the shell of each face; faces that share an edge lie in one shell."""
     one, two, _ = face_pairs(faces, len(points))
-    return connected(len(faces), one, two)
+    return components(len(faces), one, two)
 
 
 def shell_counts(points: Floats, faces: Integers) -> dict[str, int]:

@@ -7,8 +7,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran._base.graph import components
 from voxgran.shapes.repairing.crossing import count_crossings
-from voxgran.shapes.shells import connected, edge_faults
+from voxgran.shapes.shells import edge_faults
 from voxgran.shapes.triangles import Triangles, areas_of
 
 #: area of a triangle, in the square of its longest edge, up to which it has none
@@ -104,7 +105,7 @@ def refuse_unfit(vertices: Floats, faces: Integers, name: str) -> None:
     longest = ((triangles - np.roll(triangles, 1, axis=1)) ** 2).sum(axis=2).max(axis=1)
     flat = int((areas_of(triangles) <= NO_AREA * longest).sum())
     start, end = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
-    parts = len(np.unique(connected(len(vertices), start, end)))
+    parts = len(np.unique(components(len(vertices), start, end)))
     closed = int(edge_faults(faces, len(vertices))[0] == 0)
     rules = (
         (flat, f"{flat} faces without area", "each must be a triangle; leave them out"),

@@ -106,7 +106,7 @@ def touched_round(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
         meets = doubtful[meets_cubes(middles, stretch, curve, ends, solid.kind)]
         found = np.zeros(grid.shape, dtype=np.bool_)
         found[tuple(meets.T)] = True
-        sure.words[...] |= PackedMask.of(found).words
+        sure.words[...] |= PackedMask.from_mask(found).words
     return sure
 
 

@@ -83,7 +83,7 @@ def _outline_shares(outline: Outline, grid: Grid) -> Shares:
     middle = (np.array(outline.center) - start[:2]) / grid.voxel_size
     pixels = np.argwhere(np.ones(grid.shape[:2], dtype=np.bool_))
     share = disk_shares(pixels + 0.5 - middle, outline.radius / grid.voxel_size).reshape(grid.shape)
-    return Shares.of(_settled(share), ERROR)
+    return Shares.from_array(_settled(share), ERROR)
 
 
 def _sphere_shares(centers: Floats, radii: Floats, grid: Grid) -> Shares:

@@ -5,11 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Booleans, Floats
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 from voxgran.voxels.shares import Shares
-from voxgran.voxels.touch import BAND, near_centers
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +27,6 @@ class Voxels:
         ``"center"``: voxels whose center is in the solid; ``"touch"``: voxels whose closed cube meets the solid.
     shares : Shares or None
         Share of each voxel that is solid, where asked: cut voxels and whole runs only.
-    surface : tuple of ndarray or None
-        Vertices and faces that were voxelized, where it was a mesh.
     open_columns : int
         Columns that cross the surface into the solid more often than out of it: it has holes. 0 for clean meshes.
     doubtful_voxels : int
@@ -43,7 +40,6 @@ class Voxels:
     voxel_size: float
     cover: str = "center"
     shares: Shares | None = None
-    surface: tuple[Floats, Integers] | None = None
     open_columns: int = 0
     doubtful_voxels: int = 0
     dimension: int = 3
@@ -56,7 +52,7 @@ class Voxels:
     @cached_property
     def bits(self) -> PackedMask:
         """Voxels that are taken, a bit each."""
-        return self.taken if isinstance(self.taken, PackedMask) else PackedMask.of(self.taken)
+        return self.taken if isinstance(self.taken, PackedMask) else PackedMask.from_mask(self.taken)
 
     @cached_property
     def fraction(self) -> Floats | None:
@@ -67,11 +63,6 @@ class Voxels:
     def fraction_error(self) -> float:
         """Root mean square error of the share of cut voxels; 0 without shares."""
         return 0.0 if self.shares is None else self.shares.error
-
-    @cached_property
-    def band_voxels(self) -> int:
-        """Number of voxels whose center lies within 1e-6 voxel of the surface of a mesh."""
-        return 0 if self.surface is None else len(near_centers(*self.surface, self.grid, BAND)[0])
 
     @property
     def shape(self) -> tuple[int, int, int]:

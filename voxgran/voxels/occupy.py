@@ -1,8 +1,8 @@
 """Which voxels of a lattice a solid takes.
 
 A voxel is taken when its center is inside; a center on the surface of a mesh counts as if it lay an infinitesimal step
-further along x, y and z, so that solids that touch share no voxel. Backends that have no such rule, or compute in
-single precision, are settled near the surface by the one that has. All backends therefore give the same voxels.
+further along x, y and z, so that solids that touch share no voxel. Open3D, which has no such rule and computes in
+single precision, decides only the centers that are not near the surface. Both backends therefore give the same voxels.
 """
 
 import os
@@ -21,8 +21,9 @@ from voxgran._base.arrays import (
     as_vector,
     check_type,
 )
-from voxgran._base.errors import InputError, TooLargeError
+from voxgran._base.errors import InputError, TooLargeError, UnknownNameError
 from voxgran._base.files import as_path, refuse_to_replace, written_whole
+from voxgran._base.registry import unknown
 from voxgran._base.rotation import rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
@@ -31,17 +32,16 @@ from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.voxels.backend import backend_registry, backends
+from voxgran.voxels.backend_open3d import ROUND_OFF, open3d_inside
 from voxgran.voxels.closed_form import outline_mask, round_bits, spheres_bits, touched_round
 from voxgran.voxels.fraction import voxel_shares
 from voxgran.voxels.model import Voxels
+from voxgran.voxels.scanline import scanline_inside
 from voxgran.voxels.touch import BAND, near_centers, touched_voxels
 
-__all__ = ["backends", "occupy", "voxelize"]
-
 COVERS = ("center", "touch", "surface")
-#: the backend that is exact and fastest, and needs no library but numba
-FASTEST = "scanline"
+#: the algorithms for meshes: the first is Open3D's and serves as a cross-check of the other, which is exact and faster
+BACKENDS = ("open3d", "scanline")
 #: most voxels of one shape
 MOST_VOXELS = 2**34
 
@@ -68,9 +68,10 @@ def voxelize(
         around.
     grid : Grid, optional
         A lattice instead; what lies beyond it is left out.
-    backend : {"scanline", "vtk", "open3d"}, optional
-        Who computes, for meshes and regular solids. All give the same voxels of a mesh. Left out: scanline; and
-        round solids in closed form instead of their tessellation, as unions of spheres and outlines always are.
+    backend : {"scanline", "open3d"}, optional
+        The algorithm for meshes and regular solids; both give the same voxels of a mesh. If omitted, meshes are
+        voxelized by scanline and round solids in closed form instead of by their tessellation, as unions of spheres
+        and outlines always are.
     cover : {"center", "touch"}
         ``"center"`` takes the voxels whose center lies in the solid, ``"touch"`` those whose closed cube meets it.
         Centers on the surface: of flat faces those on the lower side (towards -x, then -y, then -z) are in, so that
@@ -107,8 +108,8 @@ def voxelize(
     Notes
     -----
     Memory at the peak: bits (1/8 byte a voxel) and 40 bytes a vertex; another such set of bits for ``"touch"``, one
-    byte a voxel for a mask, 60 bytes a voxel that the surface cuts for shares of meshes. The backend vtk holds one byte
-    a voxel, open3d some 100 MB. The volume of voxels by their centers differs from that of the solid by at most the
+    byte a voxel for a mask, 60 bytes a voxel that the surface cuts for shares of meshes. The backend open3d
+    takes some 100 MB. The volume of voxels by their centers differs from that of the solid by at most the
     volume of the voxels that the surface touches; in random poses by far less, with order 2 in the voxel size, while
     flat faces along the lattice give order 1. With shares it is exact to some 1e-13 at any voxel size.
 
@@ -130,10 +131,9 @@ def voxelize(
     lattice = lattice_of(shape, voxel_size, grid)
     bits = _occupied(shape, lattice, backend=backend, cover=cover)
     shares = voxel_shares(shape.geometry, lattice, np.zeros(3)) if fraction else None
-    surface = (shape.vertices, shape.faces) if isinstance(shape.geometry, Mesh) else None
     taken = bits if out is None else _written(bits, out, overwrite=overwrite)
     origin = np.array(lattice.origin)
-    return Voxels(taken, origin, lattice.voxel_size, cover, shares, surface, dimension=shape.dimension)
+    return Voxels(taken, origin, lattice.voxel_size, cover, shares, dimension=shape.dimension)
 
 
 def occupy(
@@ -196,12 +196,14 @@ def _occupied(
 ) -> PackedMask:
     """Return the bits of what :func:`occupy` returns."""
     as_choice(cover, "cover", COVERS)
+    if backend not in (None, *BACKENDS):
+        raise UnknownNameError(unknown("voxelization backend", backend, BACKENDS))
     shape.refuse_open("voxels")
     place = np.zeros(3) if offset is None else as_vector(offset, "offset")
     geometry = _posed(shape.geometry, as_positive(scale, "scale"), rotation)
     filled = "center" if cover == "center" else "touch"
     if isinstance(geometry, Outline):
-        return PackedMask.of(outline_mask(geometry.moved(place), grid, cover=filled))
+        return PackedMask.from_mask(outline_mask(geometry.moved(place), grid, cover=filled))
     if isinstance(geometry, Spheres):
         return spheres_bits(geometry.centers + place, geometry.radii, grid, cover=filled)
     if isinstance(geometry, Mesh):
@@ -294,19 +296,17 @@ def _occupy_mesh(vertices: Floats, faces: Integers, grid: Grid, backend: str | N
     """Return the voxels of a closed mesh."""
     if cover == "surface":
         return touched_voxels(vertices, faces, grid)
-    registry = backend_registry()
-    chosen = registry.get(backend or FASTEST)
-    inside = chosen.occupy(vertices, faces, grid)
+    inside = (open3d_inside if backend == "open3d" else scanline_inside)(vertices, faces, grid)
     if cover == "touch":
         # a center so near to the surface that a backend may err lies in a voxel that is touched
         inside.words[...] |= touched_voxels(vertices, faces, grid).words
         return inside
-    if chosen.band == 0.0:
+    if backend != "open3d":
         return inside
     size = float((vertices.max(axis=0) - vertices.min(axis=0)).max()) / grid.voxel_size
-    doubtful = near_centers(vertices, faces, grid, max(BAND, chosen.band * size))[0]
+    doubtful = near_centers(vertices, faces, grid, max(BAND, ROUND_OFF * size))[0]
     if not len(doubtful):
         return inside
-    mask, sure, where = inside.unpacked(), registry.get(FASTEST).occupy(vertices, faces, grid), tuple(doubtful.T)
+    mask, sure, where = inside.unpacked(), scanline_inside(vertices, faces, grid), tuple(doubtful.T)
     mask[where] = sure.unpacked()[where]
-    return PackedMask.of(mask)
+    return PackedMask.from_mask(mask)

@@ -10,11 +10,11 @@ the fan is closed and has whole winding numbers by columns, and those of the fan
 import warnings
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_length, as_points
 from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError
-from voxgran._base.lazy import load
+from voxgran._base.graph import components
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.mesh import Mesh
@@ -113,8 +113,7 @@ def voxelize_mesh(
             stacklevel=2,
         )
     return Voxels(
-        bits, np.array(grid.origin), grid.voxel_size, surface=(corners, triangles), open_columns=columns,
-        doubtful_voxels=doubtful,
+        bits, np.array(grid.origin), grid.voxel_size, open_columns=columns, doubtful_voxels=doubtful,
     )  # fmt: skip
 
 
@@ -148,7 +147,7 @@ def _wound(inner: Floats, faces: Integers, counts: tuple[int, int, int]) -> tupl
     """Return the voxels whose winding number, counted from below, is above 0, and the number of open columns."""
     bits, columns = PackedMask.empty(counts), 0
     for begin, numbers, total in winding_slabs(inner, faces, counts):
-        bits.words[begin : begin + len(numbers)] = PackedMask.of(numbers > 0).words
+        bits.words[begin : begin + len(numbers)] = PackedMask.from_mask(numbers > 0).words
         columns += int(np.count_nonzero(total))
     return bits, columns
 
@@ -168,7 +167,7 @@ def _voted(inner: Floats, faces: Integers, rim: Integers, counts: tuple[int, int
     doubtful = np.argwhere((votes > 0) & (votes < 6))
     if len(doubtful):
         inside[tuple(doubtful.T)] = _winding_about(inner, faces, rim, counts, doubtful) > 0.5
-    return PackedMask.of(inside), len(doubtful)
+    return PackedMask.from_mask(inside), len(doubtful)
 
 
 def _winding_about(
@@ -188,9 +187,7 @@ def _winding_about(
 
 def _fan(inner: Floats, rim: Integers) -> tuple[Floats, Integers]:
     """Return corners and triangles that close a surface: of each connected rim to the mean of its corners."""
-    sparse, graph = load("scipy.sparse"), load("scipy.sparse.csgraph")
-    links = sparse.coo_array((np.ones(len(rim)), tuple(rim.T)), shape=(len(inner), len(inner)))
-    label: NDArray[np.int32] = graph.connected_components(links, directed=False)[1]
+    label = components(len(inner), *rim.T)
     names, body = np.unique(label[rim[:, 0]], return_inverse=True)
     count = np.bincount(body, minlength=len(names))
     tips = np.stack([np.bincount(body, weights=inner[rim[:, 0], k], minlength=len(names)) / count for k in range(3)], 1)

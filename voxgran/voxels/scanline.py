@@ -15,13 +15,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import DirtyMeshError
 from voxgran._base.kernels import kernel
+from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 
 #: corner points are rounded to so many parts of a voxel, so that faces on voxel centers are there despite round-off
 FINEST = 2.0**33
 #: voxels whose winding numbers are in memory at a time
 SLAB = 2**22
+
+
+def scanline_inside(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
+    """Return the voxels of a lattice whose center lies inside a closed surface.
+
+    Raises
+    ------
+    DirtyMeshError
+        If a column of centers crosses the surface an odd number of times: it has a hole.
+    """
+    bits, odd = centers_inside((vertices - np.array(grid.origin)) / grid.voxel_size, faces, grid.shape)
+    if odd:
+        raise DirtyMeshError(
+            f"the surface leaves {odd} columns of voxels open: a solid must be closed; mend it with "
+            "voxgran.repair, or take voxgran.voxelize_mesh, which settles small holes"
+        )
+    return bits
 
 
 def centers_inside(vertices: Floats, faces: Integers, counts: tuple[int, int, int]) -> tuple[PackedMask, int]:

@@ -63,11 +63,11 @@ class Shares:
         return image
 
     @classmethod
-    def of(cls, share: Floats, error: float) -> "Shares":
+    def from_array(cls, share: Floats, error: float) -> "Shares":
         """Return the sparse form of dense shares."""
         cut = (share > 0) & (share < 1)
         nx, ny, nz = share.shape
-        whole = PackedMask.of(share >= 1)
+        whole = PackedMask.from_mask(share >= 1)
         return cls((nx, ny, nz), np.argwhere(cut).astype(np.int32), share[cut], runs_of(whole), error)
 
     @classmethod

@@ -18,11 +18,10 @@ from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.morphology import dilation
-from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.model import Shape
-from voxgran.voxels.backend import backend_registry
 from voxgran.voxels.fraction import voxel_shares
-from voxgran.voxels.occupy import FASTEST, lattice_of
+from voxgran.voxels.occupy import lattice_of
+from voxgran.voxels.scanline import scanline_inside
 from voxgran.voxels.touch import clip_levels, distance_to_triangle, scaled_normal
 
 SOURCES = ("mesh", "fraction")
@@ -213,8 +212,7 @@ def _from_triangles(vertices: Floats, faces: Integers, grid: Grid, band: float, 
     inner = (vertices - np.array(grid.origin)) / grid.voxel_size
     _spread(inner - 0.5, faces, band, values)
     np.sqrt(values, out=values)
-    bits: PackedMask = backend_registry().get(FASTEST).occupy(vertices, faces, grid)
-    np.negative(values, out=values, where=bits.unpacked())
+    np.negative(values, out=values, where=scanline_inside(vertices, faces, grid).unpacked())
 
 
 @kernel

@@ -114,8 +114,8 @@ RUN = """
 import logging, sys
 logging.basicConfig(stream=sys.stdout, level=logging.INFO, format="%(message)s")
 import numpy as np
-from voxgran.lattice.label import connected_components
-print(connected_components(np.ones((3, 3, 3), dtype=bool))[1])
+from voxgran.shapes.winding import winding_numbers
+print(winding_numbers(np.ones((1, 3, 3)), np.zeros((1, 3))))
 """
 
 

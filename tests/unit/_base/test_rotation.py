@@ -1,17 +1,14 @@
 """Quaternions, matrices and uniform sets, against SciPy."""
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
-from voxgran._base.errors import InputError
 from voxgran._base.rotation import (
     lattice_rotations,
     product,
     quaternions_of,
     random_rotations,
     rotation_matrices,
-    spread_rotations,
 )
 from voxgran._base.seeds import stream
 
@@ -33,19 +30,6 @@ def test_random_rotations_are_uniform():
     matrices = rotation_matrices(random_rotations(stream(5, "uniform"), 20000))
     assert np.abs(matrices.mean(axis=0)).max() < 0.02
     assert np.abs((matrices**2).mean(axis=0) - 1 / 3).max() < 0.02
-
-
-def test_spread_rotations_cover_better_than_random_ones():
-    def nearest(q):
-        gram = np.abs(q @ q.T)
-        np.fill_diagonal(gram, 0)
-        return 2 * np.degrees(np.arccos(gram.max(axis=1)))
-
-    spread = spread_rotations(576)
-    assert np.allclose(np.linalg.norm(spread, axis=1), 1)
-    assert nearest(spread).min() > 3 * nearest(random_rotations(stream(1, "r"), 576)).min()
-    with pytest.raises(InputError, match="count of rotations"):
-        spread_rotations(0)
 
 
 def test_lattice_rotations_are_the_group_of_the_cube():

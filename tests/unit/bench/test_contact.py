@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.bench.contact_peers import Grains, grid_moves, tree_moves
+from voxgran.bench.model import peers_of
 from voxgran.bench.tradeoffs import contact
 from voxgran.packing.control_point.first_contact import Encounter
 
@@ -16,9 +16,10 @@ def test_peers_accept_the_same_attempts():
     arrays = [state.arrays[name] for name in ("position", "orientation", "step")]
     lower, upper = (np.array(corner, dtype=float) for corner in problem.container.bounds)
     rest = {"lower": lower, "upper": upper, "distance": 2 * float(setting.extent[0, 1]), "longest": 0.05}
-    one, other = (Grains(problem.points(0, 0.3), *arrays, **rest) for _ in range(2))
+    peers = peers_of("contact")
+    one, other = (peers.Grains(problem.points(0, 0.3), *arrays, **rest) for _ in range(2))
     drawn = contact._draw_moves(np.random.Generator(np.random.Philox(1)), 20, 0.7, one.radius, 600)
-    moved = [tree_moves(one)(*drawn), grid_moves(other)(*drawn)]
+    moved = [peers.tree_moves(one)(*drawn), peers.grid_moves(other)(*drawn)]
     assert moved[0] == moved[1]
     assert 100 < moved[0] < 600
     assert np.allclose(one.position, other.position, rtol=0, atol=1e-12)

@@ -1,7 +1,7 @@
 import numpy as np
 
+from voxgran.bench.model import peers_of
 from voxgran.bench.tradeoffs.digital import measure_beds, measure_bodies, measure_spheres, walking_task
-from voxgran.bench.walk_peers import front_walk, numpy_walk, occupied
 from voxgran.packing.digital.precompute import setting_of
 from voxgran.shapes.family import make_shape
 
@@ -15,11 +15,11 @@ def test_peers_go_the_same_way():
     shape = np.array([34, 34, 34])
     sites = 1 + 9 * np.array(list(np.ndindex(3, 3, 3)))[generator.permutation(27)[:14]]
     picks, ways = generator.integers(0, len(sites), 3000), generator.integers(0, 26, 3000)
-    found = []
-    for walk in (numpy_walk(mask, steps), front_walk(mask, steps)):
-        places, grid = sites.copy(), occupied(shape, mask, sites)
+    found, peers = [], peers_of("walks")
+    for walk in (peers.numpy_walk(mask, steps), peers.front_walk(mask, steps)):
+        places, grid = sites.copy(), peers.occupied(shape, mask, sites)
         accepted = walk(grid, places, picks, ways)
-        assert np.array_equal(grid, occupied(shape, mask, places))
+        assert np.array_equal(grid, peers.occupied(shape, mask, places))
         found.append((accepted, places.tobytes()))
     assert found[0] == found[1]
     assert 0 < found[0][0] < 3000

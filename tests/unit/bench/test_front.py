@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from voxgran.bench.tradeoffs.front import measure, plain_front
+from voxgran.bench.model import peers_of
+from voxgran.bench.tradeoffs.front import measure
 
 
 def test_loose_fronts_are_as_dense_as_a_plain_one_and_dense_ones_denser():
@@ -16,7 +17,7 @@ def test_loose_fronts_are_as_dense_as_a_plain_one_and_dense_ones_denser():
 
 
 def test_the_plain_front_touches():
-    _, places = plain_front(120)
+    _, places = peers_of("front").plain_front(120)
     away = np.linalg.norm(places[:, None] - places, axis=2) + 9 * np.eye(120)
     assert away.min() == pytest.approx(1, abs=1e-9)
     assert ((np.abs(away - 1) < 1e-9).sum(axis=1) >= 3).all()

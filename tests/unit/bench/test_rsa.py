@@ -2,13 +2,13 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from voxgran._base.seeds import stream
-from voxgran.bench.addition_peers import scipy_addition
+from voxgran.bench.model import peers_of
 from voxgran.bench.tradeoffs.rsa import SATURATED, measure_proofs, measure_tries
 
 
 def test_the_plain_program_adds_at_random():
     lengths = np.array([8.0, 7.0, 6.0])
-    centers, refused = scipy_addition(lengths, 3000, seed=1)
+    centers, refused = peers_of("addition").scipy_addition(lengths, 3000, seed=1)
     assert len(centers) + refused == 3000
     assert len(cKDTree(centers, boxsize=lengths).query_pairs(1.0 - 1e-12)) == 0
     # the same places, one after the other

@@ -2,12 +2,13 @@ import numpy as np
 
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
+from voxgran.bench import model
 from voxgran.bench.model import trade_offs
 from voxgran.bench.tradeoffs.voxelize import SHARES, bench_shapes, measure_peers, measure_rows
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import sphere
-from voxgran.voxels.backend import backends
+from voxgran.voxels.occupy import BACKENDS
 
 
 def test_rows_hold_seconds_and_errors_of_each_backend():
@@ -15,10 +16,10 @@ def test_rows_hold_seconds_and_errors_of_each_backend():
     turn = random_rotations(stream(14, "turn"), 1)[0]
     shape = Shape.of(Mesh(vertices, faces), name="sphere").rotated(turn)
     rows = measure_rows([shape], (8, 32), 2)
-    assert dict(rows.sizes) == {"shape": 1, "backend": len(backends()) + 1, "resolution": 2}
+    assert dict(rows.sizes) == {"shape": 1, "backend": len(BACKENDS) + 1, "resolution": 2}
     assert (rows.seconds > 0).all()
     assert rows.attrs["calibration_seconds"] > 0
-    errors = rows.volume_error.sel(shape="sphere", backend=list(backends())).values
+    errors = rows.volume_error.sel(shape="sphere", backend=list(BACKENDS)).values
     # all backends give the same voxels, so the same errors
     assert np.ptp(errors, axis=0).max() == 0
     assert (errors[:, 1] < errors[:, 0]).all()
@@ -36,6 +37,12 @@ def test_peers_give_the_voxels_that_voxgran_gives():
     rows = measure_peers((48,))
     assert {name for _, name, _, _ in rows} >= {"PyVista mask", "VTK stencil", "Open3D ray columns", "Open3D occupancy"}
     assert all(wrong <= 2 and seconds >= 0 for _, _, seconds, wrong in rows)
+
+
+def test_without_the_source_repository_the_rows_of_peers_are_left_out(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(model, "PEERS", tmp_path)
+    assert {name for _, name, _, _ in measure_peers((16,))} == {"voxgran, bits", "voxgran, bool"}
+    assert "source repository" in caplog.text
 
 
 def test_the_trade_off_is_found_by_its_name():

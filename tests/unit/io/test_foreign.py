@@ -12,7 +12,7 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
-from voxgran.io.spheres import spheres_of
+from voxgran.io.spheres import owned_spheres
 from voxgran.shapes.spheres import Spheres
 
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
@@ -176,7 +176,9 @@ def test_clumps_of_yade_come_back_as_clumps(clumps, tmp_path):
     assert len(again.shapes) == 3
     np.testing.assert_allclose(again.volumes, clumps.volumes, rtol=1e-9)
     np.testing.assert_allclose(again.position, clumps.position, atol=1e-9)
-    np.testing.assert_allclose(np.column_stack(spheres_of(again)), np.column_stack(spheres_of(clumps)), atol=1e-9)
+    np.testing.assert_allclose(
+        np.column_stack(owned_spheres(again)[:2]), np.column_stack(owned_spheres(clumps)[:2]), atol=1e-9
+    )
     rounded = "#x_coord\ty_coord\tz_coord\tradius\tclumpId\n" + "\n".join(
         "\t".join(f"{float(word):.8g}" for word in line.split()) for line in text.splitlines() if line[0] != "#"
     )

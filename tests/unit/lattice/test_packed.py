@@ -19,7 +19,7 @@ def block(request, monkeypatch):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_what_bits_tell_is_what_the_mask_tells(shape):
     mask = stream(1, "mask").random(shape) < 0.4
-    bits = PackedMask.of(mask)
+    bits = PackedMask.from_mask(mask)
     assert bits.words.nbytes == shape[0] * shape[1] * -(-shape[2] // 64) * 8
     assert np.array_equal(bits.unpacked(), mask)
     out = np.ones(shape, dtype=bool)
@@ -42,6 +42,6 @@ def test_nothing_and_everything():
     assert nothing.face_count() == 0
     assert np.isnan(nothing.centroid()).all()
     assert [end.tolist() for end in nothing.bounds()] == [[0, 0, 0], [0, 0, 0]]
-    full = PackedMask.of(np.ones((3, 2, 64), dtype=bool))
+    full = PackedMask.from_mask(np.ones((3, 2, 64), dtype=bool))
     assert full.face_count() == 2 * (3 * 2 + 2 * 64 + 3 * 64)
     assert full.centroid().tolist() == [1.5, 1.0, 32.0]

@@ -8,16 +8,36 @@ import pytest
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.measures.slices import (
-    cut_mesh,
-    disk_rectangle_area,
-    mesh_box_volume,
-    polygon_rectangle_area,
-    sphere_box_volume,
-)
+from voxgran.measures.halfspaces import cut_disks, cut_spheres
+from voxgran.measures.slices import as_window, cut_mesh, cut_polygon
 from voxgran.shapes.tessellate import sphere, unit_box
 
 COMB = np.array([[0, 0], [4, 0], [4, 3], [3, 3], [3, 1], [1, 1], [1, 3], [0, 3]], dtype=float)
+
+
+def box_of(lower, upper):
+    """Return the corners of a box as arrays."""
+    return {"lower": np.array(lower, dtype=float), "upper": np.array(upper, dtype=float)}
+
+
+def sphere_box_volume(centers, radii, *, lower, upper):
+    """Return the volume of each sphere inside a box."""
+    return cut_spheres(np.array(centers, dtype=float), np.array(radii), **box_of(lower, upper))
+
+
+def mesh_box_volume(vertices, faces, *, lower, upper):
+    """Return the volume of a closed mesh inside a box."""
+    return cut_mesh(vertices[faces], np.eye(3)[None], np.zeros((1, 3)), **box_of(lower, upper))[0]
+
+
+def disk_rectangle_area(centers, radii, *, lower, upper):
+    """Return the area of each disk inside a rectangle."""
+    return cut_disks(np.array(centers, dtype=float), np.array(radii), **box_of(lower, upper))
+
+
+def polygon_rectangle_area(vertices, *, lower, upper):
+    """Return the area of a polygon inside a rectangle."""
+    return cut_polygon(vertices, np.eye(2)[None], np.zeros((1, 2)), **box_of(lower, upper))[0]
 
 
 def bumpy():
@@ -133,14 +153,7 @@ def test_polygons():
     assert polygon_rectangle_area(COMB, lower=[-np.inf, 2], upper=[np.inf, np.inf]) == pytest.approx(2.0, abs=1e-15)
 
 
-def test_what_is_refused():
-    with pytest.raises(InputError, match="radius is -1"):
-        sphere_box_volume([[0, 0, 0]], [-1.0], lower=[0] * 3, upper=[1] * 3)
+@pytest.mark.parametrize(("lower", "upper"), [([0, 0, 2], [1] * 3), ([0], [1] * 3), ([np.nan, 0, 0], [1] * 3)])
+def test_what_is_refused(lower, upper):
     with pytest.raises(InputError, match="window runs from"):
-        sphere_box_volume([[0, 0, 0]], [1.0], lower=[0, 0, 2], upper=[1] * 3)
-    with pytest.raises(InputError, match="window runs from"):
-        polygon_rectangle_area(COMB, lower=[0], upper=[1])
-    with pytest.raises(InputError, match="names vertex 7"):
-        mesh_box_volume(np.zeros((3, 3)), [[0, 1, 7]], lower=[0] * 3, upper=[1] * 3)
-    with pytest.raises(InputError, match="window runs from"):
-        disk_rectangle_area([[0, 0]], [1.0], lower=[np.nan, 0], upper=[1, 1])
+        as_window(lower, upper, 3)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import pyvista
 from matplotlib.colors import to_rgb
 
 from voxgran._base.rotation import rotation_matrices
@@ -10,13 +11,27 @@ from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.packing.model import Packing
 from voxgran.report import scenes
-from voxgran.report.scenes import picture_cut, picture_faces, picture_grain, picture_packing, render_ids
+from voxgran.report.scenes import picture_cut, picture_faces, picture_grain, picture_packing
 from voxgran.report.stage import BACKGROUND, look_at, shot, stage_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import sphere
 
 WINDOW = (320, 240)
+
+
+def render_ids(packing, *, window=WINDOW):
+    """Return which grain is seen in each pixel, (height, width): 0 is background, k + 1 is grain k."""
+    merged = scenes.merged_surfaces(packing, bodies=scenes._bodies(packing))
+    label = merged.grain + 1
+    colors = np.stack([label >> 16 & 255, label >> 8 & 255, label & 255], axis=1).astype(np.uint8)
+    with stage_of(window, lit=False) as stage:
+        if len(label):
+            mesh = pyvista.PolyData.from_regular_faces(merged.vertices, merged.faces)
+            mesh.cell_data["label"] = colors
+            stage.add_mesh(mesh, scalars="label", rgb=True, lighting=False)
+        look_at(stage, packing.container.mesh()[0], flat=packing.dimension == 2)
+        return shot(stage).astype(np.int64) @ np.array([1 << 16, 1 << 8, 1])
 
 
 def covered(picture, contrast=8):

@@ -13,9 +13,8 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.tessellate import unit_box
-from voxgran.voxels.backend import backends
 from voxgran.voxels.model import Voxels
-from voxgran.voxels.occupy import occupy, voxelize
+from voxgran.voxels.occupy import BACKENDS, occupy, voxelize
 from voxgran.voxels.touch import touched_voxels
 
 TURNS = random_rotations(stream(8, "turns"), 3)
@@ -36,17 +35,15 @@ def scan(data_dir):
 
 
 @pytest.mark.parametrize("turn", range(3))
-def test_all_backends_give_the_same_voxels_of_a_scan(scan, turn):
+def test_both_backends_give_the_same_voxels_of_a_scan(scan, turn):
     size = scan.diameter / 25
     grid = cube_grid(26, size)
-    masks = [occupy(scan, grid, rotation=TURNS[turn], backend=name) for name in backends()]
-    assert backends() == ("open3d", "scanline", "vtk")
+    masks = [occupy(scan, grid, rotation=TURNS[turn], backend=name) for name in BACKENDS]
     assert masks[0].sum() * size**3 == pytest.approx(scan.volume, rel=0.01)
     assert np.array_equal(masks[0], masks[1])
-    assert np.array_equal(masks[0], masks[2])
 
 
-@pytest.mark.parametrize("backend", ["open3d", "scanline", "vtk"])
+@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("nudge", [0.0, 5e-7, -5e-7, 2e-6, -2e-6, 5e-5, -5e-5])
 def test_centers_near_the_surface_are_settled_by_one_rule(backend, nudge):
     # faces at a distance of `nudge` voxels outside of centers: on the surface, those on the lower side are in
@@ -54,14 +51,13 @@ def test_centers_near_the_surface_are_settled_by_one_rule(backend, nudge):
     box = mesh_box([10 + 2 * nudge] * 3)
     voxels = voxelize(box, grid=grid, backend=backend)
     assert voxels.mask.sum() == (10 if nudge == 0 else 11 if nudge > 0 else 9) ** 3
-    assert voxels.band_voxels == (11**3 - 9**3 if abs(nudge) < 1e-6 else 0)
     if nudge == 0:
         assert np.argwhere(voxels.mask).min() == 5
         assert np.argwhere(voxels.mask).max() == 14
 
 
-@pytest.mark.parametrize("backend", ["open3d", "scanline", "vtk"])
-def test_touch_is_the_same_for_all_backends_and_closed(backend):
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_touch_is_the_same_for_both_backends_and_closed(backend):
     box = mesh_box([4.0, 4.0, 3.0])
     grid = cube_grid(5, 1.0)
     mask = occupy(box, grid, cover="touch", backend=backend)
@@ -133,7 +129,7 @@ def test_one_sphere_is_a_sphere(cover):
     assert np.array_equal(*masks)
     if cover == "center":
         # its tessellation is inscribed
-        meshed = occupy(sphere, grid, scale=0.9, offset=place, backend="vtk")
+        meshed = occupy(sphere, grid, scale=0.9, offset=place, backend="open3d")
         assert not (meshed & ~masks[0]).any()
         assert meshed.sum() > 0.97 * masks[0].sum()
 
@@ -257,8 +253,8 @@ def test_bad_input_is_refused(scan):
         voxelize(scan, voxel_size=0.0)
     with pytest.raises(InputError, match="cover"):
         voxelize(scan, voxel_size=1.0, cover="surface")
-    with pytest.raises(UnknownNameError, match="vtk"):
-        voxelize(scan, voxel_size=1.0, backend="vtkk")
+    with pytest.raises(UnknownNameError, match="scanline"):
+        voxelize(scan, voxel_size=1.0, backend="scan")
     with pytest.raises(TooLargeError, match="voxel_size"):
         voxelize(scan, voxel_size=scan.diameter * 1e-6)
     with pytest.raises(InputError, match="scale"):

@@ -189,7 +189,7 @@ def test_few_pieces_at_a_time_give_the_same(monkeypatch, data_dir):
 
 def test_sparse_and_dense_are_the_same():
     share = np.round(stream(2, "share").random((4, 5, 9)) * 3) / 3
-    sparse = Shares.of(share, 0.0)
+    sparse = Shares.from_array(share, 0.0)
     assert np.array_equal(sparse.dense(), share)
     out = np.full(share.shape, 7, dtype=np.float32)
     assert sparse.dense(out) is out

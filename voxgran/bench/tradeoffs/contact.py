@@ -9,7 +9,9 @@ spheres after the walk, and after settling.
 """
 
 import time
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,8 +21,7 @@ from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.rotation import normalized, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran.bench.contact_peers import Grains, grid_moves, tree_moves
-from voxgran.bench.model import TradeOff, calibration
+from voxgran.bench.model import TradeOff, calibration, peers_of
 from voxgran.containers.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.control_point.first_contact import Encounter
@@ -36,6 +37,8 @@ from voxgran.shapes.model import Shape
 SpeedRow: TypeAlias = tuple[str, int, str, float, float]
 #: shape, test, control points, spacing, mean and largest size of the error, largest overlap, microseconds per attempt
 AccuracyRow: TypeAlias = tuple[str, str, int, float, float, float, float, float]
+#: names of the peers
+PROGRAMS = ("SciPy cKDTree", "numba grid")
 #: spacings at which bodies of unit diameter have about 200, 600 and 2000 control points
 SPACINGS: dict[str, tuple[float, ...]] = {
     "sphere": (0.25, 0.16, 0.093),
@@ -106,13 +109,15 @@ def rate_of_test(problem: Problem, state: State) -> tuple[float, float]:
     return best, (state.counters["moves_accepted"] - before) / moves
 
 
-def rate_of_peer(name: str, problem: Problem, state: State, *, attempts: int) -> tuple[float, float]:
+def rate_of_peer(
+    peers: ModuleType, program: Callable[..., Any], problem: Problem, state: State, *, attempts: int
+) -> tuple[float, float]:
     """Return attempts per second of another program from the same places, and the share of accepted ones."""
-    setting, program = setting_of(problem, state), tree_moves if name == "SciPy cKDTree" else grid_moves
+    setting = setting_of(problem, state)
     inside = state.arrays["entered"] == 1
     lower, upper = (np.array(corner, dtype=np.float64) for corner in problem.container.bounds)
     points = problem.points(0, problem.parameters.spacing)
-    grains = Grains(
+    grains = peers.Grains(
         points, *(state.arrays[name][inside] for name in ("position", "orientation", "step")), lower=lower, upper=upper,
         distance=2 * float(setting.extent[0, 1]),
         longest=min(problem.parameters.step, 0.5 * float(setting.extent[0, 2])),
@@ -156,15 +161,18 @@ def measure_speed(shapes: dict[str, Shape], spacings: dict[str, tuple[float, ...
         Shape, control points of a grain, program, attempts per second, and share of accepted attempts.
     """
     rows: list[SpeedRow] = []
+    peers = peers_of("contact")
     for name, shape in shapes.items():
         for spacing in spacings[name]:
             for test in TESTS:
                 problem, state = moving_task(shape, spacing, test)
                 known = name, len(problem.points(0, spacing))
                 rows.append((*known, test, *rate_of_test(problem, state)))
-                if test == "kdtree":
-                    rows.append((*known, "SciPy cKDTree", *rate_of_peer("SciPy cKDTree", problem, state, attempts=400)))
-                    rows.append((*known, "numba grid", *rate_of_peer("numba grid", problem, state, attempts=2000)))
+                if peers and test == "kdtree":
+                    for program, moves, attempts in zip(
+                        PROGRAMS, (peers.tree_moves, peers.grid_moves), (400, 2000), strict=True
+                    ):
+                        rows.append((*known, program, *rate_of_peer(peers, moves, problem, state, attempts=attempts)))
     return rows
 
 
@@ -312,7 +320,8 @@ def run(folder: Path) -> tuple[Path, ...]:
         "shape,points,program,attempts_per_second,accepted,ratio_to_ckdtree,ratio_to_numba_grid,calibration_seconds"
     ]
     for shape, points, program, rate, accepted in speed:
-        ratios = ",".join(f"{rate / rates[shape, points, peer]:.1f}" for peer in ("SciPy cKDTree", "numba grid"))
+        found = [rates.get((shape, points, peer)) for peer in PROGRAMS]
+        ratios = ",".join("" if peer is None else f"{rate / peer:.1f}" for peer in found)
         rows.append(f'{shape},{points},"{program}",{rate:.0f},{accepted:.3f},{ratios},{loop:.5f}')
     table, second, third = (folder / f"contact_{name}.csv" for name in ("speed", "accuracy", "beds"))
     figure = folder / "contact.svg"
@@ -341,7 +350,7 @@ def _draw(speed: list[SpeedRow], accuracy: list[AccuracyRow], path: Path) -> Non
     """Draw rates against points on the left, errors against spacing in the middle and against time on the right."""
     figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
     left, middle, right = figure.subplots(1, 3)
-    programs = (*TESTS, "SciPy cKDTree", "numba grid")
+    programs = (*TESTS, *PROGRAMS)
     for k, program in enumerate(programs):
         for shape, style in DASHES.items():
             found = [(row[1], row[3]) for row in speed if row[0] == shape and row[2] == program]

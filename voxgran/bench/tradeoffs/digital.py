@@ -8,16 +8,17 @@ diameter and against the seconds that it took, after the walk and after settling
 """
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration
-from voxgran.bench.walk_peers import Walk, front_walk, numpy_walk, occupied
+from voxgran.bench.model import TradeOff, calibration, peers_of
 from voxgran.containers.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.digital.precompute import setting_of
@@ -97,7 +98,9 @@ def rate_of_walk(problem: Problem, state: State) -> tuple[float, float]:
     return best, (state.counters["moves_accepted"] - before) / moves
 
 
-def rate_of_peer(walk: Walk, problem: Problem, state: State, attempts: int) -> tuple[float, float]:
+def rate_of_peer(
+    walk: Callable[..., int], occupied: Callable[..., NDArray[np.int8]], problem: Problem, state: State, attempts: int
+) -> tuple[float, float]:
     """Return attempts per second and the share of accepted moves of another program, from the same places."""
     setting = setting_of(problem, state)
     mask = problem.voxels(0, setting.base[0], setting.lattice.voxel_size, cover="touch")
@@ -134,6 +137,7 @@ def measure_spheres(diameters: tuple[int, ...] = DIAMETERS, edge: int = EDGE) ->
         Edge of the lattice, shape, voxels of a grain, program, attempts per second, and share of accepted moves.
     """
     rows: list[MoveRow] = []
+    peers = peers_of("walks")
     steps = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)], dtype=np.int64) - 1
     for cells in diameters:
         problem, state = walking_task(make_shape("sphere"), cells, edge)
@@ -142,8 +146,10 @@ def measure_spheres(diameters: tuple[int, ...] = DIAMETERS, edge: int = EDGE) ->
         box = mask[np.ix_(*(mask.any(axis=tuple(k for k in range(3) if k != axis)) for axis in range(3)))]
         voxels = int(box.sum())
         known = edge, "sphere", voxels
-        rows.append((*known, "NumPy", *rate_of_peer(numpy_walk(box, steps), problem, state, 2000)))
-        rows.append((*known, "numba fronts", *rate_of_peer(front_walk(box, steps), problem, state, 100_000)))
+        if peers:
+            walk, fast = peers.numpy_walk(box, steps), peers.front_walk(box, steps)
+            rows.append((*known, "NumPy", *rate_of_peer(walk, peers.occupied, problem, state, 2000)))
+            rows.append((*known, "numba fronts", *rate_of_peer(fast, peers.occupied, problem, state, 100_000)))
         rows.append((*known, "voxgran", *rate_of_walk(problem, state)))
         turns = walking_task(make_shape("sphere"), cells, edge, schedule="sorted")
         rows.append((*known, "voxgran, sorted", *rate_of_walk(*turns)))
@@ -243,7 +249,8 @@ def _draw(moves: list[MoveRow], beds: list[BedRow], path: Path) -> None:
     for k, program in enumerate(PROGRAMS):
         for edge, style in DASHES.items():
             rates = [(row[2], row[4]) for row in moves if row[:2] == (edge, "sphere") and row[3] == program]
-            left.loglog(*zip(*rates, strict=True), f"C{k}{style}", marker="o")
+            if rates:
+                left.loglog(*zip(*rates, strict=True), f"C{k}{style}", marker="o")
     # colors tell the program, dashes the lattice
     line = load("matplotlib.lines").Line2D
     keys = [line([], [], color=f"C{k}", label=program) for k, program in enumerate(PROGRAMS)]

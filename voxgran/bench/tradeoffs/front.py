@@ -5,7 +5,6 @@ trees: what a user would write in an afternoon. The paper gives 86 seconds for 5
 machines, years and compilers differ. Seconds are those of the processor, of one thread.
 """
 
-import heapq
 import math
 import time
 from pathlib import Path
@@ -13,11 +12,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration
+from voxgran.bench.model import TradeOff, calibration, peers_of
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.model import Packing
@@ -33,8 +31,6 @@ Row: TypeAlias = tuple[str, int, float, float, float, float, float]
 REPEATS, POINTS = 3, 100_000
 COUNTS = {"large": (50_000, 500_000, 5_000_000), "loose": (50_000,), "dense": (50_000, 500_000), "disks": (1_000_000,)}
 PLAIN = 2000
-#: of the plain program: spheres between two trees
-GROVE = 200
 
 
 def seconds_of(
@@ -98,41 +94,6 @@ def residual(packing: Packing) -> float:
     return float(np.abs(gap[np.abs(gap) < 1e-11]).max(initial=0.0))
 
 
-def plain_front(count: int) -> tuple[float, Floats]:
-    """Advance the front of equal spheres of unit diameter with NumPy and SciPy; return the seconds of the processor and
-    the centers.
-
-    Parameters
-    ----------
-    count : int
-        How many spheres.
-    """
-    began, tree_of = time.process_time(), load("scipy.spatial").cKDTree
-    places = np.zeros((count, 3))
-    places[1, 0], places[2, :2] = 1.0, (0.5, 0.75**0.5)
-    middle = places[:3].mean(axis=0)
-    faces: list[tuple[float, tuple[int, int, int]]] = [(0.0, (0, 1, 2)), (0.0, (1, 0, 2))]
-    placed, planted, tree = 3, 3, tree_of(places[:3])
-    while placed < count and faces:
-        a, b, c = heapq.heappop(faces)[1]
-        p, q, s = places[a], places[b], places[c]
-        foot = (p + q + s) / 3
-        normal = np.cross(q - p, s - p)
-        normal /= np.linalg.norm(normal)
-        place = foot + np.sqrt(1.0 - ((foot - p) ** 2).sum()) * normal
-        recent = ((places[planted:placed] - place) ** 2).sum(axis=1)
-        if tree.query(place)[0] < 1 - 1e-9 or (len(recent) and recent.min() < (1 - 1e-9) ** 2):
-            continue
-        places[placed] = place
-        for face in ((a, b, placed), (b, c, placed), (c, a, placed)):
-            center = places[list(face)].mean(axis=0) - middle
-            heapq.heappush(faces, (float(center @ center), face))
-        placed += 1
-        if placed - planted == GROVE:
-            planted, tree = placed, tree_of(places[:placed])
-    return time.process_time() - began, places
-
-
 def measure(counts: dict[str, tuple[int, ...]] | None = None, *, plain: int = PLAIN) -> list[Row]:
     """Pack equal and graded grains.
 
@@ -172,7 +133,10 @@ def measure(counts: dict[str, tuple[int, ...]] | None = None, *, plain: int = PL
             whole = packing.solid_fraction if "fill" in options else np.nan
             each = seconds / packing.count * 50_000
             rows.append((name, packing.count, seconds, each, inner_fraction(packing), worst, whole))
-    seconds, places = plain_front(plain)
+    peers = peers_of("front")
+    if peers is None:
+        return rows
+    seconds, places = peers.plain_front(plain)
     sphere, edge = make_shape("sphere"), float(np.ptp(places, axis=0).max() + 2)
     shown = Packing.of([sphere], Box((edge,) * 3), position=places - places.min(axis=0) + 1)
     rows.append(

@@ -14,8 +14,7 @@ import numpy as np
 
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
-from voxgran.bench.addition_peers import scipy_addition
-from voxgran.bench.model import TradeOff, calibration
+from voxgran.bench.model import TradeOff, calibration, peers_of
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.pack import pack
@@ -69,16 +68,20 @@ def measure_tries(
         Grains at saturation, about.
     """
     rows: list[Row] = []
+    peers = peers_of("addition")
     for name in names:
         shape, room = body(name), room_for(name, count)
         volume = shape.volume / room.volume
         lengths = np.array(room.lengths)
-        scipy_addition(np.full(len(lengths), 4.0), 99)
+        if peers:
+            peers.scipy_addition(np.full(len(lengths), 4.0), 99)
         for many in tries:
             places = round(many / volume)
-            began = time.perf_counter()
-            centers, _ = scipy_addition(lengths, places)
-            rows.append((name, "SciPy", many, len(centers), time.perf_counter() - began, len(centers) * volume, 0.0))
+            if peers:
+                began = time.perf_counter()
+                centers = peers.scipy_addition(lengths, places)[0]
+                seconds = time.perf_counter() - began
+                rows.append((name, "SciPy", many, len(centers), seconds, len(centers) * volume, 0.0))
             # one coordinate after the other, as the plain program does: as many as the grains that fill the box
             options: dict[str, Any] = {"scheme": "2", "retain": "next", "tries": many}
             rows.append((name, "voxgran", many, *_timed(shape, room, 1, **options)))
@@ -144,7 +147,9 @@ def _draw(rows: list[Row], path: Path) -> None:
     for k, name in enumerate(("disk", "sphere")):
         for program, style in (("SciPy", ":"), ("voxgran", "-")):
             found = [(row[4], SATURATED[name] - row[5]) for row in rows if row[:2] == (name, program) and row[2]]
-            left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=f"{GRAINS} {name}s, {program}")
+            if found:
+                label = f"{GRAINS} {name}s, {program}"
+                left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=label)
         proof = [row[4] for row in rows if row[0] == name and not row[2] and abs(row[3] / GRAINS - 1) < 0.1]
         left.axvline(proof[0], color=f"C{k}", linestyle="--", label=f"{GRAINS} {name}s, saturated, proven")
     left.set_xlabel("seconds")

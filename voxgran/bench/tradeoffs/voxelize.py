@@ -15,14 +15,13 @@ from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, least_seconds
-from voxgran.bench.peers import voxel_peers
+from voxgran.bench.model import TradeOff, calibration, least_seconds, peers_of
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.voxels.occupy import backends, voxelize
+from voxgran.voxels.occupy import BACKENDS, voxelize
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -77,7 +76,7 @@ def measure_rows(shapes: list[Shape], resolutions: tuple[int, ...] = RESOLUTIONS
     xarray.Dataset
         Variables seconds, volume_error; attribute calibration_seconds: a fixed loop of the same run.
     """
-    names = (*backends(), SHARES)
+    names = (*BACKENDS, SHARES)
     seconds = np.zeros((len(shapes), len(names), len(resolutions)))
     errors = np.zeros_like(seconds)
     for s, shape in enumerate(shapes):
@@ -124,7 +123,7 @@ def measure_peers(sizes: tuple[int, ...] = PEER_SIZES) -> list[tuple[int, str, f
     turn = rotation_matrices(random_rotations(stream(1, "bench pose"), 1))[0]
     points: Floats = np.asarray(icosphere.points, dtype=np.float64) @ turn.T
     faces = np.ascontiguousarray(icosphere.regular_faces.astype(np.int64))
-    rows = []
+    rows, peers = [], peers_of("voxels")
     for n in sizes:
         vertices = points / np.abs(points).max() * 0.45 * n + n / 2
         shape, grid = Shape(Mesh(vertices, faces), "sphere"), Grid((0.0, 0.0, 0.0), 1.0, (n, n, n))
@@ -133,7 +132,7 @@ def measure_peers(sizes: tuple[int, ...] = PEER_SIZES) -> list[tuple[int, str, f
         rows.append((n, "voxgran, bits", packed, 0))
         unpacked = least_seconds(lambda: voxelize(shape, grid=grid).mask, repeats=9, processor=True)  # noqa: B023
         rows.append((n, "voxgran, bool", unpacked, 0))
-        for name, program in voxel_peers(vertices, faces, n).items():
+        for name, program in peers.voxel_peers(vertices, faces, n).items() if peers else ():
             if name == SLOW_PEER and n > sizes[0]:
                 continue
             wrong = int(np.count_nonzero(program() != mask))

@@ -25,7 +25,6 @@ from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.verify import verify
 from voxgran.containers.kernel_container import KernelContainer
 from voxgran.containers.model import boundary_of
@@ -301,7 +300,7 @@ def _most_attempts(problem: Problem, *, dense: bool) -> int:
 def _orientations(problem: Problem, grains: Integers) -> Floats | None:
     """Return orientations: those of the start, and random ones of all that are no spheres."""
     n = 0 if problem.start is None else problem.start.count
-    if all(is_one_sphere(shape.geometry) for shape in problem.shapes) and not n:
+    if all(shape.is_sphere for shape in problem.shapes) and not n:
         return None
     turns = stream(problem.seed, "turns").normal(size=(problem.count, 4))
     if problem.dimension == 2:

@@ -9,7 +9,6 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import philox_key
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.model import boundary_of
 from voxgran.packing.control_point.attempts import link_all, span_all
 from voxgran.packing.control_point.distance_fields import MARGIN, Fields, make_fields
@@ -189,7 +188,7 @@ def _extent(problem: Problem, bodies: Bodies) -> Floats:
     if len(reaches.values):
         stretch, limit = reaches.stretch[problem.shape_id], reaches.limit[problem.shape_id] * problem.diameter
     # spheres of a start may touch: they are compared by their centers
-    sphere = np.array([is_one_sphere(shape.geometry) for shape in problem.shapes], dtype=np.float64)[problem.shape_id]
+    sphere = np.array([shape.is_sphere for shape in problem.shapes], dtype=np.float64)[problem.shape_id]
     exact = sphere if problem.start is not None else np.zeros(problem.count)
     return np.ascontiguousarray(np.column_stack([extent[:, :3], bend, extent[:, 3], room, stretch, limit, exact]))
 
@@ -234,7 +233,7 @@ def _bodies(problem: Problem) -> Bodies:
         for k, solid in enumerate(problem.shapes):
             controls[k] = np.concatenate([controls[k], inner_points(solid, spacing=settings.spacing)])
     trees, known = make_trees(controls), controls[: len(problem.shapes)]
-    spheres = all(is_one_sphere(shape.geometry) for shape in problem.shapes)
+    spheres = all(shape.is_sphere for shape in problem.shapes)
     return Bodies(
         TESTS[settings.contact],
         settings.ways == "both",
@@ -271,7 +270,7 @@ def _cell_edge(spacing: float) -> float:
 
 def _hull(shape: Shape) -> tuple[Floats, float]:
     """Return points, (n, 3), and a room around them whose convex hull holds a shape: of a sphere, its center."""
-    if is_one_sphere(shape.geometry):
+    if shape.is_sphere:
         return np.zeros((1, 3)), shape.bounding_radius
     corners = shape.vertices[:, : shape.dimension]
     if shape.is_open:

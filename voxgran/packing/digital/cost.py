@@ -3,7 +3,6 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.model import boundary_of
 from voxgran.packing.digital.bit_columns import UNPACKED
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice
@@ -74,6 +73,6 @@ def _bytes_of_tables(problem: Problem, lattice: ContainerLattice, width: Floats,
 def _different_masks(problem: Problem) -> int:
     """Return how many sets of voxels differ; a sphere looks the same in all orientations."""
     grains = digital_kinds(problem)[1]
-    sphere = np.array([is_one_sphere(shape.geometry) for shape in problem.shapes], dtype=np.bool_)[problem.shape_id]
+    sphere = np.array([shape.is_sphere for shape in problem.shapes], dtype=np.bool_)[problem.shape_id]
     alike = np.column_stack([problem.shape_id, problem.diameter])[grains[sphere[grains]]]
     return len(np.unique(alike, axis=0)) + bases_of(problem) * int(np.count_nonzero(~sphere[grains]))

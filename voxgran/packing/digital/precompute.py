@@ -11,7 +11,6 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers, Words
 from voxgran._base.rotation import lattice_rotations, random_rotations
 from voxgran._base.seeds import philox_key, stream
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.model import boundary_of
 from voxgran.packing.digital.attempts import put
 from voxgran.packing.digital.bit_columns import (
@@ -205,7 +204,7 @@ def digital_kinds(problem: Problem) -> tuple[Integers, Integers]:
     rest = np.column_stack([problem.shape_id[n:], problem.diameter[n:]])
     if not len(rest):
         return np.arange(n, dtype=np.int64), np.arange(n, dtype=np.int64)
-    sphere = np.array([is_one_sphere(shape.geometry) for shape in problem.shapes], dtype=np.bool_)
+    sphere = np.array([shape.is_sphere for shape in problem.shapes], dtype=np.bool_)
     _, same = np.unique(rest, axis=0, return_inverse=True)
     same = same.reshape(-1)
     order = np.argsort(same, kind="stable")

@@ -38,7 +38,6 @@ from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.verify import verify
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
@@ -388,7 +387,7 @@ def _treated_as(problem: Problem) -> str:
     """Return as what grains meet."""
     if problem.parameters.aligned:
         return "boxes"
-    return "spheres" if all(is_one_sphere(shape.geometry) for shape in problem.shapes) else "bounding spheres"
+    return "spheres" if all(shape.is_sphere for shape in problem.shapes) else "bounding spheres"
 
 
 def _proof(problem: Problem, state: State) -> dict[str, Any]:

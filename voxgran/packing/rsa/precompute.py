@@ -9,7 +9,6 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import philox_key, stream
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.containers.kernel_container import FLAT, KernelContainer, kernel_container
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import Classes, make_classes
@@ -199,13 +198,13 @@ def orientations(problem: Problem, placed: Integers) -> Floats | None:
     placed : (m,) ndarray of int
         Which grains, in their order.
     """
-    spheres = all(is_one_sphere(shape.geometry) for shape in problem.shapes)
+    spheres = all(shape.is_sphere for shape in problem.shapes)
     if problem.start is None and (spheres or problem.parameters.aligned):
         return None
     orientation = np.tile([1.0, 0.0, 0.0, 0.0], (len(placed), 1))
     if not spheres and not problem.parameters.aligned:
         generator = stream(problem.seed, "orientations")
-        turned = np.array([not is_one_sphere(shape.geometry) for shape in problem.shapes])[problem.shape_id[placed]]
+        turned = np.array([not shape.is_sphere for shape in problem.shapes])[problem.shape_id[placed]]
         if problem.dimension == 3:
             orientation[turned] = random_rotations(generator, problem.count)[placed[turned]]
         else:

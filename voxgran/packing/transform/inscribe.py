@@ -10,7 +10,6 @@ from voxgran._base.arrays import Floats, as_count, as_floats
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran.contacts.parts import is_one_sphere
 from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.model import Shape, check_shapes
 
@@ -128,7 +127,7 @@ def _turns(generator: np.random.Generator, n: int, dimension: int) -> Floats:
 def _sphere_around(shape: Shape) -> tuple[float, float, float, float]:
     """Return center and radius of a sphere around a shape, nearly the smallest (Badoiu & Clarkson 2003)."""
     center, corners = np.zeros(3), shape.vertices
-    if is_one_sphere(shape.geometry):
+    if shape.is_sphere:
         return 0.0, 0.0, 0.0, shape.bounding_radius
     for step in range(1, STEPS + 1):
         center = center + (corners[np.argmax(((corners - center) ** 2).sum(axis=1))] - center) / (step + 1)

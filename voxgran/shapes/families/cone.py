@@ -4,23 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import as_positive
-from voxgran._base.config import parameter
-from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.families.cylinder import Cylinder, round_solid
+from voxgran.shapes.family import ShapeFamily
 from voxgran.shapes.model import Shape
-from voxgran.shapes.primitive import Primitive
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Cone:
-    """Parameters of a cone."""
-
-    aspect: float | None = parameter(None, doc="height over the diameter of its base; left out: 1")
-    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
-    radius: float | None = parameter(
-        None, doc="radius of its base, with height in place of aspect and diameter", unit="length"
-    )
-    height: float | None = parameter(None, doc="its height", unit="length")
+class Cone(Cylinder):
+    """Parameters of a cone: those of a cylinder."""
 
 
 def make(parameters: Cone, generator: np.random.Generator) -> Shape:
@@ -29,16 +20,9 @@ def make(parameters: Cone, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If a number is not above 0, or the size is given twice or in part, or the ratio twice.
+        As :func:`round_solid`.
     """
-    lengths = (("radius", parameters.radius), ("height", parameters.height))
-    refuse_both(parameters.diameter, lengths, aspect=parameters.aspect)
-    if parameters.radius is not None and parameters.height is not None:
-        return Shape.of(Primitive("cone", (parameters.radius, parameters.height)), name="cone")
-    if parameters.diameter is not None:
-        as_positive(parameters.diameter, "diameter")
-    ratio = 1.0 if parameters.aspect is None else as_positive(parameters.aspect, "aspect")
-    return sized(Primitive("cone", (0.5, ratio)), parameters.diameter, name="cone")
+    return round_solid("cone", parameters)
 
 
 registration = ShapeFamily(name="cone", summary="circular cone", parameters=Cone, make=make)

@@ -1,6 +1,7 @@
 """Cylinders: pellets, tablets and rods."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -29,16 +30,27 @@ def make(parameters: Cylinder, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
+        As :func:`round_solid`.
+    """
+    return round_solid("cylinder", parameters)
+
+
+def round_solid(kind: Literal["cylinder", "cone"], parameters: Cylinder) -> Shape:
+    """Return a cylinder or cone, its axis along z.
+
+    Raises
+    ------
+    InputError
         If a number is not above 0, or the size is given twice or in part, or the ratio twice.
     """
     lengths = (("radius", parameters.radius), ("height", parameters.height))
     refuse_both(parameters.diameter, lengths, aspect=parameters.aspect)
     if parameters.radius is not None and parameters.height is not None:
-        return Shape.of(Primitive("cylinder", (parameters.radius, parameters.height)), name="cylinder")
+        return Shape.of(Primitive(kind, (parameters.radius, parameters.height)), name=kind)
     if parameters.diameter is not None:
         as_positive(parameters.diameter, "diameter")
     ratio = 1.0 if parameters.aspect is None else as_positive(parameters.aspect, "aspect")
-    return sized(Primitive("cylinder", (0.5, ratio)), parameters.diameter, name="cylinder")
+    return sized(Primitive(kind, (0.5, ratio)), parameters.diameter, name=kind)
 
 
 registration = ShapeFamily(name="cylinder", summary="circular cylinder", parameters=Cylinder, make=make)

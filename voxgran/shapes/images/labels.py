@@ -235,7 +235,7 @@ def labelled_grains(
         if exact:
             bodies = split(*voxel_surface(mask))
         elif fitted:
-            bodies = _fitted(image.values, label, mask, lower, wraps, sigma)
+            bodies = _fitted(image.values, mask, lower, wraps, sigma)
         else:
             bodies = _smooth(mask, sigma)
         if len(bodies) > 1:
@@ -284,7 +284,7 @@ def _smooth(mask: Booleans, smoothing: float) -> list[tuple[Floats, Integers]]:
 
 
 def _fitted(
-    values: NDArray[Any], label: int, mask: Booleans, lower: Integers, wraps: Booleans, smoothing: float
+    values: NDArray[Any], mask: Booleans, lower: Integers, wraps: Booleans, smoothing: float
 ) -> list[tuple[Floats, Integers]]:
     """Return the bodies of a grain with a surface that its neighbours share, in voxels from its lower corner."""
     ring = int(np.ceil(3 * smoothing)) + 2

@@ -3,8 +3,8 @@
 Two triangles are convex; they overlap unless one of eleven directions separates them: the two normals and the
 nine products of their edges (separating axis theorem). The smallest overlap along these directions is how far one
 must be moved to free it. Triangles that only touch, share a corner or lie on each other in one plane have the overlap 0
-and do not count, nor does what rounding of the coordinates makes of that. The near pairs come from a tree of boxes over
-the triangles in Morton order.
+and do not count, nor does what rounding of the coordinates makes of that. The near pairs come from the box tree of the
+triangles.
 
 References
 ----------
@@ -18,6 +18,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
+from voxgran._base.tree import STACK, grow_tree
 
 #: overlap from which on two triangles count as crossing, in diagonals of the bounding box
 DEPTH = 1e-9
@@ -58,69 +59,53 @@ def _crossings(vertices: Floats, faces: Integers) -> tuple[int, Booleans]:
     diagonal = float(np.linalg.norm(high - low))
     if diagonal == 0.0:
         return 0, marked
-    points = (vertices - (low + high) / 2) / diagonal
-    triangles = points[faces]
-    order = np.argsort(_morton(triangles.mean(axis=1)), kind="stable")
-    triangles, corners = np.ascontiguousarray(triangles[order]), np.ascontiguousarray(faces[order])
-    below, above = _box_tree(triangles.min(axis=1), triangles.max(axis=1))
+    tree = grow_tree((vertices - (low + high) / 2) / diagonal, faces)
     hit = np.zeros(len(faces), dtype=np.bool_)
-    count = int(_count_crossings(triangles, corners, below, above, DEPTH, hit))
-    marked[order] = hit
+    count = int(_count_crossings(tree.corners, faces[tree.face], tree.low, tree.high, tree.start, DEPTH, hit))
+    marked[tree.face] = hit
     return count, marked
 
 
-def _morton(points: Floats) -> Integers:
-    """Return the order of points in [-0.5, 0.5]**3 along the Z curve."""
-    cells = np.clip((points + 0.5) * 2**20, 0, 2**20 - 1).astype(np.int64)
-    code = np.zeros(len(points), dtype=np.int64)
-    for bit in range(20):
-        for axis in range(3):
-            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
-    return code
-
-
-def _box_tree(low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Return the boxes of a binary tree: node k has the children 2 k and 2 k + 1, leaf i is node size + i."""
-    size = 1 << (len(low) - 1).bit_length()
-    below, above = np.full((2 * size, 3), np.inf), np.full((2 * size, 3), -np.inf)
-    below[size : size + len(low)], above[size : size + len(low)] = low, high
-    level = size
-    while level > 1:
-        half = level // 2
-        below[half:level] = np.minimum(below[level : 2 * level : 2], below[level + 1 : 2 * level : 2])
-        above[half:level] = np.maximum(above[level : 2 * level : 2], above[level + 1 : 2 * level : 2])
-        level = half
-    return below, above
-
-
 @kernel
-def _count_crossings(triangles, faces, below, above, depth, hit):  # type: ignore[no-untyped-def]
-    """Walk the tree for each triangle, test the later ones whose boxes overlap, mark those that cross."""
-    size = len(below) // 2
-    stack = np.empty(128, dtype=np.int64)
-    count = 0
+def _count_crossings(triangles, faces, low, high, start, depth, hit):  # type: ignore[no-untyped-def]
+    """Search the tree for each triangle, test the later ones whose boxes overlap, mark those that cross."""
+    stack = np.empty(STACK, dtype=np.int64)
+    count, parents = 0, len(low) // 2
+    least, most = np.empty(3), np.empty(3)
     for i in range(len(triangles)):
-        low, high = below[size + i], above[size + i]
-        stack[0] = 1
-        top = 1
+        for axis in range(3):
+            least[axis] = min(triangles[i, 0, axis], triangles[i, 1, axis], triangles[i, 2, axis])
+            most[axis] = max(triangles[i, 0, axis], triangles[i, 1, axis], triangles[i, 2, axis])
+        stack[0], top = 0, 1
         while top > 0:
             top -= 1
             node = stack[top]
-            apart = False
+            apart = start[node, 1] <= i + 1
             for axis in range(3):
-                if below[node, axis] > high[axis] or above[node, axis] < low[axis]:
-                    apart = True
+                apart |= low[node, axis] > most[axis] or high[node, axis] < least[axis]
             if apart:
                 continue
-            if node < size:
-                stack[top], stack[top + 1] = 2 * node, 2 * node + 1
+            if node < parents:
+                stack[top], stack[top + 1] = 2 * node + 1, 2 * node + 2
                 top += 2
-            elif node - size > i:
-                j = node - size
-                if _shared(faces, i, j) < 2 and _is_crossing(triangles[i], triangles[j], depth):
+                continue
+            for j in range(max(start[node, 0], i + 1), start[node, 1]):
+                if not _is_near(triangles[j], least, most) or _shared(faces, i, j) >= 2:
+                    continue
+                if _is_crossing(triangles[i], triangles[j], depth):
                     count += 1
                     hit[i] = hit[j] = True
     return count
+
+
+@kernel
+def _is_near(triangle, low, high):  # type: ignore[no-untyped-def]
+    """Return whether the bounding box of a triangle meets a box."""
+    for axis in range(3):
+        a, b, c = triangle[0, axis], triangle[1, axis], triangle[2, axis]
+        if min(a, b, c) > high[axis] or max(a, b, c) < low[axis]:
+            return False
+    return True
 
 
 @kernel

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_faces
 from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran._base.graph import components
 from voxgran._base.lazy import load
 from voxgran.shapes.repairing.crossing import count_crossings
-from voxgran.shapes.shells import connected, count_apart, count_flipped, edge_faults, shell_counts
+from voxgran.shapes.shells import count_apart, count_flipped, edge_faults, shell_counts
 
 #: vertices nearer than this many diagonals of the bounding box are one
 WELD = 1e-12
@@ -285,7 +286,7 @@ def _near(points: Floats, weld: float) -> tuple[Integers, Integers] | None:
     pairs = load("scipy.spatial").cKDTree(points).query_pairs(reach, output_type="ndarray")
     if not len(pairs):
         return None
-    label = connected(len(points), pairs[:, 0], pairs[:, 1])
+    label = components(len(points), pairs[:, 0], pairs[:, 1])
     first = np.unique(label, return_index=True)[1]
     order = np.argsort(first, kind="stable")
     place = np.empty(len(first), dtype=np.int64)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.shapes.boolean import united
+from voxgran.shapes.mesh_files import read_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.bodies import outward, shells_of, split, without_flat
 from voxgran.shapes.repairing.crossing import crossing_faces
@@ -130,8 +131,6 @@ def repair(
     if isinstance(source, Shape) and not source.is_open:
         return Repair(shapes=(source,), sentences=(), volume_before=source.volume, volume=source.volume)
     if isinstance(source, str | os.PathLike):
-        from voxgran.shapes.files import read_surface
-
         source, faces = read_surface(source)
     if faces is None:
         if not hasattr(source, "vertices") or not hasattr(source, "faces"):

@@ -1,8 +1,8 @@
 """Open3D: occupancy of the voxel centers by ray casting.
 
-Ray casting is in single precision; the body is therefore centered and brought to size 1, and several rays vote. The
-rays differ little, so that all of them may pass through the same edge and be miscounted: the body is turned to where no
-edge of a regular body lies in their direction, and what is near to the surface is settled elsewhere (`band`).
+Ray casting is in single precision, so the body is centered and scaled to size 1, and the majority of several rays
+decides. The rays differ little, and all of them may pass through the same edge and be miscounted: the body is rotated
+so that no edge of a regular body lies in their direction, and the caller decides voxels near the surface (`ROUND_OFF`).
 """
 
 import numpy as np
@@ -12,17 +12,18 @@ from voxgran._base.lazy import load
 from voxgran._base.rotation import normalized, rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
-from voxgran.voxels.backend import Backend
 
-#: points asked at once: bounds the memory
+#: number of points in a query, which limits the memory
 POINTS = 2_000_000
-#: rays that vote on each point; with one ray signs are sometimes wrong
+#: number of rays for each point; with one ray the result is sometimes wrong
 RAYS = 5
+#: distance from the surface, relative to the size of the body, within which a result may be wrong
+ROUND_OFF = 1e-4
 #: a rotation without symmetry
 TURN = (0.877, 0.262, -0.371, 0.159)
 
 
-def occupy(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
+def open3d_inside(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
     """Return the voxels whose center lies inside."""
     open3d = load("open3d")
     turn = rotation_matrices(normalized(np.array([TURN])))[0].T
@@ -37,8 +38,5 @@ def occupy(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
     for begin in range(0, grid.shape[0], thick):
         slab = np.stack(np.meshgrid(x[begin : begin + thick], y, z, indexing="ij"), axis=-1) @ turn
         votes = scene.compute_occupancy(open3d.core.Tensor(slab.astype(np.float32)), nsamples=RAYS)
-        bits.words[begin : begin + thick] = PackedMask.of(votes.numpy() > 0.5).words
+        bits.words[begin : begin + thick] = PackedMask.from_mask(votes.numpy() > 0.5).words
     return bits
-
-
-registration = Backend(name="open3d", summary="Open3D's ray casting, several rays a voxel", occupy=occupy, band=1e-4)
