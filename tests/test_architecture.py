@@ -37,7 +37,7 @@ ARROWS["measures"] = ARROWS["deform"] | {"deform"}
 ARROWS["io"] = ARROWS["measures"] | {"measures"}
 ARROWS["report"] = ARROWS["io"] | {"io"}
 ARROWS["scene"] = ARROWS["report"] | {"report"}
-ARROWS["study"] = ARROWS["bench"] = ARROWS["scene"] | {"scene"}
+ARROWS["study"] = ARROWS["bench"] = ARROWS["testing"] = ARROWS["scene"] | {"scene"}
 #: the files outside of all rooms: they may import every room
 OPEN = {"__init__", "__main__", "cli"}
 
