@@ -1,0 +1,57 @@
+"""Kills a run at given moments, in a process of its own: a script for the tests of packing methods."""
+
+import os
+import pickle
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from voxgran.packing import driver
+from voxgran.packing.pack import prepare_task
+
+
+def kill_and_resume(request: dict[str, Any], checkpoint: Path, shares: list[float], chunk: int | None) -> None:
+    """Kill a run after each of some shares of its whole time, resuming it each time, and at last let it end.
+
+    Parameters
+    ----------
+    request : dict
+        Arguments of :func:`prepare_task`.
+    checkpoint : Path
+        The checkpoint.
+    shares : list of float
+        When to kill, in times of a whole run.
+    chunk : int or None
+        Attempts per chunk; None adapts it to the clock.
+    """
+    driver.CHECKPOINT_SECONDS = 0.0
+    seconds = 0.0
+    # the first run loads all kernels, so that no kill is spent on that
+    for _ in range(2):
+        began = time.monotonic()
+        _run(request, driver.Drive())
+        seconds = time.monotonic() - began
+    how = driver.Drive(checkpoint=checkpoint, resume=True, chunk=chunk)
+    for share in shares:
+        child = os.fork()
+        if not child:
+            try:
+                _run(request, how)
+            finally:
+                os.kill(os.getpid(), signal.SIGKILL)
+        time.sleep(share * seconds)
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    _run(request, how)
+
+
+def _run(request: dict[str, Any], how: driver.Drive) -> None:
+    """Run a request to its end."""
+    task = prepare_task(**request)
+    driver.drive(task.method, task.problem, how)
+
+
+if __name__ == "__main__":
+    kill_and_resume(**pickle.load(sys.stdin.buffer))

@@ -1,0 +1,275 @@
+"""What every packing method must keep, as a class of tests to derive from."""
+
+import pickle
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+
+from voxgran._base.errors import GrainTooLargeError, InputError
+from voxgran._base.stopping import Stopped, stopping_when
+from voxgran.contacts.verify import verify
+from voxgran.containers.box import Box
+from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
+from voxgran.packing.driver import Drive, drive
+from voxgran.packing.method import State
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import Task, pack, prepare_task
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.model import Shape
+from voxgran.shapes.sizes import lognormal
+
+#: interruptions of one run, at most
+MOST_STOPS = 40
+
+
+class PackingMethodSuite:
+    """Tests of one packing method; derive from it in a test file and name the method.
+
+    A run of the default scene should take less than a second, since about thirty are made: choose `parameters` so. A
+    test that a method cannot pass for a good reason is switched off by ``test_... = None`` in the derived class.
+
+    Attributes
+    ----------
+    method : str
+        Name under which the method is registered.
+    parameters : mapping
+        Parameters of the method that make runs short; all others have their defaults.
+    count : int
+        How many grains the default scene has.
+    takes_start : bool
+        Whether the method packs around the grains of a start. Where it doesn't, it must refuse a start.
+    shortened : mapping of str to int
+        Constants, such as ``"my_package.cubic.SITES_AT_ONCE"``, that decide how much is done between two calls of
+        :func:`~voxgran._base.stopping.stop_if_asked`, with the small values that they get while a run is interrupted
+        again and again. No result may depend on them.
+
+    Examples
+    --------
+    >>> from voxgran.testing import PackingMethodSuite
+    >>> class TestRsa(PackingMethodSuite):
+    ...     method = "rsa"
+    """
+
+    method: ClassVar[str] = ""
+    parameters: ClassVar[Mapping[str, Any]] = {}
+    count: ClassVar[int] = 10
+    takes_start: ClassVar[bool] = True
+    shortened: ClassVar[Mapping[str, int]] = {}
+    _kept: ClassVar[Packing]
+
+    @classmethod
+    def shapes(cls) -> list[Shape]:
+        """Return the shapes of the default scene: a box and a sphere."""
+        return [make_shape("box", lengths=(1.1, 0.9, 0.7)), make_shape("sphere")]
+
+    @classmethod
+    def container(cls) -> Container:
+        """Return the container of the default scene: a box, periodic along x."""
+        return Box((3.5, 3.5, 4), "x")
+
+    @classmethod
+    def request(cls, *, count: int | None = None, seed: int = 1) -> dict[str, Any]:
+        """Return what is asked of :func:`prepare_task`: lognormal sizes and the numbers given."""
+        return {
+            "shapes": cls.shapes(),
+            "container": cls.container(),
+            "method": cls.method,
+            "count": cls.count if count is None else count,
+            "solid_fraction": None,
+            "sizes": lognormal(0.8, 0.2),
+            "weights": None,
+            "weights_by": "number",
+            "seed": seed,
+            "parameters": dict(cls.parameters),
+        }
+
+    @classmethod
+    def task(cls, *, count: int | None = None, seed: int = 1) -> Task:
+        """Return the default scene, ready to be packed."""
+        return prepare_task(**cls.request(count=count, seed=seed))
+
+    @classmethod
+    def run(cls, *, chunk: int | None = None, seed: int = 1) -> Packing:
+        """Return the packing of the default scene, made in chunks of so many attempts."""
+        return _packed(cls.task(seed=seed), Drive(chunk=chunk))
+
+    @classmethod
+    def packing(cls) -> Packing:
+        """Return the packing of the default scene, made once for all tests."""
+        if "_kept" not in cls.__dict__:
+            cls._kept = cls.run()
+        return cls._kept
+
+    def test_true_shapes_do_not_overlap_or_escape(self) -> None:
+        """Grains of the default scene overlap neither each other nor a wall."""
+        packing = self.packing()
+        assert packing.count > 0
+        proof = verify(packing)
+        assert proof.escaped == 0
+        assert proof.ok, proof.summary()
+
+    @pytest.mark.parametrize("chunk", [7, 1000])
+    def test_results_do_not_depend_on_the_chunk(self, chunk: int) -> None:
+        """The packing has the same bits however many attempts are made in one call."""
+        assert bits_of(self.run(chunk=chunk)) == bits_of(self.packing())
+
+    def test_single_attempts_give_the_same(self) -> None:
+        """Chunks of one attempt, over the first 600 only: all of them would take too long."""
+        states = []
+        for chunk in (1, 600):
+            task = self.task()
+            state = task.method.prepare(task.problem)
+            while state.done < 600 and not state.stop_reason:
+                state = task.method.advance(task.problem, state, min(chunk, 600 - state.done))
+            states.append(contents_of(state))
+        assert states[0] == states[1]
+
+    def test_same_seed_same_bits_other_seed_others(self) -> None:
+        """The seed decides the packing, to the last bit."""
+        assert bits_of(self.run()) == bits_of(self.packing())
+        assert bits_of(self.run(seed=2)) != bits_of(self.packing())
+
+    def test_no_grains(self) -> None:
+        """A packing of no grains is a packing."""
+        packing = pack(self.shapes(), self.container(), method=self.method, count=0, **self.parameters)
+        assert packing.count == 0
+        assert verify(packing).ok
+        assert packing.solid_fraction == 0
+
+    def test_a_grain_larger_than_the_container(self) -> None:
+        """Grains of which none fits are refused."""
+        with pytest.raises(GrainTooLargeError, match="none can fit"):
+            pack(make_shape("sphere"), Box((3, 3, 0.5)), method=self.method, count=3, **self.parameters)
+
+    def test_periodic_grains_wrap(self) -> None:
+        """Nothing is lost at a periodic face: moved by half of each periodic length, the packing is still valid."""
+        packing = self.packing()
+        (lower, upper), periodic = packing.container.bounds, packing.container.periodic
+        moved = Packing.of(
+            packing.shapes,
+            packing.container,
+            position=packing.position + np.where(periodic, (upper - lower) / 2, 0.0),
+            scale=packing.scale,
+            shape_id=packing.shape_id,
+            orientation=packing.orientation,
+        )
+        assert verify(moved).ok == verify(packing).ok
+
+    def test_no_attempts_change_nothing(self) -> None:
+        """A call with no attempts makes what follows from the problem and leaves the state as it is."""
+        task = self.task()
+        state = task.method.prepare(task.problem)
+        before = contents_of(state)
+        state = task.method.advance(task.problem, state, 0)
+        assert contents_of(state) == before
+        assert not state.stop_reason
+
+    def test_stopped_at_any_look_it_goes_on_to_the_same_bits(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """What was begun is lost and nothing else, whether the state is kept in memory or read from a checkpoint."""
+        task, again = self.task(), self.task()
+        whole = drive(task.method, task.problem, Drive(chunk=200))
+        for name, value in self.shortened.items():
+            monkeypatch.setattr(name, value)
+        state, stops = _often_stopped(again)
+        assert contents_of(state) == contents_of(whole)
+        self.check_stops(stops)
+
+    def check_stops(self, stops: int) -> None:
+        """Check how often the run was interrupted; here any number will do."""
+
+    def test_killed_and_resumed_to_the_same_bits(self, tmp_path: Path) -> None:
+        """SIGKILL at random moments, also while a checkpoint is being written, until it comes through."""
+        shares = np.random.Generator(np.random.Philox(3)).uniform(0.05, 0.6, 4).tolist()
+        again = self.killed_and_resumed(tmp_path / "checkpoint", shares)
+        assert bits_of(again) == bits_of(self.packing())
+        # what was killed holds no lock, and what came through removed its own
+        assert [file.name for file in tmp_path.iterdir()] == ["checkpoint"]
+
+    @classmethod
+    def killed_and_resumed(
+        cls, checkpoint: Path, shares: list[float], *, count: int | None = None, chunk: int | None = 200
+    ) -> Packing:
+        """Return the packing of a run that is killed after some shares of its whole time, and then comes through."""
+        asked = {"request": cls.request(count=count), "checkpoint": checkpoint, "shares": shares, "chunk": chunk}
+        command = [sys.executable, "-m", "voxgran.testing.kill"]
+        subprocess.run(command, input=pickle.dumps(asked), check=True, timeout=1200)
+        return _packed(cls.task(count=count), Drive(checkpoint=checkpoint, resume=True, chunk=chunk))
+
+    def test_a_start_stays_in_order_and_goes_on(self) -> None:
+        """Spheres on a lattice that touch stay and come first; then the method goes on from a packing of its own."""
+        ticks = np.arange(3) + 0.5
+        lattice = np.array(np.meshgrid(ticks, ticks, ticks[:2])).reshape(3, -1).T
+        box = Box((3.5, 3.5, 6), "x")
+        foreign = Packing.of([make_shape("sphere", diameter=0.9)], box, position=lattice)
+        if not self.takes_start:
+            with pytest.raises(InputError, match="start"):
+                pack([], box, method=self.method, start=foreign, **self.parameters)
+            return
+        found = pack([], box, method=self.method, start=foreign, seed=3, **self.parameters)
+        assert found.count == len(lattice)
+        assert found.diameters == pytest.approx(0.9)
+        assert verify(found).ok
+        again = pack([], box, method=self.method, start=foreign, seed=3, **self.parameters)
+        assert bits_of(again) == bits_of(found)
+        more = pack(make_shape("cone"), box, method=self.method, start=found, count=2, seed=3, **self.parameters)
+        assert more.count == len(lattice) + 2
+        assert more.shape_id[-2:].tolist() == [1, 1]
+        assert verify(more).ok
+        assert more.provenance["asked"]["start"]["count"] == len(lattice)
+
+    def test_a_start_that_has_no_place_is_refused(self) -> None:
+        """A start that does not fit, or of another dimension, is refused, by the number of its grain."""
+        spheres = Packing.of([make_shape("sphere")], Box((9, 9, 9)), position=[(1, 1, k + 0.5) for k in range(4)])
+        words = "grain 3 of start finds no place" if self.takes_start else "start"
+        with pytest.raises(InputError, match=words):
+            pack([], Box((1.6, 1.6, 3.95)), method=self.method, start=spheres, **self.parameters)
+        flat = Packing.of([make_shape("disk")], Rectangle((9, 9)), position=[(1, 1, 0)])
+        with pytest.raises(InputError, match="start has dimension 2"):
+            pack([], Box((3, 3, 3)), method=self.method, start=flat, **self.parameters)
+
+
+def bits_of(packing: Packing) -> bytes:
+    """Return the poses, sizes and shapes of all grains as bytes."""
+    parts = (packing.position, packing.orientation, packing.scale, packing.shape_id)
+    return b"".join(array.tobytes() for array in parts)
+
+
+def contents_of(state: State) -> tuple[Any, ...]:
+    """Return all that a checkpoint holds."""
+    arrays = {name: (array.dtype, array.shape, array.tobytes()) for name, array in state.arrays.items()}
+    return arrays, dict(state.counters), state.done, state.total, state.stop_reason
+
+
+def _packed(task: Task, how: Drive) -> Packing:
+    """Return the packing of a task."""
+    return task.method.finish(task.problem, drive(task.method, task.problem, how))
+
+
+def _often_stopped(task: Task) -> tuple[State, int]:
+    """Return the last state of a run that was interrupted again and again, and how often it was."""
+    looks, stops, wait = 0, 0, 1
+
+    def is_time() -> bool:
+        nonlocal looks
+        looks += 1
+        return stops < MOST_STOPS and looks % wait == 0
+
+    state = task.method.prepare(task.problem)
+    while not state.stop_reason:
+        before = state.done
+        try:
+            with stopping_when(is_time):
+                state = task.method.advance(task.problem, state, 200)
+        except Stopped:
+            stops += 1
+            if stops % 10 == 0:
+                state.derived = {}
+        # as long as nothing comes of it, later and later
+        wait = wait + 1 if state.done == before else max(1, wait // 2)
+    return state, stops
