@@ -1,4 +1,4 @@
-"""How far a clump is from what it stands for."""
+"""Errors of a clump relative to its solid."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from voxgran.voxels.model import Voxels
 
 #: spacing of the points at which distances are taken, in equivalent diameters
 SPACING = 0.05
-#: points on all spheres together; those inside other spheres are left out
+#: number of points on all spheres together, before those inside other spheres are removed
 SPHERE_POINTS = 20_000
 
 
@@ -38,7 +38,7 @@ def clump_errors(voxels: Voxels, shape: Shape, spheres: Spheres) -> ClumpErrors:
     """
     mask = spheres_bits(spheres.centers, spheres.radii, voxels.grid, cover="center").unpacked()
     both, either = int((mask & voxels.mask).sum()), int((mask | voxels.mask).sum())
-    # each voxel at the surface is right or wrong by chance: the errors add up as the root of their number
+    # the errors of the voxels at the surface are independent: their sum grows with the root of their number
     rim = voxels.mask ^ load("scipy.ndimage").binary_erosion(voxels.mask)
     inertia = np.linalg.norm(spheres.inertia - shape.inertia) / np.linalg.norm(shape.inertia)
     near = _surface_gaps(shape, spheres)
@@ -54,7 +54,7 @@ def clump_errors(voxels: Voxels, shape: Shape, spheres: Spheres) -> ClumpErrors:
 
 
 def _surface_gaps(shape: Shape, spheres: Spheres) -> Floats:
-    """Return the distances of points of each surface from the other, of both surfaces as many."""
+    """Return the distances of points on each surface from the other, with equally many points on both."""
     body = np.array(sample_surface(shape, spacing=SPACING * shape.diameter, method="uniform"))
     rim = _exposed_points(spheres)
     there = _distances_from_union(body, spheres, rim)
@@ -66,8 +66,9 @@ def _surface_gaps(shape: Shape, spheres: Spheres) -> Floats:
 def _distances_from_union(points: Floats, spheres: Spheres, rim: Floats) -> Floats:
     """Return the distances of points from the surface of a union of spheres.
 
-    Outside the nearest sphere is exact. Inside nothing is nearer than the way out of the sphere that holds the point
-    deepest; where that way ends in another sphere, the nearest of the points on the surface counts.
+    Outside the union the distance from the nearest sphere is exact. Inside, the shortest exit from the sphere that
+    contains the point most deeply is a lower bound, which is exact if it ends outside all other spheres; otherwise the
+    distance from the nearest point of `rim` is used.
     """
     gap, owner = _gaps(points, spheres)
     inside = np.flatnonzero(gap < 0)
@@ -83,14 +84,14 @@ def _distances_from_union(points: Floats, spheres: Spheres, rim: Floats) -> Floa
 
 
 def _thinned(values: Floats, count: int) -> Floats:
-    """Return as many of the values, evenly chosen, the largest among them."""
+    """Return `count` of the values, evenly chosen and including the largest."""
     chosen = values[np.linspace(0, len(values) - 1, count).astype(np.int64)]
     chosen[0] = values.max()
     return chosen
 
 
 def _exposed_points(spheres: Spheres) -> Floats:
-    """Return points on the spheres, equally dense, that lie in no other sphere."""
+    """Return points on the spheres, at equal density, that lie in no other sphere."""
     areas = spheres.radii**2
     counts = np.ceil(SPHERE_POINTS * areas / areas.sum()).astype(np.int64)
     rim = np.concatenate([c + r * _spiral(n) for c, r, n in zip(spheres.centers, spheres.radii, counts, strict=True)])
@@ -98,7 +99,7 @@ def _exposed_points(spheres: Spheres) -> Floats:
 
 
 def _gaps(points: Floats, spheres: Spheres) -> tuple[Floats, Integers]:
-    """Return the distance of each point from the nearest or deepest sphere, negative inside, and which one it is."""
+    """Return the signed distance of each point from the union (negative inside) and the index of the sphere."""
     gap, owner = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
     _find_gaps(np.ascontiguousarray(points), spheres.centers, spheres.radii, gap, owner)
     return gap, owner
@@ -114,7 +115,7 @@ def _spiral(count: int) -> Floats:
 
 @kernel
 def _find_gaps(points, centers, radii, gap, owner):  # type: ignore[no-untyped-def]
-    """Lower each gap to the distance from the nearest sphere."""
+    """Fill `gap` with the smallest signed distance from a sphere and `owner` with the sphere's index."""
     for p in range(len(points)):
         for s in range(len(radii)):
             dx, dy, dz = points[p, 0] - centers[s, 0], points[p, 1] - centers[s, 1], points[p, 2] - centers[s, 2]

@@ -22,9 +22,9 @@ __all__ = ["clump_methods", "fit_clump"]
 
 #: voxels per equivalent diameter at which a shape is voxelized
 RESOLUTION = 64
-#: most spheres where nothing else stops the fit, and where something does
+#: largest number of spheres without any other stopping rule, and with one
 DEFAULT_SPHERES, MOST_SPHERES = 100, 100_000
-#: width of the filter that makes a smooth surface of voxels, in voxels
+#: width of the smoothing filter for surfaces of voxels, in voxels
 SMOOTHING = 0.7
 
 
@@ -37,24 +37,23 @@ def fit_clump(
     tolerance: float | None = None,
     **parameters: Any,
 ) -> Clump:
-    """Fit a clump of spheres.
+    """Fit a clump of overlapping spheres to a solid.
 
     Parameters
     ----------
     shape_or_voxels : Shape or Voxels
-        What the clump shall stand for; three-dimensional.
+        Solid to approximate; three-dimensional.
     method : str, optional
-        Name of a clump method; left out: ``"inscribed"``.
+        Name of a clump method. Default: ``"inscribed"``.
     max_spheres : int, optional
-        Most spheres; left out: 100, or as many as the target or the tolerance takes.
+        Largest number of spheres. Default: 100, or 100 000 if `target` or `tolerance` is given.
     target : float, optional
-        Wanted volume of the intersection over that of the union, by voxel centers (``errors.iou``); the fit stops when
-        it is reached.
+        Intersection over union by voxel centers (``errors.iou``) at which the fit stops, in (0, 1]. Default: 1.
     tolerance : float, optional
-        Distance, in equivalent diameters, up to which the solid may stick out of the clump: no sphere is added for
-        less.
+        Largest distance, in equivalent diameters, of the solid from the clump at which the fit stops. Default: 0, no
+        such limit.
     **parameters
-        Parameters of the method.
+        Parameters of the method; `voxgran methods` lists them.
 
     Returns
     -------
@@ -87,7 +86,7 @@ def fit_clump(
 
 
 def _both(given: Shape | Voxels) -> tuple[Shape, Voxels]:
-    """Return a shape and its voxels, whichever was given."""
+    """Return the solid both as a shape and as voxels."""
     if isinstance(given, Voxels):
         if not given.mask.any() or given.mask.shape[2] == 1:
             raise InputError(
@@ -104,11 +103,11 @@ def _both(given: Shape | Voxels) -> tuple[Shape, Voxels]:
 
 
 def _surface_of(voxels: Voxels) -> Shape:
-    """Return the solid of the voxels: the smooth surface that keeps their volume."""
+    """Return the solid of the voxels: a smooth surface of equal volume."""
     count = connected_components(voxels.mask, connectivity=26)[1]
     if count > 1:
         raise InputError(f"voxels hold {count} separate bodies: a clump stands for one; fit them one by one")
     vertices, faces = smooth_surface(voxels.mask, smoothing=SMOOTHING)
-    # specks that smoothing cut off are left out
+    # small bodies separated by the smoothing are dropped
     points, triangles = split(vertices, faces)[0]
     return Shape.from_mesh(points * voxels.voxel_size + np.asarray(voxels.origin), triangles, name="voxels")

@@ -1,4 +1,4 @@
-"""What a clump method is, and the registry that finds them."""
+"""Type and registry of clump methods."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,16 +11,17 @@ from voxgran.voxels.model import Voxels
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """When a fit stops.
+    """Stopping rules of a fit; it ends when one of them holds.
 
     Attributes
     ----------
     max_spheres : int
-        At so many spheres.
+        Number of spheres that is not exceeded.
     target : float
-        When the volume of the intersection over that of the union, by voxel centers, is as large.
+        Intersection over union, by voxel centers, that is reached.
     tolerance : float
-        When no voxel center of the solid is farther from the clump, in the unit of lengths; 0: not looked at.
+        Distance from the clump, in the unit of lengths, within which all voxel centers of the solid lie; 0 disables
+        the rule.
     """
 
     max_spheres: int
@@ -35,11 +36,11 @@ class ClumpMethod:
     Attributes
     ----------
     name, summary, source : str
-        Name, one line, and where it comes from.
+        Name, summary in one line, and reference.
     parameters : type
         Parameter class.
     fit : callable
-        Voxels, what is wanted, and parameters to centers and radii.
+        Function of voxels, stopping rules and parameters that returns centers (n, 3) and radii (n,).
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Clump: spheres that stand for a grain, the type that the clumps room hands on."""
+"""Clump: the spheres that approximate a grain, with measured errors."""
 
 from dataclasses import dataclass, fields
 
@@ -9,7 +9,7 @@ from voxgran.shapes.spheres import Spheres
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClumpErrors:
-    """How far a clump is from what it stands for; lengths in equivalent diameters.
+    """Errors of a clump relative to its solid; lengths in equivalent diameters.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class ClumpErrors:
     inertia : float
         Relative error of the inertia tensor, Frobenius norm, each about its own centroid.
     surface_mean, surface_max : float
-        Mean and largest distance between the surfaces, of both from the other.
+        Mean and largest distance between the surfaces, taken from both sides.
     """
 
     iou: float
@@ -42,7 +42,7 @@ class ClumpErrors:
 
 @dataclass(frozen=True, eq=False)
 class Clump:
-    """Spheres that stand for a grain.
+    """Spheres that approximate a grain.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Clump:
     radii : (n,) ndarray of float
         Radii.
     shape : Shape
-        What it stands for; of voxels a shape made of their surface.
+        Approximated shape; for voxels, the shape of their surface.
     errors : ClumpErrors
         Measured errors.
     """

@@ -1,9 +1,9 @@
-"""The laws that grain sizes follow: log-normal, uniform, a few sizes, one size, a sieve curve.
+"""Distributions of grain sizes: log-normal, uniform, discrete, one size, sieve curve.
 
-A size is an equivalent diameter: of the sphere of equal volume, in two dimensions of the disk of equal area; for a
-sieve curve it is the intermediate axis unless stated. A distribution is given by number or by volume (by mass, for
-grains of one density). The other follows from it exactly: grains of diameter d have d**3 times the share by volume that
-they have by number (d**2 in two dimensions). Grains are drawn by number.
+A size is an equivalent diameter: that of the sphere of equal volume, in two dimensions of the disk of equal area; for a
+sieve curve it is the intermediate axis by default. A distribution is given by number or by volume (by mass, for grains
+of one density). Each follows exactly from the other: the density by volume is the density by number weighted by d**3
+(d**2 in two dimensions), where d is the diameter. Grains are drawn by number.
 """
 
 import math
@@ -20,7 +20,7 @@ from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 
 Basis = Literal["number", "volume"]
-#: largest standard deviation of the logarithm of the size: sizes then differ by a factor of a million as a rule
+#: largest standard deviation of the logarithm of the size; sizes then typically differ by a factor of a million
 WIDEST = 5.0
 
 
@@ -32,7 +32,7 @@ class SizeDistribution(ABC):
     kind : str
         Name in scene files.
     basis : {"number", "volume"}
-        What its shares are of.
+        Quantity that the shares refer to.
     """
 
     __slots__ = ()
@@ -46,26 +46,26 @@ class SizeDistribution(ABC):
         return False
 
     def cumulative(self, sizes: ArrayLike, *, basis: Basis | None = None, dimension: int = 3) -> Floats:
-        """Return the share of grains up to a size.
+        """Return the cumulative distribution function, the share of grains up to a size.
 
         Parameters
         ----------
         sizes : array_like of float
             Sizes, in the unit of lengths.
         basis : {"number", "volume"}, optional
-            Shares of what; left out: the basis in which it was given.
+            Quantity that the shares refer to. Default: the basis of the distribution.
         dimension : int
             2 or 3.
 
         Returns
         -------
         ndarray of float
-            Shares in 0 ... 1, in the shape of `sizes`.
+            Shares in [0, 1], in the shape of `sizes`.
 
         Raises
         ------
         InputError
-            If the basis is not known or the dimension not 2 or 3.
+            If the basis is not known or the dimension is not 2 or 3.
         """
         power = self._power(basis, dimension)
         whole = self._partial(np.array(math.inf), power)
@@ -77,9 +77,9 @@ class SizeDistribution(ABC):
         Parameters
         ----------
         shares : array_like of float
-            Shares in 0 ... 1; 0.5 gives the median.
+            Shares in [0, 1]; 0.5 gives the median.
         basis : {"number", "volume"}, optional
-            Shares of what; left out: the basis in which it was given.
+            Quantity that the shares refer to. Default: the basis of the distribution.
         dimension : int
             2 or 3.
 
@@ -91,7 +91,7 @@ class SizeDistribution(ABC):
         Raises
         ------
         InputError
-            If a share is not in 0 ... 1, the basis is not known or the dimension not 2 or 3.
+            If a share is not in [0, 1], the basis is not known or the dimension is not 2 or 3.
         """
         share = np.asarray(shares, dtype=np.float64)
         if share.size and not ((share >= 0) & (share <= 1)).all():
@@ -99,20 +99,21 @@ class SizeDistribution(ABC):
         return self._inverse(share, self._power(basis, dimension))
 
     def sample(self, count: int, generator: np.random.Generator, *, dimension: int = 3) -> Floats:
-        """Draw sizes of grains, by number.
+        """Draw random grain sizes, by number.
 
         Parameters
         ----------
         count : int
-            How many.
+            Number of sizes.
         generator : numpy.random.Generator
-            Where the random numbers come from.
+            Source of random numbers.
         dimension : int
-            2 or 3; it matters where the distribution is given by volume.
+            2 or 3; used only if the distribution is given by volume.
 
         Returns
         -------
         (count,) ndarray of float
+            Sizes, in the unit of lengths.
 
         Raises
         ------
@@ -157,12 +158,12 @@ class SizeDistribution(ABC):
         return replace(self, **sizes)  # type: ignore[type-var]
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values, from which `make_sizes` makes it again."""
+        """Return kind and parameters as JSON-able values, from which `make_sizes` restores the distribution."""
         values = {key: value for key, value in to_mapping(self).items() if value is not None}
         return {"kind": self.kind, **values}
 
     def _power(self, basis: Basis | None, dimension: int) -> int:
-        """Return k such that a share in the wanted basis is the integral of size**k over a share in its own."""
+        """Return k such that the share in the wanted basis is the integral of size**k in the distribution's basis."""
         wanted = self.basis if basis is None else as_choice(basis, "basis", ("number", "volume"))
         if dimension not in (2, 3):
             raise InputError(f"dimension is {shown(dimension)}: it must be 2 or 3")
@@ -170,16 +171,16 @@ class SizeDistribution(ABC):
 
     @abstractmethod
     def _partial(self, sizes: Floats, power: int) -> Floats:
-        """Integrate size**power over the grains up to the sizes, in its own basis."""
+        """Integrate size**power over the grains up to the sizes, in the distribution's basis."""
 
     @abstractmethod
     def _inverse(self, shares: Floats, power: int) -> Floats:
-        """Return where the partial integral reaches a share of the whole."""
+        """Return the sizes at which the partial integral reaches the shares of the whole."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Lognormal(SizeDistribution):
-    """The logarithm of the size is normal, cut off below and above where asked.
+    """Log-normal distribution, optionally truncated below and above.
 
     Raises
     ------
@@ -189,14 +190,14 @@ class Lognormal(SizeDistribution):
 
     kind: ClassVar[str] = "lognormal"
 
-    median: float = parameter(doc="median before it is cut off, in its basis", unit="length")
+    median: float = parameter(doc="median before truncation, in the basis of the distribution", unit="length")
     sigma: float = parameter(doc="standard deviation of the natural logarithm of the size")
-    basis: Literal["number", "volume"] = parameter("number", doc="what the shares are of")
-    low: float | None = parameter(None, doc="smallest size; left out: none", unit="length")
-    high: float | None = parameter(None, doc="largest size; left out: none", unit="length")
+    basis: Literal["number", "volume"] = parameter("number", doc="quantity that the shares refer to")
+    low: float | None = parameter(None, doc="lower truncation of the sizes; default: none", unit="length")
+    high: float | None = parameter(None, doc="upper truncation of the sizes; default: none", unit="length")
 
     def __post_init__(self) -> None:
-        """Refuse what is no distribution."""
+        """Check the ranges."""
         as_length(self.median, "median")
         as_number(self.sigma, "sigma", above=0.0, at_most=WIDEST)
         as_choice(self.basis, "basis", ("number", "volume"))
@@ -210,7 +211,7 @@ class Lognormal(SizeDistribution):
             )
 
     def _scores(self, sizes: Floats, power: int) -> Floats:
-        """Return the standard score of sizes where each is weighted by size**power."""
+        """Return the standard scores of sizes in the distribution weighted by size**power."""
         with np.errstate(divide="ignore", over="ignore"):
             return np.asarray(np.log(np.maximum(sizes, 0.0) / self.median) / self.sigma - power * self.sigma)
 
@@ -239,7 +240,7 @@ class Lognormal(SizeDistribution):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Uniform(SizeDistribution):
-    """All sizes between two are equally likely.
+    """Uniform distribution between two sizes.
 
     Raises
     ------
@@ -251,10 +252,10 @@ class Uniform(SizeDistribution):
 
     low: float = parameter(doc="smallest size", unit="length")
     high: float = parameter(doc="largest size", unit="length")
-    basis: Literal["number", "volume"] = parameter("number", doc="what the shares are of")
+    basis: Literal["number", "volume"] = parameter("number", doc="quantity that the shares refer to")
 
     def __post_init__(self) -> None:
-        """Refuse what is no distribution."""
+        """Check the ranges."""
         as_choice(self.basis, "basis", ("number", "volume"))
         as_number(as_length(self.high, "high"), "high", above=as_length(self.low, "low"))
 
@@ -274,7 +275,7 @@ class Uniform(SizeDistribution):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Discrete(SizeDistribution):
-    """A few sizes, each with its weight.
+    """Discrete distribution: a few sizes, each with its weight.
 
     Raises
     ------
@@ -285,11 +286,11 @@ class Discrete(SizeDistribution):
     kind: ClassVar[str] = "discrete"
 
     diameters: tuple[float, ...] = parameter(doc="sizes", unit="length")
-    weights: tuple[float, ...] = parameter(doc="their weights; the sum is made 1")
-    basis: Literal["number", "volume"] = parameter("number", doc="what the weights are of")
+    weights: tuple[float, ...] = parameter(doc="weights of the sizes; normalized to a sum of 1")
+    basis: Literal["number", "volume"] = parameter("number", doc="quantity that the weights refer to")
 
     def __post_init__(self) -> None:
-        """Refuse what is no distribution."""
+        """Check the ranges."""
         as_choice(self.basis, "basis", ("number", "volume"))
         _same_length(self.diameters, self.weights, ("diameters", "weights"))
         for value in self.diameters:
@@ -324,26 +325,26 @@ class Discrete(SizeDistribution):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Fixed(SizeDistribution):
-    """One size.
+    """One size for all grains.
 
     Raises
     ------
     InputError
-        If it is not above 0.
+        If the size is not above 0.
     """
 
     kind: ClassVar[str] = "fixed"
 
     diameter: float = parameter(1.0, doc="size", unit="length")
-    basis: Literal["number", "volume"] = parameter("number", doc="what the shares are of; here both are the same")
+    basis: Literal["number", "volume"] = parameter("number", doc="quantity that the shares refer to; without effect")
 
     def __post_init__(self) -> None:
-        """Refuse what is no size."""
+        """Check the size."""
         as_length(self.diameter, "diameter")
         as_choice(self.basis, "basis", ("number", "volume"))
 
     def _partial(self, sizes: Floats, power: int) -> Floats:
-        """One step."""
+        """Return the step function at the size."""
         return np.asarray(np.where(sizes >= self.diameter, self.diameter**power, 0.0))
 
     def _inverse(self, shares: Floats, power: int) -> Floats:
@@ -353,7 +354,7 @@ class Fixed(SizeDistribution):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sieve(SizeDistribution):
-    """A measured curve of what passes sieves, straight over the logarithm of the opening between them.
+    """Measured sieve curve, interpolated linearly in the logarithm of the opening.
 
     Raises
     ------
@@ -363,15 +364,13 @@ class Sieve(SizeDistribution):
 
     kind: ClassVar[str] = "sieve"
 
-    openings: tuple[float, ...] = parameter(doc="openings of the sieves, from small to large", unit="length")
-    passing: tuple[float, ...] = parameter(doc="share that passes each, from 0 to 1")
-    as_diameter: bool = parameter(
-        False, doc="whether openings are equivalent diameters; else they are intermediate axes"
-    )
-    basis: Literal["number", "volume"] = parameter("volume", doc="what the shares are of")
+    openings: tuple[float, ...] = parameter(doc="openings of the sieves, strictly increasing", unit="length")
+    passing: tuple[float, ...] = parameter(doc="share that passes each sieve, increasing from 0 to 1")
+    as_diameter: bool = parameter(False, doc="whether openings are equivalent diameters rather than intermediate axes")
+    basis: Literal["number", "volume"] = parameter("volume", doc="quantity that the shares refer to")
 
     def __post_init__(self) -> None:
-        """Refuse what is no distribution."""
+        """Check the ranges."""
         as_choice(self.basis, "basis", ("number", "volume"))
         _same_length(self.openings, self.passing, ("openings", "passing"))
         for value in self.openings:
@@ -423,7 +422,7 @@ class Sieve(SizeDistribution):
 
 
 def _growth(ratio: Floats, power: int) -> Floats:
-    """Integral of x**(power - 1) from 1 to a ratio."""
+    """Return the integral of x**(power - 1) from 1 to a ratio."""
     return np.log(ratio) if power == 0 else (ratio**power - 1.0) / power
 
 

@@ -1,11 +1,11 @@
-"""Inscribed spheres, greedily, from the distance transform of the voxels.
+"""Greedy selection of inscribed spheres from the distance transform of the voxels.
 
-Every voxel of the solid is the middle of a sphere that just fits in, and the spheres that lie in no other one are kept:
-they stand along the medial surface. Of these each next sphere is the one that covers most of what is not yet covered.
-Coverage has diminishing returns, so the greedy choice covers at least 1 - 1/e of what the best choice of as many
-spheres would (Nemhauser, Wolsey & Fisher 1978, doi:10.1007/BF01588971), and a gain that was computed before is an
-upper bound now, so that few spheres are looked at again (Minoux 1978, doi:10.1007/BFb0006528). Radii are distances to
-the nearest voxel outside; so the clump lies within the solid up to a voxel, and is smaller than it.
+The candidates are the largest inscribed spheres centered at the voxels of the solid. Only those contained in no other
+candidate are kept; their centers lie along the medial surface. Each step adds the candidate that covers the largest
+number of uncovered voxels. Coverage is submodular, so the greedy choice covers at least 1 - 1/e of what the best choice
+of as many spheres covers (Nemhauser, Wolsey & Fisher 1978, doi:10.1007/BF01588971). A gain computed earlier is an upper
+bound of the present one, so few candidates are evaluated again (Minoux 1978, doi:10.1007/BFb0006528). Radii are
+distances to the nearest voxel outside; the clump therefore lies within the solid up to one voxel, and is smaller.
 
 References
 ----------
@@ -24,8 +24,8 @@ from voxgran.clumps.method import ClumpMethod, Wanted
 from voxgran.lattice.distance import inside_distance
 from voxgran.voxels.model import Voxels
 
-#: by how many voxels a sphere may stick out of that of a neighbour and still be left out: away from the medial surface,
-#: where radii grow as fast as places change, the nearest of the 26 directions misses by 0.2
+#: largest protrusion, in voxels, of a sphere from that of a neighbour for which the sphere is dropped: away from the
+#: medial surface radii grow as fast as positions change, and the nearest of the 26 directions deviates by 0.2
 SLACK = 0.25
 
 
@@ -39,7 +39,7 @@ class Inscribed:
         If the smallest radius is negative.
     """
 
-    smallest: float = parameter(0.0, doc="radius below which no sphere is added", unit="voxels")
+    smallest: float = parameter(0.0, doc="smallest radius of a sphere, in voxels", unit="voxels")
 
     def __post_init__(self) -> None:
         """Check the range."""
@@ -64,7 +64,7 @@ def fit(voxels: Voxels, wanted: Wanted, parameters: Inscribed) -> tuple[Floats, 
 
 registration = ClumpMethod(
     name="inscribed",
-    summary="inscribed spheres that cover most, greedily, from the distance transform",
+    summary="inscribed spheres chosen greedily by the volume they cover, from the distance transform",
     source="Nemhauser, Wolsey & Fisher 1978, doi:10.1007/BF01588971",
     parameters=Inscribed,
     fit=fit,
@@ -73,7 +73,7 @@ registration = ClumpMethod(
 
 @kernel
 def _maximal(room):  # type: ignore[no-untyped-def]
-    """Tell of the voxels inside of a ring of zeros whose sphere lies in the sphere of no neighbour."""
+    """Return the mask of the voxels whose sphere lies in no neighbour's sphere; `room` has a border of zeros."""
     nx, ny, nz = room.shape
     keep = np.zeros((nx - 2, ny - 2, nz - 2), dtype=np.bool_)
     for i in range(1, nx - 1):
@@ -91,7 +91,7 @@ def _maximal(room):  # type: ignore[no-untyped-def]
 
 @kernel
 def _visit(place, radius, left, clear):  # type: ignore[no-untyped-def]
-    """Count the voxels of a sphere that are left, and take them away where `clear`."""
+    """Count the uncovered voxels of a sphere, and mark them as covered if `clear`."""
     count = 0
     square = radius * radius * (1.0 + 1e-12)
     reach = int(radius) + 1
@@ -111,7 +111,7 @@ def _visit(place, radius, left, clear):  # type: ignore[no-untyped-def]
 
 @kernel
 def _farthest(gap, left, place, radius):  # type: ignore[no-untyped-def]
-    """Lower the gaps of the voxels that are left to a new sphere and return the largest."""
+    """Update the distances of the uncovered voxels for a new sphere and return the largest one."""
     most = 0.0
     for i in range(left.shape[0]):
         for j in range(left.shape[1]):
@@ -125,7 +125,7 @@ def _farthest(gap, left, place, radius):  # type: ignore[no-untyped-def]
 
 @kernel
 def _choose(places, radii, left, enough, far, taken):  # type: ignore[no-untyped-def]
-    """Take the sphere of largest gain until so many voxels are covered, or none is left farther away than `far`."""
+    """Add the sphere of largest gain until `enough` voxels are covered, or all others lie within `far` of the clump."""
     bound = 4.2 * (radii + 1.0) ** 3
     gap = np.full(left.shape, np.inf)
     covered, count = 0, 0

@@ -15,10 +15,10 @@ from voxgran.shapes.primitive import Primitive
 class Box:
     """Parameters of a box."""
 
-    aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of its edges; left out: (1, 1, 1)")
-    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+    aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of the edge lengths; default: (1, 1, 1)")
+    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
     lengths: tuple[float, float, float] | None = parameter(
-        None, doc="its edges, in place of ratios and diameter", unit="length"
+        None, doc="edge lengths; replace aspect and diameter", unit="length"
     )
 
 
@@ -38,4 +38,4 @@ def make(parameters: Box, generator: np.random.Generator) -> Shape:
     return sized(Primitive("box", parameters.aspect or (1.0, 1.0, 1.0)), parameters.diameter, name="box")
 
 
-registration = ShapeFamily(name="box", summary="box with three edges", parameters=Box, make=make)
+registration = ShapeFamily(name="box", summary="cuboid with edges along x, y and z", parameters=Box, make=make)

@@ -1,6 +1,6 @@
-"""Convex polyhedra: hulls of random points on a sphere, crushed rock in its simplest form.
+"""Convex polyhedra: convex hulls of random points on a sphere, the simplest model of crushed rock.
 
-Few points give angular grains, many give nearly round ones. Stretched along three axes they become plates and needles.
+Few points give angular grains, many points give nearly round ones. Stretching along the axes gives plates and needles.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.hull import hull_of
 from voxgran.shapes.model import Shape
 
-#: points of which a hull is made at the most
+#: largest number of points of a hull
 MOST_POINTS = 100_000
 
 
@@ -21,9 +21,11 @@ MOST_POINTS = 100_000
 class ConvexPolyhedron:
     """Parameters of a convex polyhedron."""
 
-    points: int = parameter(20, doc="number of random points, which are its corners")
-    aspect: tuple[float, float, float] = parameter((1.0, 1.0, 1.0), doc="factors on x, y and z")
-    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+    points: int = parameter(20, doc="number of random points, which become the vertices; from 4 to 100 000")
+    aspect: tuple[float, float, float] = parameter(
+        (1.0, 1.0, 1.0), doc="factors by which the hull is stretched along x, y and z"
+    )
+    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
 
 
 def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:
@@ -42,7 +44,7 @@ def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:
 
 
 def _on_sphere(count: int, generator: np.random.Generator) -> Floats:
-    """Return random points on the unit sphere, uniform in area."""
+    """Return random points on the unit sphere, uniformly distributed over its area."""
     z = 2.0 * generator.random(count) - 1.0
     turn = 2.0 * np.pi * generator.random(count)
     flat = np.sqrt(1.0 - z * z)
@@ -51,7 +53,7 @@ def _on_sphere(count: int, generator: np.random.Generator) -> Floats:
 
 registration = ShapeFamily(
     name="convex_polyhedron",
-    summary="hull of random points on a sphere",
+    summary="convex hull of random points on a sphere",
     parameters=ConvexPolyhedron,
     make=make,
     random=True,

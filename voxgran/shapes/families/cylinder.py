@@ -16,12 +16,12 @@ from voxgran.shapes.primitive import Primitive
 class Cylinder:
     """Parameters of a cylinder."""
 
-    aspect: float | None = parameter(None, doc="height over the diameter of its base; left out: 1")
-    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+    aspect: float | None = parameter(None, doc="ratio of the height to the diameter of the base; default: 1")
+    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
     radius: float | None = parameter(
-        None, doc="radius of its base, with height in place of aspect and diameter", unit="length"
+        None, doc="radius of the base; with height, replaces aspect and diameter", unit="length"
     )
-    height: float | None = parameter(None, doc="its height", unit="length")
+    height: float | None = parameter(None, doc="height; requires radius", unit="length")
 
 
 def make(parameters: Cylinder, generator: np.random.Generator) -> Shape:

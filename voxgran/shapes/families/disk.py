@@ -1,4 +1,4 @@
-"""Disks: the sphere of two dimensions."""
+"""Disks: the two-dimensional spheres."""
 
 from dataclasses import dataclass
 

@@ -15,10 +15,10 @@ from voxgran.shapes.primitive import Primitive
 class Ellipsoid:
     """Parameters of an ellipsoid."""
 
-    aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of its axes; left out: (1, 0.8, 0.6)")
-    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+    aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of the axes; default: (1, 0.8, 0.6)")
+    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
     semi_axes: tuple[float, float, float] | None = parameter(
-        None, doc="halves of its axes, in place of ratios and diameter", unit="length"
+        None, doc="lengths of the semi-axes; replace aspect and diameter", unit="length"
     )
 
 

@@ -1,4 +1,4 @@
-"""Platonic solids: the five regular convex polyhedra, which dice are made of."""
+"""Platonic solids: the five regular convex polyhedra, the shapes of common dice."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -20,9 +20,9 @@ class Platonic:
     """Parameters of a Platonic solid."""
 
     solid: Literal["tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"] = parameter(
-        "icosahedron", doc="which of the five"
+        "icosahedron", doc="which of the five Platonic solids"
     )
-    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
 
 
 def make(parameters: Platonic, generator: np.random.Generator) -> Shape:
@@ -41,7 +41,7 @@ def make(parameters: Platonic, generator: np.random.Generator) -> Shape:
 
 
 def _corners() -> dict[str, Floats]:
-    """Return the corners of each solid about the origin."""
+    """Return the corners of each solid, centered at the origin."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
     short, long = 1.0 / GOLDEN, GOLDEN
 

@@ -1,4 +1,4 @@
-"""Polygons of two dimensions: regular ones, stretched where asked, or any simple one by its corners."""
+"""Polygons in two dimensions: regular ones, optionally stretched, or any simple polygon given by its corners."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 
-#: corners of a regular polygon at the most
+#: largest number of corners of a regular polygon
 MOST_CORNERS = 10_000
 
 
@@ -19,11 +19,11 @@ MOST_CORNERS = 10_000
 class Polygon:
     """Parameters of a polygon."""
 
-    corners: int | None = parameter(None, doc="number of corners of a regular polygon; left out: 6")
-    stretch: float | None = parameter(None, doc="factor on its x, before it is sized; left out: 1")
-    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; left out: 1", unit="length")
+    corners: int | None = parameter(None, doc="number of corners of a regular polygon; default: 6")
+    stretch: float | None = parameter(None, doc="factor by which x is stretched before scaling to diameter; default: 1")
+    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
     vertices: tuple[tuple[float, float], ...] | None = parameter(
-        None, doc="its corners, counterclockwise, in place of all else", unit="length"
+        None, doc="corners in counterclockwise order; replace corners, stretch and diameter", unit="length"
     )
 
 
@@ -33,8 +33,8 @@ def make(parameters: Polygon, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If there are fewer than three corners or more than 10 000 of a regular polygon, a number is not above 0, the
-        polygon is not simple, or the size or the form is given twice.
+        If a regular polygon has fewer than 3 or more than 10 000 corners, a number is not above 0, the polygon is not
+        simple, or the size or the form is given twice.
     """
     if parameters.vertices is not None:
         if parameters.diameter is not None:

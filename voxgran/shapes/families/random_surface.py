@@ -1,6 +1,7 @@
 """Random surfaces: sheets whose height is a sum of random waves.
 
-Sajjadi & Khalili 2015 pack random volumes and surfaces; these surfaces are smooth and never cross themselves.
+Sajjadi & Khalili (2015) pack random volumes and surfaces. The surfaces made here are smooth and never intersect
+themselves.
 """
 
 from dataclasses import dataclass
@@ -14,9 +15,10 @@ from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.surface import Surface
 
-#: cells along an edge in the length of the shortest wave
+#: cells per shortest wavelength along each edge
 CELLS = 8
-#: bounds: of the height, beyond which rounding makes faces cross, and of what costs time and memory
+#: upper bounds of the height (above it rounding makes faces intersect), of the number of waves and of the wave number
+#: (both cost time and memory)
 HIGHEST, MOST_WAVES, SHORTEST = 10.0, 10_000, 64.0
 
 
@@ -30,15 +32,13 @@ class RandomSurface:
         If a number is out of range.
     """
 
-    aspect: tuple[float, float] = parameter((1.0, 1.0), doc="ratio of its edges, along x and y, before it has height")
-    height: float = parameter(0.15, doc="root mean square of its height, in the mean of its edges; at most 10")
-    waves: int = parameter(6, doc="number of waves; at most 10 000")
+    aspect: tuple[float, float] = parameter((1.0, 1.0), doc="ratio of the edges along x and y of the flat sheet")
+    height: float = parameter(0.15, doc="root mean square height, in mean edge lengths, in [0, 10]")
+    waves: int = parameter(6, doc="number of waves, from 1 to 10 000")
     most: float = parameter(
-        1.5, doc="waves along the mean of its edges, at most; each has at least half as many; up to 64"
+        1.5, doc="largest number of periods per mean edge length, in (0, 64]; the smallest is half of it"
     )
-    diameter: float | None = parameter(
-        None, doc="equivalent diameter, of a disk of equal area; left out: 1", unit="length"
-    )
+    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -74,7 +74,7 @@ def make(parameters: RandomSurface, generator: np.random.Generator) -> Shape:
 
 registration = ShapeFamily(
     name="random_surface",
-    summary="sheet whose height is a sum of random waves; an open surface",
+    summary="open surface: a sheet whose height is a sum of random waves",
     parameters=RandomSurface,
     make=make,
     random=True,

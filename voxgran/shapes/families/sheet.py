@@ -11,7 +11,7 @@ from voxgran.shapes.family import ShapeFamily, refuse_both, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.surface import Surface
 
-#: angle between the strips of a rolled sheet, in degrees, at most
+#: largest angle between adjacent strips of a rolled sheet, in degrees
 STRIP = 7.5
 
 
@@ -25,27 +25,25 @@ class Sheet:
         If the angle is negative, or so large that the sheet would touch itself.
     """
 
-    aspect: tuple[float, float] | None = parameter(None, doc="ratio of its edges, along x and y; left out: (1, 1)")
+    aspect: tuple[float, float] | None = parameter(None, doc="ratio of the edges along x and y; default: (1, 1)")
     roll: float = parameter(
         0.0,
-        doc="angle through which it is rolled along x, in degrees: 0 flat, 180 half a pipe; its curvature is that "
-        "angle over its length along x",
+        doc="angle through which the sheet is rolled along x, in degrees, in [0, 360): 0 is flat, 180 is half a pipe; "
+        "the curvature is this angle divided by the length along x",
     )
-    diameter: float | None = parameter(
-        None, doc="equivalent diameter, of a disk of equal area; left out: 1", unit="length"
-    )
+    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
     lengths: tuple[float, float] | None = parameter(
-        None, doc="its edges, in place of ratio and diameter", unit="length"
+        None, doc="edge lengths along x and y; replace aspect and diameter", unit="length"
     )
 
     def __post_init__(self) -> None:
-        """Refuse what closes."""
+        """Check that the sheet does not close on itself."""
         if as_number(self.roll, "roll", at_least=0.0) >= 360.0:
             raise InputError(f"roll is {self.roll:g} degrees: a sheet meets itself at 360; give less")
 
 
 def make(parameters: Sheet, generator: np.random.Generator) -> Shape:
-    """Return the sheet; nothing is random. Rolled, it is made of flat strips, 7.5 degrees apart at the most.
+    """Return the sheet; nothing is random. A rolled sheet consists of flat strips at most 7.5 degrees apart.
 
     Raises
     ------
@@ -72,7 +70,7 @@ def make(parameters: Sheet, generator: np.random.Generator) -> Shape:
 
 
 def lattice_faces(columns: int, rows: int) -> Integers:
-    """Return the (2 columns rows, 3) triangles of a lattice of cells, whose corners are numbered along x first."""
+    """Return the (2 * columns * rows, 3) triangles of a lattice of cells; corners are numbered along x first."""
     i, j = np.meshgrid(np.arange(columns), np.arange(rows))
     a = (j * (columns + 1) + i).ravel()
     b, c, d = a + 1, a + columns + 2, a + columns + 1
@@ -81,7 +79,7 @@ def lattice_faces(columns: int, rows: int) -> Integers:
 
 registration = ShapeFamily(
     name="sheet",
-    summary="rectangle without thickness, flat or rolled; an open surface",
+    summary="open surface: a rectangle without thickness, flat or rolled",
     parameters=Sheet,
     make=make,
     is_open=True,

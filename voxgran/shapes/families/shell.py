@@ -11,7 +11,7 @@ from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.surface import Surface
 
-#: corners around the axis, and angle between its rings, in degrees, at most
+#: number of corners around the axis, and largest angle between adjacent rings in degrees
 SIDES, RING = 36, 10.0
 
 
@@ -22,18 +22,16 @@ class Shell:
     Raises
     ------
     InputError
-        If it would have no area, or no hole.
+        If the shell has no area or no hole.
     """
 
     opening: float = parameter(
-        180.0, doc="angle that it spans, seen from the center of the sphere, in degrees: 180 is half of the sphere"
+        180.0, doc="angle spanned at the center of the sphere, in degrees, in (0, 360); 180 is half of the sphere"
     )
-    diameter: float | None = parameter(
-        None, doc="equivalent diameter, of a disk of equal area; left out: 1", unit="length"
-    )
+    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
 
     def __post_init__(self) -> None:
-        """Refuse what is no open surface."""
+        """Check that the shell is an open surface."""
         if not 0.0 < as_number(self.opening, "opening") < 360.0:
             raise InputError(
                 f"opening is {self.opening:g} degrees: a shell spans more than 0 and less than 360; of a whole sphere "
@@ -67,7 +65,7 @@ def make(parameters: Shell, generator: np.random.Generator) -> Shape:
 
 registration = ShapeFamily(
     name="shell",
-    summary="part of a sphere without thickness, such as half of it; an open surface",
+    summary="open surface: a part of a sphere without thickness",
     parameters=Shell,
     make=make,
     is_open=True,

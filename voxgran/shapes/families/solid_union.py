@@ -1,8 +1,8 @@
 """Unions of random base solids: angular or rounded grains with edges, dents and re-entrant corners.
 
 Each grain is the union of a few boxes, cylinders, cones, ellipsoids and spheres of random dimensions. Each base solid
-is drawn on a work plane of random orientation through the origin, shifted at random as far as it still holds a sphere
-of a tenth of its size around the origin: the union is one piece, and no two solids only graze each other.
+lies on a work plane of random orientation through the origin, with a random shift limited so that the solid contains a
+sphere of a tenth of its size around the origin. The union is therefore connected, and no two solids merely touch.
 
 References
 ----------
@@ -27,11 +27,11 @@ from voxgran.shapes.tessellate import revolved, sphere, unit_box
 
 Kind = Literal["box", "cylinder", "cone", "ellipsoid", "sphere"]
 
-#: radius of the sphere around the origin that each base solid holds, in its size
+#: radius of the sphere around the origin that each base solid contains, as a fraction of its size
 CORE = 0.1
-#: base solids of a grain at the most
+#: largest number of base solids of a grain
 MOST_SOLIDS = 1000
-#: how often the icosahedron is subdivided, and the sides of cylinders and cones
+#: number of subdivisions of the icosahedron, and number of sides of cylinders and cones
 SUBDIVISIONS, SIDES = 2, 48
 
 
@@ -45,17 +45,19 @@ class SolidUnion:
         If a number is out of range.
     """
 
-    solids: int | tuple[int, int] = parameter((3, 6), doc="number of base solids, or its range")
+    solids: int | tuple[int, int] = parameter(
+        (3, 6), doc="number of base solids, or a range to draw it from; from 1 to 1000"
+    )
     kinds: tuple[Kind, ...] = parameter(
         ("box", "cylinder", "cone", "ellipsoid", "sphere"), doc="kinds of base solids to draw from"
     )
     lengths: tuple[float, float] = parameter(
-        (0.4, 1.0), doc="range of each dimension of a base solid, before the grain is sized"
+        (0.4, 1.0), doc="range of each dimension of a base solid, before scaling to diameter"
     )
-    diameter: float | None = parameter(None, doc="equivalent diameter; left out: 1", unit="length")
+    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
 
     def __post_init__(self) -> None:
-        """Refuse what makes no grain."""
+        """Check the ranges."""
         low, high = self.solids if isinstance(self.solids, tuple) else (self.solids, self.solids)
         as_count(high, "solids", at_least=as_count(low, "solids", at_least=1), at_most=MOST_SOLIDS)
         if not self.kinds:
@@ -89,7 +91,7 @@ def make(parameters: SolidUnion, generator: np.random.Generator) -> Shape:
 
 
 def _base_solid(parameters: SolidUnion, generator: np.random.Generator) -> tuple[Floats, Integers]:
-    """Return vertices and faces of one random base solid around the origin."""
+    """Return vertices and faces of one random base solid that contains the origin."""
     kind = parameters.kinds[int(generator.integers(len(parameters.kinds)))]
     least, most = parameters.lengths
     x, y, z = (float(value) for value in least + (most - least) * generator.random(3))
@@ -108,7 +110,7 @@ def _base_solid(parameters: SolidUnion, generator: np.random.Generator) -> tuple
 
 
 def _unit_solid(kind: Kind) -> tuple[Floats, Integers]:
-    """Return a base solid of extents 1 about the middle of its bounding box."""
+    """Return a base solid of unit extents, centered at the middle of its bounding box."""
     if kind == "box":
         vertices, faces, _ = unit_box()
     elif kind == "cylinder":
@@ -122,7 +124,7 @@ def _unit_solid(kind: Kind) -> tuple[Floats, Integers]:
 
 
 def _origin(kind: Kind, extents: Floats, generator: np.random.Generator) -> Floats:
-    """Return a random point of a base solid that lies CORE sizes or more below its surface."""
+    """Return a random point of a base solid at a depth of at least CORE times its size."""
     while True:
         point = (generator.random(3) - 0.5) * extents
         if _depth(kind, point, extents) >= CORE * extents.max():
@@ -130,7 +132,7 @@ def _origin(kind: Kind, extents: Floats, generator: np.random.Generator) -> Floa
 
 
 def _depth(kind: Kind, point: Floats, extents: Floats) -> float:
-    """Return a lower bound of how deep a point lies below the surface of a base solid."""
+    """Return a lower bound of the depth of a point below the surface of a base solid."""
     half = extents / 2
     flat = float(np.hypot(point[0], point[1]))
     if kind == "box":

@@ -1,4 +1,4 @@
-"""Spheres: grains with no orientation, for which most packing methods and all oracles exist."""
+"""Spheres: grains without orientation, supported by every packing method."""
 
 from dataclasses import dataclass
 
