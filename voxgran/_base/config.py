@@ -2,7 +2,8 @@
 
 A parameter class is a frozen keyword-only dataclass whose fields are made by :func:`parameter`. This module turns
 plain mappings (from TOML, JSON or keyword arguments) into such objects and back; an unknown key is an error
-that gives the nearest name.
+that gives the nearest name. A parameter may have a former name, which is accepted with a DeprecationWarning, and
+bounds, which :func:`check_bounds` enforces and the help prints.
 """
 
 import dataclasses
@@ -13,6 +14,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from typing import Any, TypeVar
 
+from voxgran._base.arrays import as_count, as_number, check_lengths
+from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.registry import unknown
 from voxgran._base.scalars import float_of, number_of, unwrapped, whole_number_of
@@ -32,6 +35,10 @@ class Parameter:
         Type annotation, resolved.
     default : object
         Default value; `dataclasses.MISSING` where it must be given.
+    former : str
+        Former name, accepted with a DeprecationWarning; "" where there is none.
+    bounds : dict of str to float
+        Some of `above`, `at_least` and `at_most`.
     """
 
     name: str
@@ -39,18 +46,36 @@ class Parameter:
     unit: str
     type: Any
     default: Any
+    former: str = ""
+    bounds: Mapping[str, float] = dataclasses.field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name, and the former name where there is one."""
+        return (self.name, self.former) if self.former else (self.name,)
 
     @property
     def type_text(self) -> str:
-        """The type as a person writes it, such as ``a number`` or ``one of 'a', 'b'``, without ``left out``."""
-        kinds = typing.get_args(self.type)
-        if typing.get_origin(self.type) in (typing.Union, types.UnionType):
-            return " or ".join(_describe(kind) for kind in kinds if kind is not type(None))
-        return _describe(self.type)
+        """The type and its bounds, such as ``a number in [0, 1]`` or ``one of 'a', 'b'``, without ``left out``."""
+        bounds = self.bounds
+        text = " or ".join(_describe(kind) for kind in _kinds(self.type))
+        if "at_most" in bounds and len(bounds) == 2:
+            low = f"[{bounds['at_least']:g}" if "at_least" in bounds else f"({bounds['above']:g}"
+            return f"{text} in {low}, {bounds['at_most']:g}]"
+        return " ".join([text, *(f"{rule.replace('_', ' ')} {bound:g}" for rule, bound in bounds.items())])
 
 
-def parameter(default: Any = MISSING, *, doc: str, unit: str = "") -> Any:
-    """Return a dataclass field with its meaning and unit.
+def parameter(
+    default: Any = MISSING,
+    *,
+    doc: str,
+    unit: str = "",
+    former: str = "",
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+) -> Any:
+    """Return a dataclass field with its meaning, unit and bounds.
 
     Parameters
     ----------
@@ -60,8 +85,14 @@ def parameter(default: Any = MISSING, *, doc: str, unit: str = "") -> Any:
         What it means, in a few words.
     unit : str
         Its unit, such as ``"length"``, ``"voxels"``, ``"radian"``.
+    former : str
+        Former name, accepted by :func:`from_mapping` with a DeprecationWarning for one release.
+    above, at_least, at_most : float, optional
+        Bounds of the value, or of each entry of a list: exclusive below, inclusive below, inclusive above.
     """
-    return dataclasses.field(default=default, metadata={"doc": doc, "unit": unit})
+    given = {"above": above, "at_least": at_least, "at_most": at_most}
+    bounds = {rule: bound for rule, bound in given.items() if bound is not None}
+    return dataclasses.field(default=default, metadata={"doc": doc, "unit": unit, "former": former, "bounds": bounds})
 
 
 def parameters_of(cls: type) -> tuple[Parameter, ...]:
@@ -74,10 +105,34 @@ def parameters_of(cls: type) -> tuple[Parameter, ...]:
             unit=field.metadata.get("unit", ""),
             type=hints[field.name],
             default=field.default,
+            former=field.metadata.get("former", ""),
+            bounds=field.metadata.get("bounds", {}),
         )
         for field in dataclasses.fields(cls)
         if field.init
     )
+
+
+def check_bounds(instance: Any) -> None:
+    """Check the parameters of an object against their bounds; for the ``__post_init__`` of a parameter class.
+
+    Raises
+    ------
+    InputError
+        If a value is out of bounds, not finite, or a length beyond those of which volumes are numbers.
+    """
+    for entry in parameters_of(type(instance)):
+        value = getattr(instance, entry.name)
+        if value is None or not entry.bounds:
+            continue
+        whole = int in _kinds(entry.type) and float not in _kinds(entry.type)
+        for item in value if isinstance(value, tuple | list) else (value,):
+            if whole:
+                as_count(item, entry.name, **{rule: int(bound) for rule, bound in entry.bounds.items()})
+            else:
+                as_number(item, entry.name, **entry.bounds)
+                if entry.unit == "length":
+                    check_lengths(item, entry.name)
 
 
 def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside: Iterable[str] = ()) -> T:
@@ -103,9 +158,10 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside
     UnknownNameError
         If a key is not a parameter of the class.
     InputError
-        If a parameter without default is missing, or a value has the wrong type.
+        If a parameter without default is missing, given by its former name too, or a value has the wrong type.
     """
     known = {entry.name: entry for entry in parameters_of(cls)}
+    mapping = _renamed(mapping, known, where)
     for key in mapping:
         if key not in known:
             raise UnknownNameError(unknown(f"{where} key", key, known, beside=beside))
@@ -114,6 +170,20 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside
             raise InputError(f"{where} {entry.name} is missing: it must be given ({entry.doc}); add it")
     values = {key: _convert(value, known[key].type, f"{where} {key}") for key, value in mapping.items()}
     return cls(**values)
+
+
+def _renamed(mapping: Mapping[str, Any], known: Mapping[str, Parameter], where: str) -> dict[str, Any]:
+    """Return the mapping with the present names of the parameters, and warn of former ones."""
+    present = {entry.former: name for name, entry in known.items() if entry.former}
+    found: dict[str, Any] = {}
+    for key, value in mapping.items():
+        name = present.get(key, key)
+        if name != key:
+            if name in mapping:
+                raise InputError(f"{where} {key} is the former name of {name}, which is given too: leave {key} out")
+            warn_former(f"{where} {key} is called {name} now: the former name is accepted for one release; change it")
+        found[name] = value
+    return found
 
 
 def to_mapping(instance: Any) -> dict[str, Any]:
@@ -179,6 +249,12 @@ def _plain_value(value: Any, wanted: Any) -> Any:
         number = number_of(value)
         return None if number is None or not math.isfinite(number := float_of(number)) else number
     return value if isinstance(wanted, type) and isinstance(value, wanted) else None
+
+
+def _kinds(wanted: Any) -> tuple[Any, ...]:
+    """Return the alternatives of a type annotation, without None."""
+    union = typing.get_origin(wanted) in (typing.Union, types.UnionType)
+    return tuple(kind for kind in (typing.get_args(wanted) if union else (wanted,)) if kind is not type(None))
 
 
 def _describe(wanted: Any) -> str:

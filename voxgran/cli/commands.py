@@ -161,7 +161,7 @@ def shape(options: argparse.Namespace) -> None:
     entry = families().get(options.family)
     given = {
         key: getattr(options, key)
-        for key in (item.name for item in parameters_of(entry.parameters))
+        for key in (name for item in parameters_of(entry.parameters) for name in item.names)
         if getattr(options, key) is not None
     }
     made = voxgran.make_shape(options.family, seed=options.seed, **given)

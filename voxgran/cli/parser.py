@@ -231,8 +231,9 @@ def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
     sub.add_argument("-o", "--output", help="mesh file: STL, OBJ, PLY, OFF or VTP")
     if len(named) > 1 and named[0] == "shape":
         for item in parameters_of(families().get(named[1]).parameters):
-            flag = "--" + item.name.replace("_", "-")
-            sub.add_argument(flag, dest=item.name, type=_value, help=parameter_text(item).replace("%", "%%"))
+            for name in item.names:
+                text = parameter_text(item).replace("%", "%%") if name == item.name else argparse.SUPPRESS
+                sub.add_argument("--" + name.replace("_", "-"), dest=name, type=_value, help=text)
 
 
 def _value(text: str) -> Any:

@@ -5,7 +5,7 @@ from typing import Literal
 
 import pytest
 
-from voxgran._base.config import from_mapping, parameter, parameters_of, to_mapping
+from voxgran._base.config import check_bounds, from_mapping, parameter, parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError
 
 
@@ -52,3 +52,44 @@ def test_parameters_carry_their_help():
     assert (first.name, first.doc, first.unit, first.default) == ("voxel_size", "edge of a voxel", "length", None)
     assert first.type_text == "a number"
     assert parameters_of(Example)[1].type_text == "one of 'touch', 'center'"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Bounded:
+    share: float = parameter(0.5, doc="share", former="part", at_least=0.0, at_most=1.0)
+    count: int | None = parameter(None, doc="count", at_least=1)
+    size: tuple[float, ...] | float = parameter(1.0, doc="size", unit="length", above=0.0)
+
+    def __post_init__(self):
+        check_bounds(self)
+
+
+def test_former_names_are_accepted_with_a_warning():
+    with pytest.warns(DeprecationWarning, match=r"\[packing\] part is called share now") as caught:
+        assert from_mapping(Bounded, {"part": 0.25}, "[packing]") == Bounded(share=0.25)
+    assert caught[0].filename == __file__
+    with pytest.raises(InputError, match="part is the former name of share, which is given too"):
+        from_mapping(Bounded, {"part": 0.25, "share": 0.5}, "[packing]")
+    assert parameters_of(Bounded)[0].names == ("share", "part")
+
+
+@pytest.mark.parametrize(
+    ("mapping", "words"),
+    [
+        ({"share": 1.5}, "share is 1.5: it must be finite and at least 0 and at most 1"),
+        ({"count": 0}, "count is 0: it must be a whole number, at least 1"),
+        ({"size": 0.0}, "size is 0"),
+        ({"size": [1.0, -1.0]}, "size is -1"),
+        ({"size": 1e80}, "another unit of lengths"),
+    ],
+)
+def test_bounds(mapping, words):
+    with pytest.raises(InputError, match=words):
+        from_mapping(Bounded, mapping, "here")
+
+
+def test_help_shows_bounds():
+    share, count, size = parameters_of(Bounded)
+    assert share.type_text == "a number in [0, 1]"
+    assert count.type_text == "a whole number at least 1"
+    assert size.type_text.endswith("above 0")
