@@ -32,7 +32,7 @@ MOST_ASKED = 100_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Grains:
+class DrawnGrains:
     """Grains without poses.
 
     Attributes
@@ -61,7 +61,7 @@ def draw_grains(
     weights_by: str,
     seed: int,
     surplus: bool = False,
-) -> Grains:
+) -> DrawnGrains:
     """Draw the grains of a packing.
 
     Parameters
@@ -87,7 +87,7 @@ def draw_grains(
 
     Returns
     -------
-    Grains
+    DrawnGrains
 
     Raises
     ------
@@ -136,7 +136,7 @@ def draw_grains(
             PackingWarning,
             stacklevel=5,
         )
-    return Grains(shape_id[fits], diameter[fits], removed)
+    return DrawnGrains(shape_id[fits], diameter[fits], removed)
 
 
 def _refuse_denser_than_lattice(

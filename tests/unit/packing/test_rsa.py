@@ -12,7 +12,7 @@ from voxgran._base.seeds import philox_block, philox_key
 from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.rsa.available_cells import Open, all_edges, cut_cells
-from voxgran.packing.rsa.level_grid import Bed
+from voxgran.packing.rsa.level_grid import Grains
 from voxgran.packing.rsa.method import registration as rsa
 from voxgran.packing.rsa.precompute import congruential
 
@@ -235,7 +235,7 @@ def test_open_cells_hold_every_free_place():
     state = rsa.prepare(problem)
     while state.arrays["depth"][0] < 2:
         state = rsa.advance(problem, state, 50)
-    known, classes = Open(*(state.arrays[name] for name in Open._fields)), state.derived["setting"].classes
+    known, classes = Open(*(state.arrays[name] for name in Open._fields)), state.derived["precomputed"].classes
     edge = all_edges(classes, known)[0]
     cells = {tuple(cell) for cell in known.cell.tolist()}
     packing, generator = rsa.finish(problem, state), np.random.Generator(np.random.PCG64(1))
@@ -256,12 +256,12 @@ def test_open_boxes_are_the_free_room_exactly(dimension):
     shape = vg.make_shape("polygon", vertices=corners) if dimension == 2 else vg.make_shape("box", lengths=(1, 1, 1))
     problem = task_of(shape, room, until="saturated", aligned=True, seed=3).problem
     state = rsa.advance(problem, rsa.prepare(problem), 60)
-    setting = state.derived["setting"]
+    made = state.derived["precomputed"]
     known = Open(*(state.arrays[name] for name in Open._fields))
-    bed = Bed(state.arrays["position"], setting.half, setting.level, state.arrays["entered"], True)
-    boxes = cut_cells(bed, setting.cells, setting.room, setting.classes, known, 0).cell
-    low, span = setting.classes.low[0], setting.classes.span[0]
-    lengths, edge = setting.room.lengths, 2 * setting.half[0, 0]
+    grains = Grains(state.arrays["position"], made.half, made.level, state.arrays["entered"], True)
+    boxes = cut_cells(grains, made.cells, made.walls, made.classes, known, 0).cell
+    low, span = made.classes.low[0], made.classes.span[0]
+    lengths, edge = made.walls.lengths, 2 * made.half[0, 0]
     centers = state.arrays["position"][state.arrays["entered"] == 1]
     assert len(centers) > 10
     probes = low + np.random.Generator(np.random.PCG64(1)).random((20_000, 3)) * span
@@ -363,15 +363,15 @@ def test_open_boxes_are_cut_no_more_than_they_change():
         half = rsa.advance(problem, half, 20)
         known = Open(*(half.arrays[name] for name in Open._fields))
         exact = np.flatnonzero((known.misses < 0) & (np.diff(known.bounds) > 0))
-    setting, entered = half.derived["setting"], np.flatnonzero(half.arrays["entered"])
-    bed = Bed(half.arrays["position"], setting.half, setting.level, half.arrays["entered"], True)
+    made, entered = half.derived["precomputed"], np.flatnonzero(half.arrays["entered"])
+    grains = Grains(half.arrays["position"], made.half, made.level, half.arrays["entered"], True)
     for kind in exact:
-        after = cut_cells(bed, setting.cells, setting.room, setting.classes, known, kind).cell
+        after = cut_cells(grains, made.cells, made.walls, made.classes, known, kind).cell
         assert after == pytest.approx(known.cell, abs=1e-12)
         own = known.cell[known.bounds[kind] : known.bounds[kind + 1]]
         step = np.abs(own[:, None, :3] + own[:, None, 3:] / 2 - half.arrays["position"][entered])
-        step = np.minimum(step, setting.room.lengths - step)
-        assert (step >= setting.classes.half[kind] + setting.half[entered] - 1e-12).any(axis=2).all()
+        step = np.minimum(step, made.walls.lengths - step)
+        assert (step >= made.classes.half[kind] + made.half[entered] - 1e-12).any(axis=2).all()
     for chunk in (997, 7):
         again = rsa.prepare(problem)
         while not again.stop_reason:
@@ -475,11 +475,11 @@ def test_other_methods_go_on_from_it(method):
         sizes=GRADED,
         seed=2,
     )
-    bed = vg.pack([], tall, method=method, start=loose, sweeps=100, **options[method])
-    assert bed.count == loose.count == 18
-    assert bed.diameters == pytest.approx(loose.diameters)
-    assert bed.position[:, 2].mean() < loose.position[:, 2].mean() - 0.2
-    assert vg.verify(bed).ok
+    grains = vg.pack([], tall, method=method, start=loose, sweeps=100, **options[method])
+    assert grains.count == loose.count == 18
+    assert grains.diameters == pytest.approx(loose.diameters)
+    assert grains.position[:, 2].mean() < loose.position[:, 2].mean() - 0.2
+    assert vg.verify(grains).ok
 
 
 def test_what_is_missed_is_told():
