@@ -228,15 +228,7 @@ def _order(problem: Problem, state: State) -> int:
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
     """Place the grains of the start at their positions, if they do not overlap."""
-    first = np.arange(start.count)
-    grains = Packing.of(
-        problem.shapes,
-        problem.container,
-        position=start.position,
-        scale=problem.diameter[first],
-        shape_id=problem.shape_id[first],
-        orientation=start.orientation,
-    )
+    grains = problem.start_assembly(start)
     proof = verify(grains)
     if not proof.ok:
         wrong = [item.grain for item in proof.escapes] or [max(pair.i, pair.j) for pair in proof.pairs]

@@ -36,7 +36,6 @@ from voxgran._base.arrays import Integers, Words, as_count
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
-from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.parts import is_one_sphere
 from voxgran.contacts.verify import verify
 from voxgran.packing.method import Cost, PackingMethod, State
@@ -257,26 +256,14 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
     InputError
         If the true shape of one overlaps that of another, or reaches beyond a wall.
     """
-    n, container = start.count, problem.container
-    assembly = Assembly.of(
-        problem.shapes,
-        container,
-        position=start.position,
-        scale=problem.diameter[:n],
-        shape_id=problem.shape_id[:n],
-        orientation=start.orientation,
-    )
-    proof = verify(assembly)
+    n, proof = start.count, verify(problem.start_assembly(start))
     if not proof.ok:
         wrong = [escape.grain for escape in proof.escapes] + [pair.j for pair in proof.pairs]
         raise InputError(
             f"grain {min(wrong)} of start finds no place: its true shape reaches beyond a wall or overlaps another; "
             "give a larger container or a looser start"
         )
-    lower, upper = container.bounds
-    lengths = np.where(container.periodic, upper - lower, 1.0)
-    turns = np.where(container.periodic, np.floor((start.position - lower) / lengths), 0.0)
-    state.arrays["position"][:n] = start.position - turns * lengths
+    state.arrays["position"][:n] = start.wrapped(problem.container)
     state.arrays["entered"][:n] = 1
     state.counters["placed"] = n
 
