@@ -31,14 +31,14 @@ sizes = vg.sizes.discrete([2 * radius for radius in radii], [4, 3, 3])
 warnings.filterwarnings("ignore", "[0-9]+ of [0-9]+ grains were placed")
 
 
-def replay(scheme, seed, *, many=candidates, retain="scan"):
+def replay(scheme, seed, *, many=candidates, retry="scan"):
     """Return the packing of one scheme with one order of radii."""
     return vg.pack(
         vg.make_shape("disk"),
         vg.Rectangle((20, 40)),
         method="rsa",
         scheme=scheme,
-        retain=retain,
+        retry=retry,
         count=many,
         tries=1,
         numbers="lcg",
@@ -86,7 +86,7 @@ for scheme in schemes:
         panel.set(title=f"scheme {scheme}: {len(normals) // orders} contacts", yticks=[])
 print("words of the paper, a kept radius goes on with the next coordinate:")
 for scheme in ("2", "3", "4c", "4d"):
-    mean = np.mean([measured(replay(scheme, seed, retain="next")) for seed in range(orders)], axis=0)
+    mean = np.mean([measured(replay(scheme, seed, retry="next")) for seed in range(orders)], axis=0)
     print(f"{scheme:8s} {mean[0]:5.0f} {mean[1]:5.0f} {mean[2]:5.0f}  {mean[3]:6.0f}")
 folder.mkdir(parents=True, exist_ok=True)
 figure.savefig(folder / "chu_rsa.svg")

@@ -52,7 +52,7 @@ def test_the_last_places_fill_slowly():
     disk, room, late = vg.make_shape("disk"), vg.Rectangle((60, 60), "xy"), []
     for tries in (20, 80, 320):
         packings = [
-            vg.pack(disk, room, method="rsa", scheme="2", retain="next", tries=tries, seed=seed) for seed in range(4)
+            vg.pack(disk, room, method="rsa", scheme="2", retry="next", tries=tries, seed=seed) for seed in range(4)
         ]
         missing = VALUES["disks_2d"]["value"] - np.mean([packing.solid_fraction for packing in packings])
         late.append((math.log(packings[0].provenance["counters"]["attempts"]), math.log(missing)))

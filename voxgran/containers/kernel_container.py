@@ -88,13 +88,13 @@ def kernel_container(
     periodic = np.array(container.periodic, dtype=np.int64)
     walled = np.where(np.arange(3) < container.dimension, 1 - periodic, 0).astype(np.int64)
     lengths, middle = upper - lower, np.mean(container.bounds, axis=0)
-    walls = _mesh_walls(boundary.solid, lower if from_corner else np.zeros(3))
+    mesh_walls = _mesh_walls(boundary.solid, lower if from_corner else np.zeros(3))
     if boundary.solid is not None and map_cell is not None:
         assert isinstance(boundary.solid.geometry, Mesh)
         count = np.ceil(lengths / map_cell).astype(np.int64)
         points: Floats = (np.indices(count.tolist()).reshape(3, -1).T + 0.5) * map_cell
-        distance = boundary.solid.geometry.tree.signed_distance(points + walls.shift)
-        walls = walls._replace(clearance=distance.reshape(count), cell=map_cell)
+        distance = boundary.solid.geometry.tree.signed_distance(points + mesh_walls.shift)
+        mesh_walls = mesh_walls._replace(clearance=distance.reshape(count), cell=map_cell)
     if from_corner:
         lower, middle = np.zeros(3), lengths / 2
     else:
@@ -103,7 +103,7 @@ def kernel_container(
         slack = ROUNDING * float(lengths.max() + np.abs(lower).max())
     kind = MESH if boundary.solid is not None else {2: UPRIGHT, 3: ROUND}.get(boundary.round_axes, FLAT)
     axes = (lower, lengths, walled, periodic)
-    return KernelContainer(kind, container.dimension, *axes, float(boundary.radius), middle, slack, walls)
+    return KernelContainer(kind, container.dimension, *axes, float(boundary.radius), middle, slack, mesh_walls)
 
 
 def _mesh_walls(solid: Shape | None, origin: Floats) -> MeshWalls:
@@ -125,25 +125,25 @@ def _mesh_walls(solid: Shape | None, origin: Floats) -> MeshWalls:
 
 
 @bare_kernel
-def is_held(room: KernelContainer, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
+def is_held(walls: KernelContainer, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
     """Return whether the container holds a grain with its centre at (x, y, z).
 
     hx, hy, hz: half its extents; in a round or a closed container it is the sphere of radius hx.
     """
-    if not is_between(room, x, y, z, hx, hy, hz):
+    if not is_between(walls, x, y, z, hx, hy, hz):
         return False
-    if room.kind in (UPRIGHT, ROUND):
-        dx, dy, dz = x - room.middle[0], y - room.middle[1], z - room.middle[2] if room.kind == ROUND else 0.0
-        return math.sqrt(dx * dx + dy * dy + dz * dz) + hx <= room.radius + room.slack
-    if room.kind == MESH:
-        return -mesh_distance(room.mesh, x, y, z) >= hx
+    if walls.kind in (UPRIGHT, ROUND):
+        dx, dy, dz = x - walls.middle[0], y - walls.middle[1], z - walls.middle[2] if walls.kind == ROUND else 0.0
+        return math.sqrt(dx * dx + dy * dy + dz * dz) + hx <= walls.radius + walls.slack
+    if walls.kind == MESH:
+        return -mesh_distance(walls.mesh, x, y, z) >= hx
     return True
 
 
 @bare_kernel
-def is_between(room: KernelContainer, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
+def is_between(walls: KernelContainer, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
     """Return whether a box of half extents (hx, hy, hz) lies within the bounds along the axes that have walls."""
-    lower, lengths, walled, slack = room.lower, room.lengths, room.walled, room.slack
+    lower, lengths, walled, slack = walls.lower, walls.lengths, walls.walled, walls.slack
     if walled[0] == 1 and (x - hx < lower[0] - slack or x + hx > lower[0] + lengths[0] + slack):
         return False
     if walled[1] == 1 and (y - hy < lower[1] - slack or y + hy > lower[1] + lengths[1] + slack):
@@ -153,32 +153,36 @@ def is_between(room: KernelContainer, x: float, y: float, z: float, hx: float, h
 
 @bare_kernel
 def is_barred(
-    room: KernelContainer, x: float, y: float, z: float, ex: float, ey: float, ez: float, radius: float
+    walls: KernelContainer, x: float, y: float, z: float, ex: float, ey: float, ez: float, radius: float
 ) -> bool:
     """Return whether no point of a box can be the centre of a sphere that the container holds.
 
     The box has its middle at (x, y, z) and half extents (ex, ey, ez).
     """
-    if _is_beyond(room, 0, x, ex, radius) or _is_beyond(room, 1, y, ey, radius) or _is_beyond(room, 2, z, ez, radius):
+    if (
+        _is_beyond(walls, 0, x, ex, radius)
+        or _is_beyond(walls, 1, y, ey, radius)
+        or _is_beyond(walls, 2, z, ez, radius)
+    ):
         return True
-    if room.kind in (UPRIGHT, ROUND):
-        dx = max(abs(x - room.middle[0]) - ex, 0.0)
-        dy = max(abs(y - room.middle[1]) - ey, 0.0)
-        dz = max(abs(z - room.middle[2]) - ez, 0.0) if room.kind == ROUND else 0.0
-        return math.sqrt(dx * dx + dy * dy + dz * dz) + radius > room.radius + room.slack
-    if room.kind == MESH:
+    if walls.kind in (UPRIGHT, ROUND):
+        dx = max(abs(x - walls.middle[0]) - ex, 0.0)
+        dy = max(abs(y - walls.middle[1]) - ey, 0.0)
+        dz = max(abs(z - walls.middle[2]) - ez, 0.0) if walls.kind == ROUND else 0.0
+        return math.sqrt(dx * dx + dy * dy + dz * dz) + radius > walls.radius + walls.slack
+    if walls.kind == MESH:
         # a depth changes by no more than the way
-        return math.sqrt(ex * ex + ey * ey + ez * ez) - mesh_distance(room.mesh, x, y, z) < radius
+        return math.sqrt(ex * ex + ey * ey + ez * ez) - mesh_distance(walls.mesh, x, y, z) < radius
     return False
 
 
 @bare_kernel
-def _is_beyond(room, axis, x, ex, radius):  # type: ignore[no-untyped-def]
+def _is_beyond(walls, axis, x, ex, radius):  # type: ignore[no-untyped-def]
     """Return whether all places from x - ex to x + ex are too near to a flat wall for a sphere."""
-    if room.walled[axis] == 0:
+    if walls.walled[axis] == 0:
         return False
-    low, high = room.lower[axis] + radius, room.lower[axis] + room.lengths[axis] - radius
-    return x + ex < low - room.slack or x - ex > high + room.slack
+    low, high = walls.lower[axis] + radius, walls.lower[axis] + walls.lengths[axis] - radius
+    return x + ex < low - walls.slack or x - ex > high + walls.slack
 
 
 @bare_kernel

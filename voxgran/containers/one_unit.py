@@ -1,6 +1,6 @@
-"""One unit for all lengths of a packing: shapes and containers of other units are converted to it.
+"""Conversion of shapes and containers to one unit of length.
 
-Whatever has no unit, such as the regular shapes, is taken to be in that unit.
+Shapes without a unit, such as the regular ones, are taken to be in that unit.
 """
 
 from collections.abc import Sequence
@@ -24,14 +24,14 @@ def in_one_unit(
     container : Container
         Only a closed mesh has a unit of its own.
     unit : str or None
-        What is wanted; left out or ``"1"``: the only one that is known.
+        Requested unit; if omitted or ``"1"``, the only one that is known.
 
     Raises
     ------
     InputError
-        If no unit is wanted and several are known.
+        If no unit is requested and several are known.
     UnknownNameError
-        If the unit that is wanted is unknown; the message gives the nearest one.
+        If the requested unit is unknown; the message gives the nearest one.
     """
     solid = container.shape if isinstance(container, ClosedMesh) else None
     units = [shape.unit for shape in shapes] + ([] if solid is None else [solid.unit])

@@ -1,4 +1,4 @@
-"""Which grains are to be packed: how many, of what shape, how large."""
+"""Random draw of the grains of a packing: their number, shapes and sizes."""
 
 import logging
 import math
@@ -24,24 +24,24 @@ log = logging.getLogger(__name__)
 #: largest solid fraction of equal disks and spheres: the hexagonal and the face-centred cubic lattice
 #: (Thue 1910; Hales 2005, doi:10.4007/annals.2005.162.1065)
 DENSEST = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
-#: grains that are drawn at a time, and at the most, where no count is given
+#: number of grains drawn at a time, and largest number, if no count is given
 BLOCK, MOST_DRAWN = 1024, 10_000_000
-#: grains that can be asked for: at 300 bytes each, 30 GB
+#: largest count: 30 GB at 300 bytes per grain
 MOST_ASKED = 100_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Grains:
+class DrawnGrains:
     """Grains without poses.
 
     Attributes
     ----------
     shape_id : (n,) ndarray of int
-        Which shape each grain has.
+        Shape of each grain.
     diameter : (n,) ndarray of float
         Equivalent diameters, in the unit of lengths.
     removed : dict
-        Count and volume of the grains that were drawn and cannot fit.
+        Count and volume of the drawn grains that cannot fit.
     """
 
     shape_id: Integers
@@ -60,7 +60,7 @@ def draw_grains(
     weights_by: str,
     seed: int,
     surplus: bool = False,
-) -> Grains:
+) -> DrawnGrains:
     """Draw the grains of a packing.
 
     Parameters
@@ -68,35 +68,35 @@ def draw_grains(
     shapes : sequence of Shape
         Shapes to draw from.
     container : Container
-        What shall hold them.
+        Container of the grains.
     sizes : SizeDistribution or None
-        Distribution of the equivalent diameters; None keeps each shape at its own size.
+        Distribution of the equivalent diameters; None keeps the size of each shape.
     count : int or None
-        How many grains; None lets the solid fraction decide.
+        Number of grains; None leaves it to the solid fraction.
     solid_fraction : float or None
-        Wanted solid fraction; None draws as many as fill the container without any void.
+        Requested solid fraction; None draws as many grains as fill the container completely.
     weights : (len(shapes),) array_like of float or None
-        Shares of the shapes; equal where None.
+        Shares of the shapes; equal if None.
     weights_by : {"number", "volume"}
-        What the shares are of.
+        Quantity that the shares refer to.
     seed : int
         Seed of the run.
     surplus : bool
-        Whether a count may have more volume than the container: the method takes those that find a place.
+        Whether the grains may have more volume than the container: the method places those that fit.
 
     Returns
     -------
-    Grains
+    DrawnGrains
 
     Raises
     ------
     InputError
-        If a number is out of range, the grains have more volume than the container, equal spheres are asked for a solid
-        fraction beyond that of the densest lattice, or open surfaces are to be shared out or counted by volume.
+        If a number is out of range, the grains have more volume than the container, the solid fraction of equal spheres
+        is beyond that of the densest lattice, or volumes of open surfaces are needed.
     GrainTooLargeError
         If no grain can fit.
     TooLargeError
-        If more than 100 million grains are asked for.
+        If more than 100 million grains are requested.
     """
     wanted = None if count is None else as_count(count, "count", at_most=None)
     if wanted is not None and wanted > MOST_ASKED:
@@ -135,7 +135,7 @@ def draw_grains(
             PackingWarning,
             stacklevel=5,
         )
-    return Grains(shape_id[fits], diameter[fits], removed)
+    return DrawnGrains(shape_id[fits], diameter[fits], removed)
 
 
 def _refuse_denser_than_lattice(
@@ -143,8 +143,7 @@ def _refuse_denser_than_lattice(
 ) -> None:
     """Refuse equal spheres that would be denser than the densest lattice.
 
-    Boxes and rectangles only: they fill space without gaps, and so would the packings in them. A round or a closed
-    container may hold more.
+    This holds for boxes and rectangles, which tile space. A round container or a mesh may hold more.
     """
     dimension, densest = container.dimension, DENSEST[container.dimension]
     if wanted <= densest * (1 + 1e-12) or not boundary_of(container).is_flat or not len(diameter):
@@ -170,7 +169,7 @@ def _shares(shapes: Sequence[Shape], weights: ArrayLike | None, weights_by: str,
     if by_volume and any(shape.is_open for shape in shapes):
         raise InputError("weights_by is 'volume' and a shape is an open surface: it has no volume; use 'number'")
     if by_volume and own_size:
-        # with a size distribution all shapes have the same volumes, so that both shares are one
+        # with a size distribution all shapes have equal volumes, and both shares are the same
         share = share / np.array([shape.volume for shape in shapes])
     return share / share.sum()
 
@@ -204,7 +203,7 @@ def _draw(
 
 
 def _doubled(array: NDArray[Any]) -> NDArray[Any]:
-    """Return an array twice as long; the zeros that follow take no memory until they are written."""
+    """Return an array of twice the length; its zeros take no memory until they are written."""
     longer = np.zeros(2 * len(array), dtype=array.dtype)
     longer[: len(array)] = array
     return longer
@@ -213,7 +212,7 @@ def _doubled(array: NDArray[Any]) -> NDArray[Any]:
 def _draw_block(
     shapes: Sequence[Shape], shares: Floats, sizes: SizeDistribution | None, many: int, seed: int, block: int
 ) -> tuple[Integers, Floats]:
-    """Draw shapes and diameters of so many grains."""
+    """Draw shapes and diameters of one block of grains."""
     shape_id = stream(seed, "shapes", block).choice(len(shapes), size=many, p=shares).astype(np.int64)
     diameter = _diameters(shapes, shape_id, sizes, stream(seed, "sizes", block))
     check_lengths([diameter.min(initial=1.0), diameter.max(initial=1.0)], "diameter of a grain")
@@ -223,7 +222,7 @@ def _draw_block(
 def _diameters(
     shapes: Sequence[Shape], shape_id: Integers, sizes: SizeDistribution | None, generator: np.random.Generator
 ) -> Floats:
-    """Return equivalent diameters; a size by the intermediate axis is turned into one with the axis of the shape."""
+    """Return equivalent diameters; a size by the intermediate axis is converted with that axis of the shape."""
     own = np.array([shape.diameter for shape in shapes])
     if sizes is None:
         return own[shape_id]

@@ -1,4 +1,4 @@
-"""Driving a packing method: chunks, checkpoints, resume, signals and progress, once for all methods."""
+"""Driver of packing methods: chunks of attempts, checkpoints, resume, signals and progress, once for all methods."""
 
 import contextlib
 import hashlib
@@ -28,11 +28,11 @@ from voxgran.packing.problem import Problem
 
 log = logging.getLogger(__name__)
 
-#: a chunk is as many attempts as take about this long, but at most twice as many as the one before; no result depends
-#: on it
+#: duration of a chunk, which has at most twice as many attempts as the one before, and attempts of the first chunk; no
+#: result depends on them
 CHUNK_SECONDS, FIRST_CHUNK = 0.25, 1
 CHECKPOINT_SECONDS = 10.0
-#: a checkpoint is written at most so often that it takes this share of the time
+#: largest share of the time that checkpoints take
 CHECKPOINT_SHARE = 0.05
 
 
@@ -40,15 +40,15 @@ class Recorder(Protocol):
     """Takes snapshots of a run."""
 
     def due(self, done: int) -> int:
-        """Return after how many attempts the next snapshot is due."""
+        """Return the number of attempts after which the next snapshot is due."""
 
     def record(self, packing: Packing, done: int) -> None:
-        """Take a snapshot after so many attempts."""
+        """Take a snapshot after `done` attempts."""
 
 
 @dataclass(slots=True)
 class Drive:
-    """How a run is driven; none of it changes the result.
+    """Options of a run that do not change its result.
 
     Attributes
     ----------
@@ -56,15 +56,15 @@ class Drive:
         File that is written every ten seconds, when the run is asked to stop, and at the end; a large one less often,
         so that it takes no more than a twentieth of the time.
     resume : bool
-        Whether to go on from that file where it is there.
+        Whether to resume from that file if it exists.
     on_step : callable or None
-        Told of each chunk.
+        Called after each chunk.
     chunk : int or None
         Attempts per chunk; None adapts it to the clock.
     time_limit : float or None
         Seconds after which the run stops, though not before the first attempt.
     recorder : Recorder or None
-        Given the packing whenever a snapshot is due.
+        Receives the packing whenever a snapshot is due.
     """
 
     checkpoint: str | os.PathLike[str] | None = None
@@ -84,7 +84,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
     method : PackingMethod
         The method.
     problem : Problem
-        What to pack.
+        The packing task.
     how : Drive
         Checkpoint, progress and limits.
 
@@ -98,7 +98,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
     CheckpointError
         If the checkpoint is damaged or belongs to another run.
     OutputError
-        If the checkpoint cannot be written; the one before is then still good.
+        If the checkpoint cannot be written; the previous one is then still valid.
     InUseError
         If another process writes that checkpoint.
     Interrupted
@@ -110,7 +110,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
         if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
             _restore(problem, state, how.checkpoint, mark)
         if not state.stop_reason:
-            # what follows from the problem is made here: nothing is lost where a signal ends that at once
+            # derived data are computed here: nothing is lost if a signal ends this at once
             state = method.advance(problem, state, 0)
             signals.patient = True
             keeper = _Keeper(problem, how.checkpoint, mark)
@@ -152,7 +152,7 @@ def _make_attempts(
 
 
 class _Keeper:
-    """Writes checkpoints, not too often."""
+    """Writes checkpoints at limited intervals."""
 
     def __init__(self, problem: Problem, path: str | os.PathLike[str] | None, mark: str) -> None:
         self.problem, self.path, self.mark = problem, path, mark
@@ -161,7 +161,7 @@ class _Keeper:
             remove_drafts(path)
 
     def keep(self, state: State, *, at_once: bool) -> None:
-        """Write a checkpoint where it is time."""
+        """Write a checkpoint if it is due."""
         began = time.monotonic()
         if self.path is None or not (began > self.next or (at_once and self.done < state.done)):
             return
@@ -175,7 +175,7 @@ class _Keeper:
 
 
 def fingerprint(method: PackingMethod, problem: Problem) -> str:
-    """Return the hash that a checkpoint must carry to be resumed: all that the result depends on."""
+    """Return the hash of all that the result depends on, which a checkpoint must have to be resumed."""
     digest = hashlib.sha256()
     head = {
         "method": method.name,
@@ -195,7 +195,7 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
 
 
 def _save(problem: Problem, state: State, path: str | os.PathLike[str], mark: str) -> None:
-    """Write what a checkpoint holds."""
+    """Write a checkpoint."""
     header: dict[str, Any] = {
         "fingerprint": mark,
         "done": state.done,
@@ -209,7 +209,7 @@ def _save(problem: Problem, state: State, path: str | os.PathLike[str], mark: st
 
 
 def _restore(problem: Problem, state: State, path: str | os.PathLike[str], mark: str) -> None:
-    """Put a checkpoint into a freshly prepared state, and what was made before it into the problem."""
+    """Load a checkpoint into a newly prepared state, and its counted representations into the problem."""
     header, arrays = load_checkpoint(path)
     if header.get("fingerprint") != mark:
         raise CheckpointError(
@@ -234,13 +234,13 @@ def _tell(how: Drive, state: State) -> None:
 
 
 def _tell_of_kernels(how: Drive) -> None:
-    """Report that a kernel is compiled, which takes seconds when a method is used for the first time."""
+    """Report that kernels are compiled, which takes seconds when a method is used for the first time."""
     if how.on_step is not None:
         how.on_step(Step(stage="compiling", done=0, total=0, text="kernels (once per machine)"))
 
 
 def _farewell(how: Drive, state: State) -> str:
-    """Say where the run stopped and how to go on."""
+    """Return the message of a stopped run, with the way to resume it."""
     ended = bool(state.stop_reason)
     made = f"all {state.done} attempts" if ended else f"{state.done} of {state.total} attempts"
     if how.checkpoint is None:
@@ -249,7 +249,7 @@ def _farewell(how: Drive, state: State) -> str:
 
 
 def check_drive(checkpoint: Any, resume: Any, on_step: Any, recorder: Any) -> None:
-    """Check what a run is driven with.
+    """Check the options of a run.
 
     Parameters
     ----------

@@ -22,14 +22,14 @@ class HasGravity(Protocol):
 
 
 def as_down(asked: Any, container: Container) -> Down | None:
-    """Return the unit vector in which gravity acts, None where it does not.
+    """Return the unit vector in which gravity acts, or None.
 
     Parameters
     ----------
     asked : str or (3,) array_like of float or None
         An axis such as ``"-z"``, a vector, or None or ``"none"``; ``"down"`` is the usual axis where it has walls.
     container : Container
-        Its walls.
+        The container.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def as_down(asked: Any, container: Container) -> Down | None:
 
 
 def usual_axis(container: Container) -> str:
-    """Return where gravity acts when nothing is said: ``"-z"``, in two dimensions ``"-y"``."""
+    """Return the default direction of gravity: ``"-z"``, in two dimensions ``"-y"``."""
     return "-z" if container.dimension == 3 else "-y"
 
 
@@ -77,7 +77,7 @@ def axis_of(asked: str | None, container: Container) -> Integers:
 
 
 def direction_of(vector: Floats, container: Container) -> Floats:
-    """Return a vector at length 1; one of length 1 stays as it is.
+    """Return a vector normalized to length 1; one of length 1 is unchanged.
 
     Raises
     ------
@@ -91,12 +91,12 @@ def direction_of(vector: Floats, container: Container) -> Floats:
             f"gravity is {vector.tolist()}: it must be finite, not 0, and have no part along a periodic axis or out of "
             "the plane; turn it, or say 'none'"
         )
-    # adding 0 takes the sign of a zero away
+    # adding 0 removes the sign of a zero
     return (vector if abs(length - 1.0) <= 4e-16 else vector / length) + 0.0
 
 
 def main_axis(gravity: Floats) -> Integers:
-    """Return the lattice vector along which gravity is strongest; zero where there is none."""
+    """Return the lattice vector nearest to gravity; zero if there is none."""
     down = np.zeros(3, dtype=np.int64)
     if gravity.any():
         axis = int(np.argmax(np.abs(gravity)))
@@ -112,7 +112,7 @@ def upward(gravity: Integers, dimension: int) -> Integers:
 
 
 def gravity_vector(problem: HasGravity) -> Floats:
-    """Return the direction of gravity, of length 1; zero where there is none.
+    """Return the direction of gravity, of length 1; zero if there is none.
 
     Raises
     ------

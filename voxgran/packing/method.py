@@ -1,9 +1,9 @@
-"""What a packing method is: three functions over plain arrays, and the registry that finds them.
+"""Packing methods: three functions over plain arrays, their cost, and the registry of methods.
 
-A method never sees checkpoints, signals, clocks or progress; :mod:`voxgran.packing.driver` does these for all.
-Therefore its state is arrays and counters and nothing else, and what attempt number k does depends on the state and k
-alone, so that results do not depend on how many attempts are computed in one call. A call with none makes what follows
-from the problem and changes nothing. Where an attempt may take more than half a second the method calls
+Checkpoints, signals, clocks and progress are handled by :mod:`voxgran.packing.driver` for all methods. The state of a
+method is therefore arrays and counters only, and attempt number k depends on the state and k alone, so that results do
+not depend on the number of attempts per call. A call with 0 attempts computes the derived data and changes nothing
+else. If an attempt may take more than half a second, the method calls
 :func:`voxgran._base.stopping.stop_if_asked` in between, with arrays and counters as after the last attempt.
 """
 
@@ -21,24 +21,24 @@ from voxgran.packing.problem import Problem
 
 Array: TypeAlias = NDArray[Any]
 
-#: bytes that the interpreter and the libraries take while a method packs (measured)
+#: bytes of the interpreter and the libraries during packing (measured)
 PACKING_BYTES = 120 * 2**20
-#: what Open3D adds where a method samples surfaces (measured)
+#: bytes that Open3D adds if a method samples surfaces (measured)
 SAMPLING_BYTES = 310 * 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:
-    """What a run takes, known before anything is made.
+    """Cost of a run, known before it starts.
 
     Attributes
     ----------
     memory : int
         Bytes at the peak, without the libraries; an estimate.
     attempts : int
-        Attempts at the most.
+        Largest number of attempts.
     voxelized_shapes, sampled_shapes : int
-        How many solids are turned into voxels and into points: exactly what the run counts.
+        Number of solids that are voxelized and sampled: exactly what the run counts.
     """
 
     memory: int
@@ -49,20 +49,20 @@ class Cost:
 
 @dataclass(slots=True)
 class State:
-    """Where a run stands.
+    """State of a run.
 
     Attributes
     ----------
     arrays : dict of str to ndarray
-        All that changes and must survive a kill; a checkpoint holds these.
+        All data that change; a checkpoint holds these.
     counters : dict of str to int
-        Attempts, acceptances and what else the method counts; a checkpoint holds these.
+        Attempts, acceptances and other counts of the method; a checkpoint holds these.
     done, total : int
-        Attempts made, and attempts after which the method stops at the latest.
+        Attempts made, and largest number of attempts.
     stop_reason : str
-        Empty while there is more to do.
+        Empty while the method has not stopped.
     derived : dict of str to ndarray
-        What follows from the problem and the rest and is made again when it is missing; never saved.
+        Data that follow from the problem and the other attributes; computed again when missing, never saved.
     """
 
     arrays: dict[str, Array]
@@ -82,26 +82,26 @@ class PackingMethod:
     name, summary, source : str
         Name, one line, and the paper with its DOI.
     parameters : type
-        Parameter class; it alone yields TOML keys, flags, help and provenance.
+        Parameter class; it defines TOML keys, flags, help and provenance.
     prepare : callable
-        Problem to the first State.
+        Problem to the initial State.
     advance : callable
         Problem, State and a number of attempts to the State after at most as many.
     finish : callable
         Problem and State to the Packing.
     cost : callable
-        Problem to its Cost, before anything is made, without numba, Open3D or VTK.
+        Problem to its Cost, without packing and without numba, Open3D or VTK.
     dimensions : tuple of int
-        In which dimensions it works.
+        Supported dimensions.
     libraries : tuple of str
         Libraries that it loads.
     selects : bool
-        Whether it takes grains as candidates, of which there may be more than the container has room for.
+        Whether grains are candidates, of which there may be more than fit into the container.
     open_surfaces : bool
-        Whether it packs open surfaces, which have no inside.
+        Whether it packs open surfaces.
     any_container : bool
-        Whether it packs into any object with the attributes of a :class:`Container`, by its signed distance; otherwise
-        into those of voxgran.
+        Whether it packs into any object with the attributes of a :class:`Container`, by its signed distance; other
+        methods need the boundary in closed form.
     """
 
     name: str
@@ -130,14 +130,14 @@ def packing_methods() -> tuple[str, ...]:
 
 
 def packing_memory(method: PackingMethod, problem: Problem) -> int:
-    """Return how many bytes a packing takes at the peak, with the libraries; an estimate.
+    """Return the estimated peak memory of a packing in bytes, with the libraries.
 
     Parameters
     ----------
     method : PackingMethod
         The method.
     problem : Problem
-        What it is to pack.
+        The packing task.
 
     Raises
     ------
@@ -151,21 +151,21 @@ def packing_memory(method: PackingMethod, problem: Problem) -> int:
 
 
 def check_memory(method: PackingMethod, needed: int, what: str) -> None:
-    """Check that this machine has as much memory as is needed.
+    """Check that this machine has enough memory.
 
     Parameters
     ----------
     method : PackingMethod
-        The method, for what helps.
+        The method, whose parameters decide the remedy.
     needed : int
-        Bytes.
+        Bytes that are needed.
     what : str
-        What needs them, as the message names it.
+        Subject of the message.
 
     Raises
     ------
     TooLargeError
-        If it has less.
+        If the machine has less.
     """
     available = memory_limit()
     if needed > available:

@@ -22,7 +22,7 @@ from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.containers.make import container_classes
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
-from voxgran.packing.draw import Grains, draw_grains
+from voxgran.packing.draw import DrawnGrains, draw_grains
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.method import PackingMethod, State, check_memory, method_registry, packing_memory
 from voxgran.packing.model import Packing, check_packing
@@ -319,7 +319,7 @@ def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: C
 def _problem(
     shapes: tuple[Shape, ...],
     container: Container,
-    grains: Grains,
+    grains: DrawnGrains,
     settings: Any,
     *,
     seed: int,

@@ -1,7 +1,7 @@
-"""Problem: what a packing method is given, with representations of the shapes made on demand.
+"""Problem: the task of a packing method, with representations of the shapes that are computed on demand.
 
-All lengths in here are in the normalized frame, whose unit is the median diameter of the grains: a scene and the same
-scene in other units give the same numbers. Representations are kept under a byte limit, oldest out first.
+All lengths are in the normalized frame, whose unit is the median diameter of the grains: a scene in other units gives
+the same numbers. Representations are cached up to a limit of memory; the oldest are removed first.
 """
 
 import hashlib
@@ -43,11 +43,11 @@ class Problem:
     shapes : tuple of Shape
         The different shapes at unit equivalent diameter.
     shape_id : (n,) ndarray of int
-        Which shape each grain has.
+        Shape of each grain.
     diameter : (n,) ndarray of float
-        Equivalent diameter of each grain, in median diameters; the factor on the shape's lengths.
+        Equivalent diameter of each grain, in median diameters; the factor on the lengths of its shape.
     container : Container
-        What holds the grains, in median diameters.
+        The container, in median diameters.
     parameters : object
         Parameter object of the method; its lengths are in `unit_length`.
     seed : int
@@ -57,18 +57,18 @@ class Problem:
     original : tuple of Shape
         The shapes as the user gave them.
     start : Start or None
-        Poses of the first grains, which are there from the beginning.
+        Poses of the first grains, which are present from the beginning.
     unit : str
         The user's unit of lengths.
     density : float
         Density of the material.
     target : bool
-        Whether so many grains are asked for, by number or by volume; otherwise they are as many as could be needed.
+        Whether a count or a solid fraction is requested; otherwise there are as many grains as could be needed.
     byte_limit : int
-        How many bytes of representations are kept.
+        Largest size of the cached representations.
     made : dict of str to set of int
-        Hashes of all representations that were ever made, by what counts them; a checkpoint holds these, so that what
-        is made again after it is not counted again.
+        Hashes of all representations computed so far, by their counter; a checkpoint holds these, so that
+        representations that are computed again are not counted again.
     """
 
     shapes: tuple[Shape, ...]
@@ -90,7 +90,7 @@ class Problem:
 
     @property
     def count(self) -> int:
-        """Number of grains that are asked for."""
+        """Number of grains."""
         return len(self.shape_id)
 
     @property
@@ -106,11 +106,11 @@ class Problem:
 
     @property
     def counters(self) -> dict[str, int]:
-        """How many different solids were turned into voxels, and into points."""
+        """Numbers of different solids that were voxelized and sampled."""
         return {name: len(keys) for name, keys in self.made.items()}
 
     def length(self, value: float) -> float:
-        """Return a length given in the user's unit in median diameters."""
+        """Return a length, given in the user's unit, in median diameters."""
         return value / self.unit_length
 
     def start_assembly(self, start: Start) -> Assembly:
@@ -180,13 +180,13 @@ class Problem:
         Parameters
         ----------
         grain : int
-            Which grain.
+            Index of the grain.
         orientation : (4,) ndarray of float
             Unit quaternion (w, x, y, z).
         voxel_size : float
             Edge of a voxel, in median diameters.
         cover : {"touch", "center"}
-            Which voxels are taken.
+            Rule by which voxels are occupied.
 
         Returns
         -------
@@ -196,7 +196,7 @@ class Problem:
         Raises
         ------
         InputError
-            If the grain holds no center of a voxel, and those are asked for.
+            If `cover` is ``"center"`` and the grain contains no center of a voxel.
         """
         shape, diameter = self.shapes[self.shape_id[grain]], float(self.diameter[grain])
         if shape.is_sphere:
@@ -226,9 +226,9 @@ class Problem:
         Parameters
         ----------
         shape : int
-            Which shape.
+            Index of the shape.
         spacing : float
-            Wanted spacing, in diameters of the shape.
+            Requested spacing, in diameters of the shape.
         """
         key = ("points", shape, spacing)
 
@@ -239,12 +239,12 @@ class Problem:
         return self.keep(key, make)
 
     def _count(self, name: str, key: tuple[Any, ...]) -> None:
-        """Count what is made under a key, once."""
+        """Count a representation once."""
         digest = hashlib.blake2b(repr(key).encode(), digest_size=8).digest()
         self.made[name].add(int.from_bytes(digest, "little"))
 
     def keep(self, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
-        """Return what is kept under a key, made if needed; the oldest leave when the limit is passed."""
+        """Return the cached object of a key, computed if needed; the oldest are removed beyond the limit."""
         if key in self._kept:
             self._kept.move_to_end(key)
             return self._kept[key]
@@ -262,12 +262,12 @@ def stands_free(problem: Problem, start: Start) -> bool:
 
 
 def warn_of_units(problem: Problem) -> None:
-    """Warn where grains are so small, and so few, that sizes and container are likely in different units.
+    """Warn if grains are so small and so few that sizes and container are likely in different units.
 
     Parameters
     ----------
     problem : Problem
-        With the grains drawn.
+        The problem, with its grains drawn.
     """
     if problem.start is not None or not problem.count:
         return
@@ -281,6 +281,6 @@ def warn_of_units(problem: Problem) -> None:
             f"{share:.1g} of a container that is {edge * problem.unit_length:g}{unit} wide: if that is a mistake of "
             "units, give sizes and container in the same one",
             PackingWarning,
-            # the same place for a plan and for the run after it, so that it is told once
+            # the same line for a plan and for its run, so that the warning is shown once
             stacklevel=2,
         )

@@ -1,4 +1,4 @@
-"""Grains that are certainly too large for a container, however they are turned."""
+"""Grains that are certainly too large for a container in any orientation."""
 
 import math
 from collections.abc import Sequence
@@ -14,25 +14,25 @@ from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface
 
-#: what rounding may add to a length
+#: factor that allows for rounding of a length
 EXACT = 1 + 1e-12
 
 
 def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, diameter: Floats) -> Booleans:
-    """Tell which grains are not certainly too large.
+    """Return which grains are not certainly too large.
 
-    Those are too large that have more volume than the container, that hold a sphere thicker than the container is along
-    an axis, or that are longer than its longest line. A rod may lie along a diagonal, and one that is longer than a
-    period beside its own images.
+    Grains are too large if they have more volume than the container, contain a sphere wider than the container along an
+    axis, or are longer than its longest line. A rod may lie along a diagonal, and one that is longer than a period
+    beside its own images.
 
     Parameters
     ----------
     shapes : sequence of Shape
         The different shapes.
     container : Container
-        What shall hold the grains.
+        Container of the grains.
     shape_id : (n,) ndarray of int
-        Which shape each grain has.
+        Shape of each grain.
     diameter : (n,) ndarray of float
         Equivalent diameter of each grain, in the unit of the container.
 
@@ -43,7 +43,7 @@ def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, d
     dimension = container.dimension
     lengths = (container.bounds[1] - container.bounds[0])[:dimension]
     extents = np.sort(np.array([principal_extents(shape)[:dimension] / shape.diameter for shape in shapes]), axis=1)
-    # along the axes: the usual case, in which nothing more is asked
+    # grains that fit along the axes need no further test
     fits = np.all(extents[shape_id] * diameter[:, None] <= np.sort(lengths) * EXACT, axis=1)
     open_axes = np.array(container.periodic[:dimension])
     walled, periodic = lengths[~open_axes].min(initial=math.inf), lengths[open_axes].min(initial=math.inf)
@@ -60,14 +60,14 @@ def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, d
 
 
 def _longest_line(container: Container) -> float:
-    """Return a length that no line in a container with walls goes beyond."""
+    """Return an upper bound of the length of lines in a container with walls."""
     lengths = (container.bounds[1] - container.bounds[0])[: container.dimension]
     # the round axes share one diameter
     return float(np.linalg.norm(lengths[max(boundary_of(container).round_axes - 1, 0) :]))
 
 
 def _length(shape: Shape) -> float:
-    """Return the distance of two points of a shape that lie far from each other."""
+    """Return the distance of two distant points of a shape, a lower bound of its diameter."""
     if shape.is_sphere:
         return shape.diameter
     points = shape.vertices
@@ -76,10 +76,9 @@ def _length(shape: Shape) -> float:
 
 
 def _spheres(shape: Shape) -> tuple[float, float]:
-    """Return the diameters of a sphere that a shape holds, and of one that its convex hull holds; 0 where none is
-    known.
+    """Return the diameters of a sphere inside a shape and of one inside its convex hull; 0 where none is known.
 
-    Only the first keeps a shape from reaching around itself.
+    Only the first limits a shape that is longer than a period.
     """
     geometry = shape.geometry
     if isinstance(geometry, Surface):
@@ -89,7 +88,7 @@ def _spheres(shape: Shape) -> tuple[float, float]:
     if isinstance(geometry, Primitive):
         sphere = _sphere_of_primitive(geometry)
         return sphere, sphere
-    # its facets are as far from the centroid as the sphere reaches
+    # the nearest facet limits the sphere about the centroid
     hull = load("scipy.spatial").ConvexHull(shape.vertices[:, : shape.dimension])
     around = float(-2.0 * hull.equations[:, -1].max())
     if isinstance(geometry, Spheres):

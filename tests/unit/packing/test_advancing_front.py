@@ -273,7 +273,7 @@ def test_what_was_missed_is_said():
 def test_parameters_are_checked():
     with pytest.raises(InputError, match="tries"):
         pack(SPHERE, WIDE, count=3, tries=0)
-    with pytest.raises(InputError, match="dense packing takes the best place"):
+    with pytest.raises(InputError, match="dense packing takes the best position"):
         pack(SPHERE, WIDE, count=3, mode="dense", order="random")
 
 

@@ -12,7 +12,7 @@ from voxgran._base.seeds import philox_block, philox_key
 from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.rsa.available_cells import Open, all_edges, cut_cells
-from voxgran.packing.rsa.level_grid import Bed
+from voxgran.packing.rsa.level_grid import Grains
 from voxgran.packing.rsa.method import registration as rsa
 from voxgran.packing.rsa.precompute import congruential
 
@@ -100,7 +100,7 @@ class Plain:
         if basic in ("classic", "1"):
             for g in range(n):
                 any(self.put(g, table[g * tries + t], corrections) for t in range(tries))
-        elif settings.retain == "next":
+        elif settings.retry == "next":
             g = 0
             for share in table:
                 g += g < n and self.put(g, share, corrections)
@@ -123,10 +123,10 @@ def test_every_scheme_is_that_of_a_plain_program(scheme, dimension, periodic):
     shape = vg.make_shape("disk" if dimension == 2 else "sphere")
     room = vg.Rectangle((4.5, 5), periodic) if dimension == 2 else vg.Box((2.6, 3, 2.2), periodic)
     numbers = "lcg" if periodic == "x" else "philox"
-    for retain in ("scan", "next") if scheme in ("2", "3", "4c", "4d") else ("scan",):
+    for retry in ("scan", "next") if scheme in ("2", "3", "4c", "4d") else ("scan",):
         task = task_of(
             *(shape, room), count=90, sizes=GRADED, seed=4,
-            scheme=scheme, tries=3, retain=retain, numbers=numbers, until="tries",
+            scheme=scheme, tries=3, retry=retry, numbers=numbers, until="tries",
         )  # fmt: skip
         state, plain = run_of(task.problem), Plain(task.problem).run()
         assert np.flatnonzero(state.arrays["entered"]).tolist() == sorted(plain.placed)
@@ -154,7 +154,7 @@ def test_next_keeps_the_shares_and_scan_does_not():
     disks, plane = vg.make_shape("disk"), vg.Rectangle((30, 30))
     with pytest.warns(PackingWarning):
         words, numbers = (
-            vg.pack(disks, plane, method="rsa", scheme="3", tries=1, retain=how, sizes=GRADED, count=3000)
+            vg.pack(disks, plane, method="rsa", scheme="3", tries=1, retry=how, sizes=GRADED, count=3000)
             for how in ("next", "scan")
         )
     drawn = task_of(disks, plane, count=3000, sizes=GRADED).problem.diameter
@@ -235,7 +235,7 @@ def test_open_cells_hold_every_free_place():
     state = rsa.prepare(problem)
     while state.arrays["depth"][0] < 2:
         state = rsa.advance(problem, state, 50)
-    known, classes = Open(*(state.arrays[name] for name in Open._fields)), state.derived["setting"].classes
+    known, classes = Open(*(state.arrays[name] for name in Open._fields)), state.derived["precomputed"].classes
     edge = all_edges(classes, known)[0]
     cells = {tuple(cell) for cell in known.cell.tolist()}
     packing, generator = rsa.finish(problem, state), np.random.Generator(np.random.PCG64(1))
@@ -256,12 +256,12 @@ def test_open_boxes_are_the_free_room_exactly(dimension):
     shape = vg.make_shape("polygon", vertices=corners) if dimension == 2 else vg.make_shape("box", lengths=(1, 1, 1))
     problem = task_of(shape, room, until="saturated", aligned=True, seed=3).problem
     state = rsa.advance(problem, rsa.prepare(problem), 60)
-    setting = state.derived["setting"]
+    made = state.derived["precomputed"]
     known = Open(*(state.arrays[name] for name in Open._fields))
-    bed = Bed(state.arrays["position"], setting.half, setting.level, state.arrays["entered"], True)
-    boxes = cut_cells(bed, setting.cells, setting.room, setting.classes, known, 0).cell
-    low, span = setting.classes.low[0], setting.classes.span[0]
-    lengths, edge = setting.room.lengths, 2 * setting.half[0, 0]
+    grains = Grains(state.arrays["position"], made.half, made.level, state.arrays["entered"], True)
+    boxes = cut_cells(grains, made.cells, made.walls, made.classes, known, 0).cell
+    low, span = made.classes.low[0], made.classes.span[0]
+    lengths, edge = made.walls.lengths, 2 * made.half[0, 0]
     centers = state.arrays["position"][state.arrays["entered"] == 1]
     assert len(centers) > 10
     probes = low + np.random.Generator(np.random.PCG64(1)).random((20_000, 3)) * span
@@ -363,15 +363,15 @@ def test_open_boxes_are_cut_no_more_than_they_change():
         half = rsa.advance(problem, half, 20)
         known = Open(*(half.arrays[name] for name in Open._fields))
         exact = np.flatnonzero((known.misses < 0) & (np.diff(known.bounds) > 0))
-    setting, entered = half.derived["setting"], np.flatnonzero(half.arrays["entered"])
-    bed = Bed(half.arrays["position"], setting.half, setting.level, half.arrays["entered"], True)
+    made, entered = half.derived["precomputed"], np.flatnonzero(half.arrays["entered"])
+    grains = Grains(half.arrays["position"], made.half, made.level, half.arrays["entered"], True)
     for kind in exact:
-        after = cut_cells(bed, setting.cells, setting.room, setting.classes, known, kind).cell
+        after = cut_cells(grains, made.cells, made.walls, made.classes, known, kind).cell
         assert after == pytest.approx(known.cell, abs=1e-12)
         own = known.cell[known.bounds[kind] : known.bounds[kind + 1]]
         step = np.abs(own[:, None, :3] + own[:, None, 3:] / 2 - half.arrays["position"][entered])
-        step = np.minimum(step, setting.room.lengths - step)
-        assert (step >= setting.classes.half[kind] + setting.half[entered] - 1e-12).any(axis=2).all()
+        step = np.minimum(step, made.walls.lengths - step)
+        assert (step >= made.classes.half[kind] + made.half[entered] - 1e-12).any(axis=2).all()
     for chunk in (997, 7):
         again = rsa.prepare(problem)
         while not again.stop_reason:
@@ -425,7 +425,7 @@ def test_other_shapes_turn_at_random_in_their_bounding_spheres():
     "parameters",
     [
         {"scheme": "3", "tries": 10},
-        {"scheme": "4d", "tries": 10, "retain": "next", "numbers": "lcg"},
+        {"scheme": "4d", "tries": 10, "retry": "next", "numbers": "lcg"},
         {"until": "saturated"},
         {"until": "saturated", "order": "largest"},
         {"until": "saturated", "aligned": True},
@@ -475,11 +475,11 @@ def test_other_methods_go_on_from_it(method):
         sizes=GRADED,
         seed=2,
     )
-    bed = vg.pack([], tall, method=method, start=loose, sweeps=100, **options[method])
-    assert bed.count == loose.count == 18
-    assert bed.diameters == pytest.approx(loose.diameters)
-    assert bed.position[:, 2].mean() < loose.position[:, 2].mean() - 0.2
-    assert vg.verify(bed).ok
+    grains = vg.pack([], tall, method=method, start=loose, sweeps=100, **options[method])
+    assert grains.count == loose.count == 18
+    assert grains.diameters == pytest.approx(loose.diameters)
+    assert grains.position[:, 2].mean() < loose.position[:, 2].mean() - 0.2
+    assert vg.verify(grains).ok
 
 
 def test_what_is_missed_is_told():

@@ -83,7 +83,7 @@ def measure_tries(
                 seconds = time.perf_counter() - began
                 rows.append((name, "SciPy", many, len(centers), seconds, len(centers) * volume, 0.0))
             # one coordinate after the other, as the plain program does: as many as the grains that fill the box
-            options: dict[str, Any] = {"scheme": "2", "retain": "next", "tries": many}
+            options: dict[str, Any] = {"scheme": "2", "retry": "next", "tries": many}
             rows.append((name, "voxgran", many, *_timed(shape, room, 1, **options)))
     return rows
 

@@ -46,76 +46,76 @@ def front_container(container: Container, smallest: float) -> tuple[KernelContai
 
 
 @bare_kernel
-def is_inside(room: KernelContainer, x: float, y: float, z: float, r: float) -> bool:
-    """Return whether a sphere reaches through no wall, and not through itself across a periodic axis."""
-    if not _within(room, 0, x, r) or not _within(room, 1, y, r):
+def is_inside(walls: KernelContainer, x: float, y: float, z: float, r: float) -> bool:
+    """Return whether a sphere is within all walls and does not overlap its own periodic images."""
+    if not _within(walls, 0, x, r) or not _within(walls, 1, y, r):
         return False
-    if room.dimension == 3 and not _within(room, 2, z, r):
+    if walls.dimension == 3 and not _within(walls, 2, z, r):
         return False
-    if room.kind == UPRIGHT:
-        return math.hypot(x - room.radius, y - room.radius) + r <= room.radius + room.slack
-    if room.kind == ROUND:
-        dx, dy, dz = x - room.radius, y - room.radius, z - room.radius
-        return math.sqrt(dx * dx + dy * dy + dz * dz) + r <= room.radius + room.slack
-    return room.kind == FLAT or _mesh_distance(room, x, y, z, r) + r <= room.slack
+    if walls.kind == UPRIGHT:
+        return math.hypot(x - walls.radius, y - walls.radius) + r <= walls.radius + walls.slack
+    if walls.kind == ROUND:
+        dx, dy, dz = x - walls.radius, y - walls.radius, z - walls.radius
+        return math.sqrt(dx * dx + dy * dy + dz * dz) + r <= walls.radius + walls.slack
+    return walls.kind == FLAT or _mesh_distance(walls, x, y, z, r) + r <= walls.slack
 
 
 @bare_kernel
-def pulled_in(room: KernelContainer, x: float, y: float, z: float, r: float) -> tuple[float, float, float]:
-    """Return a place at which a sphere keeps off flat walls, the side of a cylinder and the wall of a sphere."""
-    x, y = _between_walls(room, 0, x, r), _between_walls(room, 1, y, r)
-    z = _between_walls(room, 2, z, r) if room.dimension == 3 else z
-    if room.kind in (UPRIGHT, ROUND):
-        dx, dy = x - room.radius, y - room.radius
-        dz = z - room.radius if room.kind == ROUND else 0.0
-        part = max(room.radius - r, 0.0) / max(math.sqrt(dx * dx + dy * dy + dz * dz), 1e-300)
+def pulled_in(walls: KernelContainer, x: float, y: float, z: float, r: float) -> tuple[float, float, float]:
+    """Return a position moved inward until the sphere is within flat walls, a cylinder or a spherical wall."""
+    x, y = _between_walls(walls, 0, x, r), _between_walls(walls, 1, y, r)
+    z = _between_walls(walls, 2, z, r) if walls.dimension == 3 else z
+    if walls.kind in (UPRIGHT, ROUND):
+        dx, dy = x - walls.radius, y - walls.radius
+        dz = z - walls.radius if walls.kind == ROUND else 0.0
+        part = max(walls.radius - r, 0.0) / max(math.sqrt(dx * dx + dy * dy + dz * dz), 1e-300)
         if part < 1.0:
-            x, y = room.radius + part * dx, room.radius + part * dy
-            z = room.radius + part * dz if room.kind == ROUND else z
+            x, y = walls.radius + part * dx, walls.radius + part * dy
+            z = walls.radius + part * dz if walls.kind == ROUND else z
     return x, y, z
 
 
 @bare_kernel
-def _between_walls(room: KernelContainer, axis: int, at: float, r: float) -> float:
-    """Return the nearest coordinate at which a sphere keeps off both walls of an axis."""
-    return min(max(at, r), room.lengths[axis] - r) if room.walled[axis] == 1 else at
+def _between_walls(walls: KernelContainer, axis: int, at: float, r: float) -> float:
+    """Return the nearest coordinate at which a sphere is within both walls of an axis."""
+    return min(max(at, r), walls.lengths[axis] - r) if walls.walled[axis] == 1 else at
 
 
 @bare_kernel
-def _within(room: KernelContainer, axis: int, at: float, r: float) -> bool:
-    """Return whether a sphere keeps the room along an axis."""
-    length = room.lengths[axis]
-    if room.walled[axis] == 0:
-        return 2.0 * r <= length + room.slack
-    return at - r >= -room.slack and at + r <= length + room.slack
+def _within(walls: KernelContainer, axis: int, at: float, r: float) -> bool:
+    """Return whether a sphere is within the walls along an axis, or fits into the period."""
+    length = walls.lengths[axis]
+    if walls.walled[axis] == 0:
+        return 2.0 * r <= length + walls.slack
+    return at - r >= -walls.slack and at + r <= length + walls.slack
 
 
 @bare_kernel
-def _mesh_distance(room: KernelContainer, x: float, y: float, z: float, r: float) -> float:
-    """Return the distance of a point from the wall of a mesh, negative inside; a bound where that tells enough.
+def _mesh_distance(walls: KernelContainer, x: float, y: float, z: float, r: float) -> float:
+    """Return the distance of a point from the wall of a mesh, negative inside; a bound where it decides.
 
-    A distance changes by no more than the way: far from where a sphere touches, the map of clearances tells.
+    A distance changes by no more than the length of a move: far from contact the map of clearances decides.
     """
-    cell, last = room.mesh.cell, room.mesh.clearance.shape
+    cell, last = walls.mesh.cell, walls.mesh.clearance.shape
     i = min(max(int(x / cell), 0), last[0] - 1)
     j = min(max(int(y / cell), 0), last[1] - 1)
     k = min(max(int(z / cell), 0), last[2] - 1)
-    known = room.mesh.clearance[i, j, k]
+    known = walls.mesh.clearance[i, j, k]
     dx, dy, dz = x - (i + 0.5) * cell, y - (j + 0.5) * cell, z - (k + 0.5) * cell
     way = math.sqrt(dx * dx + dy * dy + dz * dz)
     if known + way < -r:
         return known + way
     if known - way > -r:
         return known - way
-    return mesh_distance(room.mesh, x, y, z)
+    return mesh_distance(walls.mesh, x, y, z)
 
 
 @bare_kernel
-def is_near_mesh(room: KernelContainer, x: float, y: float, z: float, reach: float) -> bool:
+def is_near_mesh(walls: KernelContainer, x: float, y: float, z: float, reach: float) -> bool:
     """Return whether a point may be within reach of the wall of a mesh, by the map of clearances."""
-    cell, last = room.mesh.cell, room.mesh.clearance.shape
+    cell, last = walls.mesh.cell, walls.mesh.clearance.shape
     i = min(max(int(x / cell), 0), last[0] - 1)
     j = min(max(int(y / cell), 0), last[1] - 1)
     k = min(max(int(z / cell), 0), last[2] - 1)
     dx, dy, dz = x - (i + 0.5) * cell, y - (j + 0.5) * cell, z - (k + 0.5) * cell
-    return room.mesh.clearance[i, j, k] + math.sqrt(dx * dx + dy * dy + dz * dz) >= -reach
+    return walls.mesh.clearance[i, j, k] + math.sqrt(dx * dx + dy * dy + dz * dz) >= -reach

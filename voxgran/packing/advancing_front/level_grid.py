@@ -1,7 +1,11 @@
-"""Spheres in cells by size: is a place free, and what is near it.
+"""Hierarchical grid of linked cells for the spheres of a front: whether a position is free, and which spheres are near.
 
-Spheres of alike radius (within a factor of two) share a level, and each level has cells of its own width, so that a
-thousandfold range of sizes costs no more than some levels.
+Spheres of similar radius (within a factor of two) share a level, and each level has cells of its own width, so that a
+thousandfold range of sizes takes a few levels only.
+
+Random sequential addition has a grid of its own (:mod:`voxgran.packing.rsa.level_grid`): here centers and radii are
+rows of one array, spheres are removed again, images are counted, and cells may be shared by distant spheres, which the
+queries of the front need for their speed.
 """
 
 import math
@@ -13,14 +17,14 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 
-#: spheres by number, in half the bytes
+#: indices of spheres, in half the bytes
 Links: TypeAlias = NDArray[np.int32]
-#: a sphere and the image in which it is meant, as one number: the sphere times 2 ** BITS, plus the image
+#: a sphere and its periodic image as one number: the index of the sphere times 2 ** BITS, plus the image
 BITS = 5
 IMAGES = 2**BITS
 #: the image without a shift; image i is shifted by i % 3 - 1, i // 3 % 3 - 1 and i // 9 - 1 lengths
 HERE = 13
-#: most cells for each sphere
+#: largest number of cells per sphere
 SPARE = 2
 
 
@@ -28,9 +32,9 @@ class SphereCells(NamedTuple):
     """Linked cells of spheres, level by level.
 
     span: (3,) lengths of the periodic axes, 0 of others.  largest: radius of the largest sphere of each level, falling.
-    width, count: (k, 3) of the cells.  wraps: (k, 3), 1 where the cells come again and again along an axis: as images
-    of a periodic axis, or on others because there would be more cells than spheres; far spheres then share a cell.
-    first: of each level in `head`.  head: the last sphere of each cell; after: the sphere before each (-1: none).
+    width, count: (k, 3) edges and numbers of the cells.  wraps: (k, 3), 1 where the cells repeat along an axis: as
+    images of a periodic axis, or on others to limit their number; distant spheres then share a cell.  first: first cell
+    of each level in `head`.  head: the last sphere of each cell; after: the sphere before each (-1: none).
     """
 
     span: Floats
@@ -49,11 +53,11 @@ def lay_cells(lengths: Floats, periodic: Integers, radii: Floats, dimension: int
     Parameters
     ----------
     lengths : (3,) ndarray of float
-        Of the box that holds all centers, from its lower corner.
+        Lengths of the box of all centers, from its lower corner.
     periodic : (3,) ndarray of int
-        Which axes are, as 0 or 1.
+        Which axes are periodic, as 0 or 1.
     radii : (n,) ndarray of float
-        Of all spheres that may come.
+        Radii of all spheres.
     dimension : int
         2 or 3.
 
@@ -70,7 +74,7 @@ def lay_cells(lengths: Floats, periodic: Integers, radii: Floats, dimension: int
     full = np.maximum(np.floor(span / (2 * largest[:, None])), 1).astype(np.int64)
     full[:, ~axes] = 1
     count = np.array([_fewer(row, SPARE * int(many)) for row, many in zip(full, number, strict=True)])
-    # cells that stand for images are as wide as their number asks
+    # along periodic axes the cells fill the length exactly
     full = np.where(periodic == 1, count, full)
     cells = np.concatenate([[0], np.cumsum(count.prod(axis=1))]).astype(np.int64)
     wraps = ((count < full) | (periodic == 1)).astype(np.int64)
@@ -80,7 +84,7 @@ def lay_cells(lengths: Floats, periodic: Integers, radii: Floats, dimension: int
 
 
 def _fewer(count: Integers, most: int) -> Integers:
-    """Return at most so many cells, the same number along all axes that have to give some away."""
+    """Return numbers of cells whose product is at most `most`, the same along all axes that are reduced."""
     side = 1
     while side < count.max() and np.minimum(count, side + 1).prod() <= most:
         side += 1
@@ -89,7 +93,7 @@ def _fewer(count: Integers, most: int) -> Integers:
 
 @bare_kernel
 def level_of(cells: SphereCells, r: float) -> int:
-    """Return the level that a radius belongs to."""
+    """Return the level of a radius."""
     level = 0
     while level + 1 < len(cells.largest) and r <= cells.largest[level + 1]:
         level += 1
@@ -98,7 +102,7 @@ def level_of(cells: SphereCells, r: float) -> int:
 
 @bare_kernel
 def _cell_of(cells: SphereCells, spheres: Floats, sphere: int) -> int:
-    """Return the cell that a sphere lies in."""
+    """Return the cell of a sphere."""
     level = level_of(cells, spheres[sphere, 3])
     flat = 0
     for axis in range(3):
@@ -106,7 +110,7 @@ def _cell_of(cells: SphereCells, spheres: Floats, sphere: int) -> int:
         at = math.floor(spheres[sphere, axis] / cells.width[level, axis])
         if cells.wraps[level, axis] and cells.span[axis] == 0.0:
             at -= at // count * count
-        # rounding may put a sphere on a face beyond the last cell
+        # rounding may move a sphere on a face beyond the last cell
         flat = flat * count + min(max(at, 0), count - 1)
     return cells.first[level] + flat
 
@@ -121,20 +125,20 @@ def link(cells: SphereCells, spheres: Floats, sphere: int) -> None:
 
 @bare_kernel
 def unlink(cells: SphereCells, spheres: Floats, sphere: int) -> None:
-    """Take out the sphere that was entered last."""
+    """Remove the sphere that was linked last."""
     cells.head[_cell_of(cells, spheres, sphere)] = cells.after[sphere]
 
 
 @bare_kernel
 def link_all(cells: SphereCells, spheres: Floats, many: int) -> None:
-    """Enter the first spheres, in their order."""
+    """Link the first spheres, in their order."""
     for sphere in range(many):
         link(cells, spheres, sphere)
 
 
 @bare_kernel
 def cell_range(cells: SphereCells, level: int, axis: int, at: float, reach: float) -> tuple[int, int]:
-    """Return the first and the last cell within reach along an axis; where cells wrap they may lie beyond the ends."""
+    """Return the first and the last cell within reach along an axis; they may lie beyond the ends if cells repeat."""
     width, count = cells.width[level, axis], cells.count[level, axis]
     low, high = math.floor((at - reach) / width), math.floor((at + reach) / width)
     if not cells.wraps[level, axis]:
@@ -146,7 +150,7 @@ def cell_range(cells: SphereCells, level: int, axis: int, at: float, reach: floa
 
 @bare_kernel
 def is_free(cells: SphereCells, spheres: Floats, x: float, y: float, z: float, r: float, slack: float) -> bool:
-    """Return whether a sphere would overlap none by more than the slack."""
+    """Return whether a sphere would overlap no other by more than the slack."""
     for level in range(len(cells.largest)):
         if not _is_free_within(cells, spheres, level, x, y, z, r, slack, r + cells.largest[level]):
             return False
@@ -155,7 +159,7 @@ def is_free(cells: SphereCells, spheres: Floats, x: float, y: float, z: float, r
 
 @bare_kernel
 def _is_free_within(cells, spheres, level, x, y, z, r, slack, reach):  # type: ignore[no-untyped-def]
-    """Return whether a sphere would overlap none of a level in the cells within reach."""
+    """Return whether a sphere would overlap none of a level, in the cells within reach."""
     i0, i1 = cell_range(cells, level, 0, x, reach)
     j0, j1 = cell_range(cells, level, 1, y, reach)
     k0, k1 = cell_range(cells, level, 2, z, reach)

@@ -1,8 +1,7 @@
-"""Where a sphere touches two spheres and the wall of a closed mesh.
+"""Positions at which a sphere touches two spheres and the wall of a closed mesh.
 
-The centers at which a sphere touches two others are a circle. On it the distance from the wall changes steadily, so
-that between a place beyond the wall and one within there is one where the sphere touches it; it is found to the last
-digits.
+The centers at which a sphere touches two others are a circle. The distance from the wall is continuous on it, so that
+there is a point of contact between a point beyond the wall and one inside; it is found to the last digits.
 """
 
 import math
@@ -15,29 +14,29 @@ from voxgran.packing.advancing_front.tangent_spheres import ON_A_LINE, center_of
 
 #: the wall of a mesh, among the walls of :mod:`voxgran.packing.advancing_front.tangent_spheres`
 WALL = -11
-#: places of a circle that are looked at, at most
+#: largest number of tested points of a circle
 LOOKS = 60
 
 
 @bare_kernel
 def place_in(
-    spheres: Floats, room: KernelContainer, a: int, b: int, c: int, r: float
+    spheres: Floats, walls: KernelContainer, a: int, b: int, c: int, r: float
 ) -> tuple[bool, float, float, float]:
-    """Return whether a sphere of radius r can touch a, b and c, and its center, as `place_at`; c may be a mesh."""
+    """Return whether a sphere of radius r can touch a, b and c, and its center, as `place_at`; c may be WALL."""
     if c == WALL:
-        return _at_mesh(spheres, room, a, b, r)
-    return place_at(spheres, room.lengths, a, b, c, r)
+        return _at_mesh(spheres, walls, a, b, r)
+    return place_at(spheres, walls.lengths, a, b, c, r)
 
 
 @bare_kernel
-def _at_mesh(spheres, room, a, b, r):  # type: ignore[no-untyped-def]
+def _at_mesh(spheres, walls, a, b, r):  # type: ignore[no-untyped-def]
     """Return whether a sphere can touch two spheres and the wall of a mesh, and its center.
 
-    From where the circle of centers is nearest to the wall it is searched to the left.
+    The circle of centers is searched to the left from its point nearest to the wall.
     """
     nothing = False, 0.0, 0.0, 0.0
-    ax, ay, az = center_of(spheres, room.lengths, a)
-    ux, uy, uz = center_of(spheres, room.lengths, b)
+    ax, ay, az = center_of(spheres, walls.lengths, a)
+    ux, uy, uz = center_of(spheres, walls.lengths, b)
     ux, uy, uz, d1, d2 = ux - ax, uy - ay, uz - az, spheres[a >> BITS, 3] + r, spheres[b >> BITS, 3] + r
     uu = ux * ux + uy * uy + uz * uz
     along = 0.5 * ((d1 - d2) * (d1 + d2) + uu) / uu
@@ -46,9 +45,9 @@ def _at_mesh(spheres, room, a, b, r):  # type: ignore[no-untyped-def]
         return nothing
     wide, long = math.sqrt(height), math.sqrt(uu)
     x, y, z = ax + along * ux, ay + along * uy, az + along * uz
-    away, qx, qy, qz = wall_of_mesh(room.mesh, x, y, z)
+    away, qx, qy, qz = wall_of_mesh(walls.mesh, x, y, z)
     if abs(away + r) > wide:
-        # a distance changes by no more than the way
+        # a distance changes by no more than the length of a move
         return nothing
     sign = 1.0 if away < 0.0 else -1.0
     ex, ey, ez = sign * (qx - x), sign * (qy - y), sign * (qz - z)
@@ -59,26 +58,26 @@ def _at_mesh(spheres, room, a, b, r):  # type: ignore[no-untyped-def]
         return nothing
     ex, ey, ez = wide * ex / length, wide * ey / length, wide * ez / length
     fx, fy, fz = (uy * ez - uz * ey) / long, (uz * ex - ux * ez) / long, (ux * ey - uy * ex) / long
-    turn = _turn_to_wall(room, x, y, z, ex, ey, ez, fx, fy, fz, r)
+    turn = _turn_to_wall(walls, x, y, z, ex, ey, ez, fx, fy, fz, r)
     c, s = math.cos(turn), math.sin(turn)
     return turn >= 0.0, x + c * ex + s * fx, y + c * ey + s * fy, z + c * ez + s * fz
 
 
 @bare_kernel
-def _turn_to_wall(room, x, y, z, ex, ey, ez, fx, fy, fz, r):  # type: ignore[no-untyped-def]
-    """Return at which angle of a circle, from 0 to half a turn, a sphere touches the wall; -1 where it does not."""
+def _turn_to_wall(walls, x, y, z, ex, ey, ez, fx, fy, fz, r):  # type: ignore[no-untyped-def]
+    """Return the angle in [0, pi] on a circle at which a sphere touches the wall; -1 if there is none."""
     low, high = 0.0, math.pi
-    beyond = wall_of_mesh(room.mesh, x + ex, y + ey, z + ez)[0] + r
-    within = wall_of_mesh(room.mesh, x - ex, y - ey, z - ez)[0] + r
+    beyond = wall_of_mesh(walls.mesh, x + ex, y + ey, z + ez)[0] + r
+    within = wall_of_mesh(walls.mesh, x - ex, y - ey, z - ez)[0] + r
     if beyond < 0.0 or within > 0.0:
         return -1.0
-    near, last = 0.5 * room.slack, 0
+    near, last = 0.5 * walls.slack, 0
     for look in range(LOOKS):
-        # a line between the ends; each third time the middle, so that it never crawls
+        # regula falsi, with a bisection at each third step so that it converges
         part = 0.5 if look % 3 == 2 else beyond / max(beyond - within, 1e-300)
         turn = low + part * (high - low)
         c, s = math.cos(turn), math.sin(turn)
-        told = wall_of_mesh(room.mesh, x + c * ex + s * fx, y + c * ey + s * fy, z + c * ez + s * fz)[0] + r
+        told = wall_of_mesh(walls.mesh, x + c * ex + s * fx, y + c * ey + s * fy, z + c * ez + s * fz)[0] + r
         if abs(told) <= near:
             return turn
         if told > 0.0:

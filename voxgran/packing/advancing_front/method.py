@@ -1,10 +1,10 @@
-"""Advancing front: each sphere touches three that are there, on the outer side of the face that they span.
+"""Advancing front: each new sphere touches three placed ones, on the outer side of the face that they span.
 
-Three spheres that touch each other begin; the face between them, seen from both sides, is the first front. A face is
-chosen, a sphere is put where it touches the three, and the face makes way for the three new ones. Where no sphere fits
-the face is closed. Nothing is moved and nothing is tried at random: seconds for millions of spheres, about twice as
-many for sizes that range over a factor of three. In slabs and tubes so narrow that no three spheres find room that
-touch each other, walls stand in for spheres.
+The front starts with three spheres that touch each other; the face between them, from both sides, is the first front. A
+face is chosen, a sphere is placed where it touches its three spheres, and three new faces replace the face. If no
+sphere fits, the face is closed. No sphere is moved and no position is drawn at random: millions of spheres take
+seconds, about twice as many for sizes that range over a factor of three. In slabs and tubes in which no three mutually
+touching spheres fit, walls replace spheres.
 
 References
 ----------
@@ -29,7 +29,7 @@ from voxgran.contacts.verify import verify
 from voxgran.containers.kernel_container import KernelContainer
 from voxgran.containers.model import boundary_of
 from voxgran.packing.advancing_front.container import front_container
-from voxgran.packing.advancing_front.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Bed, Front, Rules
+from voxgran.packing.advancing_front.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Front, FrontRules, Spheres
 from voxgran.packing.advancing_front.level_grid import BITS, SphereCells, lay_cells, link_all
 from voxgran.packing.advancing_front.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
 from voxgran.packing.gravity import as_down
@@ -42,16 +42,16 @@ from voxgran.shapes.sizes import size_distance
 
 #: what the kernels count, in their order
 TALLY = ("front", "placed", "ranked", "closed", "begun", "missed_in_a_row")
-#: beginnings in a row without room after which the container is full
+#: failed seeds of the front in a row after which the container is full
 PATIENCE = 1000
-#: share of the spheres that are smaller than the one that pockets are looked for with
+#: quantile of the radii that is the radius of the sphere by which pockets are found
 POCKET = 0.5
-#: how far what is near is measured from beside the first sphere, in radii of that one: places around it are no ties
+#: offset of the goal from the first sphere, in its radii, so that positions around it are not equally near
 ASIDE = (0.013, 0.029, 0.007)
 ORDERS = {"random": RANDOM, "nearest": NEAREST, "lowest": LOWEST}
-#: a sphere and its image share 31 bits
+#: largest number of spheres: a sphere and its image share 31 bits
 MOST = 2 ** (31 - BITS)
-#: places of the front, neighbours and pockets of a sphere for which there is room at first
+#: initial capacity for faces of the front, and for neighbours and pockets of a sphere
 FIRST, FEW = 128, 128
 
 
@@ -62,22 +62,20 @@ class AdvancingFront:
     Raises
     ------
     InputError
-        If a number is out of its range, or dense packing is asked to take any place.
+        If a number is out of its range, or dense packing is requested in random order.
     """
 
     mode: Literal["loose", "dense"] = parameter(
         "loose",
-        doc="where a sphere may come: on three that touch each other, or wherever it touches three spheres or walls",
+        doc="where spheres are placed: on three that touch each other, or wherever they touch three spheres or walls",
     )
     order: Literal["random", "nearest", "lowest"] = parameter(
-        "nearest", doc="which place is next: any, the nearest to where the container is widest, or the lowest"
+        "nearest", doc="next position: random, the nearest to the widest point of the container, or the lowest"
     )
-    tries: int = parameter(
-        5, doc="waiting grains that are tried at a place, in their order; so many may be overtaken, at most"
-    )
+    tries: int = parameter(5, doc="number of grains, in their order, that are tried at a position")
     grow: float = parameter(
         1.0,
-        doc="largest factor by which all grains grow at the end, about their centroids, until each touches; 1: not",
+        doc="largest factor by which grains grow about their centroids at the end, until each touches another; 1: none",
     )
 
     def __post_init__(self) -> None:
@@ -86,12 +84,12 @@ class AdvancingFront:
         as_number(self.grow, "grow", at_least=1.0)
         if self.mode == "dense" and self.order == "random":
             raise InputError(
-                "order is 'random': dense packing takes the best place; choose nearest or lowest, or loose"
+                "order is 'random': dense packing takes the best position; choose nearest or lowest, or loose"
             )
 
 
 def prepare(problem: Problem) -> State:
-    """Return the state in which all grains wait, but those of the start.
+    """Return the initial state, in which only the grains of the start are placed.
 
     Raises
     ------
@@ -119,7 +117,7 @@ def prepare(problem: Problem) -> State:
 
 
 def _spheres(problem: Problem) -> Floats:
-    """Return room for the spheres, and in the last row the wall of a sphere, where the container is one."""
+    """Return an array for the spheres; its last row is the wall of a spherical container."""
     spheres = np.zeros((problem.count + 1, 4))
     walls = boundary_of(problem.container)
     if walls.round_axes == 3:
@@ -128,21 +126,21 @@ def _spheres(problem: Problem) -> Floats:
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:
-    """Visit up to `attempts` places of the front."""
+    """Visit up to `attempts` positions of the front."""
     if state.stop_reason:
         return state
-    setting, last = _setting(problem, state), state.done + attempts
+    made, last = _precomputed(problem, state), state.done + attempts
     key = philox_key(problem.seed, "advancing_front")
     tally = np.zeros(LAST + 3, dtype=np.int64)
     tally[:MISSING] = [state.counters[name] for name in TALLY]
     while True:
-        bed = Bed(state.arrays["spheres"], state.arrays["order"], setting.radius)
+        packed = Spheres(state.arrays["spheres"], state.arrays["order"], made.radius)
         front, scratch = Front(state.arrays["key"], state.arrays["touched"]), Scratch(*state.derived["scratch"])
-        world = (bed, front, setting.cells, setting.room, setting.rules, scratch)
+        world = (packed, front, made.cells, made.walls, made.rules, scratch)
         state.done = int(advance_front(*world, tally, key, state.done, last))
         state.counters.update(zip(TALLY, tally.tolist(), strict=False))
         if _look(problem, state):
-            # cells and radii are as large as the spheres, and nobody asks for them any more
+            # cells and radii take as much memory as the spheres and are not needed any more
             state.derived.clear()
             return state
         if not tally[MISSING]:
@@ -152,7 +150,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 
 
 def finish(problem: Problem, state: State) -> Packing:
-    """Return the packing of the spheres, in the order in which they came."""
+    """Return the packing of the spheres, in the order of their placement."""
     placed = state.counters["placed"]
     grains, spheres = state.arrays["order"][:placed], state.arrays["spheres"][:placed]
     packing = problem.packing(
@@ -160,15 +158,15 @@ def finish(problem: Problem, state: State) -> Packing:
         position=spheres[:, :3] + problem.container.bounds[0],
         orientation=_orientations(problem, grains),
         stop_reason=state.stop_reason,
-        # where the lowest place comes first, what lies above is a free surface
+        # if the lowest position is next, the spheres on top are a free surface
         gravity=as_down("down", problem.container) if _order(problem, state) == LOWEST else None,
     )
-    # a run that was cut short goes on from where it is, with the sizes that were asked
+    # a run that was interrupted is resumed with the requested sizes
     return packing if state.stop_reason in ("", "interrupted") else _grown(problem, packing)
 
 
 def _grown(problem: Problem, packing: Packing) -> Packing:
-    """Return the packing with its grains grown, and how far their sizes had been from those asked before they were."""
+    """Return the packing with its grains grown, and the distance of their sizes from those requested before."""
     asked: AdvancingFront = problem.parameters
     if asked.grow == 1.0:
         return packing
@@ -181,61 +179,55 @@ def _grown(problem: Problem, packing: Packing) -> Packing:
 
 
 def cost(problem: Problem) -> Cost:
-    """Return what a run takes."""
+    """Return the cost of a run."""
     return Cost(memory=300 * problem.count + 2**22, attempts=_most_attempts(problem, dense=True) + PATIENCE)
 
 
 @dataclass(frozen=True, slots=True)
-class _Setting:
-    """What follows from the problem: radii of the grains, walls, cells and how the front advances."""
+class Precomputed:
+    """Data that follow from the problem: radii of the grains, walls, cells and rules of the front."""
 
     radius: Floats
-    room: KernelContainer
+    walls: KernelContainer
     cells: SphereCells
-    rules: Rules
+    rules: FrontRules
 
 
-def _setting(problem: Problem, state: State) -> _Setting:
-    """Return the setting, with all spheres in their cells, made again where the state was read from a checkpoint."""
-    if "setting" not in state.derived:
+def _precomputed(problem: Problem, state: State) -> Precomputed:
+    """Return the precomputed data with all spheres linked, computed again after a checkpoint was read."""
+    if "precomputed" not in state.derived:
         radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
-        room, widest = front_container(problem.container, float(radius.min(initial=np.inf)))
-        cells = lay_cells(room.lengths, room.periodic, radius, problem.dimension)
+        walls, widest = front_container(problem.container, float(radius.min(initial=np.inf)))
+        cells = lay_cells(walls.lengths, walls.periodic, radius, problem.dimension)
         link_all(cells, state.arrays["spheres"], state.counters["placed"])
         asked: AdvancingFront = problem.parameters
         pocket = float(np.quantile(radius, POCKET)) if len(radius) else 1.0
         goal = widest + np.array(ASIDE) * pocket
         first = widest if problem.start is None else np.zeros(0)
-        rules = Rules(_is_dense(problem, state), _order(problem, state), asked.tries, goal, PATIENCE, first, pocket)
-        state.derived["setting"] = _Setting(radius, room, cells, rules)
+        rules = FrontRules(
+            _is_dense(problem, state), _order(problem, state), asked.tries, goal, PATIENCE, first, pocket
+        )
+        state.derived["precomputed"] = Precomputed(radius, walls, cells, rules)
         numbers, points = np.zeros(FEW, dtype=np.int64), np.zeros((FEW, 5))
         state.derived["scratch"] = numbers, points, np.zeros(FEW), np.zeros((FEW, 3), dtype=np.int64)
-    made: _Setting = state.derived["setting"]
+    made: Precomputed = state.derived["precomputed"]
     return made
 
 
 def _is_dense(problem: Problem, state: State) -> bool:
-    """Return whether a sphere may come wherever it touches three; in a narrow container it always may."""
+    """Return whether spheres are placed wherever they touch three others; in a narrow container they always are."""
     return problem.parameters.mode == "dense" or state.counters["narrow"] == 1
 
 
 def _order(problem: Problem, state: State) -> int:
-    """Return which place is next; dense packing takes the lowest where any was asked for."""
+    """Return the order of positions; dense packing takes the lowest if the order is random."""
     asked: AdvancingFront = problem.parameters
     return LOWEST if _is_dense(problem, state) and asked.order == "random" else ORDERS[asked.order]
 
 
 def _enter_start(problem: Problem, state: State, start: Start) -> None:
-    """Put the grains of the start where they are, if they are free there."""
-    first = np.arange(start.count)
-    grains = Packing.of(
-        problem.shapes,
-        problem.container,
-        position=start.position,
-        scale=problem.diameter[first],
-        shape_id=problem.shape_id[first],
-        orientation=start.orientation,
-    )
+    """Place the grains of the start at their positions, if they do not overlap."""
+    grains = problem.start_assembly(start)
     proof = verify(grains)
     if not proof.ok:
         wrong = [item.grain for item in proof.escapes] or [max(pair.i, pair.j) for pair in proof.pairs]
@@ -250,12 +242,12 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
 
 
 def _look(problem: Problem, state: State) -> bool:
-    """Stop when all grains are in, or nothing can begin any more; return whether that is so."""
+    """Set the stop reason when all grains are placed or no seed of the front fits; return whether it is set."""
     if state.counters["placed"] == problem.count:
         state.stop_reason = "count"
     elif state.counters["missed_in_a_row"] >= PATIENCE:
         if _is_narrow(problem, state):
-            # all spheres are looked at again, and walls with them
+            # the pockets of all spheres are listed again, with those at walls
             state.counters.update(narrow=1, missed_in_a_row=0, ranked=0)
             state.total = state.done + _most_attempts(problem, dense=True)
             state.derived.clear()
@@ -265,7 +257,7 @@ def _look(problem: Problem, state: State) -> bool:
 
 
 def _is_narrow(problem: Problem, state: State) -> bool:
-    """Return whether a loose front never began: in such a slab or tube walls have to stand in for spheres."""
+    """Return whether no loose front was started: in such a slab or tube walls must replace spheres."""
     if problem.parameters.mode == "dense" or state.counters["narrow"]:
         return False
     n = 0 if problem.start is None else problem.start.count
@@ -273,7 +265,7 @@ def _is_narrow(problem: Problem, state: State) -> bool:
 
 
 def _make_room(state: State, missing: int) -> None:
-    """Make half as much room again for what was missing."""
+    """Enlarge the arrays that were too short by half."""
     if missing == FRONT_SHORT:
         for name in ("key", "touched"):
             state.arrays[name] = _longer(state.arrays[name])
@@ -286,19 +278,19 @@ def _make_room(state: State, missing: int) -> None:
 
 
 def _longer(array: Any) -> Any:
-    """Return an array with half as many rows again."""
+    """Return an array with half as many further rows."""
     new = np.zeros((len(array) + len(array) // 2, *array.shape[1:]), dtype=array.dtype)
     new[: len(array)] = array
     return new
 
 
 def _most_attempts(problem: Problem, *, dense: bool) -> int:
-    """Return how many places are visited at the most, beginnings apart from the last aside."""
+    """Return the largest number of visited positions, without the seeds of the front before the last."""
     return (12 if dense else 4) * problem.count + PATIENCE
 
 
 def _orientations(problem: Problem, grains: Integers) -> Floats | None:
-    """Return orientations: those of the start, and random ones of all that are no spheres."""
+    """Return orientations: those of the start, and random ones of all grains that are not spheres."""
     n = 0 if problem.start is None else problem.start.count
     if all(shape.is_sphere for shape in problem.shapes) and not n:
         return None
@@ -312,7 +304,7 @@ def _orientations(problem: Problem, grains: Integers) -> Floats | None:
 
 registration = PackingMethod(
     name="advancing_front",
-    summary="each sphere touches three others, on the outer side of the front; other shapes inside their spheres",
+    summary="each new sphere touches three others, on the outer side of the front; other shapes by bounding spheres",
     source="J. Dalian Univ. Technol. 2011, 51(2), 236-243; Feng, Han & Owen 2003, doi:10.1002/nme.583; Bennett 1972, "
     "doi:10.1063/1.1661585",
     parameters=AdvancingFront,

@@ -1,6 +1,6 @@
-"""Pockets: all places near a sphere where another one would touch three, spheres or walls, and overlap none.
+"""Pockets: all positions near a sphere at which another one touches three spheres or walls and overlaps none.
 
-They are looked for with a sphere of one radius, whatever the sizes; which grain fits is seen when the place is visited.
+They are found with a sphere of one radius for all sizes; which grain fits is decided when the pocket is visited.
 """
 
 import math
@@ -16,9 +16,9 @@ from voxgran.packing.advancing_front.front import (
     PLACED,
     RANKED,
     SIZE,
-    Bed,
     Front,
-    Rules,
+    FrontRules,
+    Spheres,
     attempt_once,
     push,
     rank,
@@ -27,21 +27,21 @@ from voxgran.packing.advancing_front.level_grid import BITS, HERE, SphereCells, 
 from voxgran.packing.advancing_front.mesh_pockets import WALL, place_in
 from voxgran.packing.advancing_front.tangent_spheres import ABOVE, BENEATH, PLANE, SIDE, foot_of_spheres
 
-#: overlap that does not count here, in radii: the visit decides
+#: overlap that is ignored here, in radii: the visit decides
 LENIENT = 1e-9
-#: what is missing for the next step: nothing, places in the front, neighbours, pockets, or only time for more spheres
+#: what is missing for the next step: capacity of the front, of neighbours or of pockets, or time for further spheres
 FRONT_SHORT, NEAR_SHORT, FOUND_SHORT, MORE_TO_RANK = 1, 2, 3, 4
-#: spheres whose pockets are listed at a time, at most
+#: largest number of spheres whose pockets are listed at a time
 RANKS = 64
-#: faces that an attempt adds, at most
+#: largest number of faces that an attempt adds
 FACES = 3
 
 
 class Scratch(NamedTuple):
-    """What is thought about a sphere: its neighbours and its pockets.
+    """Work arrays for one sphere: its neighbours and the pockets found among them.
 
-    ref: sphere and image of each neighbour, -1 where it is only in the way.  near: center from the sphere, radius,
-    distance of the surface from the center of the sphere.  key, touched: pockets as the front has them.
+    ref: sphere and image of each neighbour, -1 if it is an obstacle only.  near: its center from the sphere, its
+    radius, and the distance of its surface from the center of the sphere.  key, touched: pockets as in the front.
     """
 
     ref: Integers
@@ -52,20 +52,21 @@ class Scratch(NamedTuple):
 
 @bare_kernel
 def advance_front(
-    bed: Bed,
+    packed: Spheres,
     front: Front,
     cells: SphereCells,
-    room: KernelContainer,
-    rules: Rules,
+    walls: KernelContainer,
+    rules: FrontRules,
     scratch: Scratch,
     tally: Integers,
     key: Integers,
     done: int,
     last: int,
 ) -> int:
-    """Make attempts up to the last one; return how many have been made.
+    """Make attempts up to the last one; return the number of attempts made.
 
-    It stops early when all are placed, when no beginning finds room any more, or where `tally` tells what is missing.
+    The loop ends early when all grains are placed, when too many seeds have failed, or if an array is too short, which
+    the entry MISSING of `tally` states.
     """
     while True:
         tally[MISSING] = 0
@@ -74,27 +75,27 @@ def advance_front(
             if listed == RANKS:
                 tally[MISSING] = MORE_TO_RANK
                 return done
-            if not _list_pockets(bed, front, cells, room, rules, scratch, tally, tally[RANKED]):
+            if not _list_pockets(packed, front, cells, walls, rules, scratch, tally, tally[RANKED]):
                 return done
             listed += 1
-        if done >= last or tally[PLACED] == len(bed.order) or tally[MISSED] >= rules.patience:
+        if done >= last or tally[PLACED] == len(packed.order) or tally[MISSED] >= rules.patience:
             return done
         if tally[SIZE] + FACES > len(front.key):
             tally[MISSING] = FRONT_SHORT
             return done
-        attempt_once(bed, front, cells, room, rules, tally, key, done)
+        attempt_once(packed, front, cells, walls, rules, tally, key, done)
         done += 1
 
 
 @bare_kernel
-def _list_pockets(bed, front, cells, room, rules, scratch, tally, sphere):  # type: ignore[no-untyped-def]
-    """Add the pockets between a sphere, those before it and the walls to the front; tell if there was room to do so."""
-    many = _gather(bed.spheres, cells, room, rules.pocket, scratch, sphere)
+def _list_pockets(packed, front, cells, walls, rules, scratch, tally, sphere):  # type: ignore[no-untyped-def]
+    """Add the pockets between a sphere, previous ones and walls to the front; return whether the arrays sufficed."""
+    many = _gather(packed.spheres, cells, walls, rules.pocket, scratch, sphere)
     if many > len(scratch.ref):
         tally[MISSING] = NEAR_SHORT
         return False
-    found = _between_spheres(bed.spheres, room, rules, scratch, sphere, many)
-    found = _at_walls(bed.spheres, room, rules, scratch, sphere, many, found)
+    found = _between_spheres(packed.spheres, walls, rules, scratch, sphere, many)
+    found = _at_walls(packed.spheres, walls, rules, scratch, sphere, many, found)
     if found > len(scratch.key):
         tally[MISSING] = FOUND_SHORT
         return False
@@ -108,10 +109,10 @@ def _list_pockets(bed, front, cells, room, rules, scratch, tally, sphere):  # ty
 
 
 @bare_kernel
-def _gather(spheres, cells, room, pocket, scratch, sphere):  # type: ignore[no-untyped-def]
-    """Write all that could touch or overlap a sphere in a pocket; return how many, also where there are too many.
+def _gather(spheres, cells, walls, pocket, scratch, sphere):  # type: ignore[no-untyped-def]
+    """Write all spheres that could touch or overlap one in a pocket; return their number, even beyond the capacity.
 
-    Those before the sphere carry their number and image, all others -1: they are only in the way.
+    Those placed before the sphere have their index and image, all others -1: they are obstacles only.
     """
     many = 0
     x, y, z, r = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], spheres[sphere, 3]
@@ -128,8 +129,8 @@ def _gather(spheres, cells, room, pocket, scratch, sphere):  # type: ignore[no-u
                 row = cells.first[level] + ((i - turn_i * ni) * nj + j - turn_j * nj) * nk
                 for k in range(k0, k1 + 1):
                     turn_k = 0 if 0 <= k < nk else k // nk
-                    # cells that come again on an axis that is not periodic are the same cells
-                    tx, ty, tz = turn_i * room.periodic[0], turn_j * room.periodic[1], turn_k * room.periodic[2]
+                    # cells that repeat along an axis that is not periodic are the same cells
+                    tx, ty, tz = turn_i * walls.periodic[0], turn_j * walls.periodic[1], turn_k * walls.periodic[2]
                     image, partner = HERE + tx + 3 * ty + 9 * tz, max(abs(tx), abs(ty), abs(tz)) <= 1
                     other = cells.head[row + k - turn_k * nk]
                     while other >= 0:
@@ -149,7 +150,7 @@ def _gather(spheres, cells, room, pocket, scratch, sphere):  # type: ignore[no-u
 
 @bare_kernel
 def _sort_in(scratch, many, ref, x, y, z, r, away):  # type: ignore[no-untyped-def]
-    """Write a neighbour behind those whose surfaces are nearer: what is near is often in the way."""
+    """Insert a neighbour by the distance of its surface: near ones exclude most pockets."""
     at = many
     while at > 0 and scratch.near[at - 1, 4] > away - r:
         scratch.ref[at] = scratch.ref[at - 1]
@@ -162,10 +163,10 @@ def _sort_in(scratch, many, ref, x, y, z, r, away):  # type: ignore[no-untyped-d
 
 
 @bare_kernel
-def _between_spheres(spheres, room, rules, scratch, sphere, many):  # type: ignore[no-untyped-def]
-    """Write the pockets between a sphere and two others; return how many, also where there are too many."""
+def _between_spheres(spheres, walls, rules, scratch, sphere, many):  # type: ignore[no-untyped-def]
+    """Write the pockets between a sphere and two others; return their number, even beyond the capacity."""
     found, pocket, near, in_the_way = 0, rules.pocket, scratch.near, 0
-    if room.dimension == 2:
+    if walls.dimension == 2:
         return 0
     d1 = spheres[sphere, 3] + pocket
     for u in range(many):
@@ -188,97 +189,101 @@ def _between_spheres(spheres, room, rules, scratch, sphere, many):  # type: igno
                     continue
                 px, py, pz = spheres[sphere, 0] + x + hx, spheres[sphere, 1] + y + hy, spheres[sphere, 2] + z + hz
                 b, c = (scratch.ref[u], scratch.ref[v]) if side == 0 else (scratch.ref[v], scratch.ref[u])
-                found = _note(room, rules, scratch, (sphere << BITS) + HERE, b, c, px, py, pz, found)
+                found = _note(walls, rules, scratch, (sphere << BITS) + HERE, b, c, px, py, pz, found)
     return found
 
 
 @bare_kernel
-def _at_walls(spheres, room, rules, scratch, sphere, many, found):  # type: ignore[no-untyped-def]
-    """Write the pockets between a sphere, walls, and another sphere or none; return how many pockets there are then.
+def _at_walls(spheres, walls, rules, scratch, sphere, many, found):  # type: ignore[no-untyped-def]
+    """Write the pockets between a sphere, walls, and another sphere or none; return the number of all pockets.
 
-    The faces of a loose front are between spheres: there the plane of disks is the only wall.
+    Faces of a loose front are between spheres: there the plane of disks is the only wall.
     """
     here = (sphere << BITS) + HERE
-    if room.kind == MESH:
-        return _at_mesh(spheres, room, rules, scratch, sphere, many, found)
+    if walls.kind == MESH:
+        return _at_mesh(spheres, walls, rules, scratch, sphere, many, found)
     low, high = (SIDE, 0) if rules.dense else (PLANE, PLANE + 1)
-    if room.kind == ROUND:
-        # from inside a sphere is a sphere of negative radius: the last row
+    if walls.kind == ROUND:
+        # the wall of a spherical container is a sphere of negative radius: the last row
         wall = (len(spheres) - 1 << BITS) + HERE
         dx, dy, dz = (
-            spheres[sphere, 0] - room.radius,
-            spheres[sphere, 1] - room.radius,
-            spheres[sphere, 2] - room.radius,
+            spheres[sphere, 0] - walls.radius,
+            spheres[sphere, 1] - walls.radius,
+            spheres[sphere, 2] - walls.radius,
         )
-        near = room.radius - math.sqrt(dx * dx + dy * dy + dz * dz) < spheres[sphere, 3] + 2.0 * rules.pocket
+        near = walls.radius - math.sqrt(dx * dx + dy * dy + dz * dz) < spheres[sphere, 3] + 2.0 * rules.pocket
         for u in range(many if near and rules.dense else 0):
             if scratch.ref[u] >= 0:
-                found = _try_at(spheres, room, rules, scratch, sphere, many, here, scratch.ref[u], wall, u, found)
-                found = _try_at(spheres, room, rules, scratch, sphere, many, scratch.ref[u], here, wall, u, found)
+                found = _try_at(spheres, walls, rules, scratch, sphere, many, here, scratch.ref[u], wall, u, found)
+                found = _try_at(spheres, walls, rules, scratch, sphere, many, scratch.ref[u], here, wall, u, found)
         return found
     for wall in range(low, high):
-        if not _is_wall_near(spheres, room, rules.pocket, wall, sphere):
+        if not _is_wall_near(spheres, walls, rules.pocket, wall, sphere):
             continue
         # disks lie in their plane: it is one of the three
-        for u in range(many if room.dimension == 3 or wall == PLANE else 0):
+        for u in range(many if walls.dimension == 3 or wall == PLANE else 0):
             if scratch.ref[u] >= 0:
-                found = _try_at(spheres, room, rules, scratch, sphere, many, here, scratch.ref[u], wall, u, found)
-                found = _try_at(spheres, room, rules, scratch, sphere, many, scratch.ref[u], here, wall, u, found)
+                found = _try_at(spheres, walls, rules, scratch, sphere, many, here, scratch.ref[u], wall, u, found)
+                found = _try_at(spheres, walls, rules, scratch, sphere, many, scratch.ref[u], here, wall, u, found)
         for second in range(low, high):
-            if room.dimension == 2 and PLANE not in (wall, second):
+            if walls.dimension == 2 and PLANE not in (wall, second):
                 continue
-            if second != wall and _is_wall_near(spheres, room, rules.pocket, second, sphere):
-                found = _try_at(spheres, room, rules, scratch, sphere, many, here, wall, second, -1, found)
-    if room.kind == UPRIGHT and rules.dense and 2.0 * (room.radius - rules.pocket) <= spheres[sphere, 3] + rules.pocket:
-        # in so narrow a tube no two spheres pass each other
-        found = _try_at(spheres, room, rules, scratch, sphere, many, here, SIDE, ABOVE, -1, found)
-        found = _try_at(spheres, room, rules, scratch, sphere, many, here, SIDE, BENEATH, -1, found)
+            if second != wall and _is_wall_near(spheres, walls, rules.pocket, second, sphere):
+                found = _try_at(spheres, walls, rules, scratch, sphere, many, here, wall, second, -1, found)
+    if (
+        walls.kind == UPRIGHT
+        and rules.dense
+        and 2.0 * (walls.radius - rules.pocket) <= spheres[sphere, 3] + rules.pocket
+    ):
+        # in such a narrow tube no two spheres fit beside each other
+        found = _try_at(spheres, walls, rules, scratch, sphere, many, here, SIDE, ABOVE, -1, found)
+        found = _try_at(spheres, walls, rules, scratch, sphere, many, here, SIDE, BENEATH, -1, found)
     return found
 
 
 @bare_kernel
-def _at_mesh(spheres, room, rules, scratch, sphere, many, found):  # type: ignore[no-untyped-def]
-    """Write the pockets between a sphere, another one and the wall of a mesh; return how many there are then."""
+def _at_mesh(spheres, walls, rules, scratch, sphere, many, found):  # type: ignore[no-untyped-def]
+    """Write the pockets between two spheres and the wall of a mesh; return the number of all pockets."""
     here, reach = (sphere << BITS) + HERE, spheres[sphere, 3] + 2.0 * rules.pocket
-    if not rules.dense or not is_near_mesh(room, spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], reach):
+    if not rules.dense or not is_near_mesh(walls, spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], reach):
         return found
     for u in range(many):
         if scratch.ref[u] >= 0:
-            found = _try_at(spheres, room, rules, scratch, sphere, many, here, scratch.ref[u], WALL, u, found)
-            found = _try_at(spheres, room, rules, scratch, sphere, many, scratch.ref[u], here, WALL, u, found)
+            found = _try_at(spheres, walls, rules, scratch, sphere, many, here, scratch.ref[u], WALL, u, found)
+            found = _try_at(spheres, walls, rules, scratch, sphere, many, scratch.ref[u], here, WALL, u, found)
     return found
 
 
 @bare_kernel
-def _try_at(spheres, room, rules, scratch, sphere, many, a, b, c, u, found):  # type: ignore[no-untyped-def]
-    """Write a pocket at a wall, if there is one and neighbour u is alone in it; return how many there are then."""
-    touch, x, y, z = place_in(spheres, room, a, b, c, rules.pocket)
+def _try_at(spheres, walls, rules, scratch, sphere, many, a, b, c, u, found):  # type: ignore[no-untyped-def]
+    """Write a pocket at a wall, if there is one that no neighbour but u touches; return the number of all pockets."""
+    touch, x, y, z = place_in(spheres, walls, a, b, c, rules.pocket)
     dx, dy, dz = x - spheres[sphere, 0], y - spheres[sphere, 1], z - spheres[sphere, 2]
     if not touch or _blocked(scratch.near, many, u, u, dx, dy, dz, rules.pocket, 0) >= 0:
         return found
-    return _note(room, rules, scratch, a, b, c, x, y, z, found)
+    return _note(walls, rules, scratch, a, b, c, x, y, z, found)
 
 
 @bare_kernel
-def _is_wall_near(spheres, room, pocket, wall, sphere):  # type: ignore[no-untyped-def]
-    """Return whether a sphere in a pocket beside another could touch a wall; disks are always in their plane."""
+def _is_wall_near(spheres, walls, pocket, wall, sphere):  # type: ignore[no-untyped-def]
+    """Return whether a sphere in a pocket of another could touch a wall; disks are always in their plane."""
     if wall == PLANE:
-        return room.dimension == 2
+        return walls.dimension == 2
     reach = spheres[sphere, 3] + 2.0 * pocket
     if wall == SIDE:
-        out = math.hypot(spheres[sphere, 0] - room.radius, spheres[sphere, 1] - room.radius)
-        return room.kind == UPRIGHT and room.radius - out < reach
+        out = math.hypot(spheres[sphere, 0] - walls.radius, spheres[sphere, 1] - walls.radius)
+        return walls.kind == UPRIGHT and walls.radius - out < reach
     axis, high = (-1 - wall) // 2, (-1 - wall) % 2
-    # the floor and the lid of a cylinder are flat
-    if room.walled[axis] == 0 or room.kind == MESH or (room.kind == UPRIGHT and axis != 2):
+    # the bottom and the top of a cylinder are flat
+    if walls.walled[axis] == 0 or walls.kind == MESH or (walls.kind == UPRIGHT and axis != 2):
         return False
     at = spheres[sphere, axis]
-    return (room.lengths[axis] - at if high else at) < reach
+    return (walls.lengths[axis] - at if high else at) < reach
 
 
 @bare_kernel
 def _blocked(near, many, u, v, x, y, z, pocket, first):  # type: ignore[no-untyped-def]
-    """Return a neighbour that a sphere would overlap, looking at `first` before all others; -1 where there is none."""
+    """Return a neighbour that a sphere would overlap, testing `first` before all others; -1 if there is none."""
     for k in range(-1, many):
         w = first if k < 0 else k
         if w in (u, v) or w >= many:
@@ -290,11 +295,11 @@ def _blocked(near, many, u, v, x, y, z, pocket, first):  # type: ignore[no-untyp
 
 
 @bare_kernel
-def _note(room, rules, scratch, a, b, c, x, y, z, found):  # type: ignore[no-untyped-def]
-    """Write a pocket, if no wall is in the way; return how many there are then."""
-    if not is_inside(room, x, y, z, rules.pocket * (1.0 - LENIENT)):
+def _note(walls, rules, scratch, a, b, c, x, y, z, found):  # type: ignore[no-untyped-def]
+    """Write a pocket, if no wall excludes it; return the number of all pockets."""
+    if not is_inside(walls, x, y, z, rules.pocket * (1.0 - LENIENT)):
         return found
     if found < len(scratch.key):
-        scratch.key[found] = rank(room, rules, x, y, z)
+        scratch.key[found] = rank(walls, rules, x, y, z)
         scratch.touched[found, 0], scratch.touched[found, 1], scratch.touched[found, 2] = a, b, c
     return found + 1

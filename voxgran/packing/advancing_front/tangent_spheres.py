@@ -1,8 +1,8 @@
-"""Where a sphere of a given radius touches three spheres, or spheres and walls: kernels in closed form.
+"""Positions at which a sphere of given radius touches three spheres, or spheres and walls, in closed form.
 
-Everything is about the center of the first sphere, so that far from the origin no digits are lost. The closed form is
-followed by steps of Newton until the distances agree to the last digits; a place whose distances do not is no place.
-Of two places the order of the three tells which one is meant: exchange two of them for the other one.
+Coordinates are relative to the center of the first sphere, so that no digits are lost far from the origin. The closed
+form is followed by Newton steps until the distances agree to the last digits; otherwise the position is rejected. Of
+the two solutions the order of the three determines one: exchanging two of them gives the other.
 """
 
 import math
@@ -14,11 +14,11 @@ from voxgran.packing.advancing_front.level_grid import BITS, HERE, IMAGES
 #: walls are negative numbers: -1 - 2 * axis for a low one, -2 - 2 * axis for a high one, the plane of disks, and the
 #: side of an upright cylinder
 PLANE, SIDE = -7, -8
-#: after the side of a cylinder: across from a sphere, above it and beneath it
+#: after the side of a cylinder: opposite a sphere, above it and below it
 ABOVE, BENEATH = -9, -10
 #: largest difference of a distance from the sum of the radii, in radii of the new sphere and in distances
 NEAR, ROUNDING = 1e-13, 1e-15
-#: steps of Newton, and halvings of an angle, at most
+#: largest numbers of Newton steps, and of bisections of an angle
 STEPS, HALVINGS = 4, 80
 #: squared sine below which three centers lie on a line
 ON_A_LINE = 1e-12
@@ -28,9 +28,9 @@ ON_A_LINE = 1e-12
 def foot_of_spheres(
     ux: float, uy: float, uz: float, vx: float, vy: float, vz: float, d1: float, d2: float, d3: float
 ) -> tuple[bool, float, float, float, float, float, float]:
-    """Return whether there are points at distances d1, d2, d3 from 0, u and v, their middle, and the way to the left.
+    """Return whether there are points at distances d1, d2, d3 from 0, u and v, their midpoint, and half their distance.
 
-    The points are the middle plus and minus the way, which has the direction of u x v.
+    The points are the midpoint plus and minus the vector returned last, which has the direction of u x v.
     """
     uu, vv, uv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, ux * vx + uy * vy + uz * vz
     det = uu * vv - uv * uv
@@ -53,7 +53,7 @@ def touch_spheres(
 ) -> tuple[bool, float, float, float]:
     """Return whether there is a point at distances d1, d2, d3 from 0, u and v, and the one on the side of u x v.
 
-    `near` is how far off the distances may be.
+    `near` is the tolerance of the distances.
     """
     found, x, y, z, hx, hy, hz = foot_of_spheres(ux, uy, uz, vx, vy, vz, d1, d2, d3)
     if not found:
@@ -87,7 +87,7 @@ def touch_spheres(
 def touch_disks(ux: float, uy: float, d1: float, d2: float, near: float) -> tuple[bool, float, float]:
     """Return whether a point in the plane is at distances d1 and d2 from 0 and u, and the one on the left of u.
 
-    Where d2 is negative it is the one on the right, at the distance -d2.
+    If d2 is negative it is the one on the right, at the distance -d2.
     """
     uu = ux * ux + uy * uy
     if uu <= 0.0:
@@ -114,7 +114,7 @@ def touch_disks(ux: float, uy: float, d1: float, d2: float, near: float) -> tupl
 
 @bare_kernel
 def center_of(spheres: Floats, lengths: Floats, ref: int) -> tuple[float, float, float]:
-    """Return the center of a sphere in the image in which it is meant."""
+    """Return the center of a sphere in its periodic image."""
     sphere, image = ref >> BITS, ref & (IMAGES - 1)
     x, y, z = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2]
     if image != HERE:
@@ -128,8 +128,8 @@ def center_of(spheres: Floats, lengths: Floats, ref: int) -> tuple[float, float,
 def place_at(spheres: Floats, lengths: Floats, a: int, b: int, c: int, r: float) -> tuple[bool, float, float, float]:
     """Return whether a sphere of radius r can touch a, b and c, and its center.
 
-    Spheres come before walls. The place is left of the way around three spheres, or of that from one sphere to the
-    other seen from the end of the axis across the wall; for one sphere the order of two walls tells.
+    Spheres precede walls. The position is on the left of the circuit of three spheres, or of the line from one sphere
+    to the other seen along the axis across the wall; for one sphere the order of two walls decides.
     """
     ax, ay, az = center_of(spheres, lengths, a)
     d1 = spheres[a >> BITS, 3] + r
@@ -156,7 +156,7 @@ def place_at(spheres: Floats, lengths: Floats, a: int, b: int, c: int, r: float)
 
 @bare_kernel
 def _across(lengths, wall, r):  # type: ignore[no-untyped-def]
-    """Return the axis of a flat wall, and where the center of a sphere that touches it is along that axis."""
+    """Return the axis of a flat wall, and the coordinate along it of a sphere that touches the wall."""
     axis = (-1 - wall) // 2
     if wall == PLANE:
         return 2, 0.0
@@ -187,9 +187,7 @@ def _at_wall(lengths, ax, ay, az, ux, uy, uz, d1, d2, wall, r):  # type: ignore[
 
 @bare_kernel
 def _at_two_walls(lengths, ax, ay, az, d, first, second, r):  # type: ignore[no-untyped-def]
-    """Return whether a sphere can touch a sphere and two flat walls, and its center; the order of the walls is the
-    side.
-    """
+    """Return whether a sphere can touch a sphere and two flat walls, and its center; their order decides the side."""
     one, at = _across(lengths, first, r)
     two, where = _across(lengths, second, r)
     x = at if one == 0 else (where if two == 0 else ax)
@@ -205,7 +203,7 @@ def _at_two_walls(lengths, ax, ay, az, d, first, second, r):  # type: ignore[no-
 
 @bare_kernel
 def _across_from(lengths, ax, ay, az, d, r, up):  # type: ignore[no-untyped-def]
-    """Return whether a sphere in a tube can touch a sphere and the side across from it, and its center."""
+    """Return whether a sphere in a tube can touch a sphere and the opposite side, and its center."""
     off, out = math.hypot(ax - 0.5 * lengths[0], ay - 0.5 * lengths[0]), 0.5 * lengths[0] - r
     height = (d - off - out) * (d + off + out)
     if height < 0.0 or out < -ROUNDING * lengths[0]:
@@ -232,7 +230,7 @@ def _at_side_and_flat(lengths, ax, ay, az, d, wall, r, side):  # type: ignore[no
 def _at_side(lengths, ax, ay, az, ux, uy, uz, d1, d2, r):  # type: ignore[no-untyped-def]
     """Return whether a sphere can touch two spheres and the side of an upright cylinder, and its center.
 
-    The centers that touch both spheres are a circle; from its outermost point it is searched to the left.
+    The centers that touch both spheres are a circle; it is searched to the left from its outermost point.
     """
     nothing = False, 0.0, 0.0, 0.0
     radius, uu = 0.5 * lengths[0], ux * ux + uy * uy + uz * uz

@@ -1,7 +1,7 @@
-"""Open boxes: the room that is left for boxes along the axes, exactly.
+"""Available space of boxes along the axes, exactly.
 
-What a box blocks for the centre of another one is a box. So the room that is left in a cell is the cell less some
-boxes, which is a few boxes again: nothing is approximated, however narrow the room between two faces.
+The region that a box excludes for the center of another one is a box. The available space in a cell is therefore the
+cell without some boxes, which again is a union of boxes: nothing is approximated, however narrow the gap of two faces.
 """
 
 from collections.abc import Iterator
@@ -12,29 +12,29 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.kernel_container import KernelContainer
-from voxgran.packing.rsa.level_grid import Bed, Cells, gather
+from voxgran.packing.rsa.level_grid import Cells, Grains, gather
 
-#: grains near a cell that are looked at; more of them only keep it open longer
+#: largest number of grains tested near a cell; further ones only keep it open longer
 NEAR = 256
-#: boxes into which a cell may fall at a time; where there are more, some of them stay too large for a while
+#: largest number of boxes into which a cell is divided at a time; beyond it some boxes stay too large for a while
 PIECES = 4096
-#: room narrower than this times what rounding does to a place is none
+#: space narrower than this, in rounding errors of a position, is ignored
 NARROW = 16.0
-#: cells that are looked at between two looks whether to stop
+#: cells that are processed between two tests whether to stop
 AT_ONCE = 2**15
 
 
-def open_boxes(bed: Bed, cells: Cells, room: KernelContainer, before: Floats, half: Floats) -> Floats:
-    """Return what is left of some boxes for the centres of grains, (m, 6): lower corners and edges.
+def open_boxes(grains: Grains, cells: Cells, walls: KernelContainer, before: Floats, half: Floats) -> Floats:
+    """Return the available parts of boxes for the centers of grains, (m, 6): lower corners and edges.
 
     Parameters
     ----------
-    bed, cells, room
+    grains, cells, walls
         Grains and container.
     before : (k, 6) ndarray of float
         Lower corners and edges.
     half : (3,) ndarray of float
-        Half the extents of the grains that are to enter.
+        Half the extents of the grains to be placed.
 
     Raises
     ------
@@ -47,13 +47,13 @@ def open_boxes(bed: Bed, cells: Cells, room: KernelContainer, before: Floats, ha
         few, room_for, many = before[part], 0, 2 * len(before[part]) + PIECES
         while many > room_for:
             room_for, left = many, np.zeros((many, 6))
-            many = int(_cut_away(bed, cells, room, few, half, NARROW * room.slack, near, pieces, left))
+            many = int(_cut_away(grains, cells, walls, few, half, NARROW * walls.slack, near, pieces, left))
         after.append(left[:many].copy())
     return np.concatenate(after)
 
 
 def slices(many: int) -> Iterator[slice]:
-    """Yield slices of cells that are looked at between two looks whether to stop.
+    """Yield slices of cells that are processed between two tests whether to stop.
 
     Parameters
     ----------
@@ -71,13 +71,13 @@ def slices(many: int) -> Iterator[slice]:
 
 
 @bare_kernel
-def _cut_away(bed, cells, room, before, half, least, near, pieces, after):  # type: ignore[no-untyped-def]
-    """Write what is left of each box, as far as there is room, and return how many boxes that are."""
+def _cut_away(grains, cells, walls, before, half, least, near, pieces, after):  # type: ignore[no-untyped-def]
+    """Write the available parts of each box, as many as `after` holds, and return their number."""
     total = 0
     for m in range(len(before)):
         ex, ey, ez = 0.5 * before[m, 3], 0.5 * before[m, 4], 0.5 * before[m, 5]
         x, y, z = before[m, 0] + ex, before[m, 1] + ey, before[m, 2] + ez
-        many = gather(bed, cells, room, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
+        many = gather(grains, cells, walls, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
         if many < 0:
             continue
         pieces[0, 0], pieces[0, 1], pieces[0, 2] = -ex, -ey, -ez
@@ -96,7 +96,7 @@ def _cut_away(bed, cells, room, before, half, least, near, pieces, after):  # ty
 
 @bare_kernel
 def _cut_one(pieces, count, near, k, least):  # type: ignore[no-untyped-def]
-    """Cut what one grain blocks away from the pieces of a cell (low and high corners); return how many there are."""
+    """Remove what a grain excludes from the pieces of a cell (low and high corners); return their number."""
     j, old, new = 0, count, count
     while j < old:
         if not _meets(pieces, j, near, k) or new + 6 > len(pieces):
@@ -113,7 +113,7 @@ def _cut_one(pieces, count, near, k, least):  # type: ignore[no-untyped-def]
                 pieces[new, axis] = high
                 new += 1
             pieces[j, axis], pieces[j, 3 + axis] = max(low, pieces[j, axis]), min(high, pieces[j, 3 + axis])
-        # the rest is blocked: the last one that is not looked at yet takes its place, and the last new one that one's
+        # the rest is excluded: the last piece not yet processed replaces it, and the last new piece replaces that one
         old, new = old - 1, new - 1
         _copy(pieces, old, j)
         _copy(pieces, new, old)
@@ -122,7 +122,7 @@ def _cut_one(pieces, count, near, k, least):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _meets(pieces, j, near, k):  # type: ignore[no-untyped-def]
-    """Return whether a grain blocks part of a piece."""
+    """Return whether a grain excludes a part of a piece."""
     for axis in range(3):
         low, high = near[k, axis] - near[k, 3 + axis], near[k, axis] + near[k, 3 + axis]
         if high <= pieces[j, axis] or low >= pieces[j, 3 + axis]:
@@ -132,6 +132,6 @@ def _meets(pieces, j, near, k):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _copy(pieces, source, target):  # type: ignore[no-untyped-def]
-    """Copy a piece to another place."""
+    """Copy a piece to another row."""
     for axis in range(6):
         pieces[target, axis] = pieces[source, axis]

@@ -1,16 +1,15 @@
-"""Open cells: the room that is left for grains of a size, as cells that shrink until there is none.
+"""Available space for grains of a size, as open cells that are subdivided until none is left.
 
-A cell holds places for the centre of a grain. Throws are uniform over the open cells of the size, so that an accepted
-one is uniform over all free places: the law of random sequential addition, without most throws that cannot succeed.
-After some misses all cells are halved along each axis, and a part is closed when one single grain blocks all of it, or
-when a wall does. When no cell is open there is no place for the size any more, nor for larger ones.
+A cell holds positions of the center of a grain. Throws are uniform over the open cells of the size, so that accepted
+ones are uniform over all available positions: the distribution of random sequential addition, without most throws that
+cannot succeed. After some misses all cells are halved along each axis, and a part is closed if one single grain, or a
+wall, excludes all of it. When no cell is open, neither grains of this size nor larger ones fit.
 
-Cells of boxes along the axes are boxes of any size, from which all that is blocked is cut away exactly
-(:mod:`voxgran.packing.rsa.available_boxes`): the room between two faces may be too narrow for cells that are halved.
+Cells of boxes along the axes are boxes of any size, from which the excluded regions are cut away exactly
+(:mod:`voxgran.packing.rsa.available_boxes`): the gap of two faces may be too narrow for cells that are halved.
 
-A class of sizes has cells of its own, for the smallest of its sizes. In a class of several sizes a larger grain may
-find no place while cells are open: after some throws in vain it is put off
-(:mod:`voxgran.packing.rsa.deferred_grains`).
+Each size class has cells of its own, for the smallest of its sizes. In a class of several sizes a larger grain may fail
+while cells are open: after some failed throws it is deferred (:mod:`voxgran.packing.rsa.deferred_grains`).
 
 References
 ----------
@@ -30,30 +29,30 @@ from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.containers.kernel_container import KernelContainer, is_barred, is_between, is_held
 from voxgran.packing.rsa.available_boxes import NEAR, open_boxes, slices
 from voxgran.packing.rsa.candidates import PLACED, REFUSED, TRIED, TURN
-from voxgran.packing.rsa.level_grid import Bed, Cells, enter, extents, find_overlap, gather, is_within
+from voxgran.packing.rsa.level_grid import Cells, Grains, enter, extents, find_overlap, gather, is_within
 
 #: misses, per open cell, after which cells are halved
 PATIENCE = 1
-#: first cells of a class at the most, per grain that it could have
+#: largest number of initial cells of a class, per grain
 FIRST_CELLS = 4
-#: cells along an axis at the most: smaller ones come near to what rounding does to a place
+#: largest number of cells along an axis: smaller ones come near the rounding error of a position
 FINEST = 2**45
 #: the lowest 16 bits of a number
 LOW = 0xFFFF
-#: where the tally counts grains that were given up without proof, and those that were put off
+#: entries of the tally: grains that were given up without proof, and deferred grains
 UNPROVEN, PUT_OFF = 5, 6
-#: misses of boxes of which the last cut took nothing away: none does before another grain enters
+#: misses of boxes that the last cut left unchanged: no cut changes them before another grain is placed
 EXACT = -(2**62)
 
 
 class Classes(NamedTuple):
-    """Classes of sizes.
+    """Size classes.
 
-    kind: class of each grain.  half: smallest half extents of each class.  low, span: where its centres may lie.
-    base: first cells along the axes.  parts: into how many parts a cell is cut along the axes.  tries: throws after
-    which a grain is put off, 0 where all grains of the class are alike.
+    kind: class of each grain.  half: smallest half extents of each class.  low, span: range of its centers.  base:
+    initial cells along the axes.  parts: number of parts into which a cell is cut along the axes.  tries: failed throws
+    after which a grain is deferred; 0 if all grains of the class are equal.
 
-    The last class has no grains of its own: it is that of grains which were put off.
+    The last class has no grains of its own: it is that of deferred grains.
     """
 
     kind: NDArray[np.int32]
@@ -68,10 +67,10 @@ class Classes(NamedTuple):
 class Open(NamedTuple):
     """The open cells of all classes, one class after the other.
 
-    cell: place of each, in cells of its class, as words of 16 bits: the three lowest ones and, where numbers need them,
-    three higher ones; of boxes lower corner and edges.  bounds: where the classes begin, and the end.  misses: throws
-    in vain since the cells of a class were last cut; below 0 where they are boxes that a cut would leave as they are.
-    depth: how often they were cut.
+    cell: index of each along the axes, in cells of its class, as words of 16 bits: the three lowest ones and, for large
+    numbers, three higher ones; of boxes lower corner and edges.  bounds: first cell of each class, and the end.
+    misses: failed throws since the cells of a class were last cut; negative for boxes that a cut would not change.
+    depth: number of cuts.
     """
 
     cell: NDArray[Any]
@@ -81,9 +80,9 @@ class Open(NamedTuple):
 
 
 def make_classes(
-    half: Floats, kind: NDArray[np.int32], queue: NDArray[np.int32], room: KernelContainer, dimension: int, tries: int
+    half: Floats, kind: NDArray[np.int32], queue: NDArray[np.int32], walls: KernelContainer, dimension: int, tries: int
 ) -> Classes:
-    """Return classes of sizes and how their first cells lie.
+    """Return the size classes and the layout of their initial cells.
 
     Parameters
     ----------
@@ -92,22 +91,22 @@ def make_classes(
     kind : (n,) ndarray of int
         Their classes.
     queue : (m,) ndarray of int
-        Those that are to enter.
-    room : KernelContainer
+        Grains to be placed.
+    walls : KernelContainer
         The container.
     dimension : int
         2 or 3.
     tries : int
-        Throws after which a grain is put off, in a class of several sizes.
+        Failed throws after which a grain is deferred, in a class of several sizes.
     """
     grains = np.bincount(kind[queue])
     many = len(grains)
     least, largest = np.full((many, 3), np.inf), np.zeros((many, 3))
     np.minimum.at(least, kind[queue], half[queue])
     np.maximum.at(largest, kind[queue], half[queue])
-    walled = room.walled == 1
-    low = np.where(walled, room.lower + least, room.lower)
-    span = np.where(walled, np.maximum(room.lengths - 2 * least, 0.0), room.lengths)
+    walled = walls.walled == 1
+    low = np.where(walled, walls.lower + least, walls.lower)
+    span = np.where(walled, np.maximum(walls.lengths - 2 * least, 0.0), walls.lengths)
     flat = np.arange(3) >= dimension
     span[:, flat] = 0.0
     base = np.ones((many, 3), dtype=np.int64)
@@ -124,7 +123,7 @@ def make_classes(
 
 
 def first_cells(classes: Classes, boxes: bool) -> Open:
-    """Return all first cells of the classes.
+    """Return the initial cells of all classes.
 
     Parameters
     ----------
@@ -148,27 +147,27 @@ def first_cells(classes: Classes, boxes: bool) -> Open:
     return Open(np.concatenate(cells), bounds, nothing, nothing.copy())
 
 
-def cut_cells(bed: Bed, cells: Cells, room: KernelContainer, classes: Classes, known: Open, kind: int) -> Open:
-    """Return the open cells with those of one class cut, and what is blocked closed.
+def cut_cells(grains: Grains, cells: Cells, walls: KernelContainer, classes: Classes, known: Open, kind: int) -> Open:
+    """Return the open cells with those of one class cut, and the excluded parts closed.
 
     Parameters
     ----------
-    bed, cells, room
+    grains, cells, walls
         Grains and container.
     classes : Classes
         The classes.
     known : Open
-        The open cells so far; they are used up.
+        The present open cells; they are overwritten.
     kind : int
-        Which class.
+        Index of the class.
     """
     begin, end = int(known.bounds[kind]), int(known.bounds[kind + 1])
     misses, depth = known.misses.copy(), known.depth.copy()
     misses[kind], depth[kind] = 0, depth[kind] + 1
-    if bed.boxes:
+    if grains.boxes:
         before = known.cell[begin:end]
-        after = open_boxes(bed, cells, room, before, classes.half[kind])
-        # where anything is taken away the volume is less, so some edge is
+        after = open_boxes(grains, cells, walls, before, classes.half[kind])
+        # if anything is cut away, some edge is shorter
         misses[kind] = EXACT if np.array_equal(after[:, 3:], before[:, 3:]) else 0
         many, cell = len(after), np.concatenate([known.cell[:begin], after, known.cell[end:]])
     else:
@@ -176,7 +175,7 @@ def cut_cells(bed: Bed, cells: Cells, room: KernelContainer, classes: Classes, k
         shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], classes.parts[kind])
         near, many = np.zeros((NEAR, 6)), 0
         for part in slices(end - begin):
-            many += int(_look_at_parts(bed, cells, room, known.cell[begin:end][part], *shape, near, kept[part]))
+            many += int(_look_at_parts(grains, cells, walls, known.cell[begin:end][part], *shape, near, kept[part]))
         width = max(_width(classes, depth), known.cell.shape[1])
         cell = _parts_in_place(known.cell, begin, kept, many, classes.parts[kind], width)
     bounds = known.bounds.copy()
@@ -187,12 +186,12 @@ def cut_cells(bed: Bed, cells: Cells, room: KernelContainer, classes: Classes, k
 def _parts_in_place(
     cell: NDArray[Any], begin: int, kept: NDArray[np.uint8], many: int, parts: Integers, width: int
 ) -> NDArray[Any]:
-    """Return the cells with the kept parts of some in place of these; nothing large is held twice."""
+    """Return the cells with some replaced by their remaining parts, without a second large array."""
     if width > cell.shape[1] or not cell.flags.owndata:
         cell = np.pad(cell, ((0, 0), (0, width - cell.shape[1])))
     end, rest = begin + len(kept), len(cell) - begin - len(kept)
     still = int(_drop_closed(cell[begin:end], kept))
-    # no array but this one sees the memory
+    # no other array refers to the memory
     cell.resize((max(len(cell), begin + many + rest), width), refcheck=False)
     cell[begin + many : begin + many + rest] = cell[end : end + rest]
     _write_parts(cell[begin : begin + many], still, parts, kept)
@@ -201,20 +200,20 @@ def _parts_in_place(
 
 
 def _width(classes: Classes, depth: Integers) -> int:
-    """Return how many words the place of a cell takes: three of 16 bits, twice or three times as many."""
+    """Return the number of 16-bit words of the index of a cell: 3, 6 or 9."""
     last = int((classes.base * classes.parts ** depth[:, None]).max(initial=1)) - 1
     return 3 * max(1, math.ceil(last.bit_length() / 16))
 
 
 def all_edges(classes: Classes, known: Open) -> Floats:
-    """Return the edges of the open cells of each class, (k, 3); of boxes, each of which has its own, none, (0, 3)."""
+    """Return the edges of the open cells of each class, (k, 3); (0, 3) for boxes, which have their own."""
     if known.cell.dtype != np.uint16:
         return np.zeros((0, 3))
     return np.asarray(classes.span / (classes.base * classes.parts.astype(np.float64) ** known.depth[:, None]))
 
 
 def volumes_up_to(classes: Classes, known: Open) -> Floats:
-    """Return the volumes of the open boxes, each with those before it in its class; of lattice cells none, (0,)."""
+    """Return the cumulative volumes of the open boxes of each class; (0,) for cells of a lattice."""
     if known.cell.dtype == np.uint16:
         return np.zeros(0)
     kind = np.repeat(np.arange(len(classes.base)), np.diff(known.bounds))
@@ -223,7 +222,7 @@ def volumes_up_to(classes: Classes, known: Open) -> Floats:
 
 
 def deepest_cut(classes: Classes, boxes: bool) -> Integers:
-    """Return how often the cells of each class can be cut; boxes any time."""
+    """Return how often the cells of each class can be cut; boxes without limit."""
     if boxes:
         return np.full(len(classes.base), FINEST)
     return np.floor(np.log2(FINEST / classes.base.max(axis=1))).astype(np.int64)
@@ -231,9 +230,9 @@ def deepest_cut(classes: Classes, boxes: bool) -> Integers:
 
 @bare_kernel
 def throw_into_cells(
-    bed: Bed,
+    grains: Grains,
     cells: Cells,
-    room: KernelContainer,
+    walls: KernelContainer,
     classes: Classes,
     known: Open,
     edge: Floats,
@@ -246,30 +245,30 @@ def throw_into_cells(
     first: int,
     last: int,
 ) -> tuple[int, int]:
-    """Make attempts `first` ... `last` - 1, a throw each.
+    """Make attempts `first` to `last` - 1, one throw each.
 
     Parameters
     ----------
-    bed, cells, room
+    grains, cells, walls
         Grains and container.
     classes : Classes
         The classes.
     known : Open
         Their open cells.
     edge : (k, 3) ndarray of float
-        Edges of the cells of each class, unless they are boxes.
+        Edges of the cells of each class; empty for boxes.
     volume : (m,) ndarray of float
-        Volumes of open boxes, each with those before it in its class.
+        Cumulative volumes of the open boxes of each class; empty for cells of a lattice.
     last_cut : (k,) ndarray of int
         How often the cells of each class can be cut.
     late : int
-        The class of all grains, where these were put off; -1: each has its own.
+        Class of all grains, if these are deferred; -1 if each has its own.
     queue : (m,) ndarray of int
-        Grains as they come.
+        Grains in their order.
     tally : ndarray of int
-        Turn, tries of the grain, placed, moved, refused, given up without proof, put off.
+        Turn, tries of the grain, placed, moved, rejected, given up without proof, deferred.
     key : (2,) ndarray of uint64
-        Of the random stream.
+        Key of the random stream.
     first, last : int
         Numbers of attempts.
 
@@ -278,7 +277,7 @@ def throw_into_cells(
     attempt : int
         Number of the next attempt.
     kind : int
-        Class whose cells are to be cut before it; -1: none.
+        Class whose cells must be cut before it; -1 for none.
     """
     attempt = first
     while attempt < last and tally[TURN] < len(queue):
@@ -295,11 +294,11 @@ def throw_into_cells(
             tally[TURN] += 1
             tally[TRIED] = 0
             continue
-        if _throw(bed, cells, room, classes.low, known.cell, volume, begin, many, edge, key, attempt, kind, g):
+        if _throw(grains, cells, walls, classes.low, known.cell, volume, begin, many, edge, key, attempt, kind, g):
             tally[PLACED] += 1
             tally[TURN] += 1
             tally[TRIED] = 0
-            for k in range(len(known.misses) if bed.boxes else 0):
+            for k in range(len(known.misses) if grains.boxes else 0):
                 known.misses[k] = max(known.misses[k], 0)
         else:
             tally[REFUSED] += 1
@@ -310,10 +309,10 @@ def throw_into_cells(
 
 
 @bare_kernel
-def _throw(bed, cells, room, low, cell, volume, begin, many, edge, key, attempt, kind, g):  # type: ignore[no-untyped-def]
-    """Try a grain at a random place in a random open cell; return whether it entered."""
+def _throw(grains, cells, walls, low, cell, volume, begin, many, edge, key, attempt, kind, g):  # type: ignore[no-untyped-def]
+    """Try a grain at a random position in a random open cell; return whether it was placed."""
     pick, a, b, c = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
-    if bed.boxes:
+    if grains.boxes:
         k = begin + _at_volume(volume, begin, many, unit_float(pick))
         x = cell[k, 0] + unit_float(a) * cell[k, 3]
         y = cell[k, 1] + unit_float(b) * cell[k, 4]
@@ -324,20 +323,20 @@ def _throw(bed, cells, room, low, cell, volume, begin, many, edge, key, attempt,
         x = low[kind, 0] + (i + unit_float(a)) * edge[kind, 0]
         y = low[kind, 1] + (j + unit_float(b)) * edge[kind, 1]
         z = low[kind, 2] + (n + unit_float(c)) * edge[kind, 2]
-    hx, hy, hz = extents(bed.half, g)
-    if not is_between(room, x, y, z, hx, hy, hz):
+    hx, hy, hz = extents(grains.half, g)
+    if not is_between(walls, x, y, z, hx, hy, hz):
         return False
-    if find_overlap(bed, cells, room, x, y, z, hx, hy, hz, 0.0, False)[0] >= 0:
+    if find_overlap(grains, cells, walls, x, y, z, hx, hy, hz, 0.0, False)[0] >= 0:
         return False
-    if not is_held(room, x, y, z, hx, hy, hz):
+    if not is_held(walls, x, y, z, hx, hy, hz):
         return False
-    enter(bed, cells, room, g, x, y, z)
+    enter(grains, cells, walls, g, x, y, z)
     return True
 
 
 @bare_kernel
 def _numbers(cell, k):  # type: ignore[no-untyped-def]
-    """Return the numbers of a cell along the axes."""
+    """Return the indices of a cell along the axes."""
     i, j, n = np.int64(0), np.int64(0), np.int64(0)
     for word in range(cell.shape[1] - 3, -1, -3):
         i = (i << 16) + np.int64(cell[k, word])
@@ -348,7 +347,7 @@ def _numbers(cell, k):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _at_volume(volume, begin, many, share):  # type: ignore[no-untyped-def]
-    """Return the open box of a class that holds a share of their volume, counted from the first."""
+    """Return the open box of a class at a fraction of their cumulative volume."""
     wanted = share * volume[begin + many - 1]
     first, last = 0, many - 1
     while first < last:
@@ -361,15 +360,15 @@ def _at_volume(volume, begin, many, share):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _look_at_parts(bed, cells, room, cell, half, low, edge, parts, near, kept):  # type: ignore[no-untyped-def]
-    """Write which parts of each cell stay open, as bits, and return how many do."""
+def _look_at_parts(grains, cells, walls, cell, half, low, edge, parts, near, kept):  # type: ignore[no-untyped-def]
+    """Write which parts of each cell stay open, as bits, and return their number."""
     total = 0
     ex, ey, ez = 0.5 * edge[0], 0.5 * edge[1], 0.5 * edge[2]
     px, py, pz = ex / parts[0], ey / parts[1], ez / parts[2]
     for m in range(len(cell)):
         i, j, n = _numbers(cell, m)
         x, y, z = low[0] + (i + 0.5) * edge[0], low[1] + (j + 0.5) * edge[1], low[2] + (n + 0.5) * edge[2]
-        many = gather(bed, cells, room, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
+        many = gather(grains, cells, walls, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
         bits = 0
         for part in range(8 if many >= 0 else 0):
             i, j, n = part >> 2, (part >> 1) & 1, part & 1
@@ -377,9 +376,9 @@ def _look_at_parts(bed, cells, room, cell, half, low, edge, parts, near, kept): 
                 continue
             # the middle of a part, from the middle of the cell
             qx, qy, qz = (2 * i + 1) * px - ex, (2 * j + 1) * py - ey, (2 * n + 1) * pz - ez
-            if _is_blocked(bed.boxes, near, many, qx, qy, qz, px, py, pz):
+            if _is_blocked(grains.boxes, near, many, qx, qy, qz, px, py, pz):
                 continue
-            if is_barred(room, x + qx, y + qy, z + qz, px, py, pz, half[0]):
+            if is_barred(walls, x + qx, y + qy, z + qz, px, py, pz, half[0]):
                 continue
             bits |= 1 << part
             total += 1
@@ -389,7 +388,7 @@ def _look_at_parts(bed, cells, room, cell, half, low, edge, parts, near, kept): 
 
 @bare_kernel
 def _is_blocked(boxes, near, many, x, y, z, ex, ey, ez):  # type: ignore[no-untyped-def]
-    """Return whether one of the grains that are near blocks all of a part."""
+    """Return whether a single near grain excludes all of a part."""
     k = 0
     while k < many and not is_within(boxes, near, k, x, y, z, ex, ey, ez):
         k += 1
@@ -398,7 +397,7 @@ def _is_blocked(boxes, near, many, x, y, z, ex, ey, ez):  # type: ignore[no-unty
 
 @bare_kernel
 def _drop_closed(cell, kept):  # type: ignore[no-untyped-def]
-    """Move the cells of which a part stays open to the front, and return how many these are."""
+    """Move the cells with an open part to the front, and return their number."""
     many = 0
     for m in range(len(cell)):
         if kept[m]:
@@ -411,9 +410,9 @@ def _drop_closed(cell, kept):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _write_parts(cell, many, parts, kept):  # type: ignore[no-untyped-def]
-    """Write the parts of the first `many` cells that stay open over all cells, from the last to the first.
+    """Write the open parts of the first `many` cells over all cells, from the last to the first.
 
-    Each has one at least, so that none is overwritten before it is read.
+    Each cell has at least one, so that none is overwritten before it is read.
     """
     row = len(cell)
     for m in range(many - 1, -1, -1):

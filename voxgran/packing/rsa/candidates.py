@@ -1,8 +1,8 @@
-"""Random candidates, one after the other, after Chu 2011: dropped, moved away, or their radius kept for another place.
+"""Candidates of random sequential addition by the schemes of Chu 2011.
 
-A candidate is a grain at a coordinate, and a coordinate is three numbers in 0 ... 1 that stand for a place in the
-bounds where the grain does not reach beyond a flat wall. Coordinate number c is block (c, 0) of the random stream, or a
-row of a table where coordinates are sorted or replayed.
+A candidate is a grain at a coordinate. A coordinate is three numbers in [0, 1], which are mapped to the positions at
+which the grain does not reach beyond a flat wall. Coordinate number c is block (c, 0) of the random stream, or row c of
+a table where coordinates are sorted or replicated.
 """
 
 import math
@@ -15,20 +15,20 @@ from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
-from voxgran.packing.rsa.level_grid import Bed, Cells, enter, extents, find_overlap
+from voxgran.packing.rsa.level_grid import Cells, Grains, enter, extents, find_overlap
 
-#: what becomes of the radius of a refused candidate
+#: where the radius of a rejected candidate is tried next: nowhere, at the next coordinate, at all unused coordinates
 DROP, NEXT, SCAN = 0, 1, 2
-#: where the tally counts what
+#: entries of the tally
 TURN, TRIED, PLACED, MOVED, REFUSED = 0, 1, 2, 3, 4
 
 
-class Rules(NamedTuple):
-    """How candidates are made.
+class CandidateRules(NamedTuple):
+    """Rules by which candidates are made.
 
-    retain: one of DROP, NEXT, SCAN.  tries: coordinates for each grain where radii are dropped.  many: coordinates in
-    all.  corrections: how often a candidate is moved away from a grain.  slack: overlap that does not count.  ends:
-    whether the first grain that is dropped ends it.
+    retain: DROP, NEXT or SCAN.  tries: coordinates of each grain with DROP.  many: number of all coordinates.
+    corrections: largest number of moves of a candidate.  slack: overlap that is ignored.  ends: whether the first grain
+    that is dropped ends the loop.
     """
 
     retain: int
@@ -40,7 +40,7 @@ class Rules(NamedTuple):
 
 
 class Coordinates(NamedTuple):
-    """Coordinates in a table (of no rows: none), and what a scan knows: those used, and the next one of each class."""
+    """Table of coordinates, which may be empty; for SCAN the used ones, and the next one of each size class."""
 
     table: Floats
     used: NDArray[np.int8]
@@ -50,10 +50,10 @@ class Coordinates(NamedTuple):
 
 @bare_kernel
 def add_candidates(
-    bed: Bed,
+    grains: Grains,
     cells: Cells,
-    room: KernelContainer,
-    rules: Rules,
+    walls: KernelContainer,
+    rules: CandidateRules,
     coordinates: Coordinates,
     queue: NDArray[np.int32],
     tally: Integers,
@@ -61,16 +61,16 @@ def add_candidates(
     first: int,
     last: int,
 ) -> int:
-    """Make attempts `first` ... `last` - 1, a candidate each; return the number of the next one.
+    """Make attempts `first` to `last` - 1, one candidate each; return the number of the next attempt.
 
-    It ends early when no grain or no coordinate is left, or with the first grain that is dropped, where the rules ask.
+    The loop ends early when no grain or no coordinate is left, and with the first grain that is dropped if `ends`.
     """
     for attempt in range(first, last):
         c = _next_coordinate(rules, coordinates, queue, tally, attempt)
         if c < 0:
             return attempt
         g = queue[tally[TURN]]
-        moves = _try_at(bed, cells, room, rules, coordinates.table, key, g, c)
+        moves = _try_at(grains, cells, walls, rules, coordinates.table, key, g, c)
         tally[TRIED] += 1
         if moves < 0:
             tally[REFUSED] += 1
@@ -86,7 +86,7 @@ def add_candidates(
 
 @bare_kernel
 def _next_coordinate(rules, coordinates, queue, tally, attempt):  # type: ignore[no-untyped-def]
-    """Return the coordinate of an attempt, and pass over grains that have none left; -1 where none is left at all."""
+    """Return the coordinate of an attempt, skipping grains without any left; -1 if there is none."""
     while tally[TURN] < len(queue):
         if rules.retain == NEXT:
             return attempt if attempt < rules.many else -1
@@ -109,20 +109,20 @@ def _next_coordinate(rules, coordinates, queue, tally, attempt):  # type: ignore
 
 
 @bare_kernel
-def _try_at(bed, cells, room, rules, table, key, g, c):  # type: ignore[no-untyped-def]
-    """Put a grain at a coordinate, moved away from others if need be; return how often it moved, -1 if refused."""
-    hx, hy, hz = extents(bed.half, g)
+def _try_at(grains, cells, walls, rules, table, key, g, c):  # type: ignore[no-untyped-def]
+    """Place a grain at a coordinate; return the number of its moves, -1 if it is rejected."""
+    hx, hy, hz = extents(grains.half, g)
     u, v, w = coordinate(table, key, c)
-    x, y, z = placed(room, 0, u, hx), placed(room, 1, v, hy), placed(room, 2, w, hz)
+    x, y, z = placed(walls, 0, u, hx), placed(walls, 1, v, hy), placed(walls, 2, w, hz)
     for moves in range(rules.corrections + 1):
-        if not is_between(room, x, y, z, hx, hy, hz):
+        if not is_between(walls, x, y, z, hx, hy, hz):
             return -1
         again = moves < rules.corrections
-        other, overlap, dx, dy, dz = find_overlap(bed, cells, room, x, y, z, hx, hy, hz, rules.slack, again)
+        other, overlap, dx, dy, dz = find_overlap(grains, cells, walls, x, y, z, hx, hy, hz, rules.slack, again)
         if other < 0:
-            if not is_held(room, x, y, z, hx, hy, hz):
+            if not is_held(walls, x, y, z, hx, hy, hz):
                 return -1
-            enter(bed, cells, room, g, x, y, z)
+            enter(grains, cells, walls, g, x, y, z)
             return moves
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
         if not again or distance == 0.0:
@@ -135,7 +135,7 @@ def _try_at(bed, cells, room, rules, table, key, g, c):  # type: ignore[no-untyp
 
 @bare_kernel
 def coordinate(table: Floats, key: Words, c: int) -> tuple[float, float, float]:
-    """Return coordinate number c, from the table where there is one."""
+    """Return coordinate number c, from the table if there is one."""
     if len(table) > 0:
         return table[c, 0], table[c, 1], table[c, 2]
     a, b, d, _ = philox_block(key[0], key[1], np.uint64(c), np.uint64(0))
@@ -143,13 +143,13 @@ def coordinate(table: Floats, key: Words, c: int) -> tuple[float, float, float]:
 
 
 @bare_kernel
-def placed(room: KernelContainer, axis: int, share: float, half: float) -> float:
-    """Return the place at a share of the way that a grain of half extent `half` has along an axis."""
-    if room.walled[axis] == 0:
-        return room.lower[axis] + share * room.lengths[axis] * room.periodic[axis]
-    # a grain as wide as the container stands in its middle
-    way = room.lengths[axis] - 2.0 * half
-    return room.lower[axis] + half + share * way
+def placed(walls: KernelContainer, axis: int, share: float, half: float) -> float:
+    """Return the position at a fraction of the range of a grain of half extent `half` along an axis."""
+    if walls.walled[axis] == 0:
+        return walls.lower[axis] + share * walls.lengths[axis] * walls.periodic[axis]
+    # a grain as wide as the container is in its middle
+    way = walls.lengths[axis] - 2.0 * half
+    return walls.lower[axis] + half + share * way
 
 
 @bare_kernel

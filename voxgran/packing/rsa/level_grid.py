@@ -1,8 +1,11 @@
-"""Linked cells for grains of any gradation: which grains does a new one overlap?
+"""Hierarchical grid of linked cells: search of the grains that a new one overlaps, for any size ratio.
 
 Grains are sorted into levels by size, each level half as large as the one before, and each level has cells of its own
-that are about as wide as its largest grain. A question then visits few cells of each level, whatever the ratio of the
-sizes. Grains are spheres (in the plane disks), or boxes along the axes.
+that are about as wide as its largest grain. A query visits few cells of each level, whatever the ratio of the sizes.
+Grains are spheres (in two dimensions disks) or boxes along the axes.
+
+The advancing front has a grid of its own (:mod:`voxgran.packing.advancing_front.level_grid`): the order in which both
+traverse their cells decides which of several equal answers is found, and with it the bits of a packing.
 """
 
 import math
@@ -15,17 +18,17 @@ from voxgran._base.arrays import WHOLE, Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import KernelContainer
 
-#: cells of a level at the most, per grain of it
+#: largest number of cells of a level, per grain
 CELLS_PER_GRAIN = 2
-#: levels at the most; all smaller grains are in the last one
+#: largest number of levels; all smaller grains are in the last one
 LEVELS = 40
 
 
-class Bed(NamedTuple):
-    """The grains: where they are, half their extents, their levels, who is in.
+class Grains(NamedTuple):
+    """Positions, half extents and levels of grains, and whether each is placed.
 
-    half: of boxes a column for each axis (in the plane 1 along z), of spheres one, the radius. In the plane z is 0.
-    `boxes`: grains are boxes, not spheres.
+    half: (n, 3) of boxes (in two dimensions 1 along z), (n, 1) of spheres, the radius. In two dimensions z is 0.
+    boxes: whether grains are boxes, not spheres.
     """
 
     position: Floats
@@ -38,8 +41,8 @@ class Bed(NamedTuple):
 class Cells(NamedTuple):
     """Cells of all levels one after the other: the first grain of each, and the next grain after each (-1: none).
 
-    count, width: cells along the axes, and their lengths, of each level.  first: the first cell of each level.
-    reach: largest half extents of each level.  filled: how many grains are in.
+    count, width: number and edges of the cells along the axes, of each level.  first: first cell of each level.
+    reach: largest half extents of each level.  filled: number of linked grains of each level.
     """
 
     count: Integers  # type: ignore[assignment]
@@ -52,12 +55,12 @@ class Cells(NamedTuple):
 
 
 def sort_into_levels(half: Floats) -> NDArray[np.int8]:
-    """Return the level of each grain by half its largest extent; 0 is that of the largest grain.
+    """Return the level of each grain by its largest half extent; 0 is that of the largest grain.
 
     Parameters
     ----------
     half : (n, 1, 2 or 3) ndarray of float
-        Half the extents along the axes of the plane or of space, of spheres the radii.
+        Half the extents along the axes, of spheres the radii.
     """
     size = half.max(axis=1, initial=0.0)
     largest = size.max(initial=0.0)
@@ -65,7 +68,7 @@ def sort_into_levels(half: Floats) -> NDArray[np.int8]:
     return np.clip(np.floor(exact + WHOLE), 0, LEVELS - 1).astype(np.int8)
 
 
-def lay_out(half: Floats, level: NDArray[np.int8], room: KernelContainer, dimension: int) -> Cells:
+def lay_out(half: Floats, level: NDArray[np.int8], walls: KernelContainer, dimension: int) -> Cells:
     """Return empty cells.
 
     Parameters
@@ -74,7 +77,7 @@ def lay_out(half: Floats, level: NDArray[np.int8], room: KernelContainer, dimens
         Half the extents of the grains.
     level : (n,) ndarray of int
         Their levels.
-    room : KernelContainer
+    walls : KernelContainer
         The container.
     dimension : int
         2 or 3.
@@ -86,36 +89,36 @@ def lay_out(half: Floats, level: NDArray[np.int8], room: KernelContainer, dimens
     count = np.ones((levels, 3), dtype=np.int64)
     for k in range(levels):
         if many[k]:
-            span = room.lengths[:dimension]
+            span = walls.lengths[:dimension]
             wanted = np.maximum(span / (2 * reach[k, :dimension]), 1.0)
             most = max(CELLS_PER_GRAIN * many[k], 1)
             wanted *= min(1.0, (most / np.prod(wanted)) ** (1 / dimension))
             count[k, :dimension] = np.maximum(np.floor(wanted + WHOLE), 1)
     first = np.concatenate([[0], np.cumsum(np.prod(count, axis=1))]).astype(np.int64)
     return Cells(
-        *(count, room.lengths / count, first[:-1], reach, np.zeros(levels, dtype=np.int64)),
-        # what comes after a grain is written when it enters: zeros take no memory before
+        *(count, walls.lengths / count, first[:-1], reach, np.zeros(levels, dtype=np.int64)),
+        # untouched zeros take no memory until grains are linked
         *(np.full(int(first[-1]), -1, dtype=np.int32), np.zeros(len(half), dtype=np.int32)),
     )
 
 
 @bare_kernel
-def enter(bed: Bed, cells: Cells, room: KernelContainer, g: int, x: float, y: float, z: float) -> None:
-    """Put a grain at a place, which is wrapped into the container along periodic axes."""
-    bed.position[g, 0] = _wrapped(room, 0, x)
-    bed.position[g, 1] = _wrapped(room, 1, y)
-    bed.position[g, 2] = _wrapped(room, 2, z)
-    bed.entered[g] = 1
-    link(bed, cells, room, g)
+def enter(grains: Grains, cells: Cells, walls: KernelContainer, g: int, x: float, y: float, z: float) -> None:
+    """Place a grain at a position, wrapped into the container along periodic axes."""
+    grains.position[g, 0] = _wrapped(walls, 0, x)
+    grains.position[g, 1] = _wrapped(walls, 1, y)
+    grains.position[g, 2] = _wrapped(walls, 2, z)
+    grains.entered[g] = 1
+    link(grains, cells, walls, g)
 
 
 @bare_kernel
-def link(bed: Bed, cells: Cells, room: KernelContainer, g: int) -> None:
-    """Put a grain, at its place already, into its cell."""
-    level = bed.level[g]
+def link(grains: Grains, cells: Cells, walls: KernelContainer, g: int) -> None:
+    """Link a grain that has its position into its cell."""
+    level = grains.level[g]
     flat = 0
     for axis in range(3):
-        index = math.floor((bed.position[g, axis] - room.lower[axis]) / cells.width[level, axis])
+        index = math.floor((grains.position[g, axis] - walls.lower[axis]) / cells.width[level, axis])
         flat = flat * cells.count[level, axis] + min(max(index, 0), cells.count[level, axis] - 1)
     flat += cells.first[level]
     cells.after[g] = cells.head[flat]
@@ -124,20 +127,20 @@ def link(bed: Bed, cells: Cells, room: KernelContainer, g: int) -> None:
 
 
 @bare_kernel
-def link_all(bed: Bed, cells: Cells, room: KernelContainer, order: NDArray[np.int32]) -> None:
-    """Put all grains that have entered into empty cells, in the order in which they entered."""
+def link_all(grains: Grains, cells: Cells, walls: KernelContainer, order: NDArray[np.int32]) -> None:
+    """Link all placed grains into empty cells, in the given order."""
     for k in range(len(order)):
-        if bed.entered[order[k]] == 1:
-            link(bed, cells, room, order[k])
+        if grains.entered[order[k]] == 1:
+            link(grains, cells, walls, order[k])
 
 
 @bare_kernel
 def cells_near(
     lower: Floats, periodic: Integers, count: Integers, width: Floats, level: int, axis: int, x: float, reach: float
 ) -> tuple[int, int]:
-    """Return the first and the last cell of a level, along an axis, that hold what is within `reach` of x.
+    """Return the first and the last cell of a level along an axis within `reach` of x.
 
-    Along a periodic axis they go on beyond the ends, to the images.
+    Along a periodic axis they may lie beyond the ends, in the images.
     """
     begin = math.floor((x - reach - lower[axis]) / width[level, axis])
     end = math.floor((x + reach - lower[axis]) / width[level, axis])
@@ -149,9 +152,9 @@ def cells_near(
 
 @bare_kernel
 def find_overlap(
-    bed: Bed,
+    grains: Grains,
     cells: Cells,
-    room: KernelContainer,
+    walls: KernelContainer,
     x: float,
     y: float,
     z: float,
@@ -161,31 +164,31 @@ def find_overlap(
     slack: float,
     deepest: bool,
 ) -> tuple[int, float, float, float, float]:
-    """Return a grain that a new one overlaps by more than `slack`, -1 for none.
+    """Return a grain that a new one overlaps by more than `slack`, or -1.
 
     Parameters
     ----------
-    bed, cells, room
+    grains, cells, walls
         Grains and container.
     x, y, z : float
-        Centre of the new grain, inside the container.
+        Center of the new grain, inside the container.
     hx, hy, hz : float
         Half its extents.
     slack : float
-        Overlap that does not count.
+        Overlap that is ignored.
     deepest : bool
-        Whether the grain with the deepest overlap is wanted, or any.
+        Whether to return the grain with the deepest overlap, not just any.
 
     Returns
     -------
     grain : int
-        The grain.
+        Index of the grain.
     overlap : float
-        How deep.
+        Depth of the overlap.
     dx, dy, dz : float
-        From its centre, in the image that is met, to that of the new one.
+        Vector from its center, in the image that overlaps, to that of the new one.
     """
-    position, half, boxes, lower, periodic = bed.position, bed.half, bed.boxes, room.lower, room.periodic
+    position, half, boxes, lower, periodic = grains.position, grains.half, grains.boxes, walls.lower, walls.periodic
     count, width, head, after = cells.count, cells.width, cells.head, cells.after
     best, most, bx, by, bz = -1, slack, 0.0, 0.0, 0.0
     for level in range(len(cells.first)):
@@ -204,9 +207,9 @@ def find_overlap(
                     kz = iz // nz
                     g = head[row + iz - kz * nz]
                     while g >= 0:
-                        dx = x - position[g, 0] - kx * room.lengths[0]
-                        dy = y - position[g, 1] - ky * room.lengths[1]
-                        dz = z - position[g, 2] - kz * room.lengths[2]
+                        dx = x - position[g, 0] - kx * walls.lengths[0]
+                        dy = y - position[g, 1] - ky * walls.lengths[1]
+                        dz = z - position[g, 2] - kz * walls.lengths[2]
                         if boxes:
                             overlap = _box_overlap(half, g, dx, dy, dz, hx, hy, hz)
                         else:
@@ -221,9 +224,9 @@ def find_overlap(
 
 @bare_kernel
 def gather(
-    bed: Bed,
+    grains: Grains,
     cells: Cells,
-    room: KernelContainer,
+    walls: KernelContainer,
     x: float,
     y: float,
     z: float,
@@ -235,26 +238,26 @@ def gather(
     ez: float,
     near: Floats,
 ) -> int:
-    """List the grains that block a place in a box for the centre of a new grain.
+    """List the grains that exclude a part of a box for the center of a new grain.
 
     Parameters
     ----------
-    bed, cells, room
+    grains, cells, walls
         Grains and container.
     x, y, z, ex, ey, ez : float
         Middle of the box and half its edges.
     hx, hy, hz : float
         Half the extents of the new grain.
     near : (m, 6) ndarray of float
-        Where they are written: from the middle of the box to the centre of the grain, and how far that blocks along the
-        axes (of spheres: in all directions).
+        Output: vector from the middle of the box to the center of each grain, and half extents of the region that it
+        excludes (of spheres the radius).
 
     Returns
     -------
     int
-        How many they are, m at the most; -1 where one of them blocks the whole box.
+        Number of these grains, at most m; -1 if one of them excludes the whole box.
     """
-    position, half, lower, periodic = bed.position, bed.half, room.lower, room.periodic
+    position, half, lower, periodic = grains.position, grains.half, walls.lower, walls.periodic
     count, width, head, after = cells.count, cells.width, cells.head, cells.after
     many = 0
     for level in range(len(cells.first)):
@@ -273,22 +276,22 @@ def gather(
                     kz = iz // nz
                     g = head[row + iz - kz * nz]
                     while g >= 0 and many < len(near):
-                        near[many, 0] = position[g, 0] + kx * room.lengths[0] - x
-                        near[many, 1] = position[g, 1] + ky * room.lengths[1] - y
-                        near[many, 2] = position[g, 2] + kz * room.lengths[2] - z
+                        near[many, 0] = position[g, 0] + kx * walls.lengths[0] - x
+                        near[many, 1] = position[g, 1] + ky * walls.lengths[1] - y
+                        near[many, 2] = position[g, 2] + kz * walls.lengths[2] - z
                         gx, gy, gz = extents(half, g)
                         near[many, 3], near[many, 4], near[many, 5] = hx + gx, hy + gy, hz + gz
-                        if is_within(bed.boxes, near, many, 0.0, 0.0, 0.0, ex, ey, ez):
+                        if is_within(grains.boxes, near, many, 0.0, 0.0, 0.0, ex, ey, ez):
                             return -1
-                        # with extents below zero: does it block the nearest point?
-                        many += is_within(bed.boxes, near, many, 0.0, 0.0, 0.0, -ex, -ey, -ez)
+                        # with negative extents: is the nearest point excluded?
+                        many += is_within(grains.boxes, near, many, 0.0, 0.0, 0.0, -ex, -ey, -ez)
                         g = after[g]
     return many
 
 
 @bare_kernel
 def is_within(boxes: bool, near: Floats, k: int, x: float, y: float, z: float, ex: float, ey: float, ez: float) -> bool:
-    """Return whether the farthest corner of a box, and so all of it, lies in what grain k of those near blocks."""
+    """Return whether the whole box lies in the region that grain k of `near` excludes."""
     dx, dy, dz = (
         max(abs(x - near[k, 0]) + ex, 0.0),
         max(abs(y - near[k, 1]) + ey, 0.0),
@@ -301,33 +304,33 @@ def is_within(boxes: bool, near: Floats, k: int, x: float, y: float, z: float, e
 
 @bare_kernel
 def extents(half: Floats, g: int) -> tuple[float, float, float]:
-    """Return half the extents of grain g along the axes; those of a sphere are all in one column."""
+    """Return half the extents of grain g along the axes; of a sphere all are its radius."""
     last = half.shape[1] - 1
     return half[g, 0], half[g, last >> 1], half[g, last]
 
 
 @bare_kernel
 def _sphere_overlap(half, g, dx, dy, dz, radius, least):  # type: ignore[no-untyped-def]
-    """Return by how much a sphere overlaps sphere g where that is more than `least`, else `least`."""
+    """Return the overlap with sphere g if it is more than `least`, else `least`."""
     reach = radius + half[g, 0]
     square = dx * dx + dy * dy + dz * dz
     near = reach - least
     if near <= 0.0 or square >= near * near:
         return least
-    # where the root rounds to the reach they overlap all the same
+    # they overlap even if the root rounds to the sum of the radii
     return max(reach - math.sqrt(square), least + 1e-300)
 
 
 @bare_kernel
 def _box_overlap(half, g, dx, dy, dz, hx, hy, hz):  # type: ignore[no-untyped-def]
-    """Return by how much a box overlaps box g, along the axis where that is least; not above 0 where it does not."""
+    """Return the overlap with box g along the axis where it is least; 0 or less if they do not overlap."""
     return min(hx + half[g, 0] - abs(dx), hy + half[g, 1] - abs(dy), hz + half[g, 2] - abs(dz))
 
 
 @bare_kernel
-def _wrapped(room, axis, x):  # type: ignore[no-untyped-def]
-    """Return a coordinate inside the container along a periodic axis, and as it is along others."""
-    if room.periodic[axis] == 0:
+def _wrapped(walls, axis, x):  # type: ignore[no-untyped-def]
+    """Return a coordinate wrapped into the container along a periodic axis, unchanged along others."""
+    if walls.periodic[axis] == 0:
         return x
-    shift = math.floor((x - room.lower[axis]) / room.lengths[axis])
-    return x - shift * room.lengths[axis]
+    shift = math.floor((x - walls.lower[axis]) / walls.lengths[axis])
+    return x - shift * walls.lengths[axis]

@@ -1,4 +1,4 @@
-"""What random sequential addition makes of a problem: extents, whose turn it is, classes of sizes, coordinates."""
+"""Precomputed data of random sequential addition: extents, order of insertion, size classes, coordinates."""
 
 from dataclasses import dataclass
 
@@ -12,68 +12,68 @@ from voxgran._base.seeds import philox_key, stream
 from voxgran.containers.kernel_container import FLAT, KernelContainer, kernel_container
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import Classes, make_classes
-from voxgran.packing.rsa.candidates import SCAN, Rules, fill_table
+from voxgran.packing.rsa.candidates import SCAN, CandidateRules, fill_table
 from voxgran.packing.rsa.level_grid import Cells, lay_out, sort_into_levels
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 
-#: coordinates at the most, where they are kept
+#: largest number of stored coordinates
 MOST_COORDINATES = 2**31
-#: overlap, in median diameters, that a grain which was moved away may keep by rounding
+#: overlap by rounding of a grain that was moved, in median diameters
 TOUCHING = 1e-10
-#: classes of sizes that have open cells of their own
+#: size classes with open cells of their own
 CLASSES = 32
-#: the linear congruential sequence of Chu 2011: factor, summand, modulus, and first numbers of x and y; that of z is
-#: ours, and a bad one as any: all are shifts of one cycle
+#: the linear congruential sequence of Chu 2011: factor, summand, modulus, and first numbers of x and y; that of z
+#: is not given there, and all are shifts of one cycle
 FACTOR, SUMMAND, MODULUS, FIRST = 2053, 13849, 65536, (20001, 60001, 40001)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
-    """What follows from the problem.
+class Precomputed:
+    """Data that follow from the problem.
 
     Attributes
     ----------
     half : (n, 1 or 3) ndarray of float
         Half the extents of the grains; of spheres one column, the radii.
     level : (n,) ndarray of int
-        Their levels of size.
-    room : KernelContainer
+        Their levels in the grid.
+    walls : KernelContainer
         The container.
     cells : Cells
-        Cells of the grains that are in.
+        Cells of the placed grains.
     queue : (m,) ndarray of int
-        Grains that are to enter, as they come.
+        Grains to be placed, in their order.
     kind : (n,) ndarray of int
-        Classes of their sizes, where these matter.
+        Size classes; empty where they are not needed.
     table : (c, 3) ndarray of float
-        Coordinates, where they are made beforehand.
-    rules : Rules
+        Coordinates; empty where they are not computed beforehand.
+    rules : CandidateRules
         How candidates are made.
     classes : Classes or None
-        Classes of sizes where open places are searched.
+        Size classes, if the available space is searched.
     boxes : bool
         Whether grains are boxes.
     """
 
     half: Floats
     level: NDArray[np.int8]
-    room: KernelContainer
+    walls: KernelContainer
     cells: Cells
     queue: NDArray[np.int32]
     kind: NDArray[np.int32]
     table: Floats
-    rules: Rules
+    rules: CandidateRules
     classes: Classes | None
     boxes: bool
 
 
 def searches(problem: Problem) -> bool:
-    """Return whether open places are searched as soon as a grain has made all its tries in vain.
+    """Return whether the available space is searched as soon as all tries of a grain have failed.
 
-    They are where so many grains are asked for and nothing else is said, in the scheme that only drops: the law is the
-    same, and what has room is found.
+    It is if a count or a solid fraction is requested and `until` is omitted, in scheme ``classic``: the probability
+    distribution is the same, and grains that fit are placed.
     """
     settings = problem.parameters
     return bool(
@@ -81,59 +81,59 @@ def searches(problem: Problem) -> bool:
     )
 
 
-def make_setting(problem: Problem, search_from: int) -> Setting:
-    """Return the setting of a problem, with no grain in its cells yet.
+def precompute(problem: Problem, search_from: int) -> Precomputed:
+    """Return the precomputed data of a problem, with empty cells.
 
     Parameters
     ----------
     problem : Problem
         In the normalized frame.
     search_from : int
-        From which turn on open places are searched; -1: they are not.
+        Turn from which on the available space is searched; -1 for never.
 
     Raises
     ------
     InputError
-        If grains are asked to stand aligned that are no boxes along the axes, or the container is round or closed.
+        If `aligned` is set and a shape is not a box along the axes, or the container is round or a mesh.
     TooLargeError
-        If there are more than 2**31 coordinates, and they must be kept.
+        If more than 2**31 coordinates would have to be stored.
     """
-    settings, room, half = problem.parameters, kernel_container(problem.container), half_extents(problem)
+    settings, walls, half = problem.parameters, kernel_container(problem.container), half_extents(problem)
     search, scan = search_from >= 0, settings.retaining == SCAN
     many = coordinate_count(problem)
     level = sort_into_levels(half[:, : problem.dimension])
-    queue = queue_of(problem, half, room)
+    queue = queue_of(problem, half, walls)
     kind, rest = np.zeros(0, dtype=np.int32), queue[max(search_from, 0) :]
     if search or scan:
         kind = np.zeros(problem.count, dtype=np.int32)
         found = sizes_of(half[rest], CLASSES if search else None)
-        # where all are in the first class zeros take no memory
+        # untouched zeros take no memory
         if found.any():
             kind[rest] = found
     corrections = settings.corrections if settings.correcting else 0
-    return Setting(
+    return Precomputed(
         half=half,
         level=level,
-        room=room,
-        cells=lay_out(half, level, room, problem.dimension),
+        walls=walls,
+        cells=lay_out(half, level, walls, problem.dimension),
         queue=queue,
         kind=kind,
         table=coordinate_table(problem, many),
-        rules=Rules(
+        rules=CandidateRules(
             settings.retaining, settings.tries, many, corrections, TOUCHING if corrections else 0.0, searches(problem)
         ),
-        classes=make_classes(half, kind, rest, room, problem.dimension, settings.tries) if search else None,
+        classes=make_classes(half, kind, rest, walls, problem.dimension, settings.tries) if search else None,
         boxes=bool(settings.aligned),
     )
 
 
 def coordinate_count(problem: Problem) -> int:
-    """Return how many coordinates are drawn at the most.
+    """Return the largest number of coordinates drawn.
 
     Raises
     ------
     TooLargeError
-        If there are more than 2**31, and they must be kept.
+        If more than 2**31 would have to be stored.
     """
     settings = problem.parameters
     many: int = settings.tries * newcomers(problem)
@@ -146,14 +146,12 @@ def coordinate_count(problem: Problem) -> int:
 
 
 def half_extents(problem: Problem) -> Floats:
-    """Return half the extents of the grains as the method treats them, in median diameters.
-
-    Boxes have a column for each axis, spheres one: (n, 3) or (n, 1).
+    """Return half the extents of the grains, in median diameters: (n, 3) of boxes, (n, 1) of spheres.
 
     Raises
     ------
     InputError
-        If grains are asked to stand aligned that are no boxes along the axes, or the container is round or closed.
+        If `aligned` is set and a shape is not a box along the axes, or the container is round or a mesh.
     """
     if problem.parameters.aligned:
         if kernel_container(problem.container).kind != FLAT:
@@ -187,16 +185,16 @@ def _half_of_box(shape: Shape) -> Floats:
 
 
 def orientations(problem: Problem, placed: Integers) -> Floats | None:
-    """Return the orientations of some grains, (m, 4): random, but of spheres, of aligned grains and of the start.
+    """Return the orientations of grains, (m, 4), or None if no grain is rotated.
 
-    None where no grain is turned.
+    They are random, except those of spheres, of aligned boxes and of the start.
 
     Parameters
     ----------
     problem : Problem
         In the normalized frame.
     placed : (m,) ndarray of int
-        Which grains, in their order.
+        Indices of the grains.
     """
     spheres = all(shape.is_sphere for shape in problem.shapes)
     if problem.start is None and (spheres or problem.parameters.aligned):
@@ -216,12 +214,12 @@ def orientations(problem: Problem, placed: Integers) -> Floats | None:
 
 
 def newcomers(problem: Problem) -> int:
-    """Return how many grains are not there from the beginning."""
+    """Return the number of grains that are not of the start."""
     return problem.count - (0 if problem.start is None else problem.start.count)
 
 
-def queue_of(problem: Problem, half: Floats, room: KernelContainer) -> NDArray[np.int32]:
-    """Return the grains that are to enter, as they come; those wider than the container stay out.
+def queue_of(problem: Problem, half: Floats, walls: KernelContainer) -> NDArray[np.int32]:
+    """Return the grains to be placed, in their order, without those wider than the container.
 
     Parameters
     ----------
@@ -229,7 +227,7 @@ def queue_of(problem: Problem, half: Floats, room: KernelContainer) -> NDArray[n
         In the normalized frame.
     half : (n, 1 or 3) ndarray of float
         Half the extents of the grains.
-    room : KernelContainer
+    walls : KernelContainer
         The container.
     """
     n, m = problem.count, newcomers(problem)
@@ -239,18 +237,18 @@ def queue_of(problem: Problem, half: Floats, room: KernelContainer) -> NDArray[n
     elif problem.parameters.order == "random":
         queue = queue[stream(problem.seed, "order").permutation(m)]
     across = slice(0, problem.dimension)
-    return queue[(2 * half[queue, across] <= room.lengths[across] + room.slack).all(axis=1)]
+    return queue[(2 * half[queue, across] <= walls.lengths[across] + walls.slack).all(axis=1)]
 
 
 def sizes_of(half: Floats, most: int | None = None) -> Integers:
-    """Return the class of each grain, such that grains of a class have the same extents.
+    """Return the size class of each grain; grains of a class have the same extents.
 
     Parameters
     ----------
     half : (n, 1 or 3) ndarray of float
         Half the extents.
     most : int or None
-        If there are more sizes than this, they are put together to as many classes, by the geometric mean.
+        Largest number of classes; more sizes are merged by their geometric mean extents.
     """
     if (half == half[:1]).all():
         return np.zeros(len(half), dtype=np.int64)
@@ -266,7 +264,7 @@ def sizes_of(half: Floats, most: int | None = None) -> Integers:
 
 
 def coordinate_table(problem: Problem, many: int) -> Floats:
-    """Return the coordinates of a sorted or replayed run, (many, 3) in 0 ... 1; none of other runs."""
+    """Return the coordinates of a sorted or replicated run, (many, 3) in [0, 1]; of other runs none."""
     settings = problem.parameters
     if not settings.tabled:
         return np.zeros((0, 3))
@@ -287,9 +285,9 @@ def congruential(first: int, many: int) -> Integers:
     Parameters
     ----------
     first : int
-        The first number, which is left out.
+        The first number, which is not returned.
     many : int
-        How many numbers.
+        Number of values.
     """
     cycle = np.zeros(MODULUS, dtype=np.int64)
     x = first

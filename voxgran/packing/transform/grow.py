@@ -1,9 +1,9 @@
-"""Grains that grow where they are until each touches a neighbour or a wall.
+"""Growth of the grains of a packing about their centroids until each touches a neighbour or a wall.
 
-Shapes that lie in the spheres of a sphere packing touch with their corners at the most. Here all grow at once, each
-about its centroid. How far two grains may grow before they meet is told by their true gap and by how fast that closes
-where they are nearest; of convex grains gaps close ever more slowly, so that none can grow too far, and where others
-did, they go back and grow by their bounding radius, which no surface outruns. What touches stops; the rest goes on.
+Shapes inscribed in the spheres of a sphere packing touch at corners at most. Here all grains grow at once. How far two
+grains may grow follows from their true gap and from the speed at which it closes at their nearest points. Gaps of
+convex grains close ever more slowly, so that these grains never overlap. Other grains that overlap are reset and then
+grown at the rate of their bounding sphere, an upper bound for every surface point. Grains that touch stop growing.
 """
 
 from dataclasses import replace
@@ -19,16 +19,16 @@ from voxgran.containers.model import boundary_of
 from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.sizes import size_distance
 
-#: gaps up to which grains touch, and that are left to them, in mean diameters
+#: largest gap of grains that touch, and gap that is kept between them, in mean diameters
 TOUCH, CLEAR = 1e-8, 1e-10
-#: how far is looked for neighbours, in mean diameters, and times that all grow at the most
+#: search distance of neighbours, in mean diameters, and largest number of rounds
 REACH, ROUNDS = 0.2, 400
-#: least speed of a surface that is trusted, in bounding radii
+#: lower bound of the speed of a surface, in bounding radii
 SLOW = 0.05
 
 
 def grow(packing: Packing, *, most: float = 2.0) -> Packing:
-    """Let the grains of a packing grow about their centroids until each touches a neighbour or a wall.
+    """Grow the grains of a packing about their centroids until each touches a neighbour or a wall.
 
     Parameters
     ----------
@@ -40,9 +40,9 @@ def grow(packing: Packing, *, most: float = 2.0) -> Packing:
     Returns
     -------
     Packing
-        The same grains at the same places, larger; ``provenance["growth"]`` tells the solid fraction before and after,
-        mean and largest factor, the share of the grains that touch, and the Kolmogorov-Smirnov distance of the sizes
-        before and after.
+        The same grains at the same positions, enlarged; ``provenance["growth"]`` has the solid fraction before and
+        after, the mean and the largest factor, the share of the grains that touch, and the Kolmogorov-Smirnov distance
+        of the sizes before and after.
 
     Raises
     ------
@@ -51,9 +51,9 @@ def grow(packing: Packing, *, most: float = 2.0) -> Packing:
 
     Notes
     -----
-    All grow at once: in each round a grain grows by the least of what its neighbours and walls leave it, where two that
-    both grow share their gap by the same factor. Nothing is drawn at random. Grains touch when their gap is at most
-    1e-8 mean diameters; none overlaps. Grains that overlap before do not grow.
+    In each round a grain grows by the least factor that its neighbours and walls permit; two growing grains share their
+    gap by the same factor. The result is deterministic. Grains touch when their gap is at most 1e-8 mean diameters;
+    none overlaps. Grains that overlap before do not grow.
 
     Examples
     --------
@@ -127,12 +127,12 @@ def _room(
 
 
 def _speed(along: Floats, radius: Floats, wary: Booleans) -> Floats:
-    """Return how fast a surface comes nearer as a grain grows, for each share by which it does."""
+    """Return the speed at which a surface approaches per relative growth of the grain."""
     return np.where(wary, radius, np.clip(along, SLOW * radius, radius))
 
 
 def _room_at_walls(grains: Assembly, reach: float, clear: float) -> tuple[Floats, Floats]:
-    """Return by which share each grain may grow before it meets a wall, and how far the nearest wall is."""
+    """Return the relative growth of each grain up to contact with a wall, and the gap to the nearest wall."""
     container, radius = grains.container, grains.bounding_radii
     room, gap = np.full(grains.count, np.inf), np.full(grains.count, np.inf)
     if boundary_of(container).is_flat:
@@ -141,7 +141,7 @@ def _room_at_walls(grains: Assembly, reach: float, clear: float) -> tuple[Floats
             if not container.periodic[axis]:
                 x = grains.position[:, axis]
                 for space, extent in ((x - lower[axis], -low[:, axis]), (upper[axis] - x, high[:, axis])):
-                    # a flat sheet through the center does not come nearer as it grows
+                    # a flat sheet through the center does not approach the wall as it grows
                     nears = extent > 0.0
                     share = np.divide(space - clear, extent, out=np.full(grains.count, np.inf), where=nears)
                     room = np.minimum(room, share - 1.0)

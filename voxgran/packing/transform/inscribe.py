@@ -1,4 +1,4 @@
-"""Shapes in the spheres of a sphere packing: from spheres, packed in seconds, to grains of true shape."""
+"""Shapes inscribed in the spheres of a sphere packing: grains of true shape from spheres that are packed in seconds."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,39 +25,38 @@ def inscribe(
     shape_id: ArrayLike | None = None,
     seed: int = 0,
 ) -> Packing:
-    """Put a shape into the bounding sphere of each grain, turned at random and as large as it fits.
+    """Inscribe a shape in the bounding sphere of each grain, randomly rotated and as large as it fits.
 
     Parameters
     ----------
     packing : Packing
         Spheres, in 2D disks, that do not overlap, such as those of ``rsa`` or ``advancing_front``.
     shapes : sequence of Shape or Shape
-        What comes into them, such as hulls of random points.
+        Shapes to inscribe, such as hulls of random points.
     weights : (len(shapes),) array_like of float, optional
-        Shares of the shapes by number; equal where left out.
+        Shares of the shapes by number; equal if omitted.
     shape_id : (n,) array_like of int, optional
-        Which shape each sphere gets; left out, they are drawn. ``range(n)`` gives each its own.
+        Shape of each sphere; drawn at random if omitted. ``range(n)`` gives each sphere its own.
     seed : int
-        Seed of what is drawn.
+        Seed of the random draws.
 
     Returns
     -------
     Packing
-        As many grains in the same order, each within its sphere: where the spheres do not overlap, no grains do.
-        ``provenance["inscribed"]`` tells the solid fraction of the spheres.
+        As many grains in the same order, each within its sphere: if the spheres do not overlap, the grains do not.
+        ``provenance["inscribed"]`` has the solid fraction of the spheres.
 
     Raises
     ------
     InputError
         If an argument is of another type, there are no shapes, one has another dimension, a share is negative or all
-        are 0, or `shape_id` holds something else than n indices of shapes.
+        are 0, or `shape_id` is not n indices of shapes.
 
     Notes
     -----
-    The smallest sphere around the corners of a shape, of curved shapes with the error of their tessellation, becomes
-    the sphere of the grain; so the centroid of the grain lies beside the center of its sphere. Of a sphere of radius r
-    the center is found within about r / 400. Sizes are then those of the spheres times what a shape fills of its
-    sphere.
+    The smallest sphere around the vertices of a shape, enlarged by its tessellation error, is mapped to the sphere of
+    the grain; the centroid of the grain is therefore not at the center of its sphere. The center of the
+    smallest sphere, of radius r, is found within about r / 400.
 
     Examples
     --------
@@ -69,7 +68,7 @@ def inscribe(
     True
     """
     check_packing(packing, "packing")
-    # only forms are taken from the shapes, all sizes from the spheres: another unit of theirs does not matter
+    # the sizes are those of the spheres, so that other units of the shapes do not matter
     own = (None, packing.unit)
     given = tuple(shape if shape.unit in own else replace(shape, unit=None) for shape in check_shapes(shapes))
     for shape in given:
@@ -100,14 +99,14 @@ def inscribe(
         contact_gap=packing.contact_gap,
         asked_sizes=packing.asked_sizes,
     )
-    # what is in the sphere of a shape of size 1 is brought into the sphere of the grain
+    # the sphere around a shape of size 1 is mapped to the sphere of the grain
     scale = packing.bounding_radii / spheres[inscribed.shape_id, 3]
     beside = np.einsum("nij,nj->ni", rotation_matrices(turns), spheres[inscribed.shape_id, :3])
     return replace(inscribed, scale=scale, position=packing.position - scale[:, None] * beside)
 
 
 def _drawn(generator: np.random.Generator, many: int, n: int, weights: ArrayLike | None) -> ArrayLike:
-    """Return which shape each grain gets, drawn by their shares."""
+    """Return the shape of each grain, drawn by the shares."""
     if not many:
         raise InputError("shapes is empty: a sphere gets one of them; give at least one")
     share = np.ones(many) if weights is None else as_floats(weights, "weights", shape=(many,))
