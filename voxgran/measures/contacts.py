@@ -1,4 +1,4 @@
-"""Which grains are near each other and how, one row per pair."""
+"""Contacts of grains, one row per pair."""
 
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def _compute(packing: Packing) -> "dict[str, Dataset]":
-    """Return one row per pair within the usual gap."""
+    """Return one row per pair within the contact gap."""
     unit, row = length_unit(packing), ("contact",)
     reach, found = usual_gap(packing) * mean_diameter(packing), near_contacts(packing)
     near = found.gap <= reach + ROUND_OFF * mean_diameter(packing)

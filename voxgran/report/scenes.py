@@ -1,7 +1,7 @@
 """Pictures of packings and grains, rendered off screen with PyVista.
 
-Colours grow evenly in lightness (viridis). Each function returns the picture as an (h, w, 3) array of bytes. Grains of
-many triangles are drawn coarser: :func:`picture_faces` tells how coarse.
+The lightness of the colours increases evenly (viridis). Each function returns the picture as an (h, w, 3) array of
+bytes. Grains of many triangles are simplified, see :func:`picture_faces`.
 """
 
 from collections.abc import Sequence
@@ -22,11 +22,11 @@ from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.occupy import voxelize
 
-#: a picture of a packing has at most about this many triangles
+#: approximate largest number of triangles in a picture of a packing
 TRIANGLE_BUDGET = 600_000
-#: a grain is not drawn with fewer
+#: smallest number of triangles to which a grain is simplified
 FEWEST_FACES = 80
-#: more spheres than this are drawn as shaded points
+#: number of spheres above which they are drawn as shaded points
 BALL_LIMIT = 10_000
 
 _GRAIN = "#6d9fb5"
@@ -35,12 +35,12 @@ _SMOOTH = {"smooth_shading": True, "split_sharp_edges": True, **MATERIAL}
 
 
 def picture_faces(packing: Packing) -> int:
-    """Return how many triangles a grain has at most in a picture.
+    """Return the largest number of triangles of a grain in a picture.
 
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
 
     Returns
     -------
@@ -57,13 +57,13 @@ def picture_packing(
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
     color_by : {"diameter", "shape", "coordination", "distance"}
-        What the colours show, as :func:`coloring` says: dark is small, bright is large.
+        Quantity shown by the colours, see :func:`coloring`: dark is small, bright is large.
     window : tuple of int
         Width and height, in pixels.
     turn : float
-        From which side, in degrees around the upright axis.
+        Angle of view around the vertical axis, in degrees.
 
     Returns
     -------
@@ -83,9 +83,9 @@ def picture_cut(packing: Packing, *, color_by: str = "diameter", window: tuple[i
     Parameters
     ----------
     packing : Packing
-        Any packing; in 2D nothing is taken away.
+        The packing; in 2D all grains are drawn.
     color_by : {"diameter", "shape", "coordination", "distance"}
-        What the colours show.
+        Quantity shown by the colours.
     window : tuple of int
         Width and height, in pixels.
 
@@ -105,21 +105,21 @@ def picture_cut(packing: Packing, *, color_by: str = "diameter", window: tuple[i
 
 
 def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres: int = 30) -> dict[str, Picture]:
-    """Draw a shape, its voxels, its control points and its clump, all from one side.
+    """Draw a shape, its voxels, its control points and its clump from the same side.
 
     Parameters
     ----------
     shape : Shape
-        Any shape; in 2D there is no clump, and of an open surface neither voxels nor a clump.
+        The shape; in 2D there is no clump, and for an open surface neither voxels nor a clump.
     window : tuple of int
         Width and height of each, in pixels.
     spheres : int
-        Most spheres of the clump.
+        Largest number of spheres of the clump.
 
     Returns
     -------
     dict of str to (height, width, 3) ndarray of uint8
-        Under ``surface``, ``voxels``, ``points`` and ``clump``.
+        Pictures under ``surface``, ``voxels``, ``points`` and ``clump``.
     """
     flat = shape.dimension == 2
     pictures = {}
@@ -140,12 +140,12 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
 
 
 def render_ids(packing: Packing, *, window: tuple[int, int] = (320, 240)) -> Integers:
-    """Draw which grain is seen where: the same view as the pictures, without light.
+    """Return the index of the visible grain in each pixel, in the same view as the pictures.
 
     Parameters
     ----------
     packing : Packing
-        Any packing of fewer than 16 million grains.
+        Packing of fewer than 16 million grains.
     window : tuple of int
         Width and height, in pixels.
 
@@ -197,7 +197,7 @@ def _is_sphere(shape: Shape) -> bool:
 
 
 def _bodies(packing: Packing) -> Sequence[tuple[Floats, Integers]]:
-    """Return triangles that stand for each shape, as many as the picture can have."""
+    """Return the triangles of each shape, simplified to the resolution of the picture."""
     most = picture_faces(packing)
     return [_body(shape, most) for shape in packing.shapes]
 
@@ -205,8 +205,8 @@ def _bodies(packing: Packing) -> Sequence[tuple[Floats, Integers]]:
 def _body(shape: Shape, most: int) -> tuple[Floats, Integers]:
     """Return the surface of a shape with at most so many triangles.
 
-    Vertices are clustered with quadric error metrics (Lindstrom 2000, doi:10.1145/344779.344912): a tenth of the time
-    of edge collapses, and hundreds of different shapes are common.
+    Vertices are clustered with quadric error metrics (Lindstrom 2000, doi:10.1145/344779.344912), which takes a tenth
+    of the time of edge collapses; packings of hundreds of different shapes are common.
     """
     if _is_sphere(shape):
         level = int(np.clip(np.log(most / 20) / np.log(4), 1, 4))
@@ -240,7 +240,7 @@ def _add_voxels(stage: Any, shape: Shape) -> None:
 
 
 def _add_points(stage: Any, shape: Shape) -> None:
-    """Draw control points a tenth of the diameter apart, on the faint surface."""
+    """Draw control points with a spacing of a tenth of the diameter, on the translucent surface."""
     points = np.asarray(sample_surface(shape, spacing=shape.diameter / 10))
     vertices, faces, _ = sphere(2)
     size = 0.018 * shape.diameter
