@@ -1,4 +1,4 @@
-"""Container: what holds the grains, the type that the containers room hands on."""
+"""Container: the region of space of a packing."""
 
 from typing import Any, Protocol, runtime_checkable
 
@@ -18,7 +18,7 @@ class Container(Protocol):
     dimension : int
         2 or 3.
     periodic : tuple of bool
-        Which of the three axes are periodic.
+        Whether each of the three axes is periodic.
     """
 
     @property
@@ -31,7 +31,7 @@ class Container(Protocol):
 
     @property
     def periodic(self) -> tuple[bool, bool, bool]:
-        """Which axes are periodic."""
+        """Whether each of the three axes is periodic."""
 
     @property
     def volume(self) -> float:
@@ -51,4 +51,4 @@ class Container(Protocol):
         """Return the container with all lengths (and its corner) multiplied."""
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values, from which `make_container` makes it again."""
+        """Return kind and parameters as JSON-able values, from which `make_container` restores the container."""

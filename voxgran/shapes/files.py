@@ -1,7 +1,7 @@
-"""Mesh files in and out.
+"""Reading and writing of mesh files.
 
-STL, OBJ, OFF and PLY are read by :mod:`voxgran.shapes.mesh_formats`, VTK files by VTK and Gmsh files by meshio, in a
-process of its own.
+STL, OBJ, OFF and PLY are read by :mod:`voxgran.shapes.mesh_formats`; VTK files by VTK and Gmsh files by meshio, each in
+a separate process.
 """
 
 import logging
@@ -27,7 +27,7 @@ from voxgran.shapes.repairing.diagnose import Remedies, merged, refuse_dirty
 from voxgran.shapes.repairing.repair import repaired
 from voxgran.shapes.surface import Surface, refuse_unfit
 
-#: most corners of a polygon that is clipped, which takes time with their square and a deep stack
+#: largest number of corners of a polygon for ear clipping, whose time is quadratic and whose recursion is deep
 MOST_CORNERS = 5000
 
 #: of `load_shape`
@@ -42,37 +42,38 @@ log = logging.getLogger(__name__)
 def load_shape(
     path: str | os.PathLike[str], *, unit: str | None = None, repair: bool = False, surface: bool = False
 ) -> Shape:
-    """Make a shape from a file that holds a closed surface, or an open one where that is asked for.
+    """Read a shape from a file with a closed surface, or with an open one if `surface` is true.
 
     Parameters
     ----------
     path : path-like
-        File in STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH format, by its suffix. Polygons are cut into triangles;
-        coordinates keep all digits that the format has.
+        File in STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH format, by its suffix. Polygons are triangulated; coordinates
+        keep all digits of the format.
     unit : str, optional
-        Unit of its lengths; it is recorded and nothing is converted.
+        Unit of lengths, which is recorded; lengths are not converted. Default: unknown.
     repair : bool
-        Whether a surface that is almost closed is mended first, as :func:`voxgran.repair` does with its defaults;
-        what was done is logged.
+        Whether a surface that is almost closed is repaired first by :func:`voxgran.repair` with its defaults; the
+        changes are logged.
     surface : bool
-        Whether the file holds an open surface, a sheet or shell without thickness, as :meth:`Shape.from_surface` takes
-        it.
+        Whether the file contains an open surface, a sheet or shell without thickness, as in
+        :meth:`Shape.from_surface`.
 
     Returns
     -------
     Shape
-        Named as the file without its suffix.
+        Shape, named as the file without its suffix.
 
     Raises
     ------
     MissingFileError
         If there is no such file.
     FileFormatError
-        If the suffix is not known, or the file is empty, cut, or damaged.
+        If the suffix is not known, or the file is empty, truncated or damaged.
     DirtyMeshError
-        If its surface does not bound exactly one solid, or cannot be mended with certainty; or is no open surface.
+        If the surface does not bound exactly one solid, or cannot be repaired with certainty, or is not an open surface
+        although `surface` is true.
     InputError
-        If `repair` or `surface` is neither True nor False, or it is to be mended and to stay open.
+        If `repair` or `surface` is neither True nor False, or both are true.
     """
     return shape_of_file(path, unit=unit, repair=repair, surface=surface, remedies=LOADING)
 
@@ -85,14 +86,14 @@ def shape_of_file(
     repair: bool = False,
     surface: bool = False,
 ) -> Shape:
-    """Make a shape from a file, as :func:`load_shape` does, with the remedies of a caller in the messages.
+    """Read a shape from a file like :func:`load_shape`, with the remedies of the caller in the messages.
 
     Parameters
     ----------
     path, unit, repair, surface
         As :func:`load_shape`.
     remedies : Remedies
-        What the reader of a message can do.
+        Remedies for the messages.
 
     Returns
     -------
@@ -103,9 +104,9 @@ def shape_of_file(
     MissingFileError
         If there is no such file.
     FileFormatError
-        If the suffix is not known, or the file is empty, cut, or damaged.
+        If the suffix is not known, or the file is empty, truncated or damaged.
     DirtyMeshError
-        If the surface is not what was asked for.
+        If the surface is not as required.
     InputError
         If `repair` or `surface` is neither True nor False, or both are true.
     """
@@ -130,7 +131,7 @@ def shape_of_file(
 
 
 def read_surface(path: str | os.PathLike[str]) -> tuple[Floats, Integers]:
-    """Return points and triangles of a surface file as they stand there, closed or not.
+    """Return the points and triangles of a surface file without changes, closed or not.
 
     Parameters
     ----------
@@ -147,7 +148,7 @@ def read_surface(path: str | os.PathLike[str]) -> tuple[Floats, Integers]:
     MissingFileError
         If there is no such file.
     FileFormatError
-        If the suffix is not known, or the file is empty, cut, or damaged.
+        If the suffix is not known, or the file is empty, truncated or damaged.
     """
     found = existing_file(path)
     reader = READERS.get(found.suffix.lower())
@@ -169,22 +170,22 @@ def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = 
     Parameters
     ----------
     shape : Shape
-        What to write.
+        Shape to write.
     path : path-like
-        STL (binary, float32), OBJ, PLY, OFF or VTP file, by its suffix; all but STL keep every digit.
+        STL (binary, float32), OBJ, PLY, OFF or VTP file, by its suffix; all formats but STL keep all digits.
     overwrite : bool
-        Whether a file that is there may be replaced.
+        Whether an existing file may be replaced.
 
     Raises
     ------
     InputError
-        If it is no shape, or the path no path.
+        If `shape` is not a shape, or `path` not a path.
     FileFormatError
         If the suffix is not known.
     OutputExistsError
-        If it is there and `overwrite` is false.
+        If the file exists and `overwrite` is false.
     OutputError
-        If it cannot be written.
+        If the file cannot be written.
     """
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     target = as_path(path)
@@ -198,7 +199,7 @@ def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = 
 
 
 def _refuse_damaged(points: Floats, faces: Integers, path: Path) -> None:
-    """Refuse what is no mesh at all."""
+    """Check that the data are a mesh."""
     if not len(faces):
         raise FileFormatError(f"{path} holds no faces: it must hold a closed surface; write it again")
     if faces.min() < 0 or faces.max() >= len(points):
@@ -219,7 +220,7 @@ def _refuse_damaged(points: Floats, faces: Integers, path: Path) -> None:
 
 
 def _triangles(points: Floats, polygons: Sequence[Sequence[int]] | Integers, path: Path) -> Integers:
-    """Cut polygons into triangles: fans where they are convex, else by clipping ears."""
+    """Triangulate polygons: convex ones as fans, others by ear clipping."""
     if isinstance(polygons, np.ndarray):
         return polygons.astype(np.int64)
     counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
@@ -260,18 +261,18 @@ def _normals(rings: Floats) -> Floats:
 
 
 def _convex(rings: Floats) -> Any:
-    """Tell which of (n, k, 3) polygons are convex seen along their mean normal."""
+    """Return the mask of the (n, k, 3) polygons that are convex in projection along their mean normal."""
     ahead = np.roll(rings, -1, axis=1) - rings
     turns = np.cross(np.roll(ahead, 1, axis=1), ahead)
     return (np.einsum("nki,ni->nk", turns, _normals(rings)) >= 0).all(axis=1)
 
 
 def _clipped(ring: Floats) -> Integers:
-    """Return the triangles of one polygon that is not convex, as (k - 2, 3) places in it."""
+    """Return the (k - 2, 3) triangles of one nonconvex polygon, as indices of its corners."""
     normal = _normals(ring[None])[0]
     keep = [axis for axis in range(3) if axis != int(np.abs(normal).argmax())]
     flat = np.ascontiguousarray(ring[:, keep])
-    # leaving out y turns the plane over
+    # dropping y reverses the orientation
     mirrored = (normal[np.abs(normal).argmax()] < 0) != (keep == [0, 2])
     if mirrored:
         flat = flat * np.array([1.0, -1.0])
@@ -285,7 +286,7 @@ def _from_bytes(parse: Callable[[bytes, str], Polygons]) -> Callable[[Path], Pol
 
 
 def _guarded(read: Callable[[Path], Content]) -> Callable[[Path], Polygons]:
-    """Return the reader of a file that a library parses, in a process of its own."""
+    """Return the reader of a file that a library parses in a separate process."""
 
     def reader(path: Path) -> Polygons:
         _, found = read_guarded(read, path)

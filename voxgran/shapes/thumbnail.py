@@ -1,7 +1,7 @@
 """Small pictures for notebooks, drawn without a window, a driver or a graphics library.
 
-A surface is sampled densely enough that each of its pixels gets points, and of the points of a pixel the nearest one
-counts. That takes a tenth of a second where starting a renderer takes seconds.
+A surface is sampled so densely that each of its pixels receives points, and the nearest point of a pixel is shown. This
+takes a tenth of a second, whereas starting a renderer takes seconds.
 """
 
 import base64
@@ -19,7 +19,7 @@ from voxgran.shapes.model import Shape
 EDGE, FINE = 160, 2
 #: sampled points per sample of the picture
 DENSITY = 4.5
-#: rows: to the right, up and towards the eye
+#: rows: to the right, up and towards the viewer
 VIEW = np.array([[0.877, 0.481, 0.0], [-0.187, 0.341, 0.921], [0.443, -0.808, 0.389]])
 FLAT_VIEW = np.eye(3)
 LIGHT = np.array([-0.41, 0.61, 0.68])
@@ -34,7 +34,7 @@ def surface_samples(triangles: Floats, spacing: float) -> tuple[Floats, Floats]:
     triangles : (m, 3, 3) ndarray of float
         Corner points.
     spacing : float
-        In the unit of the points.
+        Largest spacing, in the unit of the points.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def picture(
     Parameters
     ----------
     points, normals, colors : (n, 3) ndarray of float
-        Where, which way, and red, green and blue from 0 to 1.
+        Positions, normals, and red, green and blue in [0, 1].
     flat : bool
         Whether the scene lies in the plane z = 0.
     edge : int
@@ -101,7 +101,7 @@ def shape_picture(shape: Shape, *, edge: int = EDGE) -> np.ndarray[tuple[int, in
     Parameters
     ----------
     shape : Shape
-        What is drawn: its tessellation.
+        Shape whose tessellation is drawn.
     edge : int
         Width and height, in pixels.
 
@@ -116,7 +116,7 @@ def shape_picture(shape: Shape, *, edge: int = EDGE) -> np.ndarray[tuple[int, in
 
 
 def image_tag(image: np.ndarray[tuple[int, int, int], np.dtype[np.uint8]], text: str) -> str:
-    """Return a picture as an ``<img>`` that holds its data."""
+    """Return a picture as an ``<img>`` with embedded data."""
     buffer = io.BytesIO()
     load("matplotlib.image").imsave(buffer, image, format="png")
     data = base64.b64encode(buffer.getvalue()).decode("ascii")
@@ -134,7 +134,7 @@ def card(image: str, rows: Mapping[str, str]) -> str:
 
 
 def shape_card(shape: Shape) -> str:
-    """Return what a notebook shows of a shape: a small picture and its numbers, as HTML."""
+    """Return a small picture and the numbers of a shape as HTML, for notebooks."""
     kind = str(getattr(shape.geometry, "kind", type(shape.geometry).__name__.lower()))
     flat, unit = shape.dimension == 2, f" {shape.unit}" if shape.unit else ""
     rows = {
