@@ -86,7 +86,7 @@ class PackedMask:
         return moment / total + 0.5 if total else np.full(3, np.nan)
 
     def bounds(self) -> tuple[Integers, Integers]:
-        """Return the bounding box of the occupied voxels: first indices, last indices plus 1, (3,) each; 0, 0 if none."""
+        """Return the bounding box of the occupied voxels: first indices, last indices plus 1, (3,) each; 0 if empty."""
         nx, ny, nz = self.shape
         planes, rows = np.zeros(nx, dtype=np.bool_), np.zeros(ny, dtype=np.bool_)
         levels = np.zeros(self.words.shape[2], dtype=np.uint64)
