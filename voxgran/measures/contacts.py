@@ -22,14 +22,14 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
         "gap": variable(row, found.gap[near], unit, "distance of the surfaces, negative where they overlap"),
         "normal": variable((*row, "axis"), found.normal[near], "1", "unit vector from the first to the second grain"),
         "point": variable((*row, "axis"), found.point[near], unit, "middle between the nearest points"),
-        "largest_gap": variable((), reach, unit, "pairs with a larger gap are left out"),
+        "largest_gap": variable((), reach, unit, "largest gap of the listed pairs"),
     }
     return {"/contacts": dataset(values)}
 
 
 registration = Measure(
     name="contacts",
-    summary="pairs of grains within the usual gap, with gap, normal and point",
+    summary="pairs of grains within the contact gap, with gap, normal and point",
     groups=("/contacts",),
     compute=_compute,
 )

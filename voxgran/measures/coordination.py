@@ -156,7 +156,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="coordination",
-    summary="number of neighbours over the gap, and of each grain",
+    summary="mean number of neighbours as a function of the gap, and the number of each grain",
     groups=("/grains", "/profiles"),
     compute=_compute,
 )

@@ -138,7 +138,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="density",
-    summary="solid fraction and porosity, of the whole and of the bulk",
+    summary="solid fraction and porosity of the whole packing and of the bulk",
     groups=("/",),
     compute=_compute,
 )

@@ -129,13 +129,13 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
         if basis in found.asked:
             kind = "intermediate axes" if found.by_axis else "equivalent diameters"
             values[f"asked_{basis}"] = variable(
-                row, found.asked[basis], "1", f"share by {basis} asked for, over {kind}"
+                row, found.asked[basis], "1", f"requested share by {basis}, over {kind}"
             )
             values[f"distance_{basis}"] = variable(
                 (),
                 found.distance[basis],
                 "1",
-                f"Kolmogorov-Smirnov distance by {basis} between asked and placed {kind}",
+                f"Kolmogorov-Smirnov distance by {basis} between requested and placed {kind}",
             )
     sizes = variable(row, found.sizes, unit, "size of a grain")
     return {"/gradation": dataset(values, {"size": sizes})}
@@ -143,7 +143,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="gradation",
-    summary="cumulative curves of the sizes that were asked and placed",
+    summary="cumulative curves of the requested and the placed sizes",
     groups=("/gradation",),
     compute=_compute,
 )

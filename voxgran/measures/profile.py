@@ -196,7 +196,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="profile",
-    summary="solid fraction along the axes and from the walls",
+    summary="solid fraction along the axes and as a function of the distance from the walls",
     groups=("/profiles",),
     compute=_compute,
 )

@@ -73,7 +73,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="provenance",
-    summary="how the packing was made, with a hash",
+    summary="record of how the packing was made, with a hash",
     groups=("/provenance",),
     compute=_compute,
 )

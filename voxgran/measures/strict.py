@@ -62,7 +62,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="strict",
-    summary="solid fraction after shrinking all grains until none overlap",
+    summary="solid fraction after shrinking all grains until nothing overlaps",
     groups=("/",),
     compute=_compute,
     applies=_overlaps,

@@ -87,9 +87,9 @@ def _gradation(packing: Packing) -> Figure:
     caption = "Gradation: the share by volume that passes each size."
     if test is not None:
         caption += (
-            " Placed against asked: the largest difference, by number, between the share of the placed grains up to a "
-            "size and that of the distribution that was asked for (Kolmogorov\u2013Smirnov) is "
-            f"{test['distance']:.3g}; as many independent draws are farther off with a probability of "
+            " Placed against requested: the largest difference, by number, between the share of the placed grains up "
+            "to a size and that of the requested distribution (Kolmogorov\u2013Smirnov) is "
+            f"{test['distance']:.3g}; as many independent draws have a larger difference with a probability of "
             f"{test['p_value']:.2g}."
         )
     order = np.argsort(packing.diameters, kind="stable")
@@ -157,7 +157,7 @@ def _zingg(packing: Packing) -> Figure:
     """Return the plot of flatness and elongation of the grains."""
     svg = plots.svg_of(lambda axes: shape_plots.plot_zingg(axes, packing), "zingg", size=(5.2, 4.2))
     across, up = shape_plots.flatness_and_elongation(packing)
-    caption = "Form after Zingg 1935: extents along the axes of inertia; larger dots stand for more grains."
+    caption = "Form after Zingg 1935: extents along the axes of inertia; larger dots represent more grains."
     numbers = {
         "mean_intermediate_over_longest": float(across.mean()),
         "mean_shortest_over_intermediate": float(up.mean()),
@@ -181,8 +181,8 @@ def _rose(packing: Packing, statistics: "DataTree | None") -> Figure | None:
     svg = plots.svg_of(draw, "rose", size=(4.6, 4.2), projection="polar")
     origin = "the upright axis" if upright else "x"
     caption = (
-        f"Contact normals: how many of {len(normals)} point at which angle from {origin}, relative to a packing "
-        "without any preferred direction (dashed)."
+        f"Contact normals: distribution of {len(normals)} normals over the angle from {origin}, relative to an "
+        "isotropic packing (dashed)."
     )
     numbers = {"angle": angle.tolist(), "relative_density": share.tolist(), "contacts": len(normals)}
     return Figure("contact_normals", svg, "rose of contact normals", caption, numbers)

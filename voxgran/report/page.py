@@ -190,7 +190,7 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
         )
     }
     if packing.dimension == 3 and packing.count:
-        caption = "Cut open: without the grains whose centroids lie in the near quarter."
+        caption = "Cut open: without the grains with centroids in the near quarter."
         whole["cut_open"] = (
             scenes.picture_cut(packing, color_by=color_by),
             f"{what}, without the near quarter",
@@ -198,12 +198,12 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
         )
     close = picture_contacts(packing) if packing.count <= MOST_FOR_CONTACTS else None
     if close is not None:
-        caption = "The grain with the most neighbours, and the points where these are nearest."
+        caption = "The grain with the most neighbours, and the contact points."
         whole["contacts"] = (close, "one grain among its neighbours", caption)
     captions = {
         "surface": "true surface",
         "voxels": "voxels of 1/24 of its diameter",
-        "points": "control points a tenth of its diameter apart",
+        "points": "control points with a spacing of a tenth of its diameter",
         "clump": "clump of at most 30 spheres",
     }
     grains = {}

@@ -115,7 +115,7 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
         sizes = np.geomspace(0.8 * low, 1.25 * high, 600)
         shares = 100 * asked.cumulative(sizes, basis="volume", dimension=packing.dimension)
         what = "intermediate axis" if asked.by_intermediate_axis else "equivalent diameter"
-        axes.plot(sizes, shares, color=ASKED, linestyle=(0, (4, 2)), label=f"asked, {what}")
+        axes.plot(sizes, shares, color=ASKED, linestyle=(0, (4, 2)), label=f"requested, {what}")
     if packing.count and diameters.max() > 4 * diameters.min():
         axes.set_xscale("log")
     axes.set(ylim=(0, 101), xlabel=f"size{unit_text(packing.unit)}", ylabel="passing by volume (%)")
