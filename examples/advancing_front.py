@@ -1,9 +1,9 @@
-"""Five packings by the advancing front: graded box, cylinder, rock, polyhedra, disks; numbers, pictures and files.
+"""Five packings by the advancing front: graded box, cylinder, rock, polyhedra and disks, with numbers and pictures.
 
-Each is filled until no grain fits any more, then checked against the true shapes. Printed are the grains, the seconds,
-the solid fraction of the whole container and of its inner part, the coordination number (contacts within a billionth
-of a diameter, counted by a k-d tree), how far the nearest three neighbours are from touching, and the
-Kolmogorov-Smirnov distance of the sizes that were placed from those that were asked for.
+Each container is filled until no further grain fits, and each packing is checked against the true shapes. The script
+prints the number of grains, the seconds, the solid fraction of the whole container and of its inner part, the
+coordination number (contacts within a billionth of a diameter, counted by a k-d tree), the largest residual distance of
+these contacts, and the Kolmogorov-Smirnov distance between the placed and the requested sizes.
 """
 
 import sys
@@ -22,7 +22,7 @@ grains = int(sys.argv[2]) if len(sys.argv) > 2 else 20_000
 data = Path(__file__).parents[1] / "data"
 sphere, disk = vg.make_shape("sphere"), vg.make_shape("disk")
 rocks = [vg.make_shape("convex_polyhedron", seed=seed, points=points) for seed, points in enumerate((8, 14, 30))]
-# a container of one unit of volume, that so many grains of unit diameter fill to 0.6
+# edge of a cube (side of a square) that this number of grains of unit diameter fills to 0.6 (0.8)
 edge = (grains * np.pi / 6 / 0.6) ** (1 / 3)
 side = (grains * np.pi / 4 / 0.8) ** 0.5
 asteroid = vg.load_shape(data / "itokawa_lp.obj")
@@ -37,7 +37,7 @@ CASES = {
 
 
 def distances(packing):
-    """Return the gaps of all pairs of spheres that are near, in mean diameters, and which spheres they are."""
+    """Return the gaps of all close pairs of spheres, in mean diameters, and the indices of the pairs."""
     radius = packing.bounding_radii
     pairs = cKDTree(packing.position).query_pairs(2.001 * radius.max(), output_type="ndarray")
     apart = np.linalg.norm(packing.position[pairs[:, 0]] - packing.position[pairs[:, 1]], axis=1)
@@ -57,7 +57,7 @@ def inner_fraction(packing, points=200_000):
 folder.mkdir(parents=True, exist_ok=True)
 figure = Figure(figsize=(15, 3.6), layout="constrained")
 panels = figure.subplots(1, len(CASES))
-# what compiles and loads is not counted
+# compile and load first, so that this is not timed
 vg.pack(sphere, vg.Box((5, 5, 5)), method="advancing_front", mode="dense")
 for panel, (name, (shapes, container, sizes, options)) in zip(panels, CASES.items(), strict=True):
     began = time.perf_counter()

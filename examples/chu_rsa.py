@@ -1,14 +1,14 @@
-"""The eight schemes of Chu 2011 (coordinate-sorted generation of granular samples), read as closely as the text allows.
+"""The eight schemes of Chu 2011 (coordinate-sorted generation of granular samples), as far as the text defines them.
 
-A rectangle of 20 x 40 cm takes disks of radii 0.3, 0.4 and 0.5 cm in the shares 4 : 3 : 3 from 5000 candidates, whose
-coordinates come from the linear congruential sequence of the paper. The paper does not say in which order the radii
-come: the table gives means over ten random orders. It is a reading, not a reproduction: corrections, inset of the
-centres and the way in which radii are kept were chosen with the numbers of the paper in view, and no triple of counts
-is met exactly.
+A rectangle of 20 x 40 cm is filled with disks of radii 0.3, 0.4 and 0.5 cm in the shares 4 : 3 : 3 from 5000
+candidates, whose coordinates come from the linear congruential sequence of the paper. The paper does not state the
+order of the radii; the table contains means over ten random orders. It is an interpretation, not a reproduction: the
+number of corrections, the inset of the centers and the treatment of retained radii were chosen to match the numbers of
+the paper, and no triple of counts is met exactly.
 
-Columns: disks by radius, all, survival rate of the coordinates, porosity, coordination number, anisotropy of contact
-normals (principal values of the fabric tensor, larger minus smaller, over their mean; 0 where all directions are alike)
-and the angle of its axis from x, share of contact normals within 30 degrees of x (1/3 where all are alike), seconds.
+Columns: disks by radius, all disks, survival rate of the coordinates, porosity, coordination number, anisotropy of the
+contact normals (difference of the principal values of the fabric tensor over their mean; 0 if isotropic) and the angle
+of its axis from x, share of contact normals within 30 degrees of x (1/3 if isotropic), seconds.
 """
 
 import sys
@@ -27,7 +27,7 @@ candidates, radii, touching = 5000, (0.3, 0.4, 0.5), 1e-7
 schemes = ("classic", "1", "2", "3", "4a", "4b", "4c", "4d")
 paper = {"1": (547, 271, 190), "3": (505, 306, 264), "4b": (521, 314, 268), "4d": (453, 339, 327)}
 sizes = vg.sizes.discrete([2 * radius for radius in radii], [4, 3, 3])
-# that not all candidates enter is what schemes differ in
+# the schemes differ in the number of candidates that are placed, so this warning is expected
 warnings.filterwarnings("ignore", "[0-9]+ of [0-9]+ grains were placed")
 
 
@@ -84,7 +84,7 @@ for scheme in schemes:
         panel, turns = next(panels), np.arctan2(normals[:, 1], normals[:, 0])
         panel.hist(np.concatenate([turns, turns + np.pi]) % (2 * np.pi), bins=36, density=True)
         panel.set(title=f"scheme {scheme}: {len(normals) // orders} contacts", yticks=[])
-print("words of the paper, a kept radius goes on with the next coordinate:")
+print("words of the paper: a retained radius is tried at the next coordinate only")
 for scheme in ("2", "3", "4c", "4d"):
     mean = np.mean([measured(replay(scheme, seed, retry="next")) for seed in range(orders)], axis=0)
     print(f"{scheme:8s} {mean[0]:5.0f} {mean[1]:5.0f} {mean[2]:5.0f}  {mean[3]:6.0f}")

@@ -1,9 +1,9 @@
 """Four small studies of control-point packing: feeding rate, way of feeding, boundaries, and shape of the grains.
 
-Each study changes one thing about the same bed: spheres that rain at the usual rate into a box with periodic sides,
-which is half as wide as the bed is high. Told are the solid fraction of the bulk (which needs 50 grains away from
-walls and surface), the mean height of the grains over the floor in diameters, and the seconds of a run, as means over
-some seeds. Written are a table and a figure, with bars of two standard errors.
+Each study changes one condition of the same bed: spheres fed at the default rate into a box with periodic sides, half
+as wide as the bed is high. The script prints the bulk solid fraction (which needs 50 grains away from walls and
+surface), the mean height of the grains above the floor in diameters, and the seconds of a run, as means over several
+seeds. It writes a table and a figure with error bars of two standard errors.
 
 Arguments: folder, number of grains, sweeps, number of seeds.
 """
@@ -47,7 +47,7 @@ known = {}
 
 
 def measured(seed, shape=None, container=periodic, **options):
-    """Return bulk solid fraction, mean height and seconds of one bed; each is packed once."""
+    """Return bulk solid fraction, mean height and seconds of one bed; results are cached."""
     key = (seed, str(shape), str(container), str(options))
     if key not in known:
         began = time.perf_counter()
@@ -60,7 +60,7 @@ def measured(seed, shape=None, container=periodic, **options):
     return known[key]
 
 
-# what is compiled once and for all belongs to no bed
+# compile first, so that this is not timed
 vg.pack(vg.make_shape("sphere"), periodic, method="control_point", count=2, sweeps=1)
 figure = Figure(figsize=(11, 6), layout="constrained")
 rows = []

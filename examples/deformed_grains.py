@@ -1,8 +1,8 @@
-"""Grains that give way: a bed packed with some overlap becomes one of deformed bodies that only touch.
+"""Deformable grains: a bed packed with some overlap becomes a bed of deformed bodies that only touch.
 
-Spheres and ellipsoids are packed by control points that may enter other grains to a small depth. Then the grains give
-way, the spheres stiffer than the ellipsoids. Told are the volumes, the overlaps before and after (by exact booleans of
-manifold3d), and the contacts; written are the surfaces for ParaView and a cut through the bed.
+Spheres and ellipsoids are packed by control points that may penetrate other grains to a small depth. Then the grains
+are deformed, with spheres stiffer than ellipsoids. The script prints the volumes, the overlaps before and after (by
+exact booleans of manifold3d) and the contacts; it writes the surfaces for ParaView and a section through the bed.
 """
 
 import sys
@@ -26,7 +26,7 @@ soft = vg.deform(packing, stiffness=stiffness, spacing=0.2)
 
 
 def common_volume(bodies):
-    """Return the volume that neighbours have in common."""
+    """Return the sum of the common volumes of neighbouring grains."""
     total, lengths = 0.0, box.bounds[1] - box.bounds[0]
     for i, j, image in zip(soft.i, soft.j, soft.image, strict=True):
         total += (bodies[i] ^ bodies[j].translate((image * lengths).tolist())).volume()
@@ -34,12 +34,12 @@ def common_volume(bodies):
 
 
 def solid(vertices, faces):
-    """Return a solid for booleans."""
+    """Return a solid for boolean operations."""
     return manifold3d.Manifold(manifold3d.Mesh64(np.ascontiguousarray(vertices), faces.astype(np.uint64)))
 
 
 def cut(vertices, faces, level):
-    """Return the line segments, (n, 2, 2) in x and z, in which triangles meet the plane y = level."""
+    """Return the intersections of triangles with the plane y = level as line segments, (n, 2, 2) in x and z."""
     corners = vertices[faces] - [0, level, 0]
     above = (corners[..., 1] > 0).sum(axis=1)
     corners = corners[(above > 0) & (above < 3)]
@@ -64,7 +64,7 @@ print(f"area of a contact {soft.area.mean():.4f} mean, force {soft.force.mean():
 folder.mkdir(parents=True, exist_ok=True)
 vg.save_deformed(soft, folder / "deformed.vtp", overwrite=True)
 
-# a sphere and an ellipsoid within the box, as deep in each other as any
+# the deepest contact of a sphere and an ellipsoid within the box
 unlike = (packing.shape_id[soft.i] != packing.shape_id[soft.j]) & ~soft.image.any(axis=1)
 i, j = (grains[np.where(unlike, soft.depth, 0.0).argmax()] for grains in (soft.i, soft.j))
 middle = soft.vertices[i][np.linalg.norm(soft.vertices[i] - packing.position[j], axis=1).argmin()]
@@ -78,7 +78,7 @@ for panel, half in zip(figure.subplots(1, 2), (np.inf, 0.25), strict=True):
             lines = cut(*surface, middle[1])
             seen = np.abs(lines - middle[[0, 2]]).max(axis=(1, 2)) < half + 0.1
             panel.add_collection(LineCollection(lines[seen], colors=color, linewidths=width))
-    panel.set(aspect="equal", xlabel="x", ylabel="z", title="a cut through the bed")
+    panel.set(aspect="equal", xlabel="x", ylabel="z", title="section through the bed")
     panel.autoscale()
     if np.isfinite(half):
         panel.set(xlim=middle[0] + np.array([-half, half]), ylim=middle[2] + np.array([-half, half]))

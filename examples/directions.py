@@ -1,10 +1,10 @@
-"""Eight or 26 directions against any direction: the comparison of figure 7 of Sajjadi & Khalili 2015.
+"""Eight or 26 lattice directions against arbitrary directions: the comparison of figure 7 of Sajjadi & Khalili 2015.
 
-A free grain takes steps on a lattice or in any direction; the fourth moments of where it comes tell how far its ways
-depend on the axes (1: not at all). Then the same grains are packed in the same box by digital packing, which walks in
-lattice directions, and by control-point packing, which walks in any: solid fraction, seconds, and how many contact
-normals lie within 15 degrees of a lattice direction, as a ratio to what isotropic normals would have (1: not at all
-more). Written are a table and a figure.
+First, free grains take random steps on a lattice or in arbitrary directions; the fourth moment of their positions,
+relative to an isotropic distribution, measures the influence of the axes (1: none). Then the same grains are packed in
+the same box by digital packing (lattice directions) and by control-point packing (arbitrary directions). The script
+prints solid fraction, seconds, and the share of contact normals within 15 degrees of a lattice direction, relative to
+isotropic normals (1: no preference), and writes a figure.
 """
 
 import itertools
@@ -20,7 +20,7 @@ import voxgran as vg
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/directions")
 count = int(sys.argv[2]) if len(sys.argv) > 2 else 200
 steps, walkers, cone = 64, 40_000, np.deg2rad(15)
-near = 0.15  # gap in diameters up to which two grains are neighbours: more than the two voxels that a lattice leaves
+near = 0.15  # gap in diameters up to which two grains are neighbours: more than the two voxels left by a lattice
 generator = np.random.Generator(np.random.PCG64(7))
 figure = Figure(figsize=(11, 6), layout="constrained")
 panels = figure.subplots(2, 3)
@@ -38,13 +38,13 @@ def any_directions(dimension, many):
 
 
 def fourth_moment(places):
-    """Return the mean of the sum of x_i^4 over that of r^4, as a ratio to the isotropic 3 / (d + 2)."""
+    """Return the mean of the sum of x_i^4 over that of r^4, relative to the isotropic value 3 / (d + 2)."""
     dimension = places.shape[1]
     return float((places**4).sum() / ((places**2).sum(axis=1) ** 2).sum() * (dimension + 2) / 3)
 
 
 def near_axes(normals, dimension):
-    """Return the share of normals near a lattice direction, as a ratio to that of isotropic ones."""
+    """Return the share of normals near a lattice direction, relative to that of isotropic normals."""
     ways = lattice_directions(dimension)
     ways /= np.linalg.norm(ways, axis=1, keepdims=True)
 

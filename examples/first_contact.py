@@ -1,9 +1,9 @@
-"""Two random solids walk to first contact, then their clumps: figures 8 and 9 of Sajjadi & Khalili 2015.
+"""First contact of two random solids, and of the clumps fitted to them: figures 8 and 9 of Sajjadi & Khalili 2015.
 
-In each run one body starts on another side of the other, in another orientation, and makes small random steps and turns
-towards it until its control points come too near; the last step is halved until the contact is found. The gap that is
-left between the true surfaces is measured by the exact contacts of the packing, and where they touch is told as a
-direction in the frame of the standing body: another one in each run. Written are the poses as packings and a picture.
+In each run one body starts at a random position and orientation and approaches the other by small random translations
+and rotations until control points are too close; the last step is bisected to find the contact. The script prints the
+remaining gap between the true surfaces, from the exact contacts of the packing, and the direction of the contact point
+in the frame of the fixed body, which differs between runs. It writes the poses as packings and a picture.
 """
 
 import itertools
@@ -30,7 +30,7 @@ def unit(vector):
 
 
 def walk(pair, generator, reach):
-    """Return offset and orientations of two bodies at their first contact."""
+    """Return the offset and the orientations of two bodies at their first contact."""
     offset = reach * unit(generator.normal(size=3))
     turns = normalized(generator.normal(size=(2, 4)))
     while True:

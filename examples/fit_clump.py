@@ -1,4 +1,4 @@
-"""Fit spheres to a scanned body and say how far they are from it."""
+"""Fit clumps of spheres to a scanned body and print their errors."""
 
 from pathlib import Path
 

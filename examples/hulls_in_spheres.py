@@ -1,8 +1,8 @@
-"""From spheres to polyhedra: a dense front, a hull of random points in each sphere, grown, then moved as true shapes.
+"""From spheres to polyhedra: a dense advancing front, a hull inscribed in each sphere, growth, and settling.
 
-Each sphere gets a hull of its own. The hulls grow until each touches a neighbour or a wall, and control-point packing
-goes on with them in the same box. Printed are the solid fraction and the mean height after each stage, how much the
-hulls grew, and by how much that moved the gradation; the picture shows the stages.
+Each sphere is replaced by its own convex hull of random points. The hulls grow until each touches a neighbour or a
+wall, and control-point packing continues with them in the same box. The script prints the solid fraction and the mean
+height after each stage, the growth factors and the resulting change of the gradation, and draws the stages.
 """
 
 import sys

@@ -1,8 +1,8 @@
-"""Random surfaces, sheets and shells packed with solid grains, as Sajjadi & Khalili 2015 pack volumes and surfaces.
+"""Random surfaces, sheets and shells packed with solid grains, like the volumes and surfaces of Sajjadi & Khalili 2015.
 
-Open surfaces have no inside: all their control points are compared with those of the others. They rain into a periodic
-box among random solids and spheres. That none crosses another is told twice: by the exact check of the packing, and by
-the triangles that intersect where VTK compares each near pair.
+Open surfaces have no interior, so their control points are compared with those of other grains. They are fed into a
+periodic box together with random solids and spheres. Two checks show that none crosses another: the exact verification
+of the packing, and VTK's collision filter for each close pair.
 """
 
 import sys
@@ -34,7 +34,7 @@ packing = vg.pack(
 
 
 def placed(grain, image=(0, 0, 0)):
-    """Return a grain where it lies, or a periodic image of it, as VTK takes it."""
+    """Return a grain in its pose, or a periodic image of it, as PolyData."""
     corners = packing.world_vertices(grain) + np.array(image) * (box.bounds[1] - box.bounds[0])
     return pyvista.PolyData.from_regular_faces(corners, packing.shapes[packing.shape_id[grain]].faces)
 

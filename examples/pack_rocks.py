@@ -1,4 +1,4 @@
-"""Pack random solids under gravity, prove the packing against the true meshes, and save it."""
+"""Pack random solids under gravity, verify the packing against the true meshes, and save it."""
 
 import sys
 

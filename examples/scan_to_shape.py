@@ -1,8 +1,8 @@
-"""A scanned point cloud becomes a shape: 433 Eros, sampled with noise, and back.
+"""Reconstruct a shape from point clouds: 433 Eros, sampled with noise.
 
-Two scans of the asteroid are made, the second in another pose and of one side only; they are registered and joined,
-stray points are taken away, and a closed surface is laid through the rest. Written are the joined cloud and the shape;
-printed is how far the shape is from the body that was scanned, which a real scan cannot tell.
+Two scans of the asteroid are simulated, the second in another pose and of one side only. They are registered and
+joined, outliers are removed, and a closed surface is fitted. The script writes the joined cloud and the shape, and
+prints the errors of the shape relative to the original body, which is unknown for a real scan.
 """
 
 import sys

@@ -33,7 +33,7 @@ class Lid:
     normal : (3,) ndarray of float
         Along an axis, away from the grains.
     level : float
-        Place of the lid along its normal, from the origin.
+        Position of the lid along its normal, from the origin.
     """
 
     normal: Floats
@@ -42,14 +42,14 @@ class Lid:
 
 @dataclass(frozen=True, eq=False)
 class Assembly:
-    """Where the grains are.
+    """Shapes and poses of the grains in a container.
 
     Attributes
     ----------
     shapes : tuple of Shape
         The different shapes.
     shape_id : (n,) ndarray of int
-        Which shape each grain has.
+        Index of the shape of each grain.
     scale : (n,) ndarray of float
         Factor on the lengths of the shape.
     position : (n, 3) ndarray of float
@@ -57,9 +57,9 @@ class Assembly:
     orientation : (n, 4) ndarray of float
         Unit quaternions (w, x, y, z) from the body frame to the container.
     container : Container
-        What holds them.
+        Container of the grains.
     lid : Lid, optional
-        One more wall.
+        Additional flat wall on the grains.
     """
 
     shapes: tuple[Shape, ...]
@@ -81,7 +81,7 @@ class Assembly:
         shape_id: ArrayLike | None = None,
         orientation: ArrayLike | None = None,
     ) -> "Assembly":
-        """Make an assembly from array-likes; what is left out is 1, 0 and no rotation.
+        """Make an assembly from array-likes; by default scales are 1, shape indices 0 and orientations the identity.
 
         Raises
         ------
@@ -127,16 +127,16 @@ class Assembly:
 
     @cached_property
     def bounding_radii(self) -> Floats:
-        """Radii of spheres about the centroids that hold the grains, (n,)."""
+        """Radii of the bounding spheres about the centroids, (n,)."""
         return self._of_shapes([shape.bounding_radius for shape in self.shapes]) * self.scale
 
     def world_vertices(self, grain: int) -> Floats:
-        """Return the vertices of the tessellation of one grain where it lies, (v, 3)."""
+        """Return the vertices (v, 3) of the tessellation of one grain in its pose."""
         body = self.shapes[self.shape_id[grain]].vertices * self.scale[grain]
         return body @ self.matrices[grain].T + self.position[grain]
 
     def _of_shapes(self, values: Sequence[float]) -> Floats:
-        """Give each grain the value of its shape."""
+        """Return for each grain the value of its shape."""
         return np.array(values, dtype=np.float64)[self.shape_id] if values else np.zeros(0)
 
 
@@ -148,7 +148,7 @@ def checked_arrays(
     shape_id: ArrayLike | None,
     orientation: ArrayLike | None,
 ) -> tuple[tuple[Shape, ...], Integers, Floats, Floats, Floats]:
-    """Return shapes, shape_id, scale, position, orientation as an assembly holds them.
+    """Return shapes, shape_id, scale, position and orientation in the form that an assembly stores.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The one broad phase: pairs of grains whose bounding spheres are near, periodic images included."""
+"""Broad phase: pairs of grains whose bounding spheres are close, periodic images included."""
 
 from dataclasses import dataclass
 
@@ -9,16 +9,16 @@ from voxgran.contacts.assembly import Assembly
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Pairs of grains that may touch.
+    """Candidate pairs of grains.
 
     Attributes
     ----------
     i, j : (m,) ndarray of int
-        Grains in lexical order, i <= j; i == j stands for a grain and its own image.
+        Grains in lexical order, i <= j; i == j denotes a grain and its own periodic image.
     image : (m, 3) ndarray of int
         The partner is grain j shifted by `image` times the lengths of the container.
     offset : (m, 3) ndarray of float
-        From the centroid of grain i to that of its partner.
+        Vector from the centroid of grain i to that of its partner.
     """
 
     i: Integers
@@ -32,7 +32,7 @@ class Pairs:
         return len(self.i)
 
     def where(self, mask: Booleans | Integers) -> "Pairs":
-        """Return some of the pairs, by a mask or by their numbers."""
+        """Return a subset of the pairs, by a mask or by indices."""
         return Pairs(self.i[mask], self.j[mask], self.image[mask], self.offset[mask])
 
 
@@ -44,7 +44,7 @@ def grain_pairs(assembly: Assembly, gap: float) -> Pairs:
     assembly : Assembly
         The grains.
     gap : float
-        Largest distance of the bounding spheres, in the unit of lengths; negative: they overlap by so much.
+        Largest distance of the bounding spheres, in the unit of lengths; a negative value is a smallest overlap.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def grain_pairs(assembly: Assembly, gap: float) -> Pairs:
     """
     lower, upper = assembly.container.bounds
     lengths = upper - lower
-    # where rounding decides, a pair is kept: the exact test comes later
+    # pairs within rounding error of the limit are kept: the exact test follows
     radii = assembly.bounding_radii * (1 + 1e-14)
     i, j, image = near_pairs(
         assembly.position,

@@ -1,13 +1,13 @@
 """Contacts of grains made of convex parts: spheres, ellipsoids, boxes, cylinders, cones and unions of spheres.
 
-Apart, the gap is the distance of the cores less the margins. Overlapping, the depth is the largest r for which one
-solid eroded by r still meets the other: that is the largest distance to the surface of the first of any point of the
-second inside it. The distance s(r) between the eroded solid and the other is convex in r, so that Newton's method from
-beyond the root comes down to it without passing it; where the surface is smooth at the contact (a sphere, an ellipsoid,
-a face) the first step is exact. The depth of a pair is the larger of its two.
+For separate grains the gap is the distance of the cores minus the margins. For overlapping grains the depth is the
+largest r for which one solid eroded by r still intersects the other: the largest distance, to the surface of the first,
+of a point of the second inside it. The distance s(r) between the eroded solid and the other is convex in r, so that
+Newton's method started beyond the root converges monotonically; if the surface is smooth at the contact (a sphere, an
+ellipsoid, a face), the first step is exact. The depth of a pair is the larger of its two depths.
 
 For unions of spheres the deepest pair of spheres gives the depth of the union, as long as it is below the radii.
-Ellipsoids can be eroded exactly up to their least radius of curvature; pairs that lie deeper are flagged.
+The erosion of an ellipsoid is exact up to its smallest radius of curvature; deeper pairs are flagged.
 """
 
 import math
@@ -31,11 +31,11 @@ def part_contacts(pairs: Pairs, parts: Parts, gap: float) -> tuple[Floats, Float
     Parameters
     ----------
     pairs : Pairs
-        Which grains.
+        Pairs of grains.
     parts : Parts
-        Parts of all grains where they lie.
+        Parts of all grains in their poses.
     gap : float
-        Pairs farther apart get an infinite gap.
+        Largest gap of interest; the gap of more distant pairs is infinite.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def part_contacts(pairs: Pairs, parts: Parts, gap: float) -> tuple[Floats, Float
     point : (m, 3) ndarray of float
         Middle between the nearest points, from the centroid of grain i.
     deep : (m,) ndarray of bool
-        Whether the pair lies so deep that the depth is only a lower bound.
+        Whether the overlap is so deep that the depth is only a lower bound.
     """
     found = np.full(pairs.count, np.inf)
     normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
@@ -82,7 +82,7 @@ def _touch_parts(  # type: ignore[no-untyped-def]
 
 @kernel
 def touch_pair(one: Floats, margin: float, other: Floats, other_margin: float, offset: Floats, contact: Floats) -> bool:
-    """Write gap, normal and middle point of two parts; return whether they lie too deep for an exact depth."""
+    """Write gap, normal and middle point of two parts; return whether the overlap is too deep for an exact depth."""
     near = np.zeros(9)
     if one[0] == 0.0 and other[0] == 0.0:
         distance = math.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
@@ -113,7 +113,7 @@ def part_size(row: Floats) -> float:
 
 @kernel
 def _write_contact(near, margin, other_margin, contact):  # type: ignore[no-untyped-def]
-    """Write the normal and the middle point by the nearest points of the cores."""
+    """Write the normal and the middle point from the nearest points of the cores."""
     for c in range(3):
         contact[1 + c] = near[6 + c]
     if near[6] == 0.0 and near[7] == 0.0 and near[8] == 0.0:
@@ -139,7 +139,7 @@ def _bury(one, margin, other, other_margin, offset, size, contact):  # type: ign
             contact[1 + c] = -back[1 + c]
             contact[4 + c] = back[4 + c] + offset[c]
         return deep or deeper
-    # one holds the core of the other: along the line of the centers
+    # one part contains the core of the other: use the line of centers
     length = math.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
     for c in range(3):
         contact[1 + c] = offset[c] / length if length > 0.0 else 0.0
@@ -153,9 +153,9 @@ def _bury(one, margin, other, other_margin, offset, size, contact):  # type: ign
 def penetration(
     one: Floats, margin: float, other: Floats, other_margin: float, offset: Floats, size: float, contact: Floats
 ) -> bool:
-    """Write how deep `other` reaches into `one`, with outward normal and middle point.
+    """Write the depth of `other` in `one`, with outward normal and middle point.
 
-    Return whether it is deeper than the erosion of an ellipsoid is exact: then the depth is a lower bound.
+    Return whether the depth exceeds the range in which the erosion of an ellipsoid is exact; it is then a lower bound.
     """
     near = np.zeros(9)
     limit = erosion_limit(one)
@@ -181,7 +181,7 @@ def penetration(
 
 @kernel
 def _recession(one, limit, near):  # type: ignore[no-untyped-def]
-    """Return how fast the support plane along the nearest points recedes with the erosion, at least 1."""
+    """Return the rate at which the support plane along the nearest points recedes with the erosion, at least 1."""
     x, y, z = near[6], near[7], near[8]
     ax, ay, az = support(one, 0.0, x, y, z)
     bx, by, bz = support(one, limit, x, y, z)

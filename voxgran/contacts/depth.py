@@ -1,9 +1,10 @@
-"""How deep surfaces reach into a closed mesh: the largest distance to its surface of any point of theirs.
+"""Penetration depth of surfaces in a closed mesh: the largest distance of any of their points to its surface.
 
-Branch and bound. The distance from one triangle T of the mesh is a convex function, so that over a patch it is largest
-at the corners of any hull of the patch; the least of these maxima over all T bounds the distance from the mesh over the
-whole patch. Patches whose bound passes the best point found so far are cut in two. Flat overlaps end at once, edges
-that cross need some twenty cuts, and depths far below the size of the triangles lose no digits.
+The depth is found by branch and bound. The distance from one triangle T of the mesh is a convex function, so that its
+maximum over a patch is attained at a corner of any convex hull of the patch; the smallest of these maxima over all T
+bounds the distance from the mesh over the whole patch. Patches whose bound exceeds the best point found so far are
+bisected. Flat overlaps need no bisection, crossing edges some twenty, and depths far below the size of the triangles
+lose no digits.
 """
 
 import math
@@ -20,16 +21,16 @@ from voxgran._base.tree import (
     square_to_box,
 )
 
-#: relative difference of bounds at which a patch is done
+#: relative difference of the bounds at which a patch is not bisected further
 ACCURACY = 1e-3
-#: most patches that are looked at
+#: largest number of patches examined
 MOST_PATCHES = 20_000
 
 
 def deepest_of_triangles(
     tree: TriangleTree, triangles: Floats, *, inside: bool = False
 ) -> tuple[float, Floats, Floats]:
-    """Find the point of some triangles that lies farthest from a closed surface.
+    """Find the point of given triangles that is farthest from a closed surface.
 
     Parameters
     ----------
@@ -43,9 +44,9 @@ def deepest_of_triangles(
     Returns
     -------
     depth : float
-        The largest distance, a lower bound that is right to a thousandth; 0 where no point counts.
+        The largest distance, a lower bound with a relative error of at most 0.001; 0 if no point counts.
     point, nearest : (3,) ndarray of float
-        Where it is, and the nearest point of the surface.
+        This point, and the nearest point of the surface.
     """
     found = np.zeros(6)
     depth = _search_triangles(
@@ -56,23 +57,23 @@ def deepest_of_triangles(
 
 
 def deepest_of_round(tree: TriangleTree, row: Floats, center: Floats) -> tuple[float, Floats, Floats]:
-    """Find the point of a cylinder's or cone's surface that lies deepest in a closed mesh.
+    """Find the point of the surface of a cylinder or cone that is deepest in a closed mesh.
 
     Parameters
     ----------
     tree : TriangleTree
         The closed surface.
     row : (13,) ndarray of float
-        The solid, as :mod:`voxgran.contacts.gjk` has it, in the frame of the mesh.
+        The solid as a row of :mod:`voxgran.contacts.gjk`, in the frame of the mesh.
     center : (3,) ndarray of float
         Its centroid.
 
     Returns
     -------
     depth : float
-        The largest distance, a lower bound that is right to a thousandth; 0 where it reaches nowhere inside.
+        The largest distance, a lower bound with a relative error of at most 0.001; 0 if no point is inside.
     point, nearest : (3,) ndarray of float
-        Where it is, and the nearest point of the mesh.
+        This point, and the nearest point of the mesh.
     """
     radius, height = float(row[1]), float(row[2])
     if int(row[0]) == 3:
@@ -91,7 +92,7 @@ def deepest_of_round(tree: TriangleTree, row: Floats, center: Floats) -> tuple[f
 
 @kernel
 def _cover(points, corners, low, high, start):  # type: ignore[no-untyped-def]
-    """Return the least over all triangles of the largest distance of the points from it."""
+    """Return the minimum over all triangles of the largest distance of the points from the triangle."""
     best = np.inf
     stack = np.zeros(64, dtype=np.int64)
     depth, leaves = 1, len(low) // 2
@@ -126,7 +127,7 @@ def _cover(points, corners, low, high, start):  # type: ignore[no-untyped-def]
 
 @kernel
 def _try_point(x, y, z, corners, low, high, start, normals, inside, best, found, sight):  # type: ignore[no-untyped-def]
-    """Write a point's distance, and the point where it beats the best; return the larger distance."""
+    """Update the best point with a point if its distance is larger; return the larger distance."""
     square, t, feature, qx, qy, qz = nearest_triangle(corners, low, high, start, x, y, z, np.inf)
     sight[0] = math.sqrt(square)
     if inside and not is_behind(normals, t, feature, x - qx, y - qy, z - qz):
@@ -142,7 +143,7 @@ def _try_point(x, y, z, corners, low, high, start, normals, inside, best, found,
 def _search_triangles(  # type: ignore[no-untyped-def]
     triangles, corners, low, high, start, normals, inside, floor, accuracy, most, found
 ):
-    """Cut triangles in two until none can hold a point deeper than the best; return its depth."""
+    """Bisect triangles until none can contain a point deeper than the best; return the depth of the best."""
     best, steps, sight = 0.0, 0, np.zeros(1)
     stack, patch, middle = np.zeros((256, 3, 3)), np.zeros((3, 3)), np.zeros(3)
     for t in range(len(triangles)):
@@ -156,7 +157,7 @@ def _search_triangles(  # type: ignore[no-untyped-def]
     for t in range(len(triangles)):
         stack[0] = triangles[t]
         depth = 1
-        # what one triangle leaves is for the next ones, so that a seam of the surface can't use up all
+        # the unused budget of one triangle passes to the next, so that a seam of the surface cannot use up all of it
         allowed = most * (t + 1) // len(triangles)
         while depth > 0 and steps < allowed:
             depth -= 1
@@ -167,7 +168,7 @@ def _search_triangles(  # type: ignore[no-untyped-def]
             x, y, z = middle[0], middle[1], middle[2]
             best = _try_point(x, y, z, corners, low, high, start, normals, inside, best, found, sight)
             bar = best * (1.0 + accuracy) + floor
-            # what lies near the middle cannot be much deeper; only what may be is compared with the triangles
+            # points near the middle cannot be much deeper; only patches that may be are compared with the triangles
             if sight[0] + _spread(patch, middle) <= bar or _cover(patch, corners, low, high, start) <= bar:
                 continue
             if depth + 2 > len(stack):
@@ -185,7 +186,7 @@ def _search_triangles(  # type: ignore[no-untyped-def]
 
 @kernel
 def _longest_edge(patch):  # type: ignore[no-untyped-def]
-    """Return the corner at which the longest edge begins."""
+    """Return the index of the corner at which the longest edge starts."""
     longest, most = 0, -1.0
     for a in range(3):
         square = 0.0
@@ -198,7 +199,7 @@ def _longest_edge(patch):  # type: ignore[no-untyped-def]
 
 @kernel
 def _place(profile, k, share, angle, stretch, matrix, center, point):  # type: ignore[no-untyped-def]
-    """Write the point of a turned profile at a share of its k-th segment and an angle."""
+    """Write the point of a surface of revolution at a fraction of its k-th profile segment and an angle."""
     z = (1.0 - share) * profile[k, 0] + share * profile[k + 1, 0]
     radius = ((1.0 - share) * profile[k, 1] + share * profile[k + 1, 1]) * stretch
     x, y = radius * math.cos(angle), radius * math.sin(angle)
@@ -208,7 +209,7 @@ def _place(profile, k, share, angle, stretch, matrix, center, point):  # type: i
 
 @kernel
 def _hull(profile, k, patch, matrix, center, points):  # type: ignore[no-untyped-def]
-    """Write six points whose hull holds a patch: at both ends the ends of the arc and where their tangents meet."""
+    """Write six points whose hull contains a patch: both arcs' ends and tangent intersections."""
     middle, half = 0.5 * (patch[2] + patch[3]), 0.5 * (patch[3] - patch[2])
     for end in range(2):
         for side in range(2):
@@ -220,7 +221,7 @@ def _hull(profile, k, patch, matrix, center, points):  # type: ignore[no-untyped
 def _search_round(  # type: ignore[no-untyped-def]
     profile, matrix, center, corners, low, high, start, normals, floor, accuracy, most, found
 ):
-    """Cut the surface of a turned profile into patches until none can hold a point deeper than the best."""
+    """Bisect patches of a surface of revolution until none can contain a point deeper than the best."""
     sectors, best, steps = 8, 0.0, 0
     stack, patch = np.zeros((512, 4)), np.zeros(4)
     hull, point, _trial = np.zeros((6, 3)), np.zeros(3), np.zeros(6)
@@ -260,7 +261,7 @@ def _search_round(  # type: ignore[no-untyped-def]
 
 @kernel
 def _spread(points, middle):  # type: ignore[no-untyped-def]
-    """Return the largest distance of points from a middle."""
+    """Return the largest distance of points from a center."""
     most = 0.0
     for k in range(len(points)):
         square = 0.0
@@ -272,7 +273,7 @@ def _spread(points, middle):  # type: ignore[no-untyped-def]
 
 @kernel
 def _cut(profile, k, patch, stack, depth):  # type: ignore[no-untyped-def]
-    """Put both halves of a patch on the stack, cut across its longer extent."""
+    """Push both halves of a patch, bisected across its longer extent, on the stack."""
     rise, run = profile[k + 1, 0] - profile[k, 0], profile[k + 1, 1] - profile[k, 1]
     long = math.sqrt(rise * rise + run * run) * (patch[1] - patch[0])
     wide = (patch[3] - patch[2]) * max(profile[k, 1] + patch[0] * run, profile[k, 1] + patch[1] * run)

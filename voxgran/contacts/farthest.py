@@ -1,4 +1,4 @@
-"""How far grains reach from a point, by their true geometry: in closed form for all but ellipsoids."""
+"""Largest distance of the points of grains from a given point, in closed form for all shapes but ellipsoids."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.surface import Surface
 
-#: halvings of the bracket of a root, until no bit is left
+#: number of bisections after which the bracket of a root has the width of one bit
 HALVINGS = 200
 
 
@@ -31,7 +31,7 @@ def farthest_reach(assembly: Assembly, origin: Floats) -> Floats:
     reach = np.zeros(assembly.count)
     for shape, item in enumerate(assembly.shapes):
         grains = np.flatnonzero(assembly.shape_id == shape)
-        # the point in the frame of each grain at unit scale
+        # the point in the body frame of each grain, at unit scale
         away = np.einsum("gji,gj->gi", assembly.matrices[grains], assembly.position[grains] - origin)
         away /= assembly.scale[grains, None]
         geometry = item.geometry
@@ -47,7 +47,7 @@ def farthest_reach(assembly: Assembly, origin: Floats) -> Floats:
 
 
 def _of_spheres(assembly: Assembly, grains: Integers, away: Floats) -> Floats:
-    """Return the reach of one sphere or of several."""
+    """Return the largest distance of the points of one sphere or of several."""
     parts = parts_of([assembly.shapes[assembly.shape_id[grains[0]]].geometry]) if len(grains) else None
     found = np.zeros(len(grains))
     if parts is not None:
@@ -57,7 +57,7 @@ def _of_spheres(assembly: Assembly, grains: Integers, away: Floats) -> Floats:
 
 
 def _of_primitive(solid: Primitive, away: Floats) -> Floats:
-    """Return the reach of a convex solid whose centroid is at (n, 3) places, seen along its own axes."""
+    """Return the largest distance for a convex solid whose centroid is at (n, 3) positions, in its body axes."""
     d = solid.dimensions
     if solid.kind == "ellipsoid":
         return _of_ellipsoid(np.array(d), np.abs(away))
@@ -74,7 +74,7 @@ def _of_ellipsoid(axes: Floats, away: Floats) -> Floats:
     r"""Return the largest \|away + axes * u\| over unit vectors u, for places without negative coordinates.
 
     With a multiplier m the farthest u is axes * away / (m - axes ** 2), where m is the root above the largest
-    axes ** 2 at which u has length 1; where there is none, what is missing points along the longest axis.
+    axes ** 2 at which u has length 1; if there is none, the remainder of u points along the longest axis.
     """
     squares, lever = axes**2, axes * away
     top = squares.max()
@@ -93,7 +93,7 @@ def _of_ellipsoid(axes: Floats, away: Floats) -> Floats:
 
 
 def _length(lever: Floats, multiplier: Floats, squares: Floats) -> Floats:
-    """Return the length of the vector that belongs to a multiplier; infinite at a pole."""
+    """Return the length of the vector for a multiplier; infinite at a pole."""
     with np.errstate(divide="ignore", invalid="ignore"):
         parts = np.where(lever > 0, lever / (multiplier[:, None] - squares), 0.0)
     return np.asarray(np.linalg.norm(parts, axis=1))

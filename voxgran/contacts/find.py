@@ -1,9 +1,9 @@
-"""Contacts of all grains of an assembly: one broad phase, then the exact test that fits the two geometries.
+"""Contacts of all grains of an assembly: one broad phase, then the exact test for each pair of geometries.
 
-Depth means the same for all: the largest distance to the surface of one grain of any point of the other inside it. It
-is right to first order however shallow the overlap; for overlaps deeper than the least radius of curvature or than a
-thousandth of a grain's volume it is right to about a thousandth. Open surfaces have no inside: in a solid their depth
-is the same, and where two of them cross it is how far they must at least be moved to part.
+The depth is defined alike for all solids: the largest distance, to the surface of one grain, of a point of the other
+inside it. It is correct to first order for shallow overlaps; for overlaps deeper than the smallest radius of curvature
+or larger than a thousandth of a grain's volume its relative error is about 0.001. The depth of an open surface in a
+solid is defined in the same way; that of two crossing open surfaces is the shortest translation that separates them.
 """
 
 import math
@@ -49,12 +49,12 @@ def find_contacts(assembly: Assembly, gap: float = 0.0) -> Contacts:
     assembly : Assembly
         The grains.
     gap : float
-        Largest distance of the surfaces, in the unit of lengths; below 0: pairs that overlap at least so deep.
+        Largest distance of the surfaces, in the unit of lengths; a negative value is a smallest depth of overlap.
 
     Returns
     -------
     Contacts
-        One contact for each pair and image: the nearest points, or the deepest ones where they overlap.
+        One contact per pair and image: the nearest points, or the deepest points of an overlap.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def overlaps(assembly: Assembly, *, at_least: float = 0.0) -> Contacts:
     assembly : Assembly
         The grains.
     at_least : float
-        Depths up to here do not count, in the unit of lengths.
+        Largest depth that is ignored, in the unit of lengths.
 
     Returns
     -------
@@ -91,16 +91,16 @@ def overlaps(assembly: Assembly, *, at_least: float = 0.0) -> Contacts:
 
 
 def meeting_pairs(assembly: Assembly, depth: float, looked_at: Collection[PairKey] = ()) -> Pairs:
-    """Return the pairs of grains that are not proven to be apart.
+    """Return the pairs of grains that are not proven to be separate.
 
     Parameters
     ----------
     assembly : Assembly
         The grains.
     depth : float
-        Up to here grains without a closed surface may overlap; at least 0, in the unit of lengths.
+        Depth up to which grains without a closed surface may overlap, at least 0, in the unit of lengths.
     looked_at : collection of tuple
-        Pairs, with their images, that may touch: they are left out unless they overlap deeper than that.
+        Pairs, with their images, that may touch; they are returned only if they overlap deeper than `depth`.
     """
     pairs = grain_pairs(assembly, 0.0)
     closed = np.array([is_closed_surface(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)
@@ -120,25 +120,25 @@ def meeting_pairs(assembly: Assembly, depth: float, looked_at: Collection[PairKe
 
 
 def surface_trees(assembly: Assembly) -> Callable[[int], TriangleTree]:
-    """Return what gives the box tree of a shape that is a mesh or a box."""
+    """Return a function that gives the box tree of a shape that is a mesh or a box."""
     return _PairTests(assembly).tree
 
 
 def pair_keys(pairs: Pairs) -> list[PairKey]:
-    """Return grains and image of each pair as one key."""
+    """Return one key per pair, from its grains and image."""
     rows = np.column_stack([pairs.i, pairs.j, pairs.image]).tolist()
     return [(i, j, x, y, z) for i, j, x, y, z in rows]
 
 
 def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> Contacts:
-    """Return the contacts of pairs of the broad phase, tested exactly.
+    """Return the exact contacts of the pairs of the broad phase.
 
     Parameters
     ----------
     assembly : Assembly
         The grains.
     pairs : Pairs
-        Pairs whose bounding spheres are near.
+        Pairs whose bounding spheres are close.
     gap : float
         Largest distance of the surfaces, in the unit of lengths.
 
@@ -155,9 +155,9 @@ def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> Contacts:
 def gaps_of_pairs(
     assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool = True
 ) -> tuple[Floats, Floats, Floats]:
-    """Return gaps (m,), normals (m, 3) and points (m, 3) from centroid i of all pairs; infinite gaps beyond `gap`.
+    """Return gaps (m,), normals (m, 3) and points (m, 3) from centroid i of all pairs; gaps beyond `gap` are infinite.
 
-    deepest: whether the deepest point of an overlap is searched; without, depths are lower bounds above 0, and faster.
+    If `deepest` is false, the deepest point of an overlap is not searched; depths are then positive lower bounds.
     """
     if all(shape.is_sphere for shape in assembly.shapes):
         return sphere_contacts(pairs, assembly.bounding_radii)
@@ -165,7 +165,7 @@ def gaps_of_pairs(
 
 
 def _keep(contacts: Contacts, mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Contacts:
-    """Return some of the contacts."""
+    """Return a subset of the contacts."""
     if mask.all():
         return contacts
     return Contacts(*(getattr(contacts, name)[mask] for name in ("i", "j", "image", "gap", "normal", "point")))
@@ -202,21 +202,21 @@ def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool) 
 
 
 def is_closed_surface(geometry: Geometry) -> bool:
-    """Return whether contacts take a geometry as its triangles: a mesh, or a box."""
+    """Return whether the contact tests use the triangles of a geometry: a mesh or a box."""
     return isinstance(geometry, Mesh) or (isinstance(geometry, Primitive) and geometry.kind == "box")
 
 
 def relative_pose(assembly: Assembly, i: int, j: int, offset: Floats) -> tuple[Floats, Floats]:
-    """Return matrix and offset that lead from the body frame of grain j into that of grain i, in units of shape i.
+    """Return matrix and offset of the map from the body frame of grain j to that of grain i, at scale 1 of shape i.
 
     Parameters
     ----------
     assembly : Assembly
         The grains.
     i, j : int
-        Which grains.
+        Indices of the grains.
     offset : (3,) ndarray of float
-        From the centroid of grain i to that of its partner.
+        Vector from the centroid of grain i to that of its partner.
     """
     back = assembly.matrices[i].T
     ratio = assembly.scale[j] / assembly.scale[i]
@@ -224,7 +224,7 @@ def relative_pose(assembly: Assembly, i: int, j: int, offset: Floats) -> tuple[F
 
 
 def _search(assembly: Assembly, pairs: Pairs, k: int, distance: Floats, point: Floats) -> None:
-    """Replace the depth of a pair that lies too deep for a closed form where a search finds more."""
+    """Replace the depth of a pair that is too deep for a closed form if a search finds a larger one."""
     stop_if_asked()
     i, j = int(pairs.i[k]), int(pairs.j[k])
     inner = [
@@ -244,7 +244,7 @@ def _search(assembly: Assembly, pairs: Pairs, k: int, distance: Floats, point: F
 
 
 class _PairTests:
-    """Exact tests of pairs that need a mesh or a polygon, with what they need of each shape kept."""
+    """Exact tests of pairs that need a mesh or a polygon; precomputed data of each shape are cached."""
 
     def __init__(self, assembly: Assembly, *, deepest: bool = True) -> None:
         self.assembly, self.deepest = assembly, deepest
@@ -253,7 +253,7 @@ class _PairTests:
         self.kept: dict[tuple[int, int], tuple[TouchPair, bool]] = {}
 
     def touch(self, i: int, j: int, offset: Floats, gap: float) -> Touch:
-        """Test one pair; the point is from the centroid of grain i, all is in the unit of lengths."""
+        """Test one pair; the point is relative to the centroid of grain i; all values are in the unit of lengths."""
         assembly = self.assembly
         a, b = int(assembly.shape_id[i]), int(assembly.shape_id[j])
         if (a, b) not in self.kept:
@@ -276,7 +276,7 @@ class _PairTests:
         return meshes_meet(one, other, matrix=matrix, offset=shift, depth=depth / float(self.assembly.scale[i]))
 
     def _choose(self, a: int, b: int) -> tuple[TouchPair, bool]:
-        """Return the test of two shapes, and whether it takes them in the other order."""
+        """Return the test for two shapes, and whether it expects them in reverse order."""
         one, other = self.geometries[a], self.geometries[b]
         if isinstance(one, Surface):
             return open_touch(one, other, partial(self._solid, b)), False

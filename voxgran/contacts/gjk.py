@@ -1,18 +1,18 @@
-"""Distance of two convex solids from nothing but their support functions.
+"""Distance of two convex solids from their support functions.
 
 Gilbert, Johnson & Keerthi 1988 (doi:10.1109/56.2083): the distance of two solids is that of the origin from their
-Minkowski difference, which is approached by simplices of support points. An upper and a lower bound close in on it;
-the search ends when they agree or when rounding stops the progress.
+Minkowski difference, which is approximated by simplices of support points. The search ends when an upper and a lower
+bound of the distance agree or when rounding stops the progress.
 
-Near contact the simplices turn flat and digits are lost. There the separation is found from a distance: the second
-solid is moved off along the normal n by a step t, which adds t m.n to the separation along any normal m. Their
-distance less t is then the separation but for the square of the error of n, also where the solids overlap a little,
-and their nearest points give a better normal (a proximal point step, Rockafellar 1976, doi:10.1137/0314056).
+Near contact the simplices degenerate and digits are lost. The second solid is then displaced along the normal n by a
+step t, which adds t m.n to the separation along any normal m. The distance minus t equals the separation up to the
+square of the error of n, also for slightly overlapping solids, and the nearest points give a better normal (a proximal
+point step, Rockafellar 1976, doi:10.1137/0314056).
 
 A solid is a row of numbers: its kind, three dimensions and a rotation matrix; a triangle is its nine coordinates. A
-support function can be asked for the solid *eroded* by a length: all points of it that lie at least so deep. The
-erosion of a box, cylinder or cone is a smaller one; that of an ellipsoid has the support points s(n) - r n up to its
-least radius of curvature.
+support function is also available for a solid *eroded* by a length r: the set of its points at a depth of at least r.
+The erosion of a box, cylinder or cone is a smaller one; that of an ellipsoid has the support points s(n) - r n for r up
+to its smallest radius of curvature.
 """
 
 import math
@@ -29,19 +29,19 @@ ROW = 13
 #: relative difference of the bounds at which the search ends
 CLOSE = 1e-15
 MOST_STEPS = 500
-#: distance, in limits of erosion, below which the separation is found from afar
+#: distance, in limits of erosion, below which the separation is computed by proximal steps
 NEAR = 0.05
 MOST_MOVES = 25
-#: change of the normal at which it is found
+#: change of the normal at which the proximal steps have converged
 STEADY = 1e-6
 RESTARTS = 20
-#: part of the product of lengths that rounding may make of a determinant
+#: rounding error of a determinant, relative to the product of the lengths
 ROUNDING = 1e-14
 
 
 @kernel
 def support(row: Floats, erosion: float, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return the point of an eroded solid about the origin that lies farthest along (x, y, z)."""
+    """Return the support point, along (x, y, z), of an eroded solid centered at the origin."""
     kind = int(row[0])
     if kind == 0:
         return 0.0, 0.0, 0.0
@@ -65,7 +65,7 @@ def support(row: Floats, erosion: float, x: float, y: float, z: float) -> tuple[
 
 @kernel
 def _support_upright(kind, row, erosion, u, v, w):  # type: ignore[no-untyped-def]
-    """Return the support point of a solid that is not turned."""
+    """Return the support point of a solid in its body frame."""
     a, b, c = row[1], row[2], row[3]
     if kind == 1:
         length = math.sqrt((a * u) ** 2 + (b * v) ** 2 + (c * w) ** 2)
@@ -82,7 +82,7 @@ def _support_upright(kind, row, erosion, u, v, w):  # type: ignore[no-untyped-de
         ring = (a - erosion) / flat if flat > 0.0 else 0.0
         tall = 0.5 * b - erosion
         return u * ring, v * ring, tall if w >= 0.0 else -tall
-    # the cone keeps its angle: its base rises by the erosion, its apex sinks by more
+    # the cone keeps its angle: its base rises by the erosion and its apex sinks by more
     apex = 0.75 * b - erosion * math.sqrt(a * a + b * b) / a
     base = erosion - 0.25 * b
     radius = a * (apex - base) / b
@@ -96,7 +96,7 @@ def _support_upright(kind, row, erosion, u, v, w):  # type: ignore[no-untyped-de
 def core_distance(one: Floats, other: Floats, erosion: float, offset: Floats, found: Floats) -> float:
     """Return the distance of `one`, eroded, from `other`, whose center lies at `offset`; write the nearest points.
 
-    It is 0 where they meet; margins are not looked at.
+    The distance is 0 if the solids intersect; margins are ignored.
     """
     simplex, mine, theirs = np.zeros((4, 3)), np.zeros((4, 3)), np.zeros((4, 3))
     weights, v = np.zeros(4), np.zeros(3)
@@ -143,8 +143,9 @@ def core_distance(one: Floats, other: Floats, erosion: float, offset: Floats, fo
 def separation(one: Floats, other: Floats, erosion: float, offset: Floats, found: Floats) -> float:
     """Return the distance of `one`, eroded, from `other`, whose center lies at `offset`.
 
-    Solids that overlap a little have the negative of the way that parts them, others 0. The nearest points and the
-    normal from one to the other are written to the nine numbers of `found`; the normal is 0 where there is none.
+    The distance of slightly overlapping solids is minus the translation that separates them, that of deeper overlaps
+    0. The nearest points and the normal from one to the other are written to the nine numbers of `found`; the normal
+    is 0 if it is undefined.
     """
     distance = core_distance(one, other, erosion, offset, found)
     for i in range(3):
@@ -158,7 +159,7 @@ def separation(one: Floats, other: Floats, erosion: float, offset: Floats, found
     if distance > 1e-3 * scale:
         trial[:] = found[:6]
     elif limit > 0.0:
-        # the nearest points of smaller solids show the way
+        # the nearest points of more eroded solids give the direction
         start = core_distance(one, other, 0.5 * (erosion + limit), offset, trial)
     else:
         trial[:3] = offset
@@ -172,7 +173,7 @@ def separation(one: Floats, other: Floats, erosion: float, offset: Floats, found
     gap = _part(one, other, erosion, offset, NEAR * scale, normal, trial, moved, found)
     if not math.isnan(gap):
         return gap
-    # corners and edges: the normal wanders, but the simplices are exact
+    # corners and edges: the normal does not converge, but the simplices are exact
     core_distance(one, other, erosion, offset, found)
     if distance > 1e-10 * scale:
         for i in range(3):
@@ -182,10 +183,10 @@ def separation(one: Floats, other: Floats, erosion: float, offset: Floats, found
 
 @kernel
 def _part(one, other, erosion, offset, step, normal, trial, moved, found):  # type: ignore[no-untyped-def]
-    """Improve the normal by proximal steps; write its points and return the separation, NaN without convergence."""
+    """Improve the normal by proximal steps; write its points and return the separation, NaN if not converged."""
     deep, gap, steady = max(-_gap_along(one, other, erosion, offset, normal), 0.0), 0.0, False
     for _ in range(MOST_MOVES):
-        # the last step is a short one: it shows whether the normal only seems to stand still
+        # the last step is short: it shows whether the normal has really converged
         way = step * (1e-3 if steady else 1.0) + 2.0 * deep
         for i in range(3):
             moved[i] = offset[i] + way * normal[i]
@@ -201,7 +202,7 @@ def _part(one, other, erosion, offset, step, normal, trial, moved, found):  # ty
         for i in range(3):
             found[i], found[3 + i] = trial[i], trial[3 + i] - way * normal[i]
             normal[i] = found[6 + i] = (trial[3 + i] - trial[i]) / length
-        # the separation is off by the square of what the normal is off
+        # the error of the separation is the square of that of the normal
         steady = change <= STEADY * STEADY
     return np.nan
 
@@ -217,7 +218,7 @@ def _gap_along(one, other, erosion, offset, normal):  # type: ignore[no-untyped-
 
 @kernel
 def erosion_limit(row: Floats) -> float:
-    """Return how far a solid can be eroded exactly: its inner radius, or its least radius of curvature."""
+    """Return the largest exact erosion of a solid: its inner radius, or its smallest radius of curvature."""
     a, b, c = row[1], row[2], row[3]
     if row[0] == 1.0:
         return min(a, b, c) ** 2 / max(a, b, c)
@@ -232,7 +233,7 @@ def erosion_limit(row: Floats) -> float:
 
 @kernel
 def _write_points(mine, theirs, weights, count, found):  # type: ignore[no-untyped-def]
-    """Write the points of both solids that the weights stand for."""
+    """Write the points of both solids that the weights define."""
     for i in range(3):
         found[i] = found[3 + i] = 0.0
         for k in range(count):
@@ -242,7 +243,7 @@ def _write_points(mine, theirs, weights, count, found):  # type: ignore[no-untyp
 
 @kernel
 def _compress(simplex, mine, theirs, weights, count):  # type: ignore[no-untyped-def]
-    """Drop the corners without weight; return how many are left."""
+    """Drop the corners without weight; return the number of remaining corners."""
     kept = 0
     for k in range(count):
         if weights[k] > 0.0:
@@ -255,7 +256,7 @@ def _compress(simplex, mine, theirs, weights, count):  # type: ignore[no-untyped
 
 @kernel
 def _reduce(simplex, count, weights):  # type: ignore[no-untyped-def]
-    """Write the weights of the point of a simplex nearest to the origin; return -1 where it holds the origin."""
+    """Write the weights of the point of a simplex nearest to the origin; return -1 if it contains the origin."""
     for k in range(4):
         weights[k] = 0.0
     if count == 1:
@@ -271,7 +272,7 @@ def _reduce(simplex, count, weights):  # type: ignore[no-untyped-def]
 
 @kernel
 def _take(simplex, a, b, c, wa, wb, wc, weights, best):  # type: ignore[no-untyped-def]
-    """Write weights where their point is nearer to the origin than the best one; return the lesser square."""
+    """Write weights if their point is nearer to the origin than the best one; return the smaller squared distance."""
     square = 0.0
     for i in range(3):
         square += (wa * simplex[a, i] + wb * simplex[b, i] + wc * simplex[c, i]) ** 2
@@ -299,7 +300,7 @@ def _weigh_segment(simplex, a, b, weights, best):  # type: ignore[no-untyped-def
 
 @kernel
 def _weigh_triangle(simplex, a, b, c, weights, best):  # type: ignore[no-untyped-def]
-    """Try the nearest points of a triangle's inside and edges."""
+    """Try the nearest points of the interior and the edges of a triangle."""
     ax, ay, az = simplex[a, 0], simplex[a, 1], simplex[a, 2]
     ux, uy, uz = simplex[b, 0] - ax, simplex[b, 1] - ay, simplex[b, 2] - az
     vx, vy, vz = simplex[c, 0] - ax, simplex[c, 1] - ay, simplex[c, 2] - az
@@ -317,7 +318,7 @@ def _weigh_triangle(simplex, a, b, c, weights, best):  # type: ignore[no-untyped
 
 @kernel
 def _weigh_tetrahedron(simplex, weights):  # type: ignore[no-untyped-def]
-    """Try the faces beyond which the origin lies; return -1 where it lies beyond none."""
+    """Try the faces beyond which the origin lies; return -1 if there is none."""
     best, outside = np.inf, False
     for d in range(4):
         a, b, c = (d + 1) % 4, (d + 2) % 4, (d + 3) % 4
@@ -327,7 +328,7 @@ def _weigh_tetrahedron(simplex, weights):  # type: ignore[no-untyped-def]
         nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
         wx, wy, wz = simplex[d, 0] - ax, simplex[d, 1] - ay, simplex[d, 2] - az
         origin, inner = -(nx * ax + ny * ay + nz * az), nx * wx + ny * wy + nz * wz
-        # where rounding hides on which side something lies, the face is tried too
+        # a face whose side is uncertain due to rounding is tried too
         noise = ROUNDING * math.sqrt((ux * ux + uy * uy + uz * uz) * (vx * vx + vy * vy + vz * vz))
         flat = abs(inner) <= noise * math.sqrt(wx * wx + wy * wy + wz * wz)
         near = abs(origin) <= noise * math.sqrt(ax * ax + ay * ay + az * az)

@@ -1,4 +1,4 @@
-"""Distance of points to the surface of a grain, positive inside."""
+"""Signed distance of points to the surface of a grain, positive inside."""
 
 import numpy as np
 
@@ -11,15 +11,15 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
-#: halvings that find the nearest point of an ellipsoid to the last digits
+#: number of bisections that give the nearest point of an ellipsoid to the last digits
 HALVINGS = 64
 
 
 def inner_distance(geometry: Geometry) -> Inner:
-    """Return the function that gives points of a geometry's own frame their distance to its surface.
+    """Return the function that gives the signed distance of points in the body frame to the surface of a geometry.
 
-    Outside of boxes, cylinders, cones and unions of spheres, and deep in unions, it is only a bound: that is enough
-    to tell inside from outside, and exact where a grain is convex.
+    Outside of boxes, cylinders, cones and unions of spheres, and deep in unions, the value is only a bound; its sign
+    is always correct, and the value is exact inside convex grains.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def inner_distance(geometry: Geometry) -> Inner:
     Returns
     -------
     callable
-        From (n, 3) points to (n,) distances, positive inside.
+        Function from (n, 3) points to (n,) distances, positive inside.
     """
     if isinstance(geometry, Mesh):
         return lambda points: -geometry.tree.signed_distance(points)
@@ -42,14 +42,14 @@ def inner_distance(geometry: Geometry) -> Inner:
 
 
 def placed(inner: Inner, *, matrix: Floats, offset: Floats) -> Inner:
-    """Return the same function for a grain that is turned by a matrix, stretched with it, and moved."""
+    """Return the same function for a grain rotated and scaled by a matrix and translated."""
     factor = stretch_of(matrix)
     back = matrix / factor**2
     return lambda points: factor * inner((points - offset) @ back)
 
 
 def _in_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
-    """Depth in the sphere that holds each point deepest."""
+    """Return the depth in the sphere that contains each point most deeply."""
     best = np.full(len(points), -np.inf)
     for center, radius in zip(centers, radii, strict=True):
         best = np.maximum(best, radius - np.linalg.norm(points - center, axis=1))
@@ -57,7 +57,7 @@ def _in_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
 
 
 def _in_primitive(primitive: Primitive, points: Floats) -> Floats:
-    """Distance to the nearest face of a regular solid."""
+    """Return the distance to the nearest face of a regular solid."""
     p, d = points @ primitive.matrix, primitive.dimensions
     if primitive.kind == "sphere":
         return np.asarray(d[0] - np.linalg.norm(p, axis=1))
@@ -73,9 +73,9 @@ def _in_primitive(primitive: Primitive, points: Floats) -> Floats:
 
 
 def _in_ellipsoid(p: Floats, axes: Floats) -> Floats:
-    """Distance to the surface of an ellipsoid for points of the first octant, negative outside.
+    """Return the distance to the surface of an ellipsoid for points of the first octant, negative outside.
 
-    The nearest point is ``a^2 p / (a^2 + t)`` with the root t of a falling function, which is bracketed and halved
+    The nearest point is ``a^2 p / (a^2 + t)`` with the root t of a decreasing function, found by bisection
     (Eberly 2013, Distance from a point to an ellipse, an ellipsoid, or a hyperellipsoid).
     """
     smallest = float(axes.min())
@@ -90,7 +90,7 @@ def _in_ellipsoid(p: Floats, axes: Floats) -> Floats:
         low, high = np.where(value > 1, middle, low), np.where(value > 1, high, middle)
     t = high[:, None]
     nearest = square * unit / np.maximum(square + t, 1e-300)
-    # a point of the middle planes: what is missing on the surface lies along the shortest axis
+    # a point of the middle planes: the missing coordinate on the surface is along the shortest axis
     missing = np.maximum(1.0 - (nearest**2 / square).sum(axis=1), 0.0)
     shortest = int(axes.argmin())
     lifted = np.sqrt(nearest[:, shortest] ** 2 + missing)

@@ -1,10 +1,10 @@
 """Contacts of closed triangle meshes with spheres, ellipsoids, cylinders and cones.
 
-The mesh stays what it is and so does its partner. A sphere touches where its center is nearest to the surface. For the
-others each near triangle is one convex solid and the partner another. Where they overlap, the depth is that of the
-triangles in the partner; of a cylinder or cone, whose rims and tips can lie deeper in the mesh than the mesh in them,
-also that of its surface in the mesh. (The depth in a sphere or ellipsoid is never the lesser one, up to its least
-radius of curvature.) Boxes are meshes.
+The partner of the mesh is not tessellated. The contact of a sphere is at the surface point nearest to its center. For
+the other solids each close triangle is one convex solid and the partner another. The depth of an overlap is that of the
+triangles in the partner; for a cylinder or cone, whose rims and tips can be deeper in the mesh than the mesh in them,
+it is the larger of this and the depth of its surface in the mesh. (The depth in a sphere or ellipsoid is never the
+smaller one, up to its smallest radius of curvature.) Boxes are meshes.
 """
 
 import math
@@ -31,7 +31,7 @@ from voxgran.shapes.primitive import Primitive
 def touch_spheres(
     solid: Solid, geometry: Geometry, parts: Parts, *, matrix: Floats, offset: Floats, reach: float
 ) -> Touch:
-    """Find how a mesh touches a union of spheres.
+    """Return the contact of a mesh with a union of spheres.
 
     Parameters
     ----------
@@ -40,11 +40,11 @@ def touch_spheres(
     geometry : Geometry
         The spheres, in their own frame.
     parts : Parts
-        Their rows: of this one body.
+        Rows of the spheres of this one body.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of the spheres into that of the mesh.
+        Transformation from the frame of the spheres to that of the mesh.
     reach : float
-        How far to look, in the unit of the mesh.
+        Largest distance searched, in the unit of the mesh.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def touch_spheres(
     factor = stretch_of(matrix)
     centers, radii = parts.center @ matrix.T + offset, parts.margin * factor
     distance, nearest, _ = solid.tree.nearest(centers, reach=float(radii.max()) + reach)
-    # a center that finds nothing near is outside, or so deep inside that another one tells
+    # a center without close triangles is outside, or so deep inside that another center decides
     if not np.isfinite(distance).all():
         inside = ((centers > solid.tree.low[0]) & (centers < solid.tree.high[0])).all(axis=1)
         again = ~np.isfinite(distance) & (inside | solid.inside_out)
@@ -70,7 +70,7 @@ def touch_spheres(
 
 
 def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Find how a mesh touches an ellipsoid, cylinder or cone.
+    """Return the contact of a mesh with an ellipsoid, cylinder or cone.
 
     Parameters
     ----------
@@ -79,9 +79,9 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
     primitive : Primitive
         Its partner.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of the partner into that of the mesh.
+        Transformation from the frame of the partner to that of the mesh.
     reach : float
-        How far to look, in the unit of the mesh.
+        Largest distance searched, in the unit of the mesh.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
 
 
 def placed_row(primitive: Primitive, matrix: Floats) -> Floats:
-    """Return the (13,) row of an ellipsoid, box, cylinder or cone, turned and stretched by a matrix."""
+    """Return the (13,) row of an ellipsoid, box, cylinder or cone, rotated and scaled by a matrix."""
     factor = stretch_of(matrix)
     row = row_of(primitive)
     row[1:4] *= factor
@@ -123,7 +123,7 @@ def placed_row(primitive: Primitive, matrix: Floats) -> Floats:
 
 
 def _holds_center(solid: Solid, center: Floats) -> bool:
-    """Return whether the center of a grain lies in a mesh, however far its surface is."""
+    """Return whether the center of a grain lies in a mesh, at any distance from the surface."""
     outside = ((center < solid.tree.low[0]) | (center > solid.tree.high[0])).any()
     if outside:
         return solid.inside_out
@@ -133,7 +133,7 @@ def _holds_center(solid: Solid, center: Floats) -> bool:
 def _touch_deep(
     solid: Solid, geometry: Geometry, depth: float, low: Floats, high: Floats, matrix: Floats, offset: Floats
 ) -> Touch:
-    """Search the depth of a grain whose center lies in a mesh."""
+    """Return the depth, by a search, of a grain whose center lies in a mesh."""
     inner = placed(inner_distance(geometry), matrix=matrix, offset=offset)
     if not solid.inside_out:
         low, high = np.maximum(low, solid.tree.low[0]), np.minimum(high, solid.tree.high[0])
@@ -153,7 +153,7 @@ def distance_to_triangles(
     reach: float,
     near: Floats,
 ) -> float:
-    """Return the distance of a convex solid from a surface; write the nearest points, first that of the solid."""
+    """Return the distance of a convex solid from a surface; write the nearest points, that of the solid first."""
     best, hit = reach, False
     stack, triangle, points = np.zeros(64, dtype=np.int64), np.zeros(13), np.zeros(9)
     triangle[0] = TRIANGLE
@@ -189,7 +189,7 @@ def distance_to_triangles(
 
 @kernel
 def _load(corners, t, center, triangle):  # type: ignore[no-untyped-def]
-    """Write a triangle as a row about a center."""
+    """Write a triangle as a row relative to a center."""
     for c in range(3):
         for i in range(3):
             triangle[4 + 3 * c + i] = corners[t, c, i] - center[i]
@@ -197,7 +197,7 @@ def _load(corners, t, center, triangle):  # type: ignore[no-untyped-def]
 
 @kernel
 def _plane_gap(row, triangle):  # type: ignore[no-untyped-def]
-    """Return how far a solid lies at least from the plane of a triangle."""
+    """Return a lower bound of the distance of a solid from the plane of a triangle."""
     ax, ay, az = triangle[4], triangle[5], triangle[6]
     ux, uy, uz = triangle[7] - ax, triangle[8] - ay, triangle[9] - az
     vx, vy, vz = triangle[10] - ax, triangle[11] - ay, triangle[12] - az
@@ -209,7 +209,7 @@ def _plane_gap(row, triangle):  # type: ignore[no-untyped-def]
     if level < 0.0:
         nx, ny, nz, level = -nx, -ny, -nz, -level
     px, py, pz = support(row, 0.0, nx, ny, nz)
-    # a little less, for rounding
+    # reduced by the rounding error
     return (level - (nx * px + ny * py + nz * pz)) / length - 1e-12 * (level / length)
 
 
@@ -225,7 +225,7 @@ def depth_in_convex(
     start: Integers,
     contact: Floats,
 ) -> bool:
-    """Write the deepest contact of all triangles in a convex solid; return whether one lies too deep to tell."""
+    """Write the deepest contact of all triangles in a convex solid; return whether one is too deep to be exact."""
     deep, shift = False, np.zeros(3)
     stack, triangle = np.zeros(64, dtype=np.int64), np.zeros(13)
     points, trial = np.zeros(9), np.zeros(7)

@@ -1,8 +1,9 @@
 """Contacts of closed triangle meshes.
 
-A walk through both box trees finds the nearest points. Where the surfaces are apart by more than rounding and no grain
-lies in the other, the grains are apart: that is proven. All else is handed to manifold3d, whose intersection decides,
-and whose surface is searched for the deepest point. A grain that lies free in a cavity of another is apart from it.
+A simultaneous traversal of both box trees finds the nearest points. If the surfaces are separated by more than rounding
+and no grain lies inside the other, the grains are proven to be separate. All other pairs are intersected by manifold3d,
+and the surface of the intersection is searched for the deepest point. A grain in a cavity of another, without touching
+it, is separate.
 """
 
 import numpy as np
@@ -18,21 +19,21 @@ from voxgran.contacts.triangles import nearest_points
 
 #: distance, in sizes of the pair, below which rounding could hide an overlap
 ROUNDING = 1e-12
-#: part of the smaller grain from which on an overlap is searched inside, too
+#: fraction of the smaller grain's volume above which an overlap is searched in its interior too
 DEEP = 1e-3
 
 
 def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Find how two meshes touch.
+    """Return the contact of two meshes.
 
     Parameters
     ----------
     one, other : Solid
         The meshes, each in its own frame.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of `other` into that of `one`.
+        Transformation from the frame of `other` to that of `one`.
     reach : float
-        How far to look, in the unit of `one`.
+        Largest distance searched, in the unit of `one`.
 
     Returns
     -------
@@ -65,14 +66,14 @@ def meshes_meet(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, dep
     one, other : Solid
         The meshes, each in its own frame.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of `other` into that of `one`.
+        Transformation from the frame of `other` to that of `one`.
     depth : float
-        In the unit of `one`.
+        Depth, in the unit of `one`.
     """
     body = combine(one, other, matrix=matrix, offset=offset, operation="common")
     if not len(body.triangles):
         return False
-    # what lies no deeper than that is a layer on the surface
+    # the overlap up to this depth is a layer on the surface
     if body.volume > depth * one.area:
         return True
     return body_depth(one, other, body, matrix=matrix, offset=offset)[0] > depth
@@ -86,9 +87,9 @@ def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: 
     one, other : Solid
         The meshes.
     body : Body
-        What is inside both, in the frame of `one`.
+        Intersection of both, in the frame of `one`.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of `other` into that of `one`.
+        Transformation from the frame of `other` to that of `one`.
 
     Returns
     -------
@@ -127,7 +128,7 @@ def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: 
 def _within_both(one: Solid, other: Solid, triangles: Floats, *, back: Floats, offset: Floats) -> Floats:
     """Return the triangles of a common body that lie in both meshes.
 
-    Where surfaces coincide up to rounding, a body without volume may bridge a crease, outside of one of them.
+    If surfaces coincide up to rounding, a body without volume may bridge a crease outside one of them.
     """
     middle = triangles.mean(axis=1)
     theirs = (middle - offset) @ back.T
@@ -143,14 +144,14 @@ def outward(solid: Solid, point: Floats, fallback: Floats) -> Floats:
 
 
 def _is_nested(one: Solid, other: Solid, matrix: Floats, offset: Floats, factor: float) -> bool:
-    """Tell for two surfaces that do not meet whether one lies in the other's solid."""
+    """Return whether one of two disjoint surfaces lies in the solid of the other."""
     theirs = matrix @ other.tree.corners[0, 0] + offset
     mine = matrix.T @ (one.tree.corners[0, 0] - offset) / factor**2
     return _holds(one, theirs) or _holds(other, mine)
 
 
 def _holds(solid: Solid, point: Floats) -> bool:
-    """Return whether a mesh holds a point."""
+    """Return whether a mesh contains a point."""
     low, high = solid.tree.low[0], solid.tree.high[0]
     if (point < low).any() or (point > high).any():
         return False

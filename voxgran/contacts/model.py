@@ -1,4 +1,4 @@
-"""Contacts: pairs of grains and how they touch, the type that the contacts room hands on."""
+"""Contacts: pairs of grains with gap, normal and point."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from voxgran._base.arrays import Floats, Integers
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Pairs of grains that are nearer than a gap, each once per periodic image.
+    """Pairs of grains closer than a given gap, each once per periodic image.
 
     Attributes
     ----------

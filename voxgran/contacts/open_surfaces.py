@@ -1,9 +1,9 @@
-"""Contacts of open surfaces, which have no inside: with each other, and with solids of any kind.
+"""Contacts of open surfaces with each other and with solids of any kind.
 
-Apart, the gap is the least distance of the triangles from the partner. Two open surfaces overlap where they cross;
-their depth is the shortest move found that parts them, an upper bound of the least one. An open surface overlaps a
-solid where some point of it lies inside, also where it lies inside as a whole; the depth is the largest distance of
-such a point from the surface of the solid, as everywhere.
+The gap is the smallest distance of the triangles from the partner. Two open surfaces overlap if they cross; their depth
+is the length of the shortest translation found that separates them, an upper bound of the minimum. An open surface
+overlaps a solid if one of its points lies inside, also if it lies inside as a whole; the depth is the largest distance
+of such a point from the surface of the solid.
 """
 
 from collections.abc import Callable
@@ -39,13 +39,13 @@ def open_touch(surface: Surface, partner: Geometry, solid: Callable[[], Solid]) 
     partner : Geometry
         Its partner.
     solid : callable
-        What gives the partner as a closed mesh, where it is a mesh or a box.
+        Function that returns the partner as a closed mesh if it is a mesh or a box.
 
     Returns
     -------
     callable
-        From `matrix` and `offset`, which lead from the frame of the partner into that of the surface, and `reach`, to
-        the Touch in the frame of the surface.
+        Function of `matrix` and `offset` (the transformation from the frame of the partner to that of the surface) and
+        `reach` that returns the Touch in the frame of the surface.
     """
     if isinstance(partner, Surface):
         return partial(touch_open, surface, partner)
@@ -57,16 +57,16 @@ def open_touch(surface: Surface, partner: Geometry, solid: Callable[[], Solid]) 
 
 
 def touch_open(one: Surface, other: Surface, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Find how two open surfaces touch or cross.
+    """Return the contact, or the depth of crossing, of two open surfaces.
 
     Parameters
     ----------
     one, other : Surface
         The surfaces, each in its own frame.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of `other` into that of `one`.
+        Transformation from the frame of `other` to that of `one`.
     reach : float
-        How far to look, in the unit of `one`.
+        Largest distance searched, in the unit of `one`.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def touch_open(one: Surface, other: Surface, *, matrix: Floats, offset: Floats, 
 
 
 def touch_closed(surface: Surface, solid: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Find how an open surface touches a closed mesh or a box, or how deep it reaches into it.
+    """Return the contact, or the depth of penetration, of an open surface with a closed mesh or a box.
 
     Parameters
     ----------
@@ -96,9 +96,9 @@ def touch_closed(surface: Surface, solid: Solid, *, matrix: Floats, offset: Floa
     solid : Solid
         Its partner.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of the solid into that of the surface.
+        Transformation from the frame of the solid to that of the surface.
     reach : float
-        How far to look, in the unit of the surface.
+        Largest distance searched, in the unit of the surface.
 
     Returns
     -------
@@ -124,18 +124,18 @@ def touch_closed(surface: Surface, solid: Solid, *, matrix: Floats, offset: Floa
 
 
 def touch_spheres(surface: Surface, parts: Parts, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Find how an open surface touches a union of spheres; a depth is that in a single sphere.
+    """Return the contact of an open surface with a union of spheres; a depth is that in a single sphere.
 
     Parameters
     ----------
     surface : Surface
         The open surface.
     parts : Parts
-        Rows of the spheres: of this one body, in its own frame.
+        Rows of the spheres of this one body, in its own frame.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of the spheres into that of the surface.
+        Transformation from the frame of the spheres to that of the surface.
     reach : float
-        How far to look, in the unit of the surface.
+        Largest distance searched, in the unit of the surface.
 
     Returns
     -------
@@ -153,7 +153,7 @@ def touch_spheres(surface: Surface, parts: Parts, *, matrix: Floats, offset: Flo
 
 
 def touch_round(surface: Surface, primitive: Primitive, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Find how an open surface touches an ellipsoid, cylinder or cone.
+    """Return the contact of an open surface with an ellipsoid, cylinder or cone.
 
     Parameters
     ----------
@@ -162,15 +162,15 @@ def touch_round(surface: Surface, primitive: Primitive, *, matrix: Floats, offse
     primitive : Primitive
         Its partner.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of the partner into that of the surface.
+        Transformation from the frame of the partner to that of the surface.
     reach : float
-        How far to look, in the unit of the surface.
+        Largest distance searched, in the unit of the surface.
 
     Returns
     -------
     Touch
-        In the frame and unit of the surface; a depth in an ellipsoid that is larger than its least radius of curvature
-        is a lower bound.
+        In the frame and unit of the surface; a depth in an ellipsoid that exceeds its smallest radius of curvature is
+        a lower bound.
     """
     row, sphere = placed_row(primitive, matrix), primitive.bounding_radius * stretch_of(matrix)
     near, contact = np.zeros(9), np.zeros(7)

@@ -1,8 +1,8 @@
 """Contacts of polygons with polygons and disks, in the plane.
 
-Nearest points are those of two edges. Overlapping polygons are searched along their edges by branch and bound: over a
-piece of an edge the distance from one edge of the other polygon is largest at an end, and the least of these maxima
-bounds the depth over the whole piece. A disk touches where its center is nearest to the edges.
+The nearest points are those of two edges. The depth of overlapping polygons is found along their edges by branch and
+bound: over a piece of an edge the distance from one edge of the other polygon is largest at an end, and the smallest of
+these maxima bounds the depth over the whole piece. The contact of a disk is at the edge point nearest to its center.
 """
 
 import math
@@ -25,18 +25,18 @@ ROUNDING = 1e-13
 def touch_polygons(
     one: Outline, other: Outline, *, matrix: Floats, offset: Floats, reach: float, deepest: bool = True
 ) -> Touch:
-    """Find how two polygons touch.
+    """Return the contact of two polygons.
 
     Parameters
     ----------
     one, other : Outline
         The polygons, each in its own frame.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of `other` into that of `one`.
+        Transformation from the frame of `other` to that of `one`.
     reach : float
-        How far to look, in the unit of `one`.
+        Largest distance searched, in the unit of `one`.
     deepest : bool
-        Whether the deepest point of an overlap is searched; without, the depth is that of the deepest edge point.
+        Whether the deepest point of an overlap is searched; otherwise the depth is that of the deepest edge point.
 
     Returns
     -------
@@ -68,18 +68,18 @@ def touch_polygons(
 def touch_disk(
     polygon: Outline, disk: Outline, *, matrix: Floats, offset: Floats, reach: float, deepest: bool = True
 ) -> Touch:
-    """Find how a polygon touches a disk.
+    """Return the contact of a polygon with a disk.
 
     Parameters
     ----------
     polygon, disk : Outline
         The grains, each in its own frame.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of the disk into that of the polygon.
+        Transformation from the frame of the disk to that of the polygon.
     reach : float
-        How far to look, in the unit of the polygon.
+        Largest distance searched, in the unit of the polygon.
     deepest : bool
-        Whether the deepest point of an overlap is searched; without, the depth is that towards the nearest edge.
+        Whether the deepest point of an overlap is searched; otherwise the depth is that towards the nearest edge.
 
     Returns
     -------
@@ -104,7 +104,7 @@ def touch_disk(
 
 
 def _deeper(touch: Touch, one: Outline, inner: object, mine: Floats, theirs: Floats, offset: Floats) -> Touch:
-    """Return the contact, or that of a deeper point inside both."""
+    """Return the contact, or that at a deeper point inside both grains."""
     low = np.array([*np.maximum(mine.min(axis=0), theirs.min(axis=0)), 0.0])
     high = np.array([*np.minimum(mine.max(axis=0), theirs.max(axis=0)), 0.0])
     depth, point, _ = deepest_point(inner_distance(one), inner, low, high)  # type: ignore[arg-type]
@@ -114,7 +114,7 @@ def _deeper(touch: Touch, one: Outline, inner: object, mine: Floats, theirs: Flo
 
 
 def _deepest_edge(polygon: Floats, edges: Floats, floor: float, fallback: Floats) -> Touch:
-    """Return the contact at the point of some edges that lies deepest in a polygon."""
+    """Return the contact at the deepest point of given edges in a polygon."""
     found = np.zeros(4)
     depth = float(_search_edges(polygon, edges, floor, ACCURACY, MOST_PATCHES, found))
     point, surface = np.array([*found[:2], 0.0]), np.array([*found[2:], 0.0])
@@ -135,7 +135,7 @@ def _on_segment(ax, ay, bx, by, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def _signed(polygon, x, y, near):  # type: ignore[no-untyped-def]
-    """Return the distance of (x, y) from a polygon's edges, positive inside; write the nearest point if asked."""
+    """Return the distance of (x, y) from a polygon's edges, positive inside; write the nearest point on request."""
     best, inside, count = np.inf, False, len(polygon)
     for k in range(count):
         n = (k + 1) % count
@@ -186,7 +186,7 @@ def _nearest_edges(one, other, near):  # type: ignore[no-untyped-def]
 
 @kernel
 def _keep(near, best, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Write two points where they are nearer than the best ones; return the lesser squared distance."""
+    """Write two points if they are closer than the best ones; return the smaller squared distance."""
     square = (ax - bx) ** 2 + (ay - by) ** 2
     if square < best:
         near[0], near[1], near[2], near[3] = ax, ay, bx, by
@@ -196,7 +196,7 @@ def _keep(near, best, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def _bound(polygon, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Return the least over the edges of a polygon of the larger distance of two points from it."""
+    """Return the minimum over the edges of a polygon of the larger distance of two points from the edge."""
     best = np.inf
     for k in range(len(polygon)):
         n = (k + 1) % len(polygon)
@@ -208,7 +208,7 @@ def _bound(polygon, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def _search_edges(polygon, edges, floor, accuracy, most, found):  # type: ignore[no-untyped-def]
-    """Halve edges until no piece can hold a point deeper in the polygon than the best; return its depth."""
+    """Bisect edges until no piece can contain a point deeper in the polygon than the best; return its depth."""
     best, steps, near = 0.0, 0, np.zeros(2)
     stack = np.zeros((128, 2))
     for k in range(len(edges)):

@@ -1,8 +1,8 @@
-"""Grains as convex parts: rows of numbers that the kernels of this room read.
+"""Grains as convex parts, in the rows of numbers that the kernels of the contact tests use.
 
-A sphere is a point with a margin, a union of spheres is several of them, an ellipsoid, box, cylinder or cone is one
-part. Rows are those of :mod:`voxgran.contacts.gjk`, here turned and stretched to where the grains lie, about their
-centroids.
+A sphere is a point with a margin, a union of spheres consists of several such parts, and an ellipsoid, box, cylinder or
+cone is one part. The rows are those of :mod:`voxgran.contacts.gjk`, rotated and scaled to the poses of the grains,
+relative to their centroids.
 """
 
 from dataclasses import dataclass
@@ -30,11 +30,11 @@ class Parts:
     row : (p, 13) ndarray of float
         Kind, dimensions and rotation of each part.
     margin : (p,) ndarray of float
-        How far the surface lies from the core: the radius of a sphere.
+        Distance of the surface from the core: the radius of a sphere.
     center : (p, 3) ndarray of float
-        Where the part lies, from the centroid of the body.
+        Center of the part, relative to the centroid of the body.
     reach : (p,) ndarray of float
-        Radius of a sphere about the center that holds the part.
+        Radius of the bounding sphere about the center.
     """
 
     start: Integers
@@ -45,11 +45,11 @@ class Parts:
 
     @property
     def arrays(self) -> tuple[Integers, Floats, Floats, Floats, Floats]:
-        """All arrays, as kernels take them."""
+        """All arrays, in the order that kernels expect."""
         return self.start, self.row, self.margin, self.center, self.reach
 
     def placed(self, body: Integers, scale: Floats, matrices: Floats) -> "Parts":
-        """Return the parts of grains: body `body[k]`, stretched by `scale[k]` and turned by `matrices[k]`."""
+        """Return the parts of grains: body `body[k]`, scaled by `scale[k]` and rotated by `matrices[k]`."""
         counts = np.diff(self.start)[body]
         start = np.concatenate([[0], np.cumsum(counts)])
         grain = np.repeat(np.arange(len(body)), counts)
@@ -73,7 +73,7 @@ def is_disk(geometry: Geometry) -> bool:
 
 
 def parts_of(geometries: list[Geometry]) -> Parts:
-    """Return the parts of geometries in their own frames; those without parts have none.
+    """Return the convex parts of geometries in their own frames; other geometries have no parts.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The depth of grains that lie deep in each other, by search: right to about a thousandth.
+"""Depth of deep overlaps by a search, with a relative error of about 0.001.
 
-The deepest point of a shallow overlap lies on a surface and is found exactly elsewhere. In a deep one it may lie
-inside, where a grain is thickest; then a lattice of points is tried and the best of them are moved uphill.
+The deepest point of a shallow overlap lies on a surface and is found exactly elsewhere. That of a deep overlap may lie
+in the interior, where a grain is thickest; the search starts from a lattice of points and improves the best of them.
 """
 
 from collections.abc import Callable
@@ -13,33 +13,33 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.rotation import rotation_matrices
 
-#: distance of points to the surface of a grain, positive inside
+#: signed distance of points to the surface of a grain, positive inside
 Inner: TypeAlias = Callable[[Floats], Floats]
 
 LATTICE = 9
 STARTS = 2
-#: part of the extent at which a step is small enough
+#: step at which the search ends, as a fraction of the extent
 SMALL = 2e-4
 
 
 def deepest_point(one: Inner, other: Inner, low: Floats, high: Floats) -> tuple[float, Floats, bool]:
-    """Find the point inside two grains that lies deepest in either.
+    """Find the common point of two grains that is deepest in either.
 
     Parameters
     ----------
     one, other : callable
         Distance of (n, 3) points to the surface of each grain, positive inside.
     low, high : (3,) ndarray of float
-        A box that holds the overlap; flat in z for two dimensions.
+        Box that contains the overlap; flat in z in two dimensions.
 
     Returns
     -------
     depth : float
-        Distance to the surface; 0 where no common point is found.
+        Distance to the surface; 0 if no common point is found.
     point : (3,) ndarray of float
-        Where it is.
+        The deepest point.
     in_one : bool
-        Whether it is the surface of `one` that is so far.
+        Whether the depth is the distance to the surface of `one`.
     """
     best, where, in_one = 0.0, (low + high) / 2, True
     extent = high - low
@@ -61,7 +61,7 @@ def deepest_point(one: Inner, other: Inner, low: Floats, high: Floats) -> tuple[
 
 
 def _stencils(counts: Integers) -> list[Floats]:
-    """Return two sets of steps in many directions, one turned against the other."""
+    """Return two sets of steps in many directions, one rotated relative to the other."""
     steps = [(-1.0, -0.5, 0.0, 0.5, 1.0) if n > 1 else (0.0,) for n in counts]
     stencil = np.array([step for step in product(*steps) if any(step)])
     half = 0.4
@@ -71,7 +71,7 @@ def _stencils(counts: Integers) -> list[Floats]:
 
 
 def _climb(deep: Inner, bound: Inner, point: Floats, depth: float, stencils: list[Floats]) -> tuple[Floats, float]:
-    """Move to the deepest neighbour inside the other grain, with ever smaller steps."""
+    """Move to the deepest neighbour inside the other grain, with decreasing steps."""
     size, failed = 1.0, 0
     while size > SMALL * LATTICE:
         around = point + size * stencils[failed]

@@ -1,16 +1,17 @@
-"""How far two open surfaces that cross must be moved to part: the least of straight moves in many directions.
+"""Shortest translation that separates two crossing open surfaces, among straight ones in many directions.
 
-While one triangle is moved straight past another, both cross during one interval of the way: along each of eleven
-directions, their normals and the products of their edges, they overlap during one (separating axes, as in
-:mod:`voxgran.shapes.repairing.crossing`), and they cross where they do so along all. The move goes on to the end of
-such an interval as long as it lies within one; then the surfaces are free, and no shorter move that way frees them.
-Intervals of neighbours abut, so that the way hardly depends on how the surfaces are cut into triangles.
+While one triangle is translated past another, both cross during one interval of the path: along each of eleven axes
+(their normals and the cross products of their edges) the projections overlap during one interval (separating axes, as
+in :mod:`voxgran.shapes.repairing.crossing`), and the triangles cross while all projections overlap. The translation is
+extended to the end of such an interval as long as it lies within one; then the surfaces are separate, and no shorter
+translation in that direction separates them. Intervals of adjacent triangles abut, so that the result is nearly
+independent of the triangulation.
 
-All directions are tried both ways: three perpendicular ones, the normals where the surfaces cross, the mean normals,
-the product of these and the offset of the centroids; then those about the best. So the depth is an upper bound of the
-least move. The first are tilted a little, so that none lies along an edge or in a triangle: surfaces that cross along
-an edge of both only touch there, and cross as soon as they are moved; what only touched comes free at once by one of
-the directions.
+All directions are tried with both signs: three perpendicular ones, the normals at the crossing, the mean normals, their
+cross product and the offset of the centroids, then directions around the best. The depth is therefore an upper bound of
+the minimum. The first directions are tilted slightly, so that none lies along an edge or in a triangle: surfaces that
+meet along an edge of both only touch there but cross as soon as they move; surfaces that only touch are separated at
+once in one of the directions.
 """
 
 import math
@@ -22,37 +23,37 @@ from voxgran._base.kernels import kernel
 from voxgran._base.tree import TriangleTree
 from voxgran.contacts.triangles import pair_bound, turn_triangles
 
-#: three perpendicular directions along no usual edge, in rows
+#: three perpendicular directions that are parallel to no common edge, in rows
 AXES = (
     np.array([[2.0, 3.0, 6.0], [3.0, -6.0, 2.0], [6.0, 2.0, -3.0]])
     / 7.0
     @ np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
 )
-#: how far each direction is tilted
+#: tilt of each direction
 TILT = 1e-4 * AXES[0]
 #: lengths of the steps from the best direction to those about it
 STEPS = (0.4, 0.2, 0.1, 0.05)
-#: rounding of where an interval begins, and of where it ends, in sizes of the pair
+#: rounding errors of the start and of the end of an interval, in sizes of the pair
 BEGIN, END = 1e-10, 1e-12
 
 
 def crossing_depth(one: TriangleTree, other: TriangleTree, *, matrix: Floats, offset: Floats) -> tuple[float, Floats]:
-    """Find how far one of two surfaces must be moved to part them.
+    """Find the shortest translation of one of two surfaces that separates them.
 
     Parameters
     ----------
     one, other : TriangleTree
         The surfaces, each in its own frame.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of `other` into that of `one`.
+        Transformation from the frame of `other` to that of `one`.
 
     Returns
     -------
     depth : float
-        Length of the shortest move found that parts them, in the unit of `one`, an upper bound of the least one; 0
-        where they only touch.
+        Length of the shortest separating translation found, in the unit of `one`, an upper bound of the minimum; 0 if
+        the surfaces only touch.
     way : (3,) ndarray of float
-        Unit vector of that move, of `other`.
+        Direction of this translation of `other`, a unit vector.
     """
     turn, size = np.ascontiguousarray(matrix), np.abs(matrix)
     place = np.ascontiguousarray(offset)
@@ -76,7 +77,7 @@ def crossing_depth(one: TriangleTree, other: TriangleTree, *, matrix: Floats, of
 
 
 def _directions(one: TriangleTree, other: TriangleTree, matrix: Floats, size: Floats, offset: Floats) -> Floats:
-    """Return normals where surfaces cross, mean normals, their product, and the offset of the centroids, in rows."""
+    """Return normals at the crossing, mean normals, their cross product and the offset of the centroids, in rows."""
     crossing = np.zeros((2, 3))
     _add_normals(*one.arrays, *other.arrays, matrix, size, offset, crossing)
     mean, other_mean = _mean_normal(one.corners), _mean_normal(other.corners @ matrix.T)
@@ -85,13 +86,13 @@ def _directions(one: TriangleTree, other: TriangleTree, matrix: Floats, size: Fl
 
 
 def _mean_normal(triangles: Floats) -> Floats:
-    """Return the sum of the normals of (m, 3, 3) triangles, as long as twice their area."""
+    """Return the sum of the normals of (m, 3, 3) triangles, each twice as long as the area."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     return np.asarray(np.cross(b - a, c - a).sum(axis=0))
 
 
 def _both_ways(directions: Floats) -> Floats:
-    """Return those that have a length as unit vectors, tilted, each followed by its opposite."""
+    """Return the vectors of nonzero length as tilted unit vectors, each followed by its opposite."""
     length = np.linalg.norm(directions, axis=1)
     some = length > END * length.max(initial=0.0)
     tilted = directions[some] / length[some, None] + TILT
@@ -100,7 +101,7 @@ def _both_ways(directions: Floats) -> Floats:
 
 
 def _about(way: Floats, step: float) -> Floats:
-    """Return eight unit vectors about one."""
+    """Return eight unit vectors around a given one."""
     aside = np.cross(way, AXES[np.abs(AXES @ way).argmin()])
     aside /= np.linalg.norm(aside)
     angle = np.arange(8) * np.pi / 4
@@ -110,7 +111,7 @@ def _about(way: Floats, step: float) -> Floats:
 
 @kernel
 def _push_halves(stack, depth, a, b, leaves, other_leaves):  # type: ignore[no-untyped-def]
-    """Put the two halves of the larger of two boxes on the stack, each with the other box; return its new depth."""
+    """Push both halves of the larger of two boxes, each with the other box; return the new size of the stack."""
     split_one = a < leaves and (b >= other_leaves or a <= b)
     for side in range(2):
         stack[depth + side, 0] = 2 * a + 1 + side if split_one else a
@@ -123,7 +124,7 @@ def _free_along(  # type: ignore[no-untyped-def]
     corners, low, high, start, other_corners, other_low, other_high, other_start, matrix, size, offset, way, most,
     extent,
 ):  # fmt: skip
-    """Return how far the other surface moves along `way` until nothing crosses, at most `most`."""
+    """Return the distance that the other surface moves along `way` until nothing crosses, at most `most`."""
     leaves, other_leaves = len(low) // 2, len(other_low) // 2
     stack, turned, place = np.zeros((256, 2), dtype=np.int64), np.zeros((16, 3, 3)), offset.copy()
     near = BEGIN * extent
@@ -154,7 +155,7 @@ def _free_along(  # type: ignore[no-untyped-def]
 
 @kernel
 def _end_of_crossing(one, i, other, j, way, moved):  # type: ignore[no-untyped-def]
-    """Return how far triangle j moves until it leaves triangle i, or -1 where both do not cross after `moved`."""
+    """Return the distance at which triangle j leaves triangle i, or -1 if they do not cross after `moved`."""
     last = math.inf
     for k in range(11):
         x, y, z = _direction(one, i, other, j, k)
@@ -176,7 +177,7 @@ def _end_of_crossing(one, i, other, j, way, moved):  # type: ignore[no-untyped-d
             low_one, high_one = min(low_one, s), max(high_one, s)
             low_two, high_two = min(low_two, t), max(high_two, t)
         speed = x * way[0] + y * way[1] + z * way[2]
-        # they overlap while back < speed * moved < ahead
+        # the projections overlap while back < speed * moved < ahead
         back, ahead = low_one - high_two, high_one - low_two
         if speed < 0.0:
             back, ahead, speed = -ahead, -back, -speed
@@ -189,7 +190,7 @@ def _end_of_crossing(one, i, other, j, way, moved):  # type: ignore[no-untyped-d
 
 @kernel
 def _direction(one, i, other, j, k):  # type: ignore[no-untyped-def]
-    """Return direction k that may part two triangles: product of two edges, or a normal; 0 where edges are parallel."""
+    """Return candidate axis k of two triangles: a cross product of edges, or a normal; 0 for parallel edges."""
     if k == 9:
         e, f = _edge(one, i, 0), _edge(one, i, 1)
     elif k == 10:
@@ -199,7 +200,7 @@ def _direction(one, i, other, j, k):  # type: ignore[no-untyped-def]
     x, y, z = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
     length = math.sqrt(x * x + y * y + z * z)
     spans = math.sqrt((e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2]))
-    # the product of parallel edges is rounding
+    # the cross product of parallel edges is rounding error
     if length <= 1e-14 * spans:
         return 0.0, 0.0, 0.0
     return x / length, y / length, z / length
@@ -220,7 +221,7 @@ def _edge(triangles, i, k):  # type: ignore[no-untyped-def]
 def _add_normals(  # type: ignore[no-untyped-def]
     corners, low, high, start, other_corners, other_low, other_high, other_start, matrix, size, offset, normals
 ):
-    """Add up the normals of the triangles that cross, of each surface."""
+    """Sum the normals of the crossing triangles of each surface."""
     leaves, other_leaves = len(low) // 2, len(other_low) // 2
     stack, turned, still, depth = np.zeros((256, 2), dtype=np.int64), np.zeros((16, 3, 3)), np.zeros(3), 1
     while depth > 0:

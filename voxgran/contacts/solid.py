@@ -1,4 +1,4 @@
-"""Boolean operations on closed meshes by manifold3d, in double precision: the judge of what overlaps."""
+"""Boolean operations on closed meshes by manifold3d, in double precision; they decide whether meshes overlap."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,14 +15,14 @@ from voxgran.shapes.mesh import Mesh
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A closed mesh with what contacts need of it, each made on the first request.
+    """A closed mesh with derived data for the contact tests, computed on first use.
 
     Attributes
     ----------
     mesh : Mesh
         The surface.
     inside_out : bool
-        Whether the solid is what lies around the mesh, as the walls of a container do.
+        Whether the solid is the exterior of the mesh, as for the walls of a container.
     """
 
     mesh: Mesh
@@ -46,12 +46,12 @@ class Solid:
 
     @cached_property
     def manifold(self) -> Any:
-        """The mesh as manifold3d holds it.
+        """The mesh as an object of manifold3d.
 
         Raises
         ------
         DirtyMeshError
-            If manifold3d does not take the surface for closed.
+            If manifold3d does not accept the surface as closed.
         """
         library = load("manifold3d")
         mesh = library.Mesh64(np.array(self.mesh.vertices), np.array(self.mesh.faces, dtype=np.uint64))
@@ -65,14 +65,14 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What a boolean operation left.
+    """Result of a boolean operation.
 
     Attributes
     ----------
     triangles : (m, 3, 3) ndarray of float
-        Its surface.
+        Surface of the result.
     volume : float
-        Its volume.
+        Volume of the result.
     """
 
     triangles: Floats
@@ -87,9 +87,9 @@ def combine(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, operati
     one, other : Solid
         The solids.
     matrix, offset : (3, 3) and (3,) ndarray of float
-        Lead from the frame of `other` into that of `one`.
+        Transformation from the frame of `other` to that of `one`.
     operation : {"common", "rest"}
-        What is inside both, or what of `one` is outside of `other`.
+        The intersection, or the part of `one` outside of `other`.
 
     Returns
     -------

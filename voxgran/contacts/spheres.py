@@ -1,7 +1,7 @@
 """Contacts of spheres (disks in 2D), one per grain: closed forms.
 
-Two spheres whose centers are `d` apart have the gap ``d - r1 - r2``. Where they overlap, the deepest point of one in
-the other lies ``r1 + r2 - d`` below its surface, but no deeper than the center of the larger sphere.
+Two spheres with centers at the distance `d` have the gap ``d - r1 - r2``. If they overlap, the deepest point of one in
+the other is ``r1 + r2 - d`` below its surface, but no deeper than the center of the larger sphere.
 """
 
 import math
@@ -19,7 +19,7 @@ def sphere_contacts(pairs: Pairs, radii: Floats) -> tuple[Floats, Floats, Floats
     Parameters
     ----------
     pairs : Pairs
-        Which spheres.
+        Pairs of spheres.
     radii : (n,) ndarray of float
         Radius of each grain.
 
@@ -40,7 +40,7 @@ def sphere_contacts(pairs: Pairs, radii: Floats) -> tuple[Floats, Floats, Floats
 
 @kernel
 def sphere_gap(distance: float, one: float, other: float) -> float:
-    """Return the gap of two spheres by the distance of their centers; negative: the depth."""
+    """Return the gap of two spheres from the distance of their centers; a negative gap is a depth."""
     return max(distance - one - other, -max(one, other))
 
 

@@ -1,7 +1,7 @@
-"""Many pairs of closed surfaces at once: how far they are apart, and which of them are proven to be apart.
+"""Distances of many pairs of closed surfaces, and a proof of separation where possible.
 
-Pairs of the same two shapes are walked in one kernel. What it cannot prove (surfaces that meet, or a grain that may lie
-inside another) is left to :mod:`voxgran.contacts.meshes`.
+Pairs of the same two shapes are processed in one kernel. Pairs without proof (surfaces that meet, or a grain that may
+lie inside another) are left to :mod:`voxgran.contacts.meshes`.
 """
 
 import math
@@ -18,7 +18,7 @@ from voxgran.contacts.broad import Pairs
 from voxgran.contacts.meshes import ROUNDING
 from voxgran.contacts.triangles import find_nearest_pair
 
-#: pairs that are walked between two looks whether to stop
+#: number of pairs processed between two checks for a request to stop
 AT_ONCE = 64
 
 
@@ -32,11 +32,11 @@ def surface_gaps(
     assembly : Assembly
         The grains.
     pairs : Pairs
-        Which.
+        Pairs of grains.
     gap : float
-        How far to look, in the unit of lengths.
+        Largest distance searched, in the unit of lengths.
     tree_of : callable
-        Box tree of a shape.
+        Function that returns the box tree of a shape.
 
     Returns
     -------
@@ -47,12 +47,12 @@ def surface_gaps(
     point : (m, 3) ndarray of float
         Middle between the nearest points, from the centroid of grain i.
     proven : (m,) ndarray of bool
-        Whether the two are apart; where not, the rest means nothing.
+        Whether the pair is proven to be separate; otherwise the other values are undefined.
 
     Raises
     ------
     Stopped
-        If the run was asked to stop.
+        If a stop of the run was requested.
     """
     m = pairs.count
     found, near = np.full(m, np.inf), np.zeros((m, 6))
@@ -85,7 +85,7 @@ def surface_gaps(
 
 
 def _nested(trees: tuple[TriangleTree, TriangleTree], matrix: Floats, offset: Floats, stretch: Floats) -> Booleans:
-    """Tell where a corner of one surface lies inside the other."""
+    """Return the mask of the pairs in which a corner of one surface lies inside the other."""
     one, other = trees
     theirs = matrix @ other.corners[0, 0] + offset
     mine = np.einsum("kji,kj->ki", matrix, one.corners[0, 0] - offset) / stretch[:, None] ** 2

@@ -1,4 +1,4 @@
-"""Touch: how one pair of grains touches, in the frame of the first."""
+"""Touch: the contact of one pair of grains, in the frame of the first."""
 
 from dataclasses import dataclass
 
@@ -27,11 +27,11 @@ class Touch:
 
     @classmethod
     def apart(cls) -> "Touch":
-        """Return what stands for grains that are farther apart than was looked."""
+        """Return the value for grains beyond the distance searched."""
         return cls(np.inf, np.zeros(3), np.zeros(3))
 
     def moved(self, *, matrix: Floats, offset: Floats, factor: float) -> "Touch":
-        """Return the contact in a frame into which `matrix` (a rotation times `factor`) and `offset` lead."""
+        """Return the contact transformed by `matrix` (a rotation times `factor`) and `offset`."""
         turn = matrix / factor
         return Touch(self.gap * factor, turn @ self.normal, matrix @ self.point + offset)
 
@@ -41,7 +41,7 @@ class Touch:
 
 
 def direction(vector: Floats, fallback: Floats) -> Floats:
-    """Return the unit vector along the first of both that has a length, else along x."""
+    """Return the unit vector along the first of both vectors that is not zero, else along x."""
     for candidate in (vector, fallback):
         length = float(np.linalg.norm(candidate))
         if length > 0:

@@ -1,7 +1,8 @@
-"""The nearest points of two triangles, and of two surfaces that each have a box tree.
+"""Nearest points of two triangles, and of two surfaces with box trees.
 
-Two triangles that do not meet are nearest at a corner and a face or at two edges; two that meet have an edge of one
-that pierces the other. All fifteen cases and the six piercings are looked at, in double precision.
+The nearest points of two disjoint triangles are a corner and a point of a face, or points of two edges; if the
+triangles intersect, an edge of one pierces the other. All fifteen cases and the six piercings are tested in double
+precision.
 """
 
 import math
@@ -23,16 +24,16 @@ def nearest_points(
     one, other : TriangleTree
         The surfaces, each in its own frame.
     matrix : (3, 3) ndarray of float
-        Turns and stretches the frame of `other` into that of `one`.
+        Rotation and scale from the frame of `other` to that of `one`.
     offset : (3,) ndarray of float
-        Where the origin of `other` lies in the frame of `one`.
+        Origin of `other` in the frame of `one`.
     reach : float
-        How far to look, in the unit of `one`.
+        Largest distance searched, in the unit of `one`.
 
     Returns
     -------
     distance : float
-        In the unit of `one`; 0 where they meet, infinite where nothing is within reach.
+        Distance in the unit of `one`; 0 if the surfaces meet, infinite if nothing is within reach.
     point, partner : (3,) ndarray of float
         The nearest point of each, in the frame of `one`.
     """
@@ -61,7 +62,7 @@ def pair_bound(
     size: Floats,
     offset: Floats,
 ) -> float:
-    """Return a lower bound of the squared distance of box a from what box b holds."""
+    """Return a lower bound of the squared distance of box a from the contents of box b."""
     bound = 0.0
     for i in range(3):
         center, half = offset[i], 0.0
@@ -89,7 +90,7 @@ def find_nearest_pair(
     reach: float,
     found: Floats,
 ) -> float:
-    """Walk both trees, the nearer boxes first; write both points and return the squared distance."""
+    """Traverse both trees, closer boxes first; write both points and return the squared distance."""
     best, hit = reach * reach, False
     leaves, other_leaves = len(low) // 2, len(other_low) // 2
     stack, bounds = np.zeros((256, 2), dtype=np.int64), np.zeros(256)
@@ -194,8 +195,8 @@ def _keep_nearer(points, best, ax, ay, az, bx, by, bz):  # type: ignore[no-untyp
 def _try_edges(one, i, c, other, j, d, points, best):  # type: ignore[no-untyped-def]
     """Compare with the nearest inner points of edge c of one[i] and edge d of other[j].
 
-    Cross products keep the digits that the usual difference of squares loses where edges are nearly parallel; ends of
-    edges are corners, which are looked at elsewhere.
+    Cross products keep the digits that the usual difference of squares loses for nearly parallel edges; the ends of
+    edges are corners, which are tested elsewhere.
     """
     c2, d2 = (c + 1) % 3, (d + 1) % 3
     px, py, pz = one[i, c, 0], one[i, c, 1], one[i, c, 2]
@@ -215,7 +216,7 @@ def _try_edges(one, i, c, other, j, d, points, best):  # type: ignore[no-untyped
 
 @kernel
 def _pierces(one, i, c, other, j, points):  # type: ignore[no-untyped-def]
-    """Return whether edge c of one[i] passes through other[j]; write where."""
+    """Return whether edge c of one[i] pierces other[j]; write the point."""
     c2 = (c + 1) % 3
     ax, ay, az = other[j, 0, 0], other[j, 0, 1], other[j, 0, 2]
     ux, uy, uz = other[j, 1, 0] - ax, other[j, 1, 1] - ay, other[j, 1, 2] - az

@@ -1,7 +1,7 @@
-"""Verify: does a packing hold what a packing promises, by the true geometry of its grains?
+"""Verification of a packing by the true geometry of its grains.
 
-It knows nothing of the method that made the packing: it looks at the poses, the shapes and the container only, finds
-every pair of grains that overlap (periodic images included) and every grain that reaches beyond a wall, and how far.
+The check is independent of the packing method: it uses the poses, the shapes and the container only, and finds every
+pair of overlapping grains (periodic images included) and every grain that protrudes from the container, with depths.
 """
 
 from dataclasses import dataclass
@@ -14,23 +14,23 @@ from voxgran.contacts.broad import grain_pairs
 from voxgran.contacts.find import contacts_of_pairs
 from voxgran.contacts.walls import escape_depths
 
-#: how many of the worst pairs and escapes are listed
+#: number of the worst pairs and escapes that are listed
 LISTED = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overlap:
-    """Two grains that overlap.
+    """Overlap of two grains.
 
     Attributes
     ----------
     i, j : int
-        The grains, i <= j; i == j stands for a grain and its own image.
+        The grains, i <= j; i == j denotes a grain and its own periodic image.
     image : tuple of int
         The partner is grain j shifted by `image` times the lengths of the container.
     depth : float
-        Largest distance to the surface of one of any point of the other inside it, in mean diameters; of two open
-        surfaces that cross, the shortest straight move found that parts them, an upper bound of the least one.
+        Largest distance, to the surface of one grain, of a point of the other inside it, in mean diameters; for two
+        crossing open surfaces, the shortest separating translation found, an upper bound of the minimum.
     """
 
     i: int
@@ -41,14 +41,14 @@ class Overlap:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Escape:
-    """A grain that reaches beyond a wall.
+    """Grain that protrudes beyond a wall.
 
     Attributes
     ----------
     grain : int
-        Which grain.
+        Index of the grain.
     depth : float
-        How far it reaches beyond the wall, in mean diameters.
+        Distance that the grain protrudes beyond the wall, in mean diameters.
     """
 
     grain: int
@@ -57,32 +57,32 @@ class Escape:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """What was found; lengths are in mean equivalent diameters of the grains.
+    """Result of the verification; lengths are in mean equivalent diameters of the grains.
 
     Attributes
     ----------
     ok : bool
         Whether no pair overlaps and no grain escapes beyond the tolerance.
     overlapping_pairs : int
-        How many pairs overlap deeper than the tolerance; each periodic image counts.
+        Number of pairs that overlap deeper than the tolerance; each periodic image counts.
     deepest : float
-        Depth of the deepest of them; 0 where there are none.
+        Largest depth of these pairs; 0 if there are none.
     escaped : int
-        How many grains reach beyond a wall by more than the tolerance.
+        Number of grains that protrude beyond a wall by more than the tolerance.
     largest_escape : float
-        How far the worst of them does; 0 where there are none.
+        Largest protrusion of these grains; 0 if there are none.
     pairs : tuple of Overlap
         The deepest pairs, at most 20, the worst first.
     escapes : tuple of Escape
-        The grains that reach farthest beyond a wall, at most 20, the worst first.
+        The grains that protrude farthest beyond a wall, at most 20, the worst first.
     tolerance : float
-        Depths up to here do not count.
+        Largest depth that is ignored.
     count : int
         Number of grains.
     pair_tests : int
-        How many pairs were near enough for an exact test.
+        Number of pairs that were close enough for an exact test.
     mean_diameter : float
-        The unit of all depths, in the unit of lengths.
+        Unit of all depths, in the unit of lengths.
     """
 
     ok: bool
@@ -121,12 +121,12 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
     packing : Packing or Assembly
         The grains.
     tolerance : float
-        Depths and escapes up to here do not count, in mean equivalent diameters.
+        Largest depth and protrusion that are ignored, in mean equivalent diameters.
 
     Returns
     -------
     Verification
-        The same measures, in the same unit, whatever made the packing.
+        Overlaps and escapes.
 
     Raises
     ------
@@ -135,10 +135,10 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
 
     Notes
     -----
-    Meshes are compared by manifold3d in double precision wherever they are not proven to be apart; all other
-    geometries are compared in closed form or by their support functions. Nothing is tessellated. Open surfaces overlap
-    where their triangles cross, by the shortest straight move found that parts them, which hardly depends on how they
-    are cut into triangles and is an upper bound of the least one; and solids where they reach inside.
+    Meshes that are not proven to be separate are intersected by manifold3d in double precision; all other geometries
+    are compared in closed form or by their support functions, without tessellation. Open surfaces overlap if their
+    triangles cross; the depth is the shortest separating translation found, an upper bound of the minimum that is
+    nearly independent of the triangulation. An open surface overlaps a solid if it has a point inside.
     """
     check_type(packing, Assembly, "packing", "a Packing; load or pack one")
     limit = as_number(tolerance, "tolerance", at_least=0.0)

@@ -1,8 +1,8 @@
-"""How far grains reach beyond the walls of their container, by their true geometry.
+"""Protrusion of grains beyond the walls of their container, by their true geometry.
 
-At flat walls and at the walls of a cylinder and of a sphere the reach is that of the support function, in closed form
-or by a search for the best direction to the last digits; at a closed mesh it is the depth of the grain in the solid
-around the container.
+At flat walls and at the walls of a cylinder or sphere the protrusion follows from the support function, in closed form
+or by a search for the best direction to the last digits; at a closed mesh it is the depth of the grain in the exterior
+of the container.
 """
 
 import math
@@ -27,14 +27,14 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.surface import Surface
 
-#: directions in which the reach of a convex part is sampled before the best ones are refined
+#: number of directions in which the support function of a convex part is sampled before the best ones are refined
 DIRECTIONS = 128
 #: distance, in sizes of the container, below which rounding could hide an escape
 ROUNDING = 1e-12
 
 
 def escape_depths(assembly: Assembly) -> Floats:
-    """Return how far each grain reaches beyond the walls of its container, and beyond a lid.
+    """Return the protrusion of each grain beyond the walls of its container and beyond a lid.
 
     Parameters
     ----------
@@ -44,16 +44,16 @@ def escape_depths(assembly: Assembly) -> Floats:
     Returns
     -------
     (n,) ndarray of float
-        The largest reach beyond any wall, in the unit of lengths; 0 or less inside (how far the nearest wall is), minus
-        infinity where there are no walls. In containers of other kinds than those of voxgran, grains that are
-        no spheres count with their tessellation and its error.
+        Largest protrusion beyond any wall, in the unit of lengths; at most 0 inside (minus the distance of the nearest
+        wall), minus infinity without walls. In containers of kinds that are not part of voxgran, grains other than
+        spheres are represented by their tessellation.
     """
     escape = _beyond_container(assembly)
     return escape if assembly.lid is None else np.maximum(escape, beyond_lid(assembly))
 
 
 def beyond_lid(assembly: Assembly) -> Floats:
-    """Return how far each grain reaches beyond the lid, negative below it.
+    """Return the protrusion of each grain beyond the lid, negative below it.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def beyond_lid(assembly: Assembly) -> Floats:
     Returns
     -------
     (n,) ndarray of float
-        In the unit of lengths; minus infinity where there is no lid.
+        In the unit of lengths; minus infinity without a lid.
     """
     if assembly.lid is None:
         return np.full(assembly.count, -np.inf)
@@ -74,7 +74,7 @@ def beyond_lid(assembly: Assembly) -> Floats:
 
 
 def _beyond_container(assembly: Assembly) -> Floats:
-    """Return how far each grain reaches beyond the walls of the container."""
+    """Return the protrusion of each grain beyond the walls of the container."""
     walls = boundary_of(assembly.container)
     escape = np.full(assembly.count, -np.inf)
     if walls is UNKNOWN:
@@ -96,7 +96,7 @@ def _beyond_container(assembly: Assembly) -> Floats:
 
 
 def grain_bounds(assembly: Assembly) -> tuple[Floats, Floats]:
-    """Return the exact extents of the grains along the axes, from their centroids.
+    """Return the exact extents of the grains along the axes, relative to their centroids.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def _corners(geometry: object) -> Floats:
 
 
 def _beyond_planes(assembly: Assembly, axes: list[int]) -> Floats:
-    """Return the largest reach beyond the walls across some axes."""
+    """Return the largest protrusion beyond the walls normal to the given axes."""
     if not axes or not assembly.count:
         return np.full(assembly.count, -np.inf)
     lower, upper = assembly.container.bounds
@@ -180,7 +180,7 @@ def _beyond_planes(assembly: Assembly, axes: list[int]) -> Floats:
 
 
 def _beyond_mesh(assembly: Assembly, wall: Shape, grains: Integers) -> Floats:
-    """Return the reach of grains of one shape beyond the walls of a closed mesh."""
+    """Return the protrusion of grains of one shape beyond the walls of a closed mesh."""
     found = np.zeros(len(grains))
     if not len(grains):
         return found
@@ -222,13 +222,13 @@ def _beyond_mesh(assembly: Assembly, wall: Shape, grains: Integers) -> Floats:
 
 
 def _surface_beyond_mesh(inside: Solid, outside: Solid, surface: Surface, matrix: Floats, offset: Floats) -> float:
-    """Return the reach of an open surface beyond a mesh that should hold it."""
+    """Return the protrusion of an open surface beyond a mesh that should contain it."""
     depth = deepest_of_triangles(outside.tree, surface.triangles @ matrix.T + offset, inside=True)[0]
     return depth or -nearest_points(inside.tree, surface.tree, matrix=matrix, offset=offset)[0]
 
 
 def _mesh_beyond_mesh(container: Solid, grain: Solid, matrix: Floats, offset: Floats) -> float:
-    """Return the reach of one mesh beyond another that should hold it."""
+    """Return the protrusion of one mesh beyond another that should contain it."""
     margin = ROUNDING * (container.tree.size + float(np.linalg.norm(offset)))
     distance, _, _ = nearest_points(container.tree, grain.tree, matrix=matrix, offset=offset)
     corner = matrix @ grain.tree.corners[0, 0] + offset
@@ -243,7 +243,7 @@ def _mesh_beyond_mesh(container: Solid, grain: Solid, matrix: Floats, offset: Fl
 
 @kernel
 def _reach_out(start, row, margin, center, position, directions, reach):  # type: ignore[no-untyped-def]
-    """Write the largest horizontal distance of any part of each grain from the origin."""
+    """Write the largest horizontal distance of each grain's points from the origin."""
     step = 2.0 * math.pi / directions
     for grain in range(len(position)):
         for part in range(start[grain], start[grain + 1]):
@@ -261,7 +261,7 @@ def _reach_out(start, row, margin, center, position, directions, reach):  # type
 
 @kernel
 def _reach_along(row, x, y, angle):  # type: ignore[no-untyped-def]
-    """Return how far a part at (x, y) reaches along a horizontal direction."""
+    """Return the support function of a part at (x, y) along a horizontal direction."""
     u, v = math.cos(angle), math.sin(angle)
     px, py, _ = support(row, 0.0, u, v, 0.0)
     return (x + px) * u + (y + py) * v
@@ -269,7 +269,7 @@ def _reach_along(row, x, y, angle):  # type: ignore[no-untyped-def]
 
 @kernel
 def _refine(row, x, y, low, high):  # type: ignore[no-untyped-def]
-    """Return the largest reach between two directions, by golden sections."""
+    """Return the maximum of the support function between two directions, by golden-section search."""
     golden = 0.5 * (math.sqrt(5.0) - 1.0)
     one, two = high - golden * (high - low), low + golden * (high - low)
     first, second = _reach_along(row, x, y, one), _reach_along(row, x, y, two)

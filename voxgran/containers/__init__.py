@@ -1,1 +1,1 @@
-"""What holds the grains: box, cylinder, sphere, closed mesh; rectangle in two dimensions."""
+"""Containers of grains: box, cylinder, sphere, closed mesh; rectangle in two dimensions."""

@@ -23,16 +23,16 @@ class Box:
     lengths : (3,) sequence of float
         Edges, in the unit of lengths.
     periodic : str, bool or sequence
-        Which axes are periodic: names such as ``"xy"`` or ``["x", "y"]``, three flags, or True for all of them.
+        Periodic axes: names such as ``"xy"`` or ``["x", "y"]``, three flags, or True for all of them.
     origin : (3,) sequence of float
         Lower corner.
 
     Raises
     ------
     CallError
-        If the arguments are others than these.
+        If there are other arguments than these.
     InputError
-        If a length is not between 1e-60 and 1e60, the corner lies beyond, or `periodic` is none of these.
+        If a length is not between 1e-60 and 1e60, the corner is out of this range, or `periodic` is invalid.
     """
 
     lengths: tuple[float, float, float]
@@ -93,7 +93,7 @@ class Box:
         Raises
         ------
         InputError
-            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any more.
+            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any longer.
         """
         times = as_positive(factor, "factor")
         lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))

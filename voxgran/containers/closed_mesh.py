@@ -1,4 +1,4 @@
-"""Any closed surface as a container."""
+"""Closed triangle meshes as containers."""
 
 import os
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Remedies
 
-#: what can be done about a file that is not one closed solid
+#: remedies for a file that is not one closed solid, for messages
 MENDING = Remedies(
     mend="use vg.repair, or 'voxgran repair' at the prompt",
     keep_open="",
@@ -25,7 +25,7 @@ MENDING = Remedies(
 
 @dataclass(frozen=True, eq=False)
 class ClosedMesh:
-    """The inside of a closed triangle mesh, in the coordinates that the shape was made from.
+    """The interior of a closed triangle mesh, in the coordinates that the shape was made from.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class ClosedMesh:
     Raises
     ------
     InputError
-        If it is no Shape, or not a mesh.
+        If `shape` is not a Shape, or not a mesh.
     """
 
     shape: Shape
@@ -44,7 +44,7 @@ class ClosedMesh:
     periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
     def __post_init__(self) -> None:
-        """Take meshes only."""
+        """Check that the shape is a mesh."""
         if not isinstance(self.shape, Shape):
             raise InputError(
                 f"shape is {shown(self.shape)}: a closed-mesh container needs a Shape; for a mesh file use "
@@ -71,11 +71,11 @@ class ClosedMesh:
         MissingFileError
             If there is no such file.
         FileFormatError
-            If it cannot be read.
+            If the file cannot be read.
         DirtyMeshError
             If the surface does not bound exactly one solid.
         InputError
-            If the path is no path.
+            If `path` is not a path.
         """
         return cls(shape_of_file(path, unit=unit, remedies=MENDING))
 
@@ -107,7 +107,7 @@ class ClosedMesh:
 
     @property
     def _geometry(self) -> Mesh:
-        """The mesh about its centroid."""
+        """The mesh relative to its centroid."""
         assert isinstance(self.shape.geometry, Mesh)
         return self.shape.geometry
 
@@ -121,19 +121,19 @@ class ClosedMesh:
         return ClosedMesh(Shape(self.shape.geometry.scaled(factor), self.shape.name, (x, y, z), self.shape.unit))
 
     def to_unit(self, unit: str) -> "ClosedMesh":
-        """Return the container with its lengths in another unit; without a unit they stand as they are.
+        """Return the container with its lengths in another unit; lengths without a unit are not converted.
 
         Raises
         ------
         UnknownNameError
             If the unit is unknown; the message gives the nearest one.
         InputError
-            If it is no text, or ``"1"`` where the unit of the mesh is known.
+            If the unit is not a string, or is ``"1"`` although the unit of the mesh is known.
         """
         return ClosedMesh(self.shape.to_unit(unit))
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return kind, vertices (about the centroid), faces and the place of the centroid as JSON-able values."""
+        """Return kind, vertices (relative to the centroid), faces and centroid as JSON-able values."""
         return {
             "kind": self.kind,
             "name": self.shape.name,

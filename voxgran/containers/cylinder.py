@@ -24,14 +24,14 @@ class Cylinder:
     height : float
         Height, in the unit of lengths.
     origin : (3,) sequence of float
-        Center of the floor.
+        Center of the base.
 
     Raises
     ------
     CallError
-        If the arguments are others than these.
+        If there are other arguments than these.
     InputError
-        If radius or height is not between 1e-60 and 1e60, or the center lies beyond.
+        If radius or height is not between 1e-60 and 1e60, or the center is out of this range.
     """
 
     radius: float
@@ -89,7 +89,7 @@ class Cylinder:
         Raises
         ------
         InputError
-            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any more.
+            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any longer.
         """
         times = as_positive(factor, "factor")
         return Cylinder(self.radius * times, self.height * times, origin=[value * times for value in self.origin])

@@ -1,4 +1,4 @@
-"""Containers from plain mappings, as scene files and saved packings hold them."""
+"""Containers from plain mappings, as in scene files and saved packings."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -38,7 +38,7 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
     mapping : mapping
         With the key ``kind``; a mesh has a ``file``, or ``vertices`` and ``faces``.
     where : str
-        How messages name the place.
+        Name of the mapping in messages.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
     UnknownNameError
         If the kind or a key is unknown.
     InputError
-        If it is no mapping, a key is missing or a value breaks a rule.
+        If `mapping` is not a mapping, a key is missing or a value is invalid.
     """
     if not isinstance(mapping, Mapping):
         raise InputError(f"{where} is {shown(mapping)}: it must be a mapping with the key kind; give one")
@@ -77,7 +77,7 @@ def _make_mesh(rest: Mapping[str, Any], where: str) -> ClosedMesh:
     name = str(rest.get("name", "container"))
     if "offset" not in rest:
         return ClosedMesh(Shape.from_mesh(rest["vertices"], rest["faces"], name=name))
-    # what a container wrote itself lies about its centroid already, and comes back bit for bit
+    # vertices written by a container are relative to the centroid already and are restored bit for bit
     vertices = as_points(rest["vertices"], "vertices")
     x, y, z = (float(value) for value in as_vector(rest["offset"], "offset"))
     return ClosedMesh(Shape(Mesh(vertices, as_faces(rest["faces"], len(vertices))), name, (x, y, z)))

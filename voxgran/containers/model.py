@@ -1,4 +1,4 @@
-"""Container: what holds the grains, the type that the containers room hands on."""
+"""Container: the region of space of a packing."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -24,7 +24,7 @@ class Container(Protocol):
     dimension : int
         2 or 3.
     periodic : tuple of bool
-        Which of the three axes are periodic.
+        Whether each of the three axes is periodic.
 
     Notes
     -----
@@ -42,7 +42,7 @@ class Container(Protocol):
 
     @property
     def periodic(self) -> tuple[bool, bool, bool]:
-        """Which axes are periodic."""
+        """Whether each of the three axes is periodic."""
 
     @property
     def volume(self) -> float:

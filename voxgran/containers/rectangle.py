@@ -22,16 +22,16 @@ class Rectangle:
     lengths : (2,) sequence of float
         Sides, in the unit of lengths.
     periodic : str, bool or sequence
-        Which axes are periodic: names such as ``"x"`` or ``["x", "y"]``, two flags, or True for both.
+        Periodic axes: names such as ``"x"`` or ``["x", "y"]``, two flags, or True for both.
     origin : (2,) sequence of float
         Lower corner.
 
     Raises
     ------
     CallError
-        If the arguments are others than these.
+        If there are other arguments than these.
     InputError
-        If a length is not between 1e-60 and 1e60, the corner lies beyond, or `periodic` is none of these.
+        If a length is not between 1e-60 and 1e60, the corner is out of this range, or `periodic` is invalid.
     """
 
     lengths: tuple[float, float]
@@ -95,7 +95,7 @@ class Rectangle:
         Raises
         ------
         InputError
-            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any more.
+            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any longer.
         """
         times = as_positive(factor, "factor")
         lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))

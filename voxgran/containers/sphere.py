@@ -15,7 +15,7 @@ from voxgran.shapes.tessellate import sphere
 
 @dataclass(frozen=True, init=False)
 class Sphere:
-    """The inside of a sphere.
+    """The interior of a sphere.
 
     Parameters
     ----------
@@ -27,9 +27,9 @@ class Sphere:
     Raises
     ------
     CallError
-        If the arguments are others than these.
+        If there are other arguments than these.
     InputError
-        If the radius is not between 1e-60 and 1e60, or the center lies beyond.
+        If the radius is not between 1e-60 and 1e60, or the center is out of this range.
     """
 
     radius: float
@@ -82,7 +82,7 @@ class Sphere:
         Raises
         ------
         InputError
-            If the factor is not above 0, or the radius is not between 1e-60 and 1e60 any more.
+            If the factor is not above 0, or the radius is not between 1e-60 and 1e60 any longer.
         """
         times = as_positive(factor, "factor")
         return Sphere(self.radius * times, origin=[value * times for value in self.origin])

@@ -1,4 +1,4 @@
-"""Where each label of a large image is: counts, boxes and middles in one pass, slab by slab."""
+"""Census of a label image: counts, bounding boxes and centers of all labels in one pass, slab by slab."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,26 +9,26 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 
-#: voxels that are in memory at a time
+#: number of voxels in memory at a time
 SLAB = 2**24
 
 
 @dataclass(frozen=True, slots=True)
 class Census:
-    """What is known about the labels of an image, 0 left out.
+    """Properties of the labels of an image, except 0.
 
     Attributes
     ----------
     label : (n,) ndarray of int
-        Labels that occur, rising; there may be holes in the numbering.
+        Labels in the image, increasing; they need not be consecutive.
     count : (n,) ndarray of int
         Voxels of each.
     lower, upper : (n, 3) ndarray of int
-        Box that holds it: from `lower` to before `upper`.
+        Bounding box of each, from `lower` up to but not including `upper`.
     middle : (n, 3) ndarray of float
         Mean of the voxel centers, in voxels.
     at_border : (n,) ndarray of bool
-        Whether it touches the border of the image.
+        Whether each touches the border of the image.
     """
 
     label: Integers
@@ -47,7 +47,7 @@ def census(image: NDArray[Any], name: str = "the image") -> Census:
     image : (nx, ny, nz) array_like of int
         Labels, 0 for void; it may be a memory map larger than the memory.
     name : str
-        What messages call it.
+        Name of the image in messages.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def census(image: NDArray[Any], name: str = "the image") -> Census:
     Raises
     ------
     InputError
-        If it has not three axes, is empty, or holds what is no whole number of at least 0.
+        If the image does not have three axes, is empty, or contains a value that is not a whole number of at least 0.
     """
     if image.ndim != 3:
         raise InputError(

@@ -1,7 +1,7 @@
-"""The surface of voxels as they are: their outer faces, each as two triangles (cuberille, Herman & Liu 1979).
+"""Voxel surface: the outer faces of voxels, each as two triangles (cuberille, Herman & Liu 1979).
 
-Voxels that meet in an edge or a corner only would make edges with four faces. There the surface is taken apart, so that
-each voxel keeps its own faces: vertices on such edges and corners move a little into the voxels that they belong to.
+Voxels that share only an edge or a corner would give edges with four faces. The surface is split there, so that each
+voxel keeps its own faces: vertices on such edges and corners are displaced slightly into their voxels.
 
 References
 ----------
@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.graph import components
 
-#: part of the way to the middle of their voxels by which vertices move that are taken apart
+#: displacement of split vertices, as a fraction of the distance from the centers of their voxels
 APART = 2.0**-10
 
 
@@ -24,14 +24,15 @@ def voxel_surface(mask: Booleans) -> tuple[Floats, Integers]:
     Parameters
     ----------
     mask : (nx, ny, nz) ndarray of bool
-        At least one is taken; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
+        Mask with at least one occupied voxel; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
 
     Returns
     -------
     vertices : (n, 3) ndarray of float
-        In voxels: whole numbers, but where voxels meet in an edge or a corner only.
+        Vertices in voxels: whole numbers, except where voxels share only an edge or a corner.
     faces : (m, 3) ndarray of int
-        Outward; cavities inward. Each edge has two, and voxels that share no face are not joined.
+        Triangles, outward; those of cavities inward. Each edge has two faces, and voxels without a common face are not
+        connected.
     """
     faces, owner = _outer_faces(mask)
     corner = np.unique(faces)

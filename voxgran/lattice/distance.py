@@ -1,10 +1,10 @@
 """Exact Euclidean distances on a lattice.
 
-The squared distance of a voxel from the nearest free one is a sum over the axes; so it is found axis by axis, in whole
-numbers (Felzenszwalb & Huttenlocher 2012, doi:10.4086/toc.2012.v008a019). Along the second and the third axis 64
-lines are worked on at once: where the distances are short, as in the pores and grains of a packing, each voxel
-looks at neighbours until they are too far to matter (Meijster, Roerdink & Hesselink 2000,
-doi:10.1007/0-306-47025-X_36); where they are long, the lower envelope of parabolas is built line by line. Both give
+The squared distance of a voxel from the nearest free one is a sum over the axes and is therefore computed axis by axis,
+in integers (Felzenszwalb & Huttenlocher 2012, doi:10.4086/toc.2012.v008a019). Along the second and the third axis 64
+lines are processed at once. For short distances, as in the pores and grains of a packing, neighbours are scanned up to
+the distance at which they can no longer contribute (Meijster, Roerdink & Hesselink 2000,
+doi:10.1007/0-306-47025-X_36); for long distances the lower envelope of parabolas is constructed line by line. Both give
 the same bits.
 """
 
@@ -21,9 +21,9 @@ from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.kernels import kernel
 
-#: squared distance where nothing is free; larger than any in a lattice that is taken
+#: squared distance without a free voxel; larger than any in an accepted lattice
 NEVER = 2**30
-#: distance above which the envelope is faster than looking at neighbours
+#: distance above which the envelope is faster than the scan of neighbours
 LONG = 40.0
 
 
@@ -35,26 +35,26 @@ def distance_transform(
     threads: int = 1,
     out: NDArray[Any] | None = None,
 ) -> NDArray[Any]:
-    """Return the distance of each taken voxel's center from that of the nearest free voxel, exactly.
+    """Return the exact distance of each occupied voxel's center from that of the nearest free voxel.
 
     Parameters
     ----------
     mask : (nx, ny, nz) array_like of bool
-        Taken voxels; beyond the image there is nothing, neither taken nor free.
+        Mask of the occupied voxels; the exterior of the image counts neither as occupied nor as free.
     periodic : str, bool or sequence
-        Axes along which the image repeats, such as ``"xy"``; as of :class:`voxgran.Box`.
+        Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
     squared : bool
-        Whether the squared distance is wanted, a whole number.
+        Whether to return squared distances, as whole numbers.
     threads : int
-        Threads; the result does not depend on them.
+        Number of threads; the result does not depend on it.
     out : (nx, ny, nz) ndarray of float32, float64 or int32, optional
-        Where the result is written, of type int32 for squared distances.
+        Array for the result, of type int32 for squared distances. Default: a new array.
 
     Returns
     -------
     (nx, ny, nz) ndarray
-        In voxels: float32, or int32 for squared distances; 0 where free. Where nothing is free it is infinite, or
-        2**30 for squared distances.
+        Distances in voxels: float32, or int32 for squared distances; 0 for free voxels. Without any free voxel they are
+        infinite, or 2**30 for squared distances.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def distance_transform(
 
     Notes
     -----
-    Memory beside the mask: 4 bytes a voxel for the result and 4 for the squares it is made from (squared: 4 in all).
+    Memory beside the mask: 4 bytes per voxel for the result and 4 for the squares it is made from (squared: 4 in all).
 
     Examples
     --------
@@ -100,15 +100,15 @@ def distance_transform(
 
 
 def inside_distance(mask: Booleans, voxel_size: float) -> Floats:
-    """Return the distance of each taken voxel's center from the nearest free voxel, less half a voxel.
+    """Return the distance of each occupied voxel's center from the nearest free voxel, minus half a voxel.
 
-    That is how large a sphere about the center may be before it leaves the taken voxels, within half a voxel's
-    diagonal; free voxels get 0. What lies beyond the lattice counts as free.
+    This is the radius of the largest sphere about the center inside the occupied voxels, within half a voxel's
+    diagonal; it is 0 for free voxels. The exterior of the lattice counts as free.
 
     Parameters
     ----------
     mask : (nx, ny, nz) ndarray of bool
-        Taken voxels.
+        Mask of the occupied voxels.
     voxel_size : float
         Edge of a voxel, in the unit of lengths.
     """
@@ -122,7 +122,7 @@ def as_mask(image: ArrayLike, name: str = "mask") -> Booleans:
     Raises
     ------
     InputError
-        If it has not three axes, or holds what is neither bool nor 0 or 1.
+        If the image does not have three axes, or contains values other than bool, 0 and 1.
     """
     array = np.asarray(image)
     if array.ndim != 3:
@@ -135,7 +135,7 @@ def as_mask(image: ArrayLike, name: str = "mask") -> Booleans:
 
 
 def _in_blocks(work: Any, count: int, threads: int, *arguments: Any) -> None:
-    """Call a kernel for blocks of planes, at the same time on several threads."""
+    """Call a kernel for blocks of planes on several threads in parallel."""
     blocks = min(count, threads)
     bounds = [count * b // max(blocks, 1) for b in range(blocks + 1)]
     if blocks <= 1:
@@ -176,7 +176,7 @@ def _pass_planes(taken, squares, around_z, around_y, far, begin, end):  # type: 
 
 @kernel
 def _pass_columns(squares, around, far, begin, end):  # type: ignore[no-untyped-def]
-    """Add what lies along x, for planes across y."""
+    """Add the contribution along x, for planes across y."""
     nx, nz = squares.shape[0], squares.shape[2]
     lines, found = np.empty((nx, 64), np.int32), np.empty((nx, 64), np.int32)
     height, place = np.empty(2 * nx + 2, np.int64), np.empty(2 * nx + 2, np.int64)
@@ -204,7 +204,7 @@ def _walk(taken, squares, around):  # type: ignore[no-untyped-def]
     n, never = len(taken), np.int32(2**30)
     count = np.int32(2**15)
     if around:
-        # the free voxel that comes last, seen from the other end
+        # the last free voxel, from the other end
         for k in range(n):
             count = np.int32(0) if not taken[n - 1 - k] else count
             if count == 0:
@@ -227,7 +227,7 @@ def _walk(taken, squares, around):  # type: ignore[no-untyped-def]
 
 @kernel
 def _find_lowest(lines, width, longest, found, height, place, around, far):  # type: ignore[no-untyped-def]
-    """Find the least of value + distance^2 along 64 lines, the faster way."""
+    """Compute the minimum of value + distance^2 along 64 lines by the faster method."""
     if longest > far * far and len(lines) > far:
         for t in range(width):
             _envelope(lines, t, found, height, place, around, np.int32(2**30))
@@ -237,7 +237,7 @@ def _find_lowest(lines, width, longest, found, height, place, around, far):  # t
 
 @kernel
 def _look(lines, found, low, around):  # type: ignore[no-untyped-def]
-    """Find the least of value + distance^2 along 64 lines at once, looking farther as long as it can matter."""
+    """Compute the minimum of value + distance^2 along 64 lines at once, by a scan of increasing distance."""
     n = len(lines)
     for j in range(n):
         largest = np.int32(0)
@@ -268,9 +268,9 @@ def _look(lines, found, low, around):  # type: ignore[no-untyped-def]
 
 @kernel
 def _envelope(lines, t, found, height, place, around, never):  # type: ignore[no-untyped-def]
-    """Find the least of value + distance^2 along one line, by the lower envelope of parabolas in whole numbers."""
+    """Compute the minimum of value + distance^2 along one line, by the lower envelope of parabolas in integers."""
     n = len(lines)
-    # a line that repeats is looked at from half a length before to half a length behind
+    # a periodic line is extended by half its length at both ends
     before = n // 2 if around else 0
     many = -1
     for q in range(-before, n + before):
@@ -281,7 +281,7 @@ def _envelope(lines, t, found, height, place, around, never):  # type: ignore[no
         while many >= 0:
             p = place[many]
             other = lines[(p + n) % n, t] if around else lines[p, t]
-            # the first whole number where q lies below p
+            # the first integer at which q lies below p
             start = (np.int64(value) + q * q - other - p * p) // (2 * (q - p)) + 1
             if start <= height[many]:
                 many -= 1

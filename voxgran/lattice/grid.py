@@ -1,4 +1,4 @@
-"""A regular lattice of cubic voxels: where it lies and how indices and coordinates correspond."""
+"""Regular lattice of cubic voxels: position, and conversion between indices and coordinates."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 
-#: share by which rounding may make a voxel larger than the length that it fills
+#: relative excess, due to rounding, of a voxel over the length that it fills
 ROUNDING = 1e-9
 
 
@@ -67,26 +67,26 @@ class Grid:
         return np.array(self.origin) + (np.asarray(indices) + 0.5) * self.voxel_size
 
     def indices(self, points: Floats) -> Integers:
-        """Return the (n, 3) indices of the voxels that hold (n, 3) points; outside they are out of range."""
+        """Return the (n, 3) indices of the voxels that contain (n, 3) points; out of range for points outside."""
         return np.floor((np.asarray(points) - np.array(self.origin)) / self.voxel_size).astype(np.int64)
 
 
 def check_voxel_size(voxel_size: float, extent: float, what: str) -> None:
-    """Check that a voxel is no larger than what it shall resolve.
+    """Check that a voxel is no larger than a given extent.
 
     Parameters
     ----------
     voxel_size : float
         Edge of a voxel.
     extent : float
-        Extent that must hold a voxel at least, in the same unit.
+        Largest allowed edge, in the same unit.
     what : str
-        What has this extent, as the message names it.
+        Name of the object of this extent in messages.
 
     Raises
     ------
     InputError
-        If it is larger.
+        If the voxel is larger.
     """
     if voxel_size > extent * (1 + ROUNDING):
         raise InputError(f"voxel_size is {voxel_size:.6g}: {what} is only {extent:.6g} wide; make the voxels smaller")

@@ -1,11 +1,11 @@
-"""The surface of one grain of a label image, such that the surfaces of all grains fit together.
+"""Surface of one grain of a label image, conforming to the surfaces of its neighbours.
 
-Every voxel center is a node, and cubes of eight nodes are cut into six tetrahedra along their diagonals (Freudenthal
-1942, Kuhn 1960). On each edge between a node of the grain and another node lies one vertex of the surface, which both
-sides share. Whatever its place on the edge, the parts of a tetrahedron that belong to different labels do not overlap:
-neighbours meet in the same triangles, and no surface crosses itself. Places follow the smoothed image: where the shares
-of the two labels are equal; at the border of the image in its plane. Towards the void they are shifted, all by one
-share, so that the grain keeps its volume.
+Every voxel center is a node, and cubes of eight nodes are divided into six tetrahedra along their diagonals
+(Freudenthal 1942, Kuhn 1960). Each edge between a node of the grain and another node has one vertex of the surface,
+which both sides share. For any position on the edge the parts of a tetrahedron with different labels do not overlap:
+neighbours share the same triangles, and no surface intersects itself. The vertices are placed where the shares of the
+two labels in the smoothed image are equal, and in the plane of the border at the border of the image. Vertices towards
+the void are shifted by a common share, so that the grain keeps its volume.
 """
 
 import itertools
@@ -15,11 +15,11 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 
-#: a vertex lies no nearer to a node than this, in edges
+#: smallest distance of a vertex from a node, in edges
 MARGIN = 0.05
-#: difference of shares along an edge below which it counts as this much: no vertex may jump
+#: lower bound of the difference of shares along an edge, so that no vertex jumps
 LEAST_SLOPE = 0.05
-#: steps in which the shift is searched
+#: number of steps of the search for the shift
 MOST_SHIFTS = 100
 
 #: edges of the outward triangles in a right-handed tetrahedron, by the nodes that belong to the grain, as bits
@@ -29,31 +29,31 @@ _HALF = {
     **{case: [edges] for case, edges in _ONE.items()},
     **{case: [(a, b, c), (a, c, d)] for case, (a, b, c, d) in _TWO.items()},
 }
-#: the other side of a cut is the same triangles, seen from behind
+#: the other side of a cut has the same triangles with the opposite orientation
 TRIANGLES = {**_HALF, **{15 - case: [(c, b, a) for a, b, c in made] for case, made in _HALF.items()}}
 
 
 def fitted_surface(labels: Integers, own: Booleans, beyond: Booleans, *, smoothing: float) -> tuple[Floats, Integers]:
-    """Return the surface of a grain, which its neighbours share.
+    """Return the surface of a grain, conforming to those of its neighbours.
 
     Parameters
     ----------
     labels : (nx, ny, nz) ndarray of int
-        Labels around the grain, 0 for void, as far as the smoothing reaches beyond it; what is beyond the border of the
-        image mirrored.
+        Labels around the grain, 0 for void, up to the range of the smoothing; mirrored beyond the border of the image.
     own : (nx, ny, nz) ndarray of bool
-        Which voxels are those of the grain; none in the outermost layer.
+        Mask of the voxels of the grain; none in the outermost layer.
     beyond : (nx, ny, nz) ndarray of bool
-        Which voxels are beyond the border of the image.
+        Mask of the voxels beyond the border of the image.
     smoothing : float
         Standard deviation of the Gaussian that rounds the steps, in voxels, above 0.
 
     Returns
     -------
     vertices : (n, 3) ndarray of float
-        In voxels; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
+        Vertices in voxels; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
     faces : (m, 3) ndarray of int
-        Outward; cavities inward. The volume enclosed is the number of voxels, unless there is too little void around.
+        Triangles, outward; those of cavities inward. The enclosed volume is the number of voxels, unless there is too
+        little void around the grain.
     """
     lower, upper, faces = _cut_edges(own)
     inside = own.ravel()[lower]
@@ -64,7 +64,7 @@ def fitted_surface(labels: Integers, own: Booleans, beyond: Booleans, *, smoothi
     free = np.where(labels.ravel()[there] == 0, 1.0 / slope, 0.0) * ~beyond.ravel()[there]
 
     def vertices(shift: float) -> Floats:
-        """Return the vertices where the grain has a larger share at the void."""
+        """Return the vertices after a shift of those at the void to a larger share of the grain."""
         return nodes + np.clip(share + shift * free, MARGIN, 1 - MARGIN)[:, None] * way
 
     wanted = float(own.sum())
@@ -107,7 +107,7 @@ def _cut_edges(own: Booleans) -> tuple[Integers, Integers, Integers]:
 def _crossings(
     labels: Integers, beyond: Booleans, here: Integers, there: Integers, smoothing: float
 ) -> tuple[Floats, Floats]:
-    """Return where edges are cut, as the part of the way from the grain, and how steeply its share falls there."""
+    """Return the positions of the vertices on the edges, as fractions from the grain, and the slopes of its share."""
     smooth, flat = load("scipy.ndimage").gaussian_filter, labels.ravel()
     part, slope, other = np.full(len(here), 0.5), np.ones(len(here)), flat[there]
     label = flat[here[0]]
@@ -117,7 +117,7 @@ def _crossings(
         return np.asarray(smooth((labels == of).astype(np.float64), smoothing, truncate=3.0).ravel())
 
     mine = shares(int(label))
-    # the border of the image, and a grain that meets itself across a periodic face, are half way
+    # edges at the border of the image, or to the same grain across a periodic face, are cut at the midpoint
     known = ~beyond.ravel()[there] & (other != label)
     for of in np.unique(other[known]).tolist():
         some = known & (other == of)

@@ -23,11 +23,11 @@ def connected_components(
     Parameters
     ----------
     mask : (nx, ny, nz) array_like of bool
-        Taken voxels.
+        Mask of the occupied voxels.
     connectivity : {6, 18, 26}
         Number of neighbours that a voxel is connected to.
     periodic : str, bool or sequence
-        Axes along which the image repeats, such as ``"xy"``; as of :class:`voxgran.Box`.
+        Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
 
     Returns
     -------
@@ -43,7 +43,7 @@ def connected_components(
 
     Notes
     -----
-    Memory beside the mask: 4 bytes a voxel for the labels; 8 bytes a voxel for a periodic image.
+    Memory beside the mask: 4 bytes per voxel for the labels; 8 bytes per voxel for a periodic image.
 
     Examples
     --------

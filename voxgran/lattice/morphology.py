@@ -1,7 +1,7 @@
 """Erosion, dilation, opening and closing with spheres of any radius, through the exact distance transform.
 
 The cost does not depend on the radius (Serra 1982, Image analysis and mathematical morphology, for the operations).
-Beyond the image there is nothing: it neither erodes nor dilates what is inside.
+The exterior of the image neither erodes nor dilates the interior.
 """
 
 import numpy as np
@@ -13,18 +13,18 @@ from voxgran.lattice.distance import as_mask, distance_transform
 
 
 def dilation(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
-    """Return the voxels within a distance of a taken one.
+    """Return the voxels within a distance of an occupied one.
 
     Parameters
     ----------
     mask : (nx, ny, nz) array_like of bool
-        Taken voxels.
+        Mask of the occupied voxels.
     radius : float
-        Radius of the sphere in voxels, at least 0; centers at just this distance count.
+        Radius of the sphere in voxels, at least 0; centers at exactly this distance are included.
     periodic : str, bool or sequence
-        Axes along which the image repeats, such as ``"xy"``; as of :class:`voxgran.Box`.
+        Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
     threads : int
-        Threads; the result does not depend on them.
+        Number of threads; the result does not depend on it.
 
     Returns
     -------
@@ -37,7 +37,7 @@ def dilation(mask: ArrayLike, radius: float, *, periodic: Periodic = False, thre
 
     Notes
     -----
-    Memory beside the mask: 6 bytes a voxel, as for the other three.
+    Memory beside the mask: 6 bytes per voxel, as for the other three.
 
     Examples
     --------
@@ -52,7 +52,7 @@ def dilation(mask: ArrayLike, radius: float, *, periodic: Periodic = False, thre
 
 
 def erosion(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
-    """Return the taken voxels farther than a distance from every free one.
+    """Return the occupied voxels farther than a distance from every free one.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def erosion(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threa
 
 
 def opening(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
-    """Return what spheres cover that fit into the taken voxels: an erosion, then a dilation.
+    """Return the voxels covered by spheres inside the occupied ones: an erosion followed by a dilation.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def opening(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threa
 
 
 def closing(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
-    """Return the taken voxels and the gaps between them into which no sphere fits: a dilation, then an erosion.
+    """Return the occupied voxels and the gaps in which no sphere fits: a dilation followed by an erosion.
 
     Parameters
     ----------
@@ -117,5 +117,5 @@ def _within(mask: Booleans, radius: float, periodic: Periodic, threads: int) -> 
     """Return the voxels within a distance of a free one."""
     reach = as_number(radius, "radius", at_least=0.0)
     squares = distance_transform(mask, periodic=periodic, squared=True, threads=threads)
-    # radii such as sqrt(2) hold the centers at just their distance
+    # radii such as sqrt(2) include the centers at exactly this distance
     return np.asarray(squares <= min(reach * reach * (1 + 1e-12), 2.0**29))

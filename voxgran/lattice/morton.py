@@ -1,4 +1,4 @@
-"""The order of lattice sites along a curve that keeps neighbours together."""
+"""Morton order of lattice sites, along a space-filling curve that preserves locality."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ def morton_order(sites: Integers) -> Integers:
     Parameters
     ----------
     sites : (n, 3) ndarray of int
-        Below 2**21 in extent along each axis.
+        Sites, with an extent below 2**21 along each axis.
 
     References
     ----------

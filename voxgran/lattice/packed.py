@@ -1,7 +1,7 @@
-"""A solid on a lattice as bits: one bit a voxel, 64 voxels along z in a word.
+"""A solid on a lattice as bits: one bit per voxel, 64 voxels along z in a word.
 
-1024 x 1024 x 1024 voxels take 128 MiB. Counts, middles and faces are read from the bits block by block, so that a
-measure needs some megabytes beside them, however large the lattice is.
+1024 x 1024 x 1024 voxels need 128 MiB. Counts, centers and faces are computed from the bits block by block, so that a
+measure needs only some megabytes in addition, for any size of the lattice.
 """
 
 from collections.abc import Iterator
@@ -14,9 +14,9 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 
 Words = NDArray[np.uint64]
 
-#: words that are looked at in one go: bounds what a measure needs beside the bits
+#: number of words processed at once, which bounds the additional memory of a measure
 BLOCK = 2**20
-#: bits whose place in the word has the binary digit 1, 2, 4, ... set: their counts add up to the sum of the places
+#: bits whose index in the word has the binary digit 1, 2, 4, ... set; their counts give the sum of the indices
 _DIGITS = (
     0xAAAAAAAAAAAAAAAA,
     0xCCCCCCCCCCCCCCCC,
@@ -29,7 +29,7 @@ _DIGITS = (
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PackedMask:
-    """Which voxels of a lattice are taken, an eighth of a byte each.
+    """Mask of the occupied voxels of a lattice, with one bit each.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class PackedMask:
 
     @classmethod
     def empty(cls, shape: tuple[int, int, int]) -> "PackedMask":
-        """Return a lattice of which no voxel is taken."""
+        """Return a lattice without occupied voxels."""
         return cls(np.zeros((shape[0], shape[1], -(-shape[2] // 64)), dtype=np.uint64), shape)
 
     @classmethod
@@ -56,7 +56,7 @@ class PackedMask:
         return packed
 
     def unpacked(self, out: Booleans | None = None) -> Booleans:
-        """Return the (nx, ny, nz) mask, written to `out` where that is given."""
+        """Return the (nx, ny, nz) mask, written to `out` if that is given."""
         if out is None and self.words.size <= BLOCK:
             octets = self.words.view(np.uint8)
             return np.unpackbits(octets, axis=2, count=self.shape[2], bitorder="little").view(np.bool_)
@@ -68,11 +68,11 @@ class PackedMask:
         return mask
 
     def count(self) -> int:
-        """Return the number of taken voxels."""
+        """Return the number of occupied voxels."""
         return sum(int(np.bitwise_count(words).sum(dtype=np.int64)) for _, words in self._blocks())
 
     def centroid(self) -> Floats:
-        """Return the mean center of the taken voxels, (3,), in voxels from the corner; NaN where none is taken."""
+        """Return the mean center (3,) of the occupied voxels, in voxels from the corner; NaN if there are none."""
         total, moment = 0, np.zeros(3)
         digits = [np.uint64(digit) for digit in _DIGITS]
         for begin, words in self._blocks():
@@ -86,7 +86,7 @@ class PackedMask:
         return moment / total + 0.5 if total else np.full(3, np.nan)
 
     def bounds(self) -> tuple[Integers, Integers]:
-        """Return the box of the taken voxels: first indices and those behind the last, (3,) each; 0, 0 for none."""
+        """Return the bounding box of the occupied voxels: first indices, last indices plus 1, (3,) each; 0 if empty."""
         nx, ny, nz = self.shape
         planes, rows = np.zeros(nx, dtype=np.bool_), np.zeros(ny, dtype=np.bool_)
         levels = np.zeros(self.words.shape[2], dtype=np.uint64)
@@ -101,7 +101,7 @@ class PackedMask:
         return np.array([end[0] for end in ends]), np.array([end[-1] + 1 for end in ends])
 
     def face_count(self) -> int:
-        """Return the number of voxel faces between a taken and a free voxel; beyond the lattice all is free."""
+        """Return the number of faces between an occupied and a free voxel; the exterior of the lattice is free."""
         faces, before = 0, np.zeros(self.words.shape[1:], dtype=np.uint64)
         for _, words in self._blocks():
             faces += _ones(words ^ np.concatenate([before[None], words[:-1]]))

@@ -1,4 +1,4 @@
-"""Images on another lattice: coarser or finer with the sum kept, nearest labels, and cut to what is there."""
+"""Resampling of images with conserved sum or nearest values, and cropping to the nonzero part."""
 
 import math
 from typing import Any
@@ -10,7 +10,7 @@ from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_float
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.lazy import load
 
-#: most voxels of an image
+#: upper bound of the number of voxels of an image
 MOST_VOXELS = 2**32
 
 
@@ -21,24 +21,25 @@ def resample(
     shape: tuple[int, int, int] | None = None,
     method: str = "mean",
 ) -> NDArray[Any]:
-    """Return an image of the same box with other voxels.
+    """Return an image of the same box with another number of voxels.
 
     Parameters
     ----------
     image : (nx, ny, nz) array_like
-        Shares, grey values or a mask; labels with the method ``"nearest"``.
+        Volume fractions, grey values or a mask; labels with the method ``"nearest"``.
     factor : float, optional
-        New voxels per old voxel along each axis: 0.5 halves the number, 2 doubles it; rounded to whole numbers.
+        Number of new voxels per old voxel along each axis: 0.5 halves the number of voxels, 2 doubles it; the result is
+        rounded to whole numbers.
     shape : tuple of int, optional
-        Number of new voxels along x, y, z, instead.
+        Number of new voxels along x, y, z; replaces `factor`.
     method : {"mean", "nearest"}
-        ``"mean"`` averages over the part of the box that a new voxel takes, so that the sum times the volume of a voxel
-        is kept; ``"nearest"`` takes the value at the new center.
+        ``"mean"`` averages over the volume of a new voxel, so that the sum times the volume of a voxel is conserved;
+        ``"nearest"`` uses the value at the new center.
 
     Returns
     -------
     ndarray
-        float64 for means, else of the type of the image.
+        New image, of type float64 for means, otherwise of the type of `image`.
 
     Raises
     ------
@@ -50,7 +51,7 @@ def resample(
 
     Notes
     -----
-    Memory beside the image: that of the result, and for means 16 bytes a voxel of the larger image.
+    Memory beside the image: that of the result, and for means 16 bytes per voxel of the larger image.
 
     Examples
     --------
@@ -86,21 +87,21 @@ def resample(
 
 
 def crop(image: ArrayLike, *, margin: int = 0) -> tuple[NDArray[Any], Integers]:
-    """Return the part of an image that holds what is not 0.
+    """Return the part of an image that contains all nonzero voxels.
 
     Parameters
     ----------
     image : (nx, ny, nz) array_like
-        Mask, labels or shares.
+        Mask, labels or volume fractions.
     margin : int
-        Layers kept around it, as far as the image has them.
+        Number of additional layers on each side, within the image.
 
     Returns
     -------
     part : ndarray
-        A view of the image; empty where all is 0.
+        View of the image; empty if all voxels are 0.
     start : (3,) ndarray of int
-        Index of its first voxel.
+        Index of the first voxel of the part.
 
     Raises
     ------
@@ -131,7 +132,7 @@ def crop(image: ArrayLike, *, margin: int = 0) -> tuple[NDArray[Any], Integers]:
 
 
 def _overlaps(old: int, new: int) -> Any:
-    """Return the sparse (new, old) matrix of which part of a new voxel each old one takes."""
+    """Return the sparse (new, old) matrix of the share of each old voxel in a new one."""
     edges = np.union1d(np.arange(old + 1) * new, np.arange(new + 1) * old).astype(np.int64)
     length: Floats = np.diff(edges) / old
     rows, columns = edges[:-1] // old, edges[:-1] // new

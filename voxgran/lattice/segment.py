@@ -1,4 +1,4 @@
-"""From a grey image to labels: threshold, clean-up and watershed, by scikit-image."""
+"""Segmentation of grey images: threshold, removal of noise and watershed, by scikit-image."""
 
 from typing import Any
 
@@ -19,26 +19,26 @@ def segment(
     smallest: int = 64,
     separation: float = 2.0,
 ) -> Integers:
-    """Label the grains of a grey image.
+    """Segment a grey image into labelled grains.
 
     Parameters
     ----------
     image : (nx, ny, nz) ndarray
         Grey values.
     threshold : float or "otsu"
-        Grey value above which a voxel is solid; ``"otsu"`` takes the one that parts the histogram best.
+        Grey value above which a voxel is solid; ``"otsu"`` determines it from the histogram.
     dark_grains : bool
         Whether grains are darker than the void.
     smallest : int
-        Solid bodies and holes of fewer voxels are taken for noise, and so are grains after the split.
+        Smallest number of voxels of solid bodies, holes and separated grains; smaller ones are removed as noise.
     separation : float
-        How far, in voxels, the distance to the void must fall between two middles for them to be two grains; larger
-        values split less.
+        Decrease, in voxels, of the distance to the void between two centers from which they are separate grains; larger
+        values separate fewer grains.
 
     Returns
     -------
     (nx, ny, nz) ndarray of int
-        Labels 1, 2, ... without holes in the numbering, 0 for void.
+        Consecutive labels 1, 2, ..., and 0 for void.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def segment(
     if grey.dtype.kind not in "buif" or not np.isfinite(grey).all():
         raise InputError(f"image holds {grey.dtype} with numbers that are not finite: grey values are needed; clean it")
     least = as_count(smallest, "smallest", at_least=1)
-    # no distance within the image is larger than its edges together
+    # no distance within the image exceeds the sum of its edges
     height = min(as_positive(separation, "separation"), sum(grey.shape))
     filters, morphology, segmentation = (_skimage(name) for name in ("filters", "morphology", "segmentation"))
     if threshold == "otsu":

@@ -1,8 +1,8 @@
-"""Closed surfaces around taken voxels and on levels of a field, that enclose as much volume as the voxels do.
+"""Closed surfaces around occupied voxels and at levels of a field, with the volume of the voxels.
 
-Level surfaces are found by flying edges (Schroeder, Maynard & Geveci 2015, doi:10.1109/LDAV.2015.7348069). Of them
-that one is taken that holds the wanted volume; what is left of the difference is made up by a uniform stretch of less
-than a ten-thousandth.
+Level surfaces are computed by flying edges (Schroeder, Maynard & Geveci 2015, doi:10.1109/LDAV.2015.7348069). The level
+is chosen so that the surface encloses the required volume; the remaining difference is removed by a uniform scaling of
+less than a ten-thousandth.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_numbe
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 
-#: relative difference of volumes up to which the level is searched
+#: relative difference of volumes at which the search for the level ends
 LEVEL_ACCURACY = 1e-4
 MOST_LEVELS = 30
 
@@ -20,35 +20,35 @@ MOST_LEVELS = 30
 def iso_surface(
     field: ArrayLike, *, level: float | None = None, volume: float | None = None
 ) -> tuple[Floats, Integers]:
-    """Return the closed surface on which a field on voxel centers has a value, or that encloses a volume.
+    """Return the closed level surface of a field on voxel centers, for a level or an enclosed volume.
 
     Parameters
     ----------
     field : (nx, ny, nz) array_like of float
-        Larger inside: shares of voxels, a smoothed mask, a distance that is above 0 inside.
+        Field with larger values inside: volume fractions, a smoothed mask, or a distance that is positive inside.
     level : float, optional
-        Value on the surface. Left out: the one that encloses the volume.
+        Value on the surface. Default: the value whose surface encloses `volume`.
     volume : float, optional
-        Volume to enclose, in voxels, above 0. Left out, without a level: the sum of the field, which for shares of
-        voxels is their solid volume.
+        Enclosed volume, in voxels, above 0. Default, without `level`: the sum of the field, which for volume fractions
+        is the solid volume.
 
     Returns
     -------
     vertices : (n, 3) ndarray of float
-        In voxels; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1). Where the body meets the border
-        of the image it is closed there.
+        Vertices in voxels; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1). Bodies are closed at
+        the border of the image.
     faces : (m, 3) ndarray of int
-        Outward; cavities inward.
+        Triangles, outward; those of cavities inward.
 
     Raises
     ------
     InputError
-        If the field has not three axes or holds what is not finite, both level and volume are given, the level is not
-        reached anywhere or everywhere, or the volume is not above 0 or larger than the image.
+        If the field does not have three axes or is not finite, both level and volume are given, the level is below or
+        above all values, or the volume is not above 0 or larger than the image.
 
     Notes
     -----
-    Memory beside the field: 24 bytes a voxel, and some 100 bytes a triangle.
+    Memory beside the field: 24 bytes per voxel, and about 100 bytes per triangle.
 
     Examples
     --------
@@ -67,7 +67,7 @@ def iso_surface(
     if level is not None and volume is not None:
         raise InputError("level and volume: give one of them at most")
     low, high = float(values.min()), float(values.max())
-    # a layer around that lies below all levels closes the body at the border
+    # an additional layer below all levels closes bodies at the border
     around = np.pad(values, 1, constant_values=low - (high - low) - 1.0 if high > low else low)
     if level is not None:
         chosen = as_number(level, "level")
@@ -85,12 +85,12 @@ def iso_surface(
 
 
 def smooth_surface(mask: Booleans, *, smoothing: float = 1.0) -> tuple[Floats, Integers]:
-    """Return a closed surface around taken voxels.
+    """Return a smooth closed surface around occupied voxels.
 
     Parameters
     ----------
     mask : (nx, ny, nz) ndarray of bool
-        At least one is taken; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
+        Mask with at least one occupied voxel; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
     smoothing : float
         Standard deviation of the Gaussian that rounds the steps, in voxels, above 0.
 
@@ -99,7 +99,7 @@ def smooth_surface(mask: Booleans, *, smoothing: float = 1.0) -> tuple[Floats, I
     vertices : (n, 3) ndarray of float
         In voxels.
     faces : (m, 3) ndarray of int
-        Outward; cavities inward. The volume enclosed is the number of voxels.
+        Triangles, outward; those of cavities inward. The enclosed volume is the number of voxels.
     """
     ring = int(np.ceil(3 * smoothing)) + 1
     field = load("scipy.ndimage").gaussian_filter(np.pad(mask, ring).astype(np.float64), smoothing, truncate=3.0)
@@ -110,7 +110,7 @@ def smooth_surface(mask: Booleans, *, smoothing: float = 1.0) -> tuple[Floats, I
 def _surface_of_volume(field: Floats, wanted: float) -> tuple[Floats, Integers]:
     """Return the level surface of a field that encloses a volume; the field is lowest at the border."""
     low, high = float(field.min()), float(field.max())
-    # volume falls with the level; ends of the search as (level, relative excess)
+    # the volume decreases with the level; the ends of the search are (level, relative excess)
     above, below = (low, np.inf), (high, -1.0)
     rank = min(max(int(wanted), 1), field.size)
     level = float(np.partition(field.ravel(), -rank)[-rank])
@@ -128,7 +128,7 @@ def _surface_of_volume(field: Floats, wanted: float) -> tuple[Floats, Integers]:
 
 
 def _level_surface(field: Floats, level: float) -> tuple[Floats, Integers]:
-    """Return the surface on which a field on voxel centers has a value."""
+    """Return the level surface of a field on voxel centers."""
     support, model = load("vtkmodules.util.numpy_support"), load("vtkmodules.vtkCommonDataModel")
     image = model.vtkImageData()
     image.SetDimensions(*field.shape)

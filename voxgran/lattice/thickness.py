@@ -1,8 +1,7 @@
-"""Local thickness: at each voxel the largest sphere that covers it and fits into the taken voxels; pore size for voids.
+"""Local thickness: the diameter of the largest sphere in the occupied voxels that covers a voxel; pore size for voids.
 
-Only voxels whose sphere is not held by the sphere of a neighbour are painted: which radius a neighbour needs is read
-from a table (distance ridge, Dougherty & Kunzelmann 2007, doi:10.1017/S1431927607074430). On the lattice this leaves
-nothing out.
+Only spheres that no neighbour's sphere contains are drawn; a table gives the radius that a neighbour needs (distance
+ridge, Dougherty & Kunzelmann 2007, doi:10.1017/S1431927607074430). On the lattice the result is exact.
 """
 
 import numpy as np
@@ -16,24 +15,25 @@ from voxgran.lattice.distance import NEVER, as_mask, distance_transform
 
 
 def local_thickness(mask: ArrayLike, *, periodic: Periodic = False, threads: int = 1) -> NDArray[np.float32]:
-    """Return the diameter of the largest sphere that covers a voxel and holds taken voxels only.
+    """Return for each voxel the diameter of the largest sphere of occupied voxels that covers it.
 
-    Of the void between grains this is the pore size.
+    Applied to the void between grains this is the pore size.
 
     Parameters
     ----------
     mask : (nx, ny, nz) array_like of bool
-        Taken voxels; beyond the image there is nothing, neither taken nor free.
+        Mask of the occupied voxels; the exterior of the image counts neither as occupied nor as free.
     periodic : str, bool or sequence
-        Axes along which the image repeats, such as ``"xy"``; as of :class:`voxgran.Box`.
+        Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
     threads : int
-        Threads of the distance transform; the result does not depend on them.
+        Number of threads of the distance transform; the result does not depend on it.
 
     Returns
     -------
     (nx, ny, nz) ndarray of float32
-        In voxels; 0 where free. The radius of a sphere is the distance of its center from that of the nearest free
-        voxel, and it covers what lies nearer; so an even slab has its thickness, and an odd one a voxel more.
+        Diameters in voxels; 0 for free voxels. The radius of a sphere is the distance of its center from that of the
+        nearest free voxel, and it covers all closer centers; a slab of an even number of voxels therefore has its
+        thickness, and one of an odd number a voxel more.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def local_thickness(mask: ArrayLike, *, periodic: Periodic = False, threads: int
 
     Notes
     -----
-    Memory beside the mask: 8 bytes a voxel.
+    Memory beside the mask: 8 bytes per voxel.
 
     References
     ----------
@@ -72,10 +72,10 @@ def local_thickness(mask: ArrayLike, *, periodic: Periodic = False, threads: int
 
 
 def _needed(largest: int) -> Integers:
-    """Return which squared radius a neighbour's sphere needs to hold a sphere, (3, largest + 1).
+    """Return the squared radius that a neighbour's sphere needs to contain a sphere, (3, largest + 1).
 
-    A sphere of squared radius s holds the lattice points with a squared distance below s. Row n is for a step that
-    changes n + 1 axes.
+    A sphere of squared radius s contains the lattice points with a squared distance below s. Row n is for a step along
+    n + 1 axes.
     """
     reach = int(np.sqrt(largest)) + 1
     y, z = np.meshgrid(np.arange(reach + 1), np.arange(reach + 1), indexing="ij")
@@ -92,7 +92,7 @@ def _needed(largest: int) -> Integers:
 
 @kernel
 def _is_held(squares, needed, around, i, j, k):  # type: ignore[no-untyped-def]
-    """Return whether the sphere of a neighbour holds the sphere of a voxel."""
+    """Return whether the sphere of a neighbour contains the sphere of a voxel."""
     nx, ny, nz = squares.shape
     own = squares[i, j, k]
     for di in range(-1, 2):

@@ -1,1 +1,1 @@
-"""Packings into numbers: one question per file, all answers in one `xarray.DataTree`."""
+"""Measures of packings: one per file, with all results in one `xarray.DataTree`."""

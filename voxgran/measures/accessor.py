@@ -1,4 +1,4 @@
-"""What xarray users get: ``tree.voxgran`` on statistics, from the moment voxgran measures or reads some."""
+"""Accessor of xarray: ``tree.voxgran`` on statistics, registered when voxgran first measures or reads some."""
 
 import json
 import math
@@ -16,7 +16,7 @@ NAME = "voxgran"
 
 
 class StatisticsAccessor:
-    """Numbers with their units and where they come from.
+    """Numbers with their units, and their provenance.
 
     Parameters
     ----------
@@ -35,13 +35,13 @@ class StatisticsAccessor:
 
     @property
     def provenance(self) -> dict[str, Any]:
-        """How the packing was made; empty where the statistics do not say."""
+        """Provenance of the packing; empty if the statistics have none."""
         groups = getattr(self._statistics, "groups", ())
         source = self._statistics["/provenance"] if "/provenance" in groups else self._statistics
         return dict(json.loads(str(source["record"].item()))) if "record" in source.data_vars else {}
 
     def text(self, name: str) -> str:
-        """Return a number as a person writes it: long name, four digits, unit.
+        """Return a number as text: long name, four digits, unit.
 
         Parameters
         ----------
@@ -67,7 +67,7 @@ class StatisticsAccessor:
 
 
 def register_accessor() -> None:
-    """Let datasets and trees of xarray have the accessor; once, however often it is called."""
+    """Register the accessor for datasets and trees of xarray; repeated calls have no effect."""
     xarray = load("xarray")
     for kind, register in (
         (xarray.Dataset, xarray.register_dataset_accessor),

@@ -10,7 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran.measures.halfspaces import cut_spheres
 
-#: points of the quadrature between two special heights, and of the coarser one that tells the error
+#: points of the quadrature between two special heights, and of the coarser one that gives the error
 POINTS = 40
 FEWER = 30
 
@@ -29,7 +29,7 @@ def cut_spheres_by_cylinder(
     radius : float
         Radius of the cylinder.
     lower, upper : float
-        Its floor and its top.
+        Lower and upper end of the cylinder.
 
     Returns
     -------

@@ -1,13 +1,14 @@
 """Exact volume of spheres, and exact area of disks, cut by planes.
 
-The sphere cut by half-spaces is seen from its center. In every direction the sight ends at the sphere or at a face
-before it, so that the volume is a third of ``r**3 * solid angle`` of the sphere plus ``distance * area`` of each
-face; the solid angle of the sphere is the full turn (where the center is inside) less those of the faces. A face is
-a disk cut by half-planes, and the same holds one dimension lower, seen from the foot of the center on the face: the
-angle of the arcs is the full turn less those of the edges. An edge is an interval on a line, found by clipping.
-Each angle is an arc tangent of distances that are known to full relative precision, and an error of the half-chord
-enters squared; so nothing is lost where a face touches the sphere or passes through the center. A center within
-ON_PLANE of a face is shifted by an amount far below round-off, in a direction that lies in no common plane.
+The volume is decomposed into cones with their apex at the center of the sphere. Each ray from the center ends at the
+sphere or at a face before it, so that the volume is a third of ``r**3 * solid angle`` of the sphere plus
+``distance * area`` of each face. The solid angle of the sphere is the full one (if the center is inside) minus those of
+the faces. A face is a disk cut by half-planes, and the same decomposition holds one dimension lower about the
+projection of the center on the face: the angle of the arcs is the full one minus those of the edges. An edge is an
+interval on a line, found by clipping. Each angle is an arc tangent of distances of full relative precision, and an
+error of the half-chord enters squared; so no precision is lost if a face touches the sphere or passes through the
+center. A center within ON_PLANE of a face is shifted by far less than rounding error, in a direction that lies in no
+common plane.
 
 The formula for cells of a mesh instead of half-spaces is due to Strobl, Formella & Pöschel 2016, Exact calculation of
 the overlap volume of spheres and mesh elements, Journal of Computational Physics 311, 158,
@@ -21,10 +22,10 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 
-#: a plane this near to the center, in radii, counts as passing through it
+#: distance from the center, in radii, below which a plane counts as passing through it
 ON_PLANE = 4e-16
 SHIFT = 1e-100
-#: sines below this belong to parallel planes
+#: sine below which two planes count as parallel
 PARALLEL = 1e-15
 
 
@@ -45,7 +46,7 @@ def cut_spheres(
     radii : (n,) ndarray of float
         Radii.
     lower, upper : (3,) ndarray of float
-        Corners of the box; infinite where it is open.
+        Corners of the box; infinite on open sides.
     planes : tuple of ndarray, optional
         For sphere i the half-spaces ``normals[k] @ (x - centers[i]) <= offsets[k]`` with k from ``start[i]`` to
         ``start[i + 1]``, as (start, normals, offsets); normals of length 1.
@@ -133,9 +134,9 @@ def _unit_sphere(work, count):  # type: ignore[no-untyped-def]
 
 @kernel
 def _trace(work, count, f):  # type: ignore[no-untyped-def]
-    """Write where the other planes meet plane f to columns 5 to 7; return the number of lines, -1 if f is hidden."""
+    """Write the lines of the other planes in plane f to columns 5 to 7; return their number, -1 if f is hidden."""
     nx, ny, nz, height = work[f, 0], work[f, 1], work[f, 2], work[f, 3]
-    # a basis of the plane: the axis least along the normal, made orthogonal
+    # a basis of the plane: the axis with the smallest component along the normal, orthogonalized
     ax, ay, az = 0.0, 0.0, 0.0
     if abs(nx) <= abs(ny) and abs(nx) <= abs(nz):
         ax = 1.0
@@ -169,7 +170,7 @@ def _trace(work, count, f):  # type: ignore[no-untyped-def]
 
 @kernel
 def _face(work, lines, radius, height):  # type: ignore[no-untyped-def]
-    """Return area, and solid angle from `height` above, of a disk cut by the lines in columns 5 to 7."""
+    """Return the area, and the solid angle seen from `height` above, of a disk cut by the lines in columns 5 to 7."""
     area, angle, turn, inside = 0.0, 0.0, 0.0, True
     for g in range(lines):
         h = work[g, 7]

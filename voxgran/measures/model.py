@@ -1,7 +1,6 @@
-"""`measure`: what a packing is, in numbers with units, gathered in one tree.
+"""`measure`: statistics of a packing with units, in one tree.
 
-A measure answers one question and is one file of the folder ``registered``, which holds
-``registration = Measure(...)``.
+Each measure is one file of the folder ``registered`` with a line ``registration = Measure(...)``.
 """
 
 import json
@@ -20,12 +19,12 @@ from voxgran.packing.model import Packing, check_packing
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
-#: measured whatever is asked, so that numbers never part from where they come from
+#: always measured, so that numbers keep their provenance
 ALWAYS = ("provenance",)
 
 
 def _always(packing: Packing) -> bool:
-    """Apply to every packing."""
+    """Return True: the measure applies to every packing."""
     del packing
     return True
 
@@ -37,13 +36,13 @@ class Measure:
     Attributes
     ----------
     name, summary : str
-        Name, and what it answers in one line.
+        Name, and description in one line.
     groups : tuple of str
         Groups of the tree that it adds variables to.
     compute : callable
-        Packing to a mapping of these groups to datasets.
+        Function of a packing that returns a mapping of these groups to datasets.
     applies : callable
-        Tells whether a packing allows it; asked only where all measures are wanted.
+        Function that returns whether the measure applies to a packing; used only if all measures are requested.
     """
 
     name: str
@@ -71,19 +70,19 @@ def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTre
     packing : Packing
         The packing; zero grains are allowed.
     which : sequence of str, optional
-        Names of measures; :func:`measures` lists them. Nothing else is computed but the provenance. All that the
-        packing allows where left out.
+        Names of measures; :func:`measures` lists them. Only these and the provenance are computed. Default: all that
+        apply to the packing.
 
     Returns
     -------
     xarray.DataTree
-        Groups ``/``, ``/grains``, ``/contacts``, ``/profiles``, ``/gradation`` and ``/provenance``, as far as they are
-        asked for. Every variable has the attributes `units` and `long_name`, and `error` where it is not exact.
+        Requested groups among ``/``, ``/grains``, ``/contacts``, ``/profiles``, ``/gradation`` and ``/provenance``.
+        Every variable has the attributes `units` and `long_name`, and `error` if it is not exact.
 
     Raises
     ------
     InputError
-        If it is no packing.
+        If `packing` is not a packing.
     UnknownNameError
         If there is no measure of that name.
 
@@ -123,7 +122,7 @@ def dataset(variables: Mapping[str, Any], coordinates: Mapping[str, Any] | None 
 def variable(
     dims: tuple[str, ...], values: ArrayLike, units: str, long_name: str, *, error: float | None = None
 ) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
-    """Return dimensions, values and attributes, as xarray takes them.
+    """Return dimensions, values and attributes as a variable of xarray.
 
     Parameters
     ----------
@@ -132,11 +131,11 @@ def variable(
     values : array_like
         The values.
     units : str
-        Unit, ``"1"`` where there is none.
+        Unit, ``"1"`` if there is none.
     long_name : str
-        What it is, in words.
+        Description in words.
     error : float, optional
-        Bound or standard deviation of the error, for numbers that may have one.
+        Bound or standard deviation of the error. Default: no such attribute.
     """
     attributes: dict[str, Any] = {"units": units, "long_name": long_name}
     if error is not None:
@@ -145,7 +144,7 @@ def variable(
 
 
 def length_unit(packing: Packing, *, power: int = 1) -> str:
-    """Return the unit of a power of length: ``"mm"``, ``"mm^3"``, or ``"1"`` where the unit is not known."""
+    """Return the unit of a power of length: ``"mm"``, ``"mm^3"``, or ``"1"`` if the unit is not known."""
     return packing.unit if power == 1 or packing.unit == "1" else f"{packing.unit}^{power}"
 
 
@@ -155,5 +154,5 @@ def json_text(record: Mapping[str, Any]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Return NumPy values and other strangers as JSON can hold them."""
+    """Return NumPy values and other types as JSON-able values."""
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else str(value)

@@ -1,7 +1,7 @@
-"""The volume that grains of triangles share inside a box, from exact unions (manifold3d).
+"""Common volume of overlapping meshes inside a box, from exact unions (manifold3d).
 
-Grains that overlap are joined to clusters; what a cluster shares is the sum of the volumes of its members less the
-volume of their union, all cut to the box. In 2D the outlines are made prisms of height 1.
+Overlapping grains form clusters; the common volume of a cluster is the sum of the volumes of its members minus the
+volume of their union, all cut to the box. In 2D outlines become prisms of height 1.
 """
 
 from collections import defaultdict
@@ -15,7 +15,7 @@ from voxgran.measures.slices import cut_mesh
 from voxgran.packing.model import Packing
 from voxgran.shapes.boolean import united
 
-#: a grain and the image in which it is looked at
+#: a grain and its periodic image
 Copy = tuple[int, tuple[int, int, int]]
 
 
@@ -27,7 +27,7 @@ def overlap_volume(
     lower: Floats,
     upper: Floats,
 ) -> float:
-    """Return the volume (in 2D area) inside a box that is counted too often when grains are added up.
+    """Return the volume (in 2D area) inside a box that is counted more than once in the sum over the grains.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def overlap_volume(
     present : tuple of ndarray
         Grains (m,) that reach into the box, with the image (m, 3) of each.
     lower, upper : (2,) or (3,) ndarray of float
-        Corners; infinite where the box is open.
+        Corners; infinite on open sides.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def overlap_volume(
     Raises
     ------
     DirtyMeshError
-        If one of the grains is no closed surface.
+        If one of the grains is not a closed surface.
     """
     clusters = _clusters(pairs, present)
     return sum(_shared(packing, cluster, lower, upper) for cluster in clusters)
@@ -73,11 +73,11 @@ def _clusters(pairs: tuple[Integers, Integers, Integers], present: tuple[Integer
 
 
 def _shared(packing: Packing, cluster: Sequence[Copy], lower: Floats, upper: Floats) -> float:
-    """Return the volume of the members of a cluster inside the box, less that of their union."""
+    """Return the volume of the members of a cluster inside the box, minus that of their union."""
     lengths = packing.container.bounds[1] - packing.container.bounds[0]
     corners = [packing.world_vertices(grain) + np.array(turn) * lengths for grain, turn in cluster]
     faces = [packing.shapes[packing.shape_id[grain]].faces for grain, _ in cluster]
-    # manifold3d works at size 1 about the origin; a power of two leaves the digits as they are
+    # manifold3d needs lengths of the order of 1 about the origin; a power of two does not change the digits
     origin = corners[0].mean(axis=0)
     size = 2.0 ** np.ceil(np.log2(float(packing.bounding_radii[[grain for grain, _ in cluster]].max())))
     solids = [((points - origin) / size, triangles) for points, triangles in zip(corners, faces, strict=True)]

@@ -1,8 +1,8 @@
-"""The part of a container that lies at least so far from each wall, and below a height; and the solid volume in it.
+"""Regions of a container at a given distance from the walls and below a height, and the solid volume in them.
 
-In boxes and rectangles it is a box, and the solid volume is that of :mod:`voxgran.measures.window`. Spheres in a
-cylinder are cut by slices. Everything else is sampled: each grain is stood for by points of equal weight, one at random
-in each voxel of its shape, and the standard error is given.
+In boxes and rectangles a region is a box, and the solid volume is that of :mod:`voxgran.measures.window`. Spheres in a
+cylinder are cut by slices. All other cases are sampled: each grain is represented by points of equal weight, one at
+random in each voxel of its shape, and the standard error is given.
 """
 
 import math
@@ -22,7 +22,7 @@ from voxgran.packing.gravity import main_axis
 from voxgran.packing.model import Packing
 from voxgran.voxels.occupy import voxelize
 
-#: the height that is looked for holds this share of the solid volume
+#: share of the solid volume below the height of the region
 HELD = 0.85
 #: points for all grains together, for one grain, and for the container
 POINTS, MOST_POINTS, CONTAINER_POINTS = 60_000, 1000, 60_000
@@ -33,17 +33,17 @@ class Region(Protocol):
 
     @property
     def volume(self) -> Estimate:
-        """Volume (area in 2D); 0 where nothing is left."""
+        """Volume (area in 2D); 0 if the region is empty."""
 
     def grains(self, packing: Packing) -> Booleans:
-        """Tell which grains have their centroids in it."""
+        """Return the mask of the grains with their centroids in the region."""
 
     def solid(self, solids: Solids) -> Estimate:
-        """Return the volume of the union of the grains inside it."""
+        """Return the volume of the union of the grains inside the region."""
 
 
 class Regions:
-    """The regions of a packing, by their distance from the walls.
+    """Regions of a packing, by their distance from the walls.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class Regions:
 
     @cached_property
     def limits(self) -> Floats:
-        """Lowest and highest coordinates, (2, 3), that the height allows; infinite where it does not."""
+        """Lowest and highest coordinates (2, 3) allowed by the height; infinite on other sides."""
         limits = np.array([np.full(3, -np.inf), np.full(3, np.inf)])
         gravity = gravity_of(self.packing)
         if gravity is not None and self.packing.count:
@@ -67,7 +67,7 @@ class Regions:
 
     @cached_property
     def samples(self) -> "Samples":
-        """Points that stand for the grains and for the container."""
+        """Sample points of the grains and of the container."""
         return Samples.of(self.packing)
 
     @property
@@ -105,7 +105,7 @@ class BoxRegion:
         return Estimate(float(np.prod(self.upper - self.lower)))
 
     def grains(self, packing: Packing) -> Booleans:
-        """Tell which grains have their centroids in it; all do on periodic axes."""
+        """Return the mask of the grains with their centroids in the box; periodic axes do not count."""
         if self.volume <= 0:
             return np.zeros(packing.count, dtype=np.bool_)
         p = packing.position[:, : len(self.lower)]
@@ -131,7 +131,7 @@ class CylinderRegion:
         return Estimate(math.pi * self.radius**2 * (self.upper - self.lower))
 
     def grains(self, packing: Packing) -> Booleans:
-        """Tell which grains have their centroids in it."""
+        """Return the mask of the grains with their centroids in the region."""
         p = packing.position - np.array([*self.center[:2], 0.0])
         tall = (p[:, 2] >= self.lower) & (p[:, 2] <= self.upper)
         return np.asarray(tall & (np.hypot(p[:, 0], p[:, 1]) <= self.radius))
@@ -139,8 +139,8 @@ class CylinderRegion:
     def solid(self, solids: Solids) -> Estimate:
         """Return the volume of the spheres inside.
 
-        What overlaps is known for a sphere as a whole; of a sphere that is cut it is taken in proportion, and is the
-        error.
+        The overlapping volume is known for a whole sphere; for a cut sphere it is taken in proportion to the volume,
+        and counts as the error.
         """
         if solids.spheres is None:
             return Estimate(math.nan)
@@ -166,7 +166,7 @@ class Samples:
     points, depths : ndarray of float
         Points (m, 3) in the grains, and their distances (m,) inside the walls.
     grain : (m,) ndarray of int
-        In which grain each lies.
+        Grain of each point.
     volumes : (n,) ndarray of float
         Volumes of the grains.
     around, around_depths : ndarray of float
@@ -194,7 +194,7 @@ class Samples:
                 continue
             voxels = voxelize(shape, voxel_size=(shape.volume / each) ** (1 / 3))
             body = voxels.grid.coordinates(np.argwhere(voxels.mask))
-            # each point is moved within its voxel, so that no face of a region lies along a lattice
+            # each point has a random position in its voxel, so that no face of a region is aligned with the lattice
             jitter = (stream(0, "samples", int(k)).random((len(mine), *body.shape)) - 0.5) * voxels.voxel_size
             world = np.einsum("gij,gpj->gpi", packing.matrices[mine], body + jitter)
             world *= packing.scale[mine, None, None]
@@ -221,7 +221,7 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class SampledRegion:
-    """What is known of a region by points."""
+    """A region sampled by points."""
 
     samples: Samples
     inset: float
@@ -235,11 +235,11 @@ class SampledRegion:
         return Estimate(share * self.samples.span, error * self.samples.span)
 
     def grains(self, packing: Packing) -> Booleans:
-        """Tell which grains have their centroids in it."""
+        """Return the mask of the grains with their centroids in the region."""
         return self._held(packing.position, -packing.container.signed_distance(packing.position))
 
     def solid(self, solids: Solids) -> Estimate:
-        """Return the volume of the grains inside; what overlaps counts for each."""
+        """Return the volume of the grains inside; overlapping volume counts for each grain."""
         del solids
         n = len(self.samples.volumes)
         held = self._held(self.samples.points, self.samples.depths)
@@ -249,13 +249,13 @@ class SampledRegion:
         return Estimate(float((self.samples.volumes * share).sum()), math.sqrt(float(variance.sum())))
 
     def _held(self, points: Floats, depths: Floats) -> Booleans:
-        """Tell which sample points lie in the region."""
+        """Return the mask of the sample points in the region."""
         low = ((points >= self.limits[0]) & (points <= self.limits[1])).all(axis=1)
         return np.asarray(low & (depths >= self.inset))
 
 
 def gravity_of(packing: Packing) -> tuple[int, int] | None:
-    """Return the axis along which gravity is strongest, and its sign; None where there is none."""
+    """Return the axis of the largest component of gravity, and its sign; None without gravity."""
     if packing.gravity is None:
         return None
     down = main_axis(np.array(packing.gravity))
@@ -264,7 +264,7 @@ def gravity_of(packing: Packing) -> tuple[int, int] | None:
 
 
 def held_height(solids: Solids, axis: int, sign: int) -> float:
-    """Return the coordinate up to which HELD of the solid volume lies, seen from where the grains fall to.
+    """Return the coordinate up to which the share HELD of the solid volume lies, from the bottom of the bed.
 
     Parameters
     ----------
@@ -273,7 +273,7 @@ def held_height(solids: Solids, axis: int, sign: int) -> float:
     axis : int
         Axis of gravity.
     sign : int
-        -1 where the grains fall to low coordinates, 1 to high ones.
+        -1 if gravity points to low coordinates, 1 if to high ones.
     """
     packing = solids.packing
     wanted = HELD * float(packing.volumes.sum())

@@ -1,11 +1,10 @@
 """Exact volumes of solids, and exact areas of plane figures, inside boxes along the axes.
 
 Spheres and disks are cut in closed form (:mod:`voxgran.measures.halfspaces`). For a closed mesh the volume
-inside the box is the sum over its triangles, signed by whether they look up or down, of the integral of
-``min(max(z, bottom), top)`` over the part of the triangle that lies over the floor of the box: each vertical
-line enters and leaves the solid alternately, so that the faces in which the box cuts it need not be
-made. Polygons are cut side by side (Sutherland & Hodgman 1974, Reentrant polygon clipping,
-doi:10.1145/360767.360802).
+inside the box is the sum over its triangles, with the sign of the vertical component of their normals, of the integral
+of ``min(max(z, bottom), top)`` over the part of the triangle above the base of the box: each vertical line enters and
+leaves the solid alternately, so that the intersections with the faces of the box are not needed. Polygons are clipped
+side by side (Sutherland & Hodgman 1974, Reentrant polygon clipping, doi:10.1145/360767.360802).
 """
 
 import numpy as np
@@ -17,12 +16,12 @@ from voxgran._base.kernels import kernel
 
 
 def as_window(lower: ArrayLike, upper: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
-    """Return the corners of a box, infinite where it is open.
+    """Return the corners of a box, infinite on open sides.
 
     Parameters
     ----------
     lower, upper : (dimension,) array_like of float
-        Corners; of three coordinates in 2D the third is left out.
+        Corners; in 2D a third coordinate is ignored.
     dimension : int
         2 or 3.
 
@@ -51,14 +50,14 @@ def cut_mesh(triangles: Floats, maps: Floats, centers: Floats, *, lower: Floats,
     maps : (k, 3, 3) ndarray of float
         Linear map of each copy: rotation times scale.
     centers : (k, 3) ndarray of float
-        Where the origin of the body frame lies.
+        Position of the origin of the body frame.
     lower, upper : (3,) ndarray of float
-        Corners of the box; infinite where it is open.
+        Corners of the box; infinite on open sides.
     """
     volumes = np.zeros(len(centers))
     work = np.zeros((2, 12, 3))
     for copy in range(len(centers)):
-        # the box is moved rather than the mesh, so that no digits are lost far from the origin
+        # the box is translated instead of the mesh, so that no digits are lost far from the origin
         corners = triangles @ maps[copy].T
         low, high = lower - centers[copy], upper - centers[copy]
         low[2] = max(low[2], corners[..., 2].min())
@@ -78,9 +77,9 @@ def cut_polygon(vertices: Floats, maps: Floats, centers: Floats, *, lower: Float
     maps : (k, 2, 2) ndarray of float
         Linear map of each copy: rotation times scale.
     centers : (k, 2) ndarray of float
-        Where the origin of the body frame lies.
+        Position of the origin of the body frame.
     lower, upper : (2,) ndarray of float
-        Corners of the rectangle; infinite where it is open.
+        Corners of the rectangle; infinite on open sides.
     """
     areas = np.zeros(len(centers))
     # a line cuts each edge of a polygon at most once, so that each of the four cuts at most doubles it
@@ -94,9 +93,9 @@ def cut_polygon(vertices: Floats, maps: Floats, centers: Floats, *, lower: Float
 
 @kernel
 def _clip(work, here, count, axis, bound, sign):  # type: ignore[no-untyped-def]
-    """Cut the polygon in `work[here]` to ``sign * x[axis] <= sign * bound``, into the other half of `work`.
+    """Clip the polygon in `work[here]` to ``sign * x[axis] <= sign * bound``, into the other half of `work`.
 
-    A polygon that is not convex is left with edges on the line that run to and fro; they add no area.
+    A nonconvex polygon may keep overlapping edges on the line, which add no area.
     """
     there, kept = 1 - here, 0
     for k in range(count):
@@ -119,7 +118,7 @@ def _clip(work, here, count, axis, bound, sign):  # type: ignore[no-untyped-def]
 
 @kernel
 def _clip_sides(work, count, lower, upper):  # type: ignore[no-untyped-def]
-    """Cut the polygon in `work[0]` to a rectangle in x and y; return in which half it is now, and its size."""
+    """Clip the polygon in `work[0]` to a rectangle in x and y; return its half of `work`, and its size."""
     here = 0
     for axis in range(2):
         for side in range(2):

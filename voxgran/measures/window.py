@@ -1,11 +1,10 @@
-"""The solid volume of a packing inside a box along the axes, exact for all but two kinds of grains.
+"""Solid volume of a packing inside a box along the axes, exact except for cylinders and cones.
 
-Where all grains are spheres or unions of spheres, the solid is one union of spheres. Cut by the planes on which
-neighbours have equal power it falls into pieces of single spheres between half-spaces (the power diagram: Aurenhammer
-1987, doi:10.1137/0216006), and these are exact. An ellipsoid is cut as the sphere that it is after a linear map, a mesh
-triangle by triangle. Cylinders and cones are cut as prisms and pyramids of FINE sides; as these are inscribed, the
-error is at most the volume that they lack, and it is stated. Where other grains than spheres overlap, their union is
-made of triangles (:mod:`voxgran.measures.overlap`).
+If all grains are spheres or unions of spheres, the solid is one union of spheres. The planes of equal power divide it
+into parts of single spheres between half-spaces (the power diagram: Aurenhammer 1987, doi:10.1137/0216006), whose
+volumes are exact. An ellipsoid is mapped linearly to a sphere; a mesh is cut triangle by triangle. Cylinders and cones
+are cut as inscribed prisms and pyramids of FINE sides; the error is at most the volume between the two and is given.
+The union of overlapping grains other than spheres is computed from triangles (:mod:`voxgran.measures.overlap`).
 """
 
 import math
@@ -30,9 +29,9 @@ from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface
 from voxgran.shapes.tessellate import revolved
 
-#: sides of the prism that stands for a cylinder or cone where it is cut
+#: number of sides of the prism that replaces a cylinder or cone
 FINE = 720
-#: overlaps below this, in mean diameters (in mean radii of spheres), have no volume that could be seen
+#: depth of overlap, in mean diameters (in mean radii of spheres), below which its volume is negligible
 NO_DEPTH = 1e-9
 
 Planes: TypeAlias = tuple[Integers, Floats, Floats]
@@ -44,13 +43,13 @@ class Estimate(float):
     Attributes
     ----------
     error : float
-        Bound of the error, or its standard deviation where the number comes from sampling; 0 where it is exact.
+        Bound of the error, or its standard deviation if the number comes from sampling; 0 if it is exact.
     """
 
     error: float
 
     def __new__(cls, value: float, error: float = 0.0) -> "Estimate":
-        """Make a number with an error."""
+        """Return a number with an error."""
         number = super().__new__(cls, value)
         number.error = float(error)
         return number
@@ -58,12 +57,12 @@ class Estimate(float):
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """The grains of a packing as solids that can be cut.
+    """The grains of a packing as solids for cutting.
 
     Attributes
     ----------
     packing : Packing
-        The packing; what is found about it on the way is kept for the next question.
+        The packing; intermediate results are cached.
     """
 
     packing: Packing
@@ -74,12 +73,12 @@ class Solids:
         Parameters
         ----------
         lower, upper : (2,) or (3,) ndarray of float
-            Corners; infinite where the box is open. On a periodic axis that is open each grain is taken once.
+            Corners; infinite on open sides. On an open periodic axis each grain is counted once.
 
         Raises
         ------
         DirtyMeshError
-            If grains overlap and one of them is no closed surface.
+            If grains overlap and one of them is not a closed surface.
         """
         if self.spheres is not None:
             return Estimate(self._sphere_volume(self.spheres, lower, upper))
@@ -100,11 +99,11 @@ class Solids:
         Parameters
         ----------
         grain : (k,) ndarray of int
-            Which grains.
+            Indices of the grains.
         lower, upper : (2,) or (3,) ndarray of float
-            Corners; infinite where the box is open.
+            Corners; infinite on open sides.
         shift : (k, 3) ndarray of float, optional
-            By how much each is shifted.
+            Translation of each grain. Default: none.
         """
         packing, d = self.packing, self.packing.dimension
         centers = packing.position[grain] + (0.0 if shift is None else shift)
@@ -123,7 +122,7 @@ class Solids:
 
     @cached_property
     def spheres(self) -> tuple[Floats, Floats, Planes] | None:
-        """Centers, radii and planes of equal power of all spheres of all grains, where all grains are spheres."""
+        """Centers, radii and planes of equal power of all spheres of all grains; None unless all grains are spheres."""
         used = [self.packing.shapes[k] for k in np.unique(self.packing.shape_id)]
         if not all(_is_spheres(shape) for shape in used):
             return None
@@ -136,7 +135,7 @@ class Solids:
         packing = self.packing
         found = packing.contacts(0.0)
         deep = found.gap < -NO_DEPTH * (packing.diameters.mean() if packing.count else 1.0)
-        # open surfaces have no volume to count twice
+        # open surfaces have no volume
         deep &= (packing.volumes[found.i] > 0.0) & (packing.volumes[found.j] > 0.0)
         return found.i[deep], found.j[deep], found.image[deep]
 
@@ -161,7 +160,7 @@ class Solids:
 def images(
     centers: Floats, radii: Floats, lower: Floats, upper: Floats, container: Container
 ) -> tuple[Integers, Floats]:
-    """Return which spheres reach into a box, once per periodic image, and by how much each is shifted.
+    """Return the spheres that reach into a box, once per periodic image, and their translations.
 
     Parameters
     ----------
@@ -170,9 +169,9 @@ def images(
     radii : (n,) ndarray of float
         Radii.
     lower, upper : (2,) or (3,) ndarray of float
-        Corners; a periodic axis that is open gives no images.
+        Corners; an open periodic axis gives no images.
     container : Container
-        Its periodic axes and lengths are used.
+        Container that defines the periodic axes and lengths.
 
     Returns
     -------
@@ -222,14 +221,15 @@ def power_planes(centers: Floats, radii: Floats, container: Container | None = N
     radii : (n,) ndarray of float
         Radii.
     container : Container, optional
-        Its periodic axes are used; without one there are none.
+        Container that defines the periodic axes. Default: none.
 
     Returns
     -------
     start : (n + 1,) ndarray of int
     normals : (m, 3) ndarray of float
     offsets : (m,) ndarray of float
-        The planes of sphere i have the indices from ``start[i]`` to ``start[i + 1]``; offsets are from its center.
+        The planes of sphere i have the indices from ``start[i]`` to ``start[i + 1]``; offsets are relative to its
+        center.
     """
     slack = -NO_DEPTH * float(radii.mean()) if len(radii) else 0.0
     periodic, lower, lengths = (False, False, False), np.zeros(3), np.ones(3)
@@ -239,7 +239,7 @@ def power_planes(centers: Floats, radii: Floats, container: Container | None = N
     apart = centers[j] + image * lengths - centers[i]
     distance = np.sqrt((apart**2).sum(axis=1))
     same = distance == 0.0
-    # of spheres with one center the larger one takes all, of equal ones the first
+    # among concentric spheres the largest one is kept, among equal ones the first
     first = np.where((radii[i] > radii[j]) | ((radii[i] == radii[j]) & (i < j)), 2.0, -2.0) * (radii[i] + radii[j])
     span = np.where(same, 1.0, distance)
     normal = np.where(same[:, None], [1.0, 0.0, 0.0], apart / span[:, None])
@@ -285,7 +285,7 @@ def _periods(container: Container) -> Floats:
 
 
 def _closed(container: Container, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
-    """Return the box with one period in place of periodic axes that are open."""
+    """Return the box with one period on each open periodic axis."""
     d = len(lower)
     free = np.array(container.periodic[:d]) & ~(np.isfinite(lower) & np.isfinite(upper))
     return np.where(free, container.bounds[0, :d], lower), np.where(free, container.bounds[1, :d], upper)
@@ -343,7 +343,7 @@ def _cut_clumps(spheres: Spheres, maps: Floats, centers: Floats, lower: Floats, 
 
 
 def _cut_ellipsoids(maps: Floats, centers: Floats, lower: Floats, upper: Floats) -> Floats:
-    """Return the volumes of linear maps of the unit sphere inside a box: of the unit sphere between mapped planes."""
+    """Return the volumes of ellipsoids inside a box, by linear maps to the unit sphere between mapped planes."""
     count = len(centers)
     stretch = np.linalg.norm(maps, axis=2)
     above = (upper - centers) / stretch
@@ -354,6 +354,6 @@ def _cut_ellipsoids(maps: Floats, centers: Floats, lower: Floats, upper: Floats)
     open_box = np.full(3, -np.inf), np.full(3, np.inf)
     planes = np.arange(count + 1) * 6, normals, offsets
     parts = cut_spheres(np.zeros((count, 3)), np.ones(count), lower=open_box[0], upper=open_box[1], planes=planes)
-    # the product of the rows; `numpy.linalg.det` goes by logarithms and loses digits
+    # the triple product of the rows; `numpy.linalg.det` loses digits
     factor = (np.cross(maps[:, 0], maps[:, 1]) * maps[:, 2]).sum(axis=1)
     return np.asarray(parts * np.abs(factor))

@@ -1,1 +1,1 @@
-"""Shapes as points on their surface."""
+"""Point clouds, and points on the surfaces of shapes."""

@@ -1,4 +1,4 @@
-"""Open3D's samplers of a triangle mesh, uniform and Poisson-disk, its one generator of random numbers, and quiet."""
+"""Open3D's samplers of a triangle mesh (uniform and Poisson-disk), the seed of its generator, and silenced output."""
 
 import os
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from voxgran._base.lazy import load
 
 
 def seed_open3d(seed: int) -> None:
-    """Seed Open3D's generator, which is one for the whole process.
+    """Seed the generator of Open3D, which is global to the process.
 
     Parameters
     ----------
@@ -32,11 +32,11 @@ def sample_triangles(vertices: Floats, faces: Integers, count: int, *, seed: int
     faces : (m, 3) ndarray of int
         Triangles.
     count : int
-        How many points.
+        Number of points.
     seed : int
-        Open3D's generator is one for the whole process; it is seeded here each time.
+        Seed of the generator of Open3D, which is global to the process and is seeded on each call.
     poisson : bool
-        Whether points keep apart (sample elimination after Yuksel 2015, doi:10.1111/cgf.12538) or are uniform.
+        Whether points keep a mutual distance (sample elimination, Yuksel 2015, doi:10.1111/cgf.12538) or are uniform.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def sample_triangles(vertices: Floats, faces: Integers, count: int, *, seed: int
 
 @contextmanager
 def without_stderr() -> Iterator[None]:
-    """Keep off the standard error what compiled code writes there past all logging, as the Poisson surface does."""
+    """Suppress what compiled code, such as the Poisson reconstruction, writes to the standard error without logging."""
     try:
         kept = os.dup(2)
     except OSError:

@@ -1,6 +1,6 @@
-"""Point clouds: scanned surfaces as points, before they become shapes, and packings as points that know their grain.
+"""Point clouds: scanned surfaces before they become shapes, and packings as points with grain numbers.
 
-Open3D thins a cloud, finds normals, stray points and clusters; it does so in a frame that is centred and of unit size.
+Open3D thins a cloud and finds normals, outliers and clusters, in a frame that is centered and of unit size.
 """
 
 from dataclasses import dataclass, replace
@@ -26,35 +26,35 @@ from voxgran._base.lazy import load
 from voxgran._base.units import stated_unit
 from voxgran.points.normals import turned_alike
 
-#: fewest points of a cloud with which anything can be done
+#: smallest number of points of a cloud for these operations
 FEWEST = 4
-#: largest number up to which every whole number is a float
+#: largest integer up to which every integer is a float
 WHOLE = 2.0**53
-#: smallest cubes of a thinned cloud, in its extents
+#: smallest edge of the cubes of a thinned cloud, in its extents
 FINEST = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Points, frozen, with what is known of each.
+    """Immutable point cloud with optional normals and grain numbers.
 
     Attributes
     ----------
     points : (n, 3) ndarray of float
-        In the unit of lengths.
+        Coordinates, in the unit of lengths.
     normals : (n, 3) ndarray of float or None
-        Unit vectors; outward where they came from a closed cloud.
+        Unit vectors; outward if estimated from points all around a body.
     grain : (n,) ndarray of int or None
-        Which grain each point belongs to.
+        Index of the grain of each point.
     name : str
-        What reports call it.
+        Name in reports.
     unit : str or None
-        Unit of its lengths where it is known.
+        Unit of lengths, if known.
 
     Raises
     ------
     InputError
-        If the points are no (n, 3) array of finite numbers, or there is not one normal or grain for each.
+        If `points` is not an (n, 3) array of finite numbers, or there is not one normal or grain for each point.
     """
 
     points: Floats
@@ -86,22 +86,22 @@ class Cloud:
         Parameters
         ----------
         points : (n, 3) array_like of float
-            In the unit of lengths.
+            Coordinates, in the unit of lengths.
         normals : (n, 3) array_like of float, optional
-            Directions; they are brought to length 1.
+            Directions; they are normalized.
         grain : (n,) array_like of int, optional
-            Which grain each point belongs to.
+            Index of the grain of each point.
         name : str
-            What reports call it.
+            Name in reports.
         unit : str, optional
-            Unit of its lengths.
+            Unit of lengths.
 
         Raises
         ------
         InputError
-            If an array has the wrong shape, a value is not finite, a normal has no length, or a grain no whole number.
+            If an array has the wrong shape, a value is not finite, a normal is zero, or a grain is no whole number.
         """
-        # copies: what is frozen must not be the array of the caller
+        # copies, so that the caller's arrays are not made read-only
         found = np.array(as_points(points))
         directions = None
         if normals is not None:
@@ -122,18 +122,18 @@ class Cloud:
         return cls(read_only(found), directions, labels, name, stated_unit(unit))
 
     def __len__(self) -> int:
-        """Count the points."""
+        """Return the number of points."""
         return len(self.points)
 
     def __repr__(self) -> str:
-        """Name and number of points."""
+        """Return name and number of points."""
         return f"Cloud({self.name!r}, {len(self)} points)"
 
     @cached_property
     def spacing(self) -> float:
-        """Side of the square that falls to each point of a surface, in the unit of lengths.
+        """Mean spacing: the side of the square of surface area per point, in the unit of lengths.
 
-        From the median distance to the 12th neighbour: so far around a point lie twelve others.
+        It follows from the median distance to the 12th neighbour, within which twelve other points lie.
         """
         different = np.unique(self.points, axis=0)
         if len(different) < FEWEST:
@@ -143,12 +143,12 @@ class Cloud:
         return float(np.median(distance) * np.sqrt(np.pi / neighbours))
 
     def chosen(self, mask: ArrayLike) -> "Cloud":
-        """Return some of the points.
+        """Return a subset of the points.
 
         Parameters
         ----------
-        mask : (n,) array_like of bool, or of int
-            Which.
+        mask : (n,) array_like of bool, or array_like of int
+            Mask or indices of the points.
         """
         kept = np.asarray(mask)
         parts = (self.normals, self.grain)
@@ -161,7 +161,7 @@ class Cloud:
         Parameters
         ----------
         lower, upper : (3,) array_like of float
-            Its corners, which belong to it.
+            Corners of the closed box, in the unit of lengths.
 
         Raises
         ------
@@ -184,7 +184,7 @@ class Cloud:
         Raises
         ------
         InputError
-            If it is not above 0, or far below the extent of the cloud.
+            If `spacing` is not above 0, or far below the extent of the cloud.
         """
         edge = as_length(spacing, "spacing")
         if edge < FINEST * Frame.around(self.points).size:
@@ -201,20 +201,20 @@ class Cloud:
         points, normals = frame.back(np.asarray(made.points)), None
         if self.normals is not None:
             normals = np.array(made.normals)
-            # normals of both sides of a plate may cancel out; then that of the nearest point holds
+            # normals of both sides of a plate may cancel; then that of the nearest point is used
             none = np.linalg.norm(normals, axis=1) < 0.1
             normals[none] = self.normals[load("scipy.spatial").cKDTree(self.points).query(points[none])[1]]
         return Cloud.of(points, normals, name=self.name, unit=self.unit)
 
     def without_outliers(self, deviations: float = 2.0, *, neighbours: int = 20) -> "Cloud":
-        """Return the points that are not much further from their neighbours than most.
+        """Return the cloud without outliers, by the mean distance of each point to its neighbours.
 
         Parameters
         ----------
         deviations : float
-            A point goes whose mean distance to its neighbours is this many standard deviations above the mean.
+            Number of standard deviations above the average at which the mean distance of a point makes it an outlier.
         neighbours : int
-            How many are looked at.
+            Number of neighbours of each point.
 
         Raises
         ------
@@ -228,12 +228,12 @@ class Cloud:
         return self.chosen(np.asarray(kept, dtype=np.int64))
 
     def with_normals(self, neighbours: int = 30) -> "Cloud":
-        """Return the cloud with normals of planes through neighbours, turned alike and outward.
+        """Return the cloud with normals of planes fitted to neighbours, oriented consistently and outward.
 
         Parameters
         ----------
         neighbours : int
-            How many lie in a plane, at least 3.
+            Number of neighbours of each plane, at least 3.
 
         Raises
         ------
@@ -252,19 +252,19 @@ class Cloud:
         return replace(self, normals=read_only(normals))
 
     def clusters(self, distance: float | None = None, *, fewest: int = 10) -> list["Cloud"]:
-        """Return the bodies of a cloud: points that neighbours join, the largest first; stray points are left out.
+        """Return the clusters of a cloud, the largest first, without isolated points.
 
         Parameters
         ----------
         distance : float, optional
-            How far apart neighbours may be, in the unit of lengths; left out: three spacings.
+            Largest distance of neighbours, in the unit of lengths. Default: three spacings.
         fewest : int
-            Points that must lie within that distance for a point to join others.
+            Smallest number of points within that distance for a point to be the core of a cluster.
 
         Returns
         -------
         list of Cloud
-            With `grain` 0, 1, ...
+            One cloud per cluster, with `grain` 0, 1, ...
 
         Raises
         ------
@@ -291,14 +291,14 @@ class Cloud:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A frame in which points are centred and of unit size.
+    """Frame in which points are centered and of unit size.
 
     Attributes
     ----------
     center : (3,) ndarray of float
-        Its origin.
+        Origin of the frame.
     size : float
-        Its unit.
+        Unit of length of the frame.
     """
 
     center: Floats
@@ -306,7 +306,7 @@ class Frame:
 
     @classmethod
     def around(cls, points: Floats) -> "Frame":
-        """Return the frame of some points.
+        """Return the frame of given points.
 
         Parameters
         ----------
@@ -319,15 +319,15 @@ class Frame:
         return cls((low + high) / 2, float((high - low).max()) or 1.0)
 
     def into(self, points: Floats) -> Floats:
-        """Return points in this frame."""
+        """Return points transformed to this frame."""
         return np.asarray((points - self.center) / self.size)
 
     def back(self, points: Floats) -> Floats:
-        """Return points of this frame where they came from."""
+        """Return points of this frame in the original frame."""
         return np.asarray(points * self.size + self.center)
 
     def to_open3d(self, cloud: Cloud) -> Any:
-        """Return a cloud as Open3D has it, in this frame."""
+        """Return a cloud as an object of Open3D, in this frame."""
         open3d = load("open3d")
         made = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(self.into(cloud.points)))
         if cloud.normals is not None:

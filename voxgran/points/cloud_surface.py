@@ -1,4 +1,4 @@
-"""From a point cloud to a shape: a closed surface through the points, checked against them."""
+"""Surface reconstruction: a closed shape from a point cloud, with residuals."""
 
 import logging
 import math
@@ -27,35 +27,35 @@ from voxgran.shapes.repairing.repair import repair
 
 log = logging.getLogger(__name__)
 
-#: fewest points that make a body
+#: smallest number of points of a body
 FEWEST = 50
-#: largest depth of the octree, which then has 2^10 cells an edge
+#: largest depth of the octree, which then has 2^10 cells per edge
 DEEPEST = 10
 #: corners of the edges and of the facets of a tetrahedron
 EDGES = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 SIDES = ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2))
-#: most rounds in which edges where the surface meets itself are mended
+#: largest number of rounds that repair edges at which the surface meets itself
 ROUNDS = 60
-#: radius of the spheres that an alpha shape is carved with, in spacings
+#: default radius of the spheres of an alpha shape, in spacings
 ALPHA = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reconstruction:
-    """A shape made of a cloud, and how far the two are apart.
+    """Shape reconstructed from a cloud, with the residuals between the two.
 
     Attributes
     ----------
     shape : Shape
-        Closed; its `offset` tells where its centroid lies in the frame of the cloud.
+        Closed shape; its `offset` is the centroid in the frame of the cloud.
     mean_residual, rms_residual, largest_residual : float
         Distances of the points of the cloud from the surface, in the unit of lengths.
     largest_hole : float
-        Largest distance of a place of the surface from the nearest point, in the unit of lengths.
+        Largest distance of a surface point from the nearest point of the cloud, in the unit of lengths.
     spacing : float
-        Of the cloud, in the unit of lengths.
+        Spacing of the cloud, in the unit of lengths.
     sentences : tuple of str
-        What had to be mended.
+        Repairs that were needed, one sentence each.
     """
 
     shape: Shape
@@ -76,36 +76,37 @@ def shape_of_cloud(
     largest_hole: float = 5.0,
     name: str | None = None,
 ) -> Reconstruction:
-    """Make a shape of a point cloud.
+    """Reconstruct a closed shape from a point cloud.
 
     Parameters
     ----------
     cloud : Cloud
-        Points all around one body; without normals these are found first.
+        Points all around one body; missing normals are estimated.
     method : {"poisson", "alpha"}
-        A smooth surface that evens out noise (Kazhdan & Hoppe 2013), or one through the outer points, which keeps edges
-        and lies about the noise too far out (Edelsbrunner & Mucke 1994; its cavities are filled).
+        "poisson": smooth surface that averages noise (Kazhdan & Hoppe 2013). "alpha": surface through the outer points,
+        which keeps edges and is displaced outward by about the noise (Edelsbrunner & Mucke 1994; cavities are filled).
     depth : int, optional
-        Depth of the octree of "poisson", 2 to 10; left out: the logarithm of the number of points to base 4.
+        Depth of the octree of "poisson", from 2 to 10. Default: the logarithm of the number of points to base 4.
     alpha : float, optional
-        Radius of the spheres that carve the surface of "alpha", in the unit of lengths; left out: three spacings.
+        Radius of the spheres of "alpha", in the unit of lengths. Default: three spacings.
     largest_hole : float
-        How far a place of the surface may be from the nearest point, and a point from the surface, in spacings.
+        Largest distance of a surface point from the nearest point of the cloud, and of a point of the cloud from the
+        surface, in spacings.
     name : str, optional
-        What reports call the shape; left out: as the cloud.
+        Name of the shape in reports. Default: that of the cloud.
 
     Returns
     -------
     Reconstruction
-        The shape, and the residual between both.
+        The shape and its residuals.
 
     Raises
     ------
     InputError
-        If the cloud has fewer than 50 points that differ, lies in a plane, is too sparse to close (the message says
-        where and how sparse), holds other bodies or stray points, or a parameter is out of range.
+        If the cloud has fewer than 50 distinct points, is flat, is too sparse for a closed surface (the message states
+        where and how sparse), contains other bodies or stray points, or a parameter is out of range.
     DirtyMeshError
-        If no closed surface comes of it.
+        If the reconstruction is not a closed surface.
 
     References
     ----------
@@ -155,7 +156,7 @@ def _refuse_thin(cloud: Cloud) -> None:
 
 
 def _poisson(cloud: Cloud, frame: Frame, depth: int | None) -> tuple[Floats, Integers]:
-    """Return a Poisson surface, in the frame; on one thread, since several do not give the same bits twice."""
+    """Return a Poisson surface in the frame; on one thread, since several threads do not reproduce the same bits."""
     open3d = load("open3d")
     oriented = cloud if cloud.normals is not None else cloud.with_normals(min(30, len(cloud) - 1))
     levels = depth or max(4, min(DEEPEST, round(math.log(len(cloud), 4))))
@@ -167,12 +168,12 @@ def _poisson(cloud: Cloud, frame: Frame, depth: int | None) -> tuple[Floats, Int
 
 
 def _alpha(cloud: Cloud, frame: Frame, radius: float) -> tuple[Floats, Integers]:
-    """Return what spheres carve out of the Delaunay tetrahedra when they come from outside, in the frame."""
+    """Return the alpha shape in the frame: the Delaunay tetrahedra that spheres from outside do not reach."""
     corners = frame.into(np.unique(cloud.points, axis=0))
-    # joggled: points on one sphere, as of a sphere, have no Delaunay tetrahedra of their own
+    # joggled, since the Delaunay tetrahedra of points on a common sphere are not unique
     tetras = load("scipy.spatial").Delaunay(corners, qhull_options="QJ Pp").simplices.astype(np.int64)
     facets = _facets(tetras)
-    # tetrahedra of which all facets are small
+    # tetrahedra whose facets are all small
     size = np.maximum.reduce([_circumradii(corners[tetras[:, list(side)]]) for side in SIDES])
     wide = _circumradii(corners[facets.corners])
     outside = _reached(facets, len(tetras), wide > radius)
@@ -187,7 +188,7 @@ def _alpha(cloud: Cloud, frame: Frame, radius: float) -> tuple[Floats, Integers]
         pinched = np.isin(edges, sides[many > 2]).any(axis=1)
         if turn == ROUNDS or not pinched.any():
             break
-        # where the surface meets itself along an edge, small tetrahedra around it join the solid, else it loses some
+        # if the surface meets itself along an edge, small tetrahedra around it join the solid, or else some are removed
         joined = pinched & outside[:-1] & (size <= 2 * radius)
         outside[:-1] = outside[:-1] & ~joined if joined.any() else outside[:-1] | (pinched & (size <= radius))
     inner = np.where(outside[facets.one], facets.other, facets.one)[edge]
@@ -196,7 +197,7 @@ def _alpha(cloud: Cloud, frame: Frame, radius: float) -> tuple[Floats, Integers]
 
 @dataclass(frozen=True, slots=True)
 class _Facets:
-    """Triangles between tetrahedra: their corners, and the two that share each; past the last is the outside."""
+    """Triangles between tetrahedra: their corners and two tetrahedra each; the index past the last is the outside."""
 
     corners: Integers
     one: Integers
@@ -204,13 +205,13 @@ class _Facets:
 
 
 def _widest(corners: Floats, facets: _Facets, wide: Floats) -> tuple[Floats, float]:
-    """Return middle and width of the widest of some facets."""
+    """Return center and width of the widest of given facets."""
     worst = int(wide.argmax())
     return corners[facets.corners[worst]].mean(axis=0), float(wide[worst])
 
 
 def _refuse_wafer(cloud: Cloud, frame: Frame, corners: Floats, solid: Integers, hole: tuple[Floats, float]) -> None:
-    """Refuse what spheres that got inside left: a skin thinner than two spacings; the hole is where they came in."""
+    """Refuse a skin thinner than two spacings, which remains if spheres enter the body through a hole."""
     edges = corners[solid[:, 1:]] - corners[solid[:, :1]]
     volume = float(np.abs(np.linalg.det(edges)).sum()) / 6
     area = len(np.unique(cloud.points, axis=0)) * (cloud.spacing / frame.size) ** 2
@@ -240,12 +241,12 @@ def _reached(facets: _Facets, many: int, through: Booleans) -> Booleans:
 
 
 def _numbered(edges: Integers, many: int) -> Integers:
-    """Return one number for each edge between two of so many corners."""
+    """Return one key per edge, given the number of corners."""
     return np.asarray(edges.min(axis=-1) * many + edges.max(axis=-1))
 
 
 def _circumradii(corners: Floats) -> Floats:
-    """Return the radii of the circles through the corners of triangles; infinite for flat ones."""
+    """Return the circumradii of triangles; infinite for degenerate ones."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     sides = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1) * np.linalg.norm(a - b, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -253,7 +254,7 @@ def _circumradii(corners: Floats) -> Floats:
 
 
 def _outward(corners: Floats, faces: Integers, inner: Floats) -> tuple[Floats, Integers]:
-    """Return the corners in use and the faces, wound so that inner points lie behind them."""
+    """Return the corners in use and the faces, oriented so that inner points lie behind them."""
     a, b, c = (corners[faces[:, k]] for k in range(3))
     behind = (np.cross(b - a, c - a) * (inner - a)).sum(axis=1) < 0
     wound = np.where(behind[:, None], faces, faces[:, [0, 2, 1]])
@@ -262,12 +263,12 @@ def _outward(corners: Floats, faces: Integers, inner: Floats) -> tuple[Floats, I
 
 
 def _refuse_sparse(cloud: Cloud, frame: Frame, corners: Floats, faces: Integers, largest: float) -> float:
-    """Return the largest distance of the surface from the points; refuse it where it is too large."""
+    """Return the largest distance of the surface from the points; refuse the cloud if it is too large."""
     sides, many = np.unique(
         np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(-1, 2), axis=0, return_counts=True
     )
     border = np.unique(sides[many == 1])
-    # an open surface misses most in the middle of its border
+    # the hole of an open surface is widest at the center of its border
     middle = corners[border].mean(axis=0, keepdims=True) if len(border) else np.zeros((0, 3))
     places = frame.back(np.concatenate([corners, corners[faces].mean(axis=1), middle]))
     distance = load("scipy.spatial").cKDTree(cloud.points).query(places)[0]
@@ -284,7 +285,7 @@ def _refuse_sparse(cloud: Cloud, frame: Frame, corners: Floats, faces: Integers,
 
 
 def _refuse_far(cloud: Cloud, apart: Floats, largest: float) -> None:
-    """Refuse a surface that leaves points out."""
+    """Refuse a surface that is far from some points."""
     worst, limit = int(apart.argmax()), largest * cloud.spacing
     if apart[worst] > limit:
         where = ", ".join(f"{value:.4g}" for value in cloud.points[worst])
@@ -296,7 +297,7 @@ def _refuse_far(cloud: Cloud, apart: Floats, largest: float) -> None:
 
 
 def _closed(corners: Floats, faces: Integers, name: str, unit: str | None) -> tuple[Shape, tuple[str, ...]]:
-    """Return the shape of a surface, mended where it is not closed, and what was mended."""
+    """Return the shape of a surface, repaired if it is not closed, and the repairs."""
     if bounds_solid(corners, faces):
         return Shape.from_mesh(corners, faces, name=name, unit=unit), ()
     try:

@@ -1,7 +1,7 @@
-"""Control points of a solid: points all over its surface, along its convex edges and at its corners, and inside.
+"""Control points of a solid: on its surface, along its convex edges, at its corners, and optionally inside.
 
-Edges and corners are what touches first, and points of the surface alone would miss them by up to half their spacing.
-An open surface has points on its border, too.
+Edges and corners make contact first, and surface points alone would miss them by up to half their spacing. An open
+surface has control points on its border, too.
 """
 
 import numpy as np
@@ -14,28 +14,29 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.surface import Surface
 
-#: angle between the normals of two triangles, in radians, from which on they meet in an edge
+#: smallest angle between the normals of two triangles, in radians, at a sharp edge
 SHARP = np.deg2rad(25.0)
-#: what the angles at a vertex lack of a full turn, in radians, from which on it is a corner
+#: smallest angular defect of a vertex, in radians, at a corner
 POINTED = 0.3
 
 
 def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePoints:
-    """Return control points: those of :func:`voxgran.sample_surface`, and more along edges and at corners.
+    """Return control points: those of :func:`voxgran.sample_surface`, and points along edges and at corners.
 
     Parameters
     ----------
     shape : Shape
-        Any shape; of a curved one the points lie on its tessellation, of a sphere, ellipsoid or disk on its surface.
+        Any shape. Points of a sphere, ellipsoid or disk lie on its surface, those of other curved shapes on the
+        tessellation.
     spacing : float
-        Wanted spacing, in the unit of lengths, on the surface and along edges.
+        Largest spacing on the surface and along edges, in the unit of lengths.
     seed : int
-        The same seed gives the same points.
+        Random seed.
 
     Returns
     -------
     SurfacePoints
-        (n, 3) points, and the spacing that they reach on the tessellation.
+        (n, 3) points with their spacing on the tessellation.
 
     Raises
     ------
@@ -51,16 +52,16 @@ def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePo
     sharp = edge_points(shape.vertices, shape.faces, wanted)
     places = np.concatenate([sharp, np.asarray(points)])
     if isinstance(shape.geometry, Primitive) and shape.geometry.kind == "ellipsoid":
-        # from the tessellation onto the true surface, which is nearer than the error of the tessellation
+        # project from the tessellation onto the true surface; the displacement is within the error of the tessellation
         level = np.linalg.norm(places @ shape.geometry.matrix / np.array(shape.geometry.dimensions), axis=1)
         places /= level[:, None]
     return SurfacePoints.from_points(places, points.spacing)
 
 
 def inner_points(shape: Shape, *, spacing: float) -> Floats:
-    """Return points inside of a shape, on a body-centered lattice, in two dimensions a triangular one.
+    """Return points inside a shape on a body-centered lattice (in two dimensions, a triangular one).
 
-    Every place in the shape has such a point within half the spacing, or the surface is as near.
+    Every point of the shape is within half the spacing of a lattice point or of the surface.
 
     Parameters
     ----------
@@ -72,7 +73,7 @@ def inner_points(shape: Shape, *, spacing: float) -> Floats:
     Returns
     -------
     (n, 3) ndarray of float
-        Points, none where the shape is thin or an open surface.
+        Points; none if the shape is thin or an open surface.
 
     Raises
     ------
@@ -101,7 +102,7 @@ def inner_points(shape: Shape, *, spacing: float) -> Floats:
 
 
 def inner_count(shape: Shape, *, spacing: float) -> float:
-    """Return about how many :func:`inner_points` there are, from the volume."""
+    """Return the approximate number of :func:`inner_points`, from the volume."""
     dense = 1.25 * np.sqrt(5.0) if shape.dimension == 3 else 8.0 / np.sqrt(27.0)
     return float(dense * shape.volume / spacing**shape.dimension)
 
@@ -118,13 +119,13 @@ def edge_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
     faces : (m, 3) ndarray of int
         Triangles, of a closed mesh counterclockwise seen from outside.
     spacing : float
-        Largest distance of neighbours along an edge; where edges are shorter, points are left out that are nearer to
-        each other than a quarter of it.
+        Largest distance of neighbours along an edge. On shorter edges points closer to each other than a quarter of it
+        are dropped.
 
     Returns
     -------
     (k, 3) ndarray of float
-        Points, none where no edge is sharp.
+        Points; none if no edge is sharp.
     """
     a, b = _sharp_edges(vertices, faces)
     parts = [vertices[_pointed(vertices, faces)], vertices[a], vertices[b]]
@@ -140,7 +141,7 @@ def edge_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
 
 
 def _sharp_edges(vertices: Floats, faces: Integers) -> tuple[Integers, Integers]:
-    """Return the ends of the edges that are convex and sharp; where some are open, of these and of all sharp ones."""
+    """Return the ends of the sharp convex edges; for an open surface, those of border edges and of all sharp edges."""
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
@@ -160,7 +161,7 @@ def _sharp_edges(vertices: Floats, faces: Integers) -> tuple[Integers, Integers]
 
 
 def _pointed(vertices: Floats, faces: Integers) -> Integers:
-    """Return the vertices at which the angles of the triangles lack much of a full turn."""
+    """Return the vertices with a large angular defect."""
     corners = vertices[faces]
     left = 2 * np.pi * np.ones(len(vertices))
     for k in range(3):

@@ -1,8 +1,8 @@
-"""How well points cover a surface: the largest distance of a place on it from the nearest of the points.
+"""Covering radius of points on a surface: the largest distance of a surface point from the nearest sample.
 
-A triangle whose corners lie within a distance of one and the same point lies within that distance of it, since spheres
-are convex. Triangles for which that leaves too wide a margin are cut in two, so that the covering radius is bounded
-from above and from below as tightly as one likes: branch and bound (Land & Doig 1960, doi:10.2307/1910129).
+A triangle whose corners lie within a given distance of the same sample lies within that distance of it, since spheres
+are convex. Triangles with too large a margin are bisected, so that the covering radius is bounded from above and from
+below to any accuracy: branch and bound (Land & Doig 1960, doi:10.2307/1910129).
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 
-#: triangles asked at once: bounds the memory
+#: number of triangles processed at once, which bounds the memory
 TRIANGLES = 200_000
 
 
@@ -26,7 +26,7 @@ def covering_radius(points: Floats, vertices: Floats, faces: Integers, *, accura
     faces : (m, 3) ndarray of int
         Triangles.
     accuracy : float
-        By which share the bound may be too large.
+        Largest relative excess of the bound.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def covering_radius(points: Floats, vertices: Floats, faces: Integers, *, accura
 
 
 def _halved(triangles: Floats) -> Floats:
-    """Cut each triangle in two at the middle of its longest edge, so that slivers become less slender."""
+    """Bisect each triangle at the midpoint of its longest edge, so that slivers become less slender."""
     edges = np.linalg.norm(triangles - np.roll(triangles, -1, axis=1), axis=2)
     turn = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.moveaxis(np.take_along_axis(triangles, turn[:, :, None], axis=1), 1, 0)

@@ -1,6 +1,6 @@
-"""Turn the normals of points alike: outward where the points surround a body.
+"""Consistent orientation of normals, outward if the points surround a body.
 
-Open3D turns them along a Delaunay triangulation, which Qhull does not survive where points lie on one sphere.
+Open3D orients them along a Delaunay triangulation, for which Qhull fails if the points lie on a common sphere.
 """
 
 import numpy as np
@@ -8,12 +8,12 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 
-#: weight of an edge between like normals, which a sparse matrix must not take for no edge
+#: weight of an edge between equal normals; 0 would mean no edge in a sparse matrix
 LIGHTEST = 1e-9
 
 
 def turned_alike(points: Floats, normals: Floats, neighbours: int) -> Floats:
-    """Return normals turned so that neighbours agree, and those of the outermost points look outward.
+    """Return normals with signs such that neighbours agree and the normal of the outermost point is outward.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def turned_alike(points: Floats, normals: Floats, neighbours: int) -> Floats:
     normals : (n, 3) ndarray of float
         Unit vectors, of any sign.
     neighbours : int
-        With how many each point is joined.
+        Number of neighbours of each point.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def turned_alike(points: Floats, normals: Floats, neighbours: int) -> Floats:
     sign = np.ones(many)
     for k in range(count):
         mine = np.flatnonzero(part == k)
-        # the normal of the outermost point looks outward
+        # the normal of the outermost point is outward
         first = int(mine[points[mine, 0].argmax()])
         sign[first] = -1.0 if normals[first, 0] < 0 else 1.0
         order, before = graphs.breadth_first_order(tree, first, directed=False)

@@ -1,4 +1,4 @@
-"""Register two scans: the motion that brings one cloud onto the other."""
+"""Registration of two scans: the rigid motion that aligns one cloud with the other."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,34 +12,34 @@ from voxgran.points.backend_open3d import seed_open3d
 from voxgran.points.cloud import Cloud, Frame
 from voxgran.points.normals import turned_alike
 
-#: cubes of the thinned clouds, in extents of the target
+#: edge of the cubes of the thinned clouds, in extents of the target
 COARSE = 0.04
-#: share of the points that has to find a partner
+#: smallest share of the points with a partner
 LEAST_OVERLAP = 0.3
-#: draws of three pairs, and the confidence at which they end
+#: largest number of draws of three pairs, and the confidence at which they end
 DRAWS, CONFIDENCE = 400_000, 0.999
-#: changes at which the refinement ends, and its most steps
+#: change at which the refinement ends, and its largest number of steps
 CHANGE, STEPS = 1e-10, 200
-#: fewest points of a cloud
+#: smallest number of points of a cloud
 FEWEST = 50
-#: smallest distance at which partners are looked for, in sizes of the target
+#: smallest distance at which partners are searched, in sizes of the target
 FINEST = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Registration:
-    """How one cloud comes onto another.
+    """Rigid motion from one cloud to another, with its quality.
 
     Attributes
     ----------
     rotation : (3, 3) ndarray of float
-        Turns points of the first cloud.
+        Rotation matrix, applied first.
     translation : (3,) ndarray of float
-        Moves them then, in the unit of lengths.
+        Translation, applied after the rotation, in the unit of lengths.
     overlap : float
-        Share of its points that find a partner.
+        Share of the points of the first cloud with a partner, in [0, 1].
     residual : float
-        Root mean square distance of these partners, in the unit of lengths.
+        Root mean square distance of the partners, in the unit of lengths.
     """
 
     rotation: Floats
@@ -48,12 +48,12 @@ class Registration:
     residual: float
 
     def moved(self, cloud: Cloud) -> Cloud:
-        """Return a cloud brought over by this motion.
+        """Return a cloud transformed by this motion.
 
         Parameters
         ----------
         cloud : Cloud
-            In the frame of the first one.
+            Cloud in the frame of the first one.
         """
         normals = None if cloud.normals is None else cloud.normals @ self.rotation.T
         points = cloud.points @ self.rotation.T + self.translation
@@ -61,33 +61,33 @@ class Registration:
 
 
 def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = None, seed: int = 0) -> Registration:
-    """Find the motion that brings one scan onto another of the same body, from any first pose.
+    """Find the rigid motion that aligns one scan with another of the same body, from any initial pose.
 
-    Points with like surroundings (fast point feature histograms) are paired at random until a motion fits many of
-    them; that motion is refined until points lie on the tangent planes of their partners.
+    Points with similar neighbourhoods (fast point feature histograms) are paired at random until a motion fits many of
+    them; this motion is refined by minimizing the distances of points from the tangent planes of their partners.
 
     Parameters
     ----------
     cloud : Cloud
-        The scan that is moved.
+        Scan to move.
     target : Cloud
-        The scan onto which it is moved. Both may show parts only, if these overlap by a third or more.
+        Fixed scan. Both may be partial if they overlap by a third or more.
     distance : float, optional
-        How far apart partners may be after the first fit, in the unit of lengths; left out: 4 % of the extent of the
+        Largest distance of partners after the first fit, in the unit of lengths. Default: 4 % of the extent of the
         target.
     seed : int
-        Of the random pairs.
+        Seed of the random pairs.
 
     Returns
     -------
     Registration
-        The motion and how well it fits.
+        The motion and its quality.
 
     Raises
     ------
     InputError
-        If a cloud has fewer than 50 points, or keeps fewer in cubes as wide as `distance`, `distance` is not above 0,
-        the seed is not a whole number of at least 0, or less than 30 % of the points find a partner.
+        If a cloud has fewer than 50 points, or fewer after thinning to cubes of edge `distance`, `distance` is not
+        above 0, the seed is not a whole number of at least 0, or less than 30 % of the points have a partner.
 
     References
     ----------
@@ -105,7 +105,7 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
     open3d = load("open3d")
     tools = open3d.pipelines.registration
     seed_open3d(as_count(seed, "seed", at_most=None))
-    # each in a frame of its own, of the same unit
+    # each in its own frame, with the same unit
     own = Frame(Frame.around(cloud.points).center, frame.size)
     source, features = _features(cloud, own, reach)
     base, base_features = _features(target, frame, reach)
@@ -134,7 +134,7 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
 
 
 def _fitted(tools: Any, moved: tuple[Any, ...], fixed: tuple[Any, ...], reach: float) -> Any:
-    """Return a motion that pairs of features propose, refined; each side is frame, cloud, thinned cloud, features."""
+    """Return the refined motion from pairs of features; each side is frame, cloud, thinned cloud and features."""
     own, cloud, source, features = moved
     frame, target, base, base_features = fixed
     rough = tools.registration_ransac_based_on_feature_matching(
@@ -150,7 +150,7 @@ def _fitted(tools: Any, moved: tuple[Any, ...], fixed: tuple[Any, ...], reach: f
 
 
 def _features(cloud: Cloud, frame: Frame, reach: float) -> tuple[Any, Any]:
-    """Return a thinned cloud and what the surroundings of its points look like."""
+    """Return a thinned cloud and the features of its points."""
     open3d = load("open3d")
     thin = frame.to_open3d(replace(cloud, normals=None)).voxel_down_sample(reach)
     thin.estimate_normals(open3d.geometry.KDTreeSearchParamHybrid(2 * reach, 30))

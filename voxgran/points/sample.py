@@ -1,7 +1,7 @@
-"""Points on the surface of a shape, to a wanted spacing.
+"""Sample points on the surface of a shape with a given spacing.
 
 The spacing of a set of points is twice its covering radius: every point of the surface has a sample within half the
-spacing. So, where two surfaces cross, two samples are nearer than the larger of the two spacings.
+spacing. Therefore, if two surfaces cross, two of their samples are closer than the larger of the two spacings.
 """
 
 from typing import Any
@@ -16,16 +16,16 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 
-#: how often the number of points is raised before giving up
+#: largest number of attempts with an increasing number of points
 ROUNDS = 8
 MOST_POINTS = 500_000
-#: number of points by area over squared covering radius, where the search for the number begins (measured: 0.9 to 1.4
-#: and 1.4 to 4.7; a hexagonal arrangement has 0.38)
+#: initial number of points, in units of the area over the squared covering radius (measured: 0.9 to 1.4 and 1.4 to 4.7;
+#: 0.38 for a hexagonal arrangement)
 POISSON, UNIFORM = 0.95, 2.5
 
 
 class SurfacePoints(np.ndarray[Any, np.dtype[np.float64]]):
-    """(n, 3) points that know the spacing that they reach.
+    """(n, 3) points with their spacing.
 
     Attributes
     ----------
@@ -43,32 +43,32 @@ class SurfacePoints(np.ndarray[Any, np.dtype[np.float64]]):
         return made
 
     def __array_finalize__(self, source: Any) -> None:
-        """Hand the spacing on to views and slices."""
+        """Pass the spacing to views and slices."""
         self.spacing = getattr(source, "spacing", float("nan"))
 
 
 def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str = "poisson") -> SurfacePoints:
-    """Return points on the surface with at most the wanted spacing.
+    """Sample points on the surface of a shape with at most the given spacing.
 
-    The body is sampled at unit equivalent diameter and scaled back, with more points until the covering radius,
-    measured to one percent, is small enough.
+    The body is sampled at unit equivalent diameter and scaled back. The number of points increases until the covering
+    radius, computed to one percent, is small enough.
 
     Parameters
     ----------
     shape : Shape
-        Any shape; of a curved one the points lie on its tessellation, and the spacing is that of the tessellation; of a
-        sphere both are those of the true sphere.
+        Any shape. Points and spacing refer to the true surface of a sphere, and to the tessellation of other curved
+        shapes.
     spacing : float
-        Wanted spacing, in the unit of lengths: every point of the surface shall have a sample within half of it.
+        Largest spacing, in the unit of lengths: every point of the surface has a sample within half of it.
     seed : int
-        The same seed gives the same points.
+        Random seed.
     method : {"poisson", "uniform"}
-        Points that keep apart, or independent ones (which need many more for the same spacing).
+        "poisson": points with a mutual distance. "uniform": independent points, many more for the same spacing.
 
     Returns
     -------
     SurfacePoints
-        (n, 3) points whose `spacing` is the reached one, an upper bound. Along an outline they are equally spaced.
+        (n, 3) points; their `spacing` is an upper bound of the actual one. Points on an outline are equally spaced.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
 
 
 def _on_sphere(shape: Shape, points: Floats) -> tuple[Floats, float]:
-    """Return the points, of a sphere pushed onto it, and how far the covered triangles may lie from the sphere."""
+    """Return the points, projected for a sphere, and the largest distance of the covered triangles from the sphere."""
     if isinstance(shape.geometry, Primitive) and shape.geometry.kind == "sphere":
         pushed = points / np.linalg.norm(points, axis=1, keepdims=True) / 2
         return pushed, shape.tessellation_error / shape.diameter
@@ -113,7 +113,7 @@ def _on_sphere(shape: Shape, points: Floats) -> tuple[Floats, float]:
 
 
 def _along_outline(outline: Outline, wanted: float) -> tuple[Floats, float]:
-    """Return equally spaced points along the rim, corners of a polygon among them, and the reached spacing."""
+    """Return equally spaced points along the outline, including the corners of a polygon, and their spacing."""
     if outline.kind == "disk":
         count = max(6, int(np.ceil(outline.surface_area / wanted)))
         angles = 2 * np.pi * np.arange(count) / count

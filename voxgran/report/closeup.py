@@ -1,4 +1,4 @@
-"""A close look at contacts: one grain among its neighbours, with the points where they touch."""
+"""Close-up of contacts: one grain among its neighbours, with the contact points."""
 
 from typing import Any
 
@@ -15,19 +15,19 @@ _MIDDLE, _NEIGHBOUR, _POINT = "#2a9d8f", "#b9c3ca", "#d1495b"
 
 
 def picture_contacts(packing: Packing, *, window: tuple[int, int] = (900, 900)) -> Picture | None:
-    """Draw the grain with the most neighbours, these translucent, and the points where they are nearest.
+    """Draw the grain with the most neighbours, these translucent, and the contact points.
 
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
     window : tuple of int
         Width and height, in pixels.
 
     Returns
     -------
     (height, width, 3) ndarray of uint8 or None
-        None where no two grains are near.
+        Picture; None if no two grains are close.
     """
     found = packing.contacts(WIDEST_GAP * mean_diameter(packing)) if packing.count else None
     if found is None or not found.count:
@@ -51,7 +51,7 @@ def picture_contacts(packing: Packing, *, window: tuple[int, int] = (900, 900)) 
 
 
 def _busiest(packing: Packing, i: Integers, j: Integers) -> int:
-    """Return the grain with the most neighbours; of several the one nearest to the middle."""
+    """Return the grain with the most neighbours; among several, the one nearest to the center."""
     count = np.bincount(np.concatenate([i, j]), minlength=packing.count)
     most = np.flatnonzero(count == count.max())
     middle = packing.container.bounds.mean(axis=0)
@@ -59,7 +59,7 @@ def _busiest(packing: Packing, i: Integers, j: Integers) -> int:
 
 
 def _add_grain(stage: Any, packing: Packing, grain: int, shift: Floats, *, color: str, opacity: float) -> Floats:
-    """Draw a grain at an image of its place; return its vertices."""
+    """Draw a periodic image of a grain; return its vertices."""
     shape = packing.shapes[packing.shape_id[grain]]
     turned = shape.vertices @ packing.matrices[grain].T * packing.scale[grain]
     vertices: Floats = turned + packing.position[grain] + shift
@@ -69,7 +69,7 @@ def _add_grain(stage: Any, packing: Packing, grain: int, shift: Floats, *, color
 
 
 def _add_points(stage: Any, points: Floats, radius: float) -> None:
-    """Draw small spheres, seen through what is before them."""
+    """Draw small spheres that are visible through objects in front of them."""
     vertices, faces, _ = sphere(2)
     beads = (points[:, None] + radius * vertices).reshape(-1, 3)
     triangles = (faces + len(vertices) * np.arange(len(points))[:, None, None]).reshape(-1, 3)

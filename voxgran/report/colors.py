@@ -1,4 +1,4 @@
-"""What grains are coloured by: a number per grain and what it is called."""
+"""Colouring of grains: one value per grain, with name and unit."""
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -16,16 +16,16 @@ COLOR_BY: tuple[ColorBy, ...] = ("diameter", "shape", "coordination", "distance"
 
 @dataclass(frozen=True, slots=True)
 class Coloring:
-    """Values of grains, and what the colour bar says.
+    """Values of grains, with the texts of the colour bar.
 
     Attributes
     ----------
     values : (n,) ndarray of float
-        One number a grain.
+        One value per grain.
     label : str
-        What it is.
+        Name of the quantity.
     unit : str
-        Its unit, ``""`` where it has none.
+        Unit of the quantity, ``""`` if it has none.
     """
 
     values: Floats
@@ -34,7 +34,7 @@ class Coloring:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The least and the largest value; a little apart where they are equal."""
+        """Smallest and largest value; slightly different if all values are equal."""
         low, high = float(self.values.min(initial=np.inf)), float(self.values.max(initial=-np.inf))
         if low < high:
             return low, high
@@ -42,15 +42,15 @@ class Coloring:
 
 
 def coloring(packing: Packing, color_by: str) -> Coloring:
-    """Return what grains are coloured by.
+    """Return the colouring of the grains.
 
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
     color_by : {"diameter", "shape", "coordination", "distance"}
-        Equivalent diameter; index of the shape; number of neighbours up to the usual gap; distance of the centroid from
-        the nearest other one.
+        Equivalent diameter; index of the shape; number of neighbours within the contact gap; distance of the centroid
+        from the nearest other one.
 
     Returns
     -------

@@ -1,9 +1,9 @@
-"""Several packings on one page: numbers side by side, their differences, and whether these mean anything.
+"""Comparison of packings on one page: numbers side by side, their differences and the significance of these.
 
-A group is one packing, or several of a kind, such as those of several seeds. Of several the mean and its standard error
-are shown, and differences of means are tested by Welch's t-test over packings. A single packing has no scatter:
-differences are then given without any claim of significance. Distributions over the grains are compared by their
-Kolmogorov-Smirnov distance, which describes; a probability is given where there are packings enough to permute.
+A group is one packing, or several of a kind, such as those of several seeds. For several packings the mean and its
+standard error are shown, and differences of means are tested by Welch's t-test over packings. A single packing has no
+scatter: its differences are given without a statement of significance. Distributions over the grains are compared by
+the Kolmogorov-Smirnov distance; a probability is given if there are enough packings for a permutation test.
 """
 
 import math
@@ -24,9 +24,9 @@ from voxgran.report.numbers import json_text
 from voxgran.report.page import page_template, view_of
 from voxgran.report.significance import LEVEL
 
-#: colours of the groups in plots, in their order
+#: colours of the groups in plots, in order
 INKS = ("#2a9d8f", "#e07a3f", "#7a86c8", "#c2476d", "#8a8d3a", "#4f6d7a")
-#: packings of a group whose curves are drawn
+#: largest number of packings of a group whose curves are drawn
 DRAWN = 5
 
 
@@ -39,42 +39,42 @@ def write_comparison(
     title: str = "Comparison of packings",
     overwrite: bool = False,
 ) -> None:
-    """Write one self-contained page that compares packings, and every number of it as JSON beside it.
+    """Write a self-contained HTML page that compares packings, and a JSON file with its numbers.
 
     Parameters
     ----------
     packings : mapping of str to Packing or sequence of Packing
-        At least two groups; the first is what the others are compared with, in its unit of lengths. Several packings of
-        a group must be independent of each other, such as those of several seeds: they give it a standard error.
+        At least two groups; the first is the reference for the others and defines the unit of lengths. Several packings
+        of a group must be independent of each other, such as those of several seeds, and give a standard error.
     path : path-like
-        File to write, by custom ``.html``; the numbers go to the file of the same name with the suffix ``.json``.
+        File to write, usually ``.html``; the numbers are written to the same name with the suffix ``.json``.
     which : sequence of str, optional
-        Measures to compare; all that apply where left out.
+        Measures to compare. Default: all that apply.
     pictures : bool
         Whether one picture of each group is rendered.
     title : str
-        Headline of the page.
+        Title of the page.
     overwrite : bool
-        Whether what is there may be replaced.
+        Whether existing files may be replaced.
 
     Raises
     ------
     InputError
-        If there are fewer than two groups, one of them is empty or holds the same packing twice, or the unit of only
-        some packings is known.
+        If there are fewer than two groups, one of them is empty or contains the same packing twice, or only some
+        packings have a unit.
     UnknownNameError
         If there is no measure of that name.
     OutputExistsError
-        If the page or its numbers are there and `overwrite` is false.
+        If the page or the JSON file exists and `overwrite` is false.
     OutputError
-        If it cannot be written; what was there before is untouched.
+        If a file cannot be written; existing files are then unchanged.
 
     Notes
     -----
-    Nothing is called significant where a group has one packing. Numbers that differ by less than 1e-9, relatively, are
-    equal. Means are compared by Welch's t-test over packings; distributions over grains by a permutation test over
-    packings, where these are at least four and four, three and four, or two and five. Groups that were packed with
-    the same seeds may share what was drawn at random; both tests are then the more cautious.
+    No significance is stated if a group has one packing. Numbers with a relative difference below 1e-9 are equal. Means
+    are compared by Welch's t-test over packings; distributions over grains by a permutation test over packings, if
+    there are at least four and four, three and four, or two and five. Groups packed with the same seeds may share
+    random draws; both tests are then conservative.
     """
     twin = as_path(path).with_suffix(".json")
     if not overwrite:
@@ -104,7 +104,7 @@ def write_comparison(
 
 
 def _record(group: Group) -> dict[str, Any]:
-    """Return what the packings of a group are, JSON-able."""
+    """Return a JSON-able description of the packings of a group."""
     return {
         "name": group.name,
         "packings": len(group.packings),
@@ -130,7 +130,7 @@ def _headline(group: Group) -> dict[str, str]:
 
 
 def _notes(groups: Sequence[Group]) -> list[str]:
-    """Say what the numbers of the table are, and what is claimed of their differences."""
+    """Return the notes on the numbers of the table and on the significance of their differences."""
     single = [group.name for group in groups if len(group.packings) == 1]
     notes = [f"Differences are from {groups[0].name}; equal: no difference beyond rounding."]
     if len(single) < len(groups):
@@ -165,14 +165,14 @@ def _row(row: Mapping[str, Any], groups: Sequence[Group]) -> list[str]:
 
 
 def _mean_text(entry: Mapping[str, Any], packings: int) -> str:
-    """Write a mean with its standard error, and of how many packings where some have no number."""
+    """Return a mean with its standard error as text, with the number of packings if some have no value."""
     if entry["mean"] is None:
         return "not known"
     known = "" if entry["known"] == packings else f" ({entry['known']} of {packings})"
     mean, error = entry["mean"], entry["standard_error"]
     if not error:
         return _number(mean) + known
-    # the mean has as many decimals as two digits of its error
+    # the mean has as many decimals as its error written with two digits
     decimals = 1 - math.floor(math.log10(error))
     if 0 <= decimals <= 6:
         return f"{mean:.{decimals}f} \u00b1 {error:.{decimals}f}{known}".replace("-", "\u2212")
@@ -180,7 +180,7 @@ def _mean_text(entry: Mapping[str, Any], packings: int) -> str:
 
 
 def _difference_text(entry: Mapping[str, Any]) -> str:
-    """Write a difference and whether it is significant, where that was tested."""
+    """Return a difference as text, with its significance if that was tested."""
     if entry["difference"] is None:
         return "not known"
     if entry["verdict"] == "equal":
@@ -190,12 +190,12 @@ def _difference_text(entry: Mapping[str, Any]) -> str:
 
 
 def _number(value: float) -> str:
-    """Write a mean; whole ones with all their digits."""
+    """Return a mean as text; whole numbers with all digits."""
     return facts.number(int(value) if value.is_integer() and abs(value) < 1e9 else value)
 
 
 def _p_text(p_value: float) -> str:
-    """Write a probability."""
+    """Return a probability as text."""
     return "p < 0.0001" if p_value < 1e-4 else f"p = {p_value:.2g}"
 
 
@@ -214,7 +214,7 @@ def _picture(group: Group) -> Any:
 
 
 def _figures(groups: Sequence[Group]) -> list[dict[str, str]]:
-    """Return the curves that all packings have, over each other."""
+    """Return the plots of the curves that all packings have."""
     drawn = [list(zip(group.packings, group.trees, strict=True))[:DRAWN] for group in groups]
     curves = [[{name: data for data, name in curves_of(*pair)} for pair in pairs] for pairs in drawn]
     more = any(len(group.packings) > DRAWN for group in groups)

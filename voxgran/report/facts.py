@@ -1,4 +1,4 @@
-"""What a report says in words and numbers: rows of label, value and note, as texts."""
+"""Tables of a report: rows of label, value and note, as texts."""
 
 import dataclasses
 import math
@@ -23,9 +23,9 @@ class Fact:
     Attributes
     ----------
     label, value, note : str
-        What it is, how much, and what should be known about it.
+        Name, value and remark.
     tone : {"", "good", "bad"}
-        Whether it is a verdict.
+        Assessment of the value, if there is one.
     """
 
     label: str
@@ -35,7 +35,7 @@ class Fact:
 
 
 def number(value: Any) -> str:
-    """Return a value as a person would write it: four digits, thousands parted.
+    """Return a value as text: four digits, with separators of thousands.
 
     Parameters
     ----------
@@ -57,16 +57,16 @@ def number(value: Any) -> str:
 
 
 def headline(packing: Packing, statistics: "DataTree | None", verification: "Verification | None") -> list[Fact]:
-    """Return the numbers that a reader looks for first.
+    """Return the most important numbers.
 
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
     statistics : xarray.DataTree or None
-        Its measures.
+        Measures of the packing.
     verification : Verification or None
-        Its proof.
+        Verification of the packing.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def headline(packing: Packing, statistics: "DataTree | None", verification: "Ver
 
 
 def scalar(statistics: "DataTree | None", name: str) -> float | None:
-    """Return a number of the root of the statistics, or None where it is not there."""
+    """Return a number of the root of the statistics, None if absent."""
     if statistics is None or name not in statistics.data_vars:
         return None
     return float(statistics[name])
@@ -107,7 +107,7 @@ def details(packing: Packing) -> list[Fact]:
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def details(packing: Packing) -> list[Fact]:
 
 
 def _missed(record: Mapping[str, Any]) -> list[Fact]:
-    """Return what was missed of what was asked; the distance of sizes has a row that says what it is."""
+    """Return the differences from the request; the distance of the sizes has a row of its own."""
     missed = record["missed"]
     if not isinstance(missed, Mapping) or "gradation" not in missed:
         return [Fact("missed", _pairs(missed))]
@@ -164,7 +164,7 @@ def shape_rows(packing: Packing) -> list[tuple[str, str, str, str]]:
 
 
 def proof_rows(verification: "Verification") -> list[Fact]:
-    """Return what the verification found, one row a number."""
+    """Return the results of the verification, one row per number."""
     notes = {
         "ok": "no overlap and no escape beyond the tolerance",
         "tolerance": "in mean diameters, the same for all methods",
@@ -186,7 +186,7 @@ def proof_rows(verification: "Verification") -> list[Fact]:
 
 
 def worst_rows(found: Sequence[Any]) -> list[list[str]]:
-    """Return head and rows of the ten worst pairs or escapes, empty where there are none."""
+    """Return head and rows of the ten worst pairs or escapes, empty if there are none."""
     if not found:
         return []
     names = [field.name for field in dataclasses.fields(found[0])]
@@ -195,7 +195,7 @@ def worst_rows(found: Sequence[Any]) -> list[list[str]]:
 
 
 def _pairs(value: Any) -> str:
-    """Write a mapping as text: name value, name value; what is None is left out."""
+    """Return a mapping as text: name value, name value, without entries that are None."""
     if isinstance(value, list | tuple):
         return ", ".join(_inner(item) for item in value)
     if not isinstance(value, Mapping):
@@ -205,5 +205,5 @@ def _pairs(value: Any) -> str:
 
 
 def _inner(value: Any) -> str:
-    """Write a value inside of a mapping or list, in brackets where it has parts."""
+    """Return a value inside a mapping or list as text, in brackets if it has parts."""
     return f"({_pairs(value)})" if isinstance(value, Mapping | list | tuple) else number(value)

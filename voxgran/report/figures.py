@@ -1,4 +1,4 @@
-"""Which plots stand on a page, with the numbers that they show."""
+"""Plots of a page, with the numbers that they show."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -26,11 +26,11 @@ class Figure:
     Attributes
     ----------
     name : str
-        Key of its numbers.
+        Key of the numbers of the plot.
     svg, alt, caption : str
-        What is shown and said.
+        Drawing, alternative text and caption.
     numbers : dict
-        What the plot shows, JSON-able.
+        JSON-able data of the plot.
     """
 
     name: str
@@ -41,14 +41,14 @@ class Figure:
 
 
 def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
-    """Return the plots of a packing, as far as there is something to show.
+    """Return the plots of a packing for which there are data.
 
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
     statistics : xarray.DataTree or None
-        Its measures.
+        Measures of the packing.
     """
     found = []
     if packing.count:
@@ -61,18 +61,18 @@ def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
 
 
 def size_test(packing: Packing) -> dict[str, float] | None:
-    """Compare the sizes that were placed with the distribution that was asked for, by number.
+    """Compare the placed sizes with the requested distribution, by number.
 
     Parameters
     ----------
     packing : Packing
-        At least one grain.
+        Packing of at least one grain.
 
     Returns
     -------
     dict or None
-        Kolmogorov-Smirnov ``distance``, as :func:`voxgran.measure` has it, and its ``p_value``, the probability that as
-        many independent draws are farther off (scipy.stats.kstest); None where nothing is known of what was asked.
+        Kolmogorov-Smirnov ``distance``, as in :func:`voxgran.measure`, and its ``p_value``, the probability that as
+        many independent draws have a larger distance (scipy.stats.kstest); None without a requested distribution.
     """
     if packing.asked_sizes is None or not packing.count:
         return None
@@ -81,15 +81,15 @@ def size_test(packing: Packing) -> dict[str, float] | None:
 
 
 def _gradation(packing: Packing) -> Figure:
-    """Return the gradation, asked against placed."""
+    """Return the gradation, requested and placed."""
     svg = plots.svg_of(lambda axes: plots.plot_gradation(axes, packing), "gradation")
     test = size_test(packing)
     caption = "Gradation: the share by volume that passes each size."
     if test is not None:
         caption += (
-            " Placed against asked: the largest difference, by number, between the share of the placed grains up to a "
-            "size and that of the distribution that was asked for (Kolmogorov\u2013Smirnov) is "
-            f"{test['distance']:.3g}; as many independent draws are farther off with a probability of "
+            " Placed against requested: the largest difference, by number, between the share of the placed grains up "
+            "to a size and that of the requested distribution (Kolmogorov\u2013Smirnov) is "
+            f"{test['distance']:.3g}; as many independent draws have a larger difference with a probability of "
             f"{test['p_value']:.2g}."
         )
     order = np.argsort(packing.diameters, kind="stable")
@@ -104,7 +104,7 @@ def _gradation(packing: Packing) -> Figure:
 
 
 def _curves(packing: Packing, statistics: "DataTree | None") -> Iterator[Figure]:
-    """Yield solid fractions over a place and coordination numbers over the gap."""
+    """Yield solid fractions over a coordinate and coordination numbers over the gap."""
     levels = {"whole": packing.solid_fraction, "bulk": facts.scalar(statistics, "bulk_solid_fraction") or np.nan}
     for data, name in curves_of(packing, statistics):
         place = data[name][data[name].dims[0]]
@@ -122,9 +122,9 @@ def _curves(packing: Packing, statistics: "DataTree | None") -> Iterator[Figure]
 
 
 def curves_of(packing: Packing, statistics: "DataTree | None") -> "list[tuple[Dataset, str]]":
-    """Return dataset and name of each curve: solid fractions over a place, coordination numbers over the gap.
+    """Return dataset and name of each curve: solid fractions over a coordinate, coordination numbers over the gap.
 
-    Along a periodic axis every place is like another.
+    Periodic axes are omitted, since all positions along them are equivalent.
     """
     periodic = [axis for axis, flag in zip("xyz", packing.container.periodic, strict=True) if flag]
     found = []
@@ -154,10 +154,10 @@ def _draw_curve(axes: Any, *, data: "Dataset", name: str, levels: Any, published
 
 
 def _zingg(packing: Packing) -> Figure:
-    """Return how flat and long the grains are."""
+    """Return the plot of flatness and elongation of the grains."""
     svg = plots.svg_of(lambda axes: shape_plots.plot_zingg(axes, packing), "zingg", size=(5.2, 4.2))
     across, up = shape_plots.flatness_and_elongation(packing)
-    caption = "Form after Zingg 1935: extents along the axes of inertia; larger dots stand for more grains."
+    caption = "Form after Zingg 1935: extents along the axes of inertia; larger dots represent more grains."
     numbers = {
         "mean_intermediate_over_longest": float(across.mean()),
         "mean_shortest_over_intermediate": float(up.mean()),
@@ -166,7 +166,7 @@ def _zingg(packing: Packing) -> Figure:
 
 
 def _rose(packing: Packing, statistics: "DataTree | None") -> Figure | None:
-    """Return where contact normals point, if there are enough contacts."""
+    """Return the rose of contact normals, if there are enough contacts."""
     if statistics is None or "/contacts" not in statistics.groups:
         return None
     normals = np.asarray(statistics["/contacts"]["normal"].values)
@@ -181,8 +181,8 @@ def _rose(packing: Packing, statistics: "DataTree | None") -> Figure | None:
     svg = plots.svg_of(draw, "rose", size=(4.6, 4.2), projection="polar")
     origin = "the upright axis" if upright else "x"
     caption = (
-        f"Contact normals: how many of {len(normals)} point at which angle from {origin}, relative to a packing "
-        "without any preferred direction (dashed)."
+        f"Contact normals: distribution of {len(normals)} normals over the angle from {origin}, relative to an "
+        "isotropic packing (dashed)."
     )
     numbers = {"angle": angle.tolist(), "relative_density": share.tolist(), "contacts": len(normals)}
     return Figure("contact_normals", svg, "rose of contact normals", caption, numbers)

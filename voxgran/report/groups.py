@@ -1,4 +1,4 @@
-"""Groups of packings and how they differ: in numbers with their standard errors, and in distributions over grains."""
+"""Groups of packings and their differences: in numbers with standard errors, and in distributions over grains."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -29,21 +29,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Packings that are compared as one.
+    """Group of packings in a comparison.
 
     Attributes
     ----------
     name : str
-        What the page calls them.
+        Name of the group on the page.
     packings : tuple of Packing
-        One, or several independent ones, such as those of several seeds.
+        One packing, or several independent ones, such as those of several seeds.
     trees : tuple of DataTree
-        Their measures.
+        Measures of the packings.
     neighbours : tuple of ndarray
-        Coordination numbers of the grains of each packing, up to the same gap in all groups; empty where they were not
-        asked for.
+        Coordination numbers of the grains of each packing, up to the same gap in all groups; empty if not requested.
     gap : float
-        That gap, in mean diameters.
+        This gap, in mean diameters.
     """
 
     name: str
@@ -53,7 +52,7 @@ class Group:
     gap: float
 
     def numbers(self) -> dict[str, Floats]:
-        """Return each single number that all packings have, (k,); NaN where one is not known."""
+        """Return each scalar (k,) that all packings have; NaN for unknown values."""
         names = [
             str(name)
             for name, value in self.trees[0].data_vars.items()
@@ -62,7 +61,7 @@ class Group:
         return {name: np.array([float(tree[name]) for tree in self.trees]) for name in names}
 
     def distributions(self) -> dict[str, tuple[Floats, ...]]:
-        """Return what each grain of each packing has, by meaning; only what all packings have."""
+        """Return the values per grain of each packing, by quantity; only quantities that all packings have."""
         if not all(packing.count for packing in self.packings):
             return {}
         sizes = {"equivalent diameter": tuple(packing.diameters for packing in self.packings)}
@@ -77,7 +76,7 @@ def groups_of(packings: Mapping[str, Packing | Sequence[Packing]], which: Sequen
     packings : mapping of str to Packing or sequence of Packing
         At least two groups.
     which : sequence of str or None
-        Measures; None for all that apply.
+        Names of measures; None for all that apply.
 
     Returns
     -------
@@ -86,8 +85,8 @@ def groups_of(packings: Mapping[str, Packing | Sequence[Packing]], which: Sequen
     Raises
     ------
     InputError
-        If there are fewer than two groups, one of them is empty, holds the same packing twice or something else, or the
-        unit of only some packings is known.
+        If there are fewer than two groups, one of them is empty, contains the same packing twice or another object, or
+        only some packings have a unit.
     UnknownNameError
         If there is no measure of that name.
     """
@@ -124,21 +123,21 @@ def _group(name: str, packings: tuple[Packing, ...], which: Sequence[str] | None
     trees = tuple(_measured(packing, _label(name, packings, k), which) for k, packing in enumerate(packings))
     neighbours: tuple[Floats, ...] = ()
     if all("/grains" in tree.groups and "coordination_number" in tree["/grains"] for tree in trees):
-        # counted up to one gap, since what a method leaves open between grains that touch differs
+        # counted up to a common gap, since methods leave different gaps between grains in contact
         found = (coordination_number(packing, [gap], reference_gap=gap).of_grain for packing in packings)
         neighbours = tuple(values.astype(np.float64) for values in found)
     return Group(name, packings, trees, neighbours, gap)
 
 
 def _label(name: str, group: tuple[Packing, ...], index: int) -> str:
-    """Return what a warning calls a packing of a group."""
+    """Return the name of a packing of a group for warnings."""
     seed = group[index].provenance.get("seed")
     which = f"packing {index + 1}" if seed is None else f"seed {seed}"
     return name if len(group) == 1 else f"{name}, {which}"
 
 
 def _measured(packing: Packing, label: str, which: Sequence[str] | None) -> "DataTree":
-    """Measure a packing; warnings say which one they are of."""
+    """Measure a packing; warnings name it."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         tree = measure(packing, which=which)
@@ -148,7 +147,7 @@ def _measured(packing: Packing, label: str, which: Sequence[str] | None) -> "Dat
 
 
 def compared(groups: Sequence[Group]) -> list[dict[str, Any]]:
-    """Return each number of all groups, its difference from the first group, and how likely that is by chance.
+    """Return each number of all groups, its difference from the first group, and the p-value of the difference.
 
     Parameters
     ----------
@@ -159,8 +158,8 @@ def compared(groups: Sequence[Group]) -> list[dict[str, Any]]:
     -------
     list of dict
         With ``name``, ``long_name``, ``unit`` and, by group, ``known`` (packings that have the number), ``mean`` (None
-        where none has), ``standard_error`` (None for one), ``difference`` (0 where means differ by rounding),
-        ``p_value`` (Welch's t-test; None where a group has fewer than two packings, or neither has any scatter) and
+        if none has it), ``standard_error`` (None for one packing), ``difference`` (0 if means differ by rounding only),
+        ``p_value`` (Welch's t-test; None if a group has fewer than two packings, or neither has any scatter) and
         ``verdict``: ``"equal"``, ``"significant"``, ``"not significant"`` or ``"not tested"``.
     """
     all_numbers = [group.numbers() for group in groups]
@@ -209,7 +208,7 @@ def _entry(given: Floats, reference: Floats | None) -> dict[str, Any]:
 
 
 def _verdict(p_value: float | None) -> str:
-    """Say in words what a probability means."""
+    """Return the verdict for a probability."""
     if p_value is None:
         return "not tested"
     return "significant" if p_value < LEVEL else "not significant"
@@ -227,7 +226,7 @@ def distributions(groups: Sequence[Group]) -> list[dict[str, Any]]:
     -------
     list of dict
         With ``what``, ``group``, the Kolmogorov-Smirnov ``distance`` by number, its ``p_value`` (a permutation of
-        packings; None where there are too few) and ``verdict``, as :func:`compared` has it.
+        packings; None if there are too few) and ``verdict``, as in :func:`compared`.
     """
     found = []
     first = groups[0].distributions()

@@ -1,4 +1,4 @@
-"""The machine-readable twin of a page: every number that it shows, as JSON."""
+"""Machine-readable contents of a page: all its numbers as JSON."""
 
 import dataclasses
 import json
@@ -31,11 +31,11 @@ def page_numbers(
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
     statistics : xarray.DataTree or None
-        Its measures.
+        Measures of the packing.
     verification : Verification or None
-        Its proof.
+        Verification of the packing.
     figures : sequence of Figure
         The plots of the page.
 
@@ -70,12 +70,12 @@ def page_numbers(
 
 
 def json_text(value: Any) -> str:
-    """Write a value as JSON; what is not finite becomes null, as the format has no word for it."""
+    """Return a value as JSON text; numbers that are not finite become null, as JSON cannot represent them."""
     return json.dumps(_finite(value), indent=1, default=str, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def _spread(packing: Packing) -> dict[str, float | None]:
-    """Return least, median and largest equivalent diameter."""
+    """Return smallest, median and largest equivalent diameter."""
     if not packing.count:
         return {"least": None, "median": None, "largest": None}
     low, middle, high = (float(value) for value in np.quantile(packing.diameters, [0.0, 0.5, 1.0]))
@@ -83,7 +83,7 @@ def _spread(packing: Packing) -> dict[str, float | None]:
 
 
 def _finite(value: Any) -> Any:
-    """Replace what is not finite by None, all the way down."""
+    """Replace numbers that are not finite by None, recursively."""
     if isinstance(value, Mapping):
         return {str(key): _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,7 +1,7 @@
-"""One self-contained page about a packing: numbers, pictures, plots, proof and provenance.
+"""Report of a packing: one self-contained page with numbers, pictures, plots, verification and provenance.
 
-Pictures and plots stand inside the file; it loads nothing from elsewhere and is read on light and on dark ground, in
-wide and in narrow windows.
+Pictures and plots are embedded in the file, which loads no other resource and adapts to light and dark backgrounds and
+to wide and narrow windows.
 """
 
 import base64
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 
     from voxgran.contacts.verify import Verification
 
-#: how many shapes are drawn, and how many are listed
+#: number of shapes that are drawn, and that are listed
 SHAPES_DRAWN, SHAPES_LISTED = 3, 20
-#: contacts of more grains are not looked for to draw one of them
+#: largest number of grains for which a close-up of contacts is drawn
 MOST_FOR_CONTACTS = 50_000
-#: pictures in a turn
+#: number of pictures of a turntable
 TURNS = 24
 
 
@@ -49,11 +49,11 @@ class View:
     Attributes
     ----------
     source : str
-        The picture as a data address.
+        The picture as a data URL.
     alt, caption : str
-        What it shows, for who cannot see it and for who can.
+        Alternative text and caption.
     width, height : int
-        In pixels.
+        Size in pixels.
     """
 
     source: str
@@ -85,43 +85,43 @@ def write_report(
     turntable: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Write one self-contained HTML page about a packing, and every number of it as JSON beside it.
+    """Write a self-contained HTML report of a packing, and a JSON file with its numbers.
 
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
     path : path-like
-        File to write, by custom ``.html``; the numbers go to the file of the same name with the suffix ``.json``.
+        File to write, usually ``.html``; the numbers are written to the same name with the suffix ``.json``.
     statistics : xarray.DataTree, optional
-        What :func:`voxgran.measure` returns; profiles and the bulk solid fraction need it.
+        Result of :func:`voxgran.measure`; required for profiles and the bulk solid fraction.
     verification : Verification, optional
-        What :func:`voxgran.verify` returns.
+        Result of :func:`voxgran.verify`.
     pictures : bool
-        Whether pictures are rendered; without, no graphics library is loaded.
+        Whether pictures are rendered; if false, no graphics library is loaded.
     pictures_folder : path-like, optional
-        Folder that is given the pictures as PNG files too: whole, cut_open, grain_0, ...
+        Folder for the pictures as PNG files: whole, cut_open, grain_0, ... Default: none are written.
     title : str, optional
-        Headline of the page.
+        Title of the page.
     comparisons : mapping of str to mapping, optional
-        One row a packing: its name, and its values by the name of the column.
+        Rows of a table of packings: name of each packing to a mapping from column names to values.
     color_by : {"diameter", "shape", "coordination", "distance"}
-        What the grains are coloured by.
+        Quantity shown by the colours of the grains.
     turntable : bool
-        Whether a picture that turns is added.
+        Whether an animated picture of the rotating packing is added.
     overwrite : bool
-        Whether what is there may be replaced.
+        Whether existing files may be replaced.
 
     Raises
     ------
     InputError
         If `color_by` is unknown.
     OutputExistsError
-        If the page, its numbers or a picture is there and `overwrite` is false.
+        If the page, the JSON file or a picture exists and `overwrite` is false.
     OutputError
-        If it cannot be written; what was there before is untouched.
+        If a file cannot be written; existing files are then unchanged.
     MissingLibraryError
-        If a library that it needs cannot be loaded.
+        If a required library cannot be loaded.
     """
     check_packing(packing, "packing")
     twin = as_path(path).with_suffix(".json")
@@ -164,7 +164,7 @@ def write_report(
 
 
 def page_template(name: str) -> Any:
-    """Return a template of this folder; texts are escaped, and a name that is not given is an error."""
+    """Return a template of this folder; texts are escaped, and an undefined name is an error."""
     jinja2 = load("jinja2")
     return jinja2.Environment(
         loader=jinja2.FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=jinja2.StrictUndefined
@@ -189,7 +189,7 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
         )
     }
     if packing.dimension == 3 and packing.count:
-        caption = "Cut open: without the grains whose centroids lie in the near quarter."
+        caption = "Cut open: without the grains with centroids in the near quarter."
         whole["cut_open"] = (
             scenes.picture_cut(packing, color_by=color_by),
             f"{what}, without the near quarter",
@@ -197,12 +197,12 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
         )
     close = picture_contacts(packing) if packing.count <= MOST_FOR_CONTACTS else None
     if close is not None:
-        caption = "The grain with the most neighbours, and the points where these are nearest."
+        caption = "The grain with the most neighbours, and the contact points."
         whole["contacts"] = (close, "one grain among its neighbours", caption)
     captions = {
         "surface": "true surface",
         "voxels": "voxels of 1/24 of its diameter",
-        "points": "control points a tenth of its diameter apart",
+        "points": "control points with a spacing of a tenth of its diameter",
         "clump": "clump of at most 30 spheres",
     }
     grains = {}
@@ -220,7 +220,7 @@ def _drawn_shapes(packing: Packing) -> list[Shape]:
 
 
 def _grains_note(packing: Packing) -> str:
-    """Say which shapes are drawn where not all are."""
+    """Return a note on the shapes that are drawn if not all are."""
     used = len(np.unique(packing.shape_id))
     return f"The {SHAPES_DRAWN} most frequent of {used} shapes." if used > SHAPES_DRAWN else ""
 
@@ -233,13 +233,13 @@ def _png(picture: Picture) -> bytes:
 
 
 def view_of(picture: Picture, alt: str, caption: str) -> View:
-    """Return a picture with all that the page says about it."""
+    """Return a picture with its texts and size."""
     source = "data:image/png;base64," + base64.b64encode(_png(picture)).decode()
     return View(source, alt, caption, picture.shape[1], picture.shape[0])
 
 
 def _turning(packing: Packing, color_by: str) -> list[View]:
-    """Return the picture that turns."""
+    """Return the turntable."""
     edge = 360
     views = (
         scenes.picture_packing(packing, color_by=color_by, window=(edge, edge), turn=360.0 * k / TURNS)
@@ -259,7 +259,7 @@ def _picture_files(drawn: Drawn, folder: Path) -> dict[Path, bytes]:
 
 
 def _subtitle(packing: Packing) -> str:
-    """Say in one line what was packed how."""
+    """Return the subtitle: grains, container and method in one line."""
     names = [row[0] for row in facts.shape_rows(packing)]
     shown = ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
     method = packing.provenance.get("method")
@@ -269,7 +269,7 @@ def _subtitle(packing: Packing) -> str:
 
 
 def _legend(colors: Coloring) -> tuple[str, str] | None:
-    """Return what the darkest and the brightest colour stand for."""
+    """Return the values of the darkest and the brightest colour."""
     if not len(colors.values) or colors.values.min() == colors.values.max():
         return None
     unit = f" {colors.unit}" if colors.unit else ""
@@ -285,15 +285,15 @@ def _gradient() -> str:
 
 
 def _worst(verification: "Verification") -> dict[str, list[list[str]]]:
-    """Return the tables of the worst pairs and escapes by their headlines."""
+    """Return the tables of the worst pairs and escapes by title."""
     pairs, escapes = facts.worst_rows(verification.pairs), facts.worst_rows(verification.escapes)
     return {name: rows for name, rows in (("The deepest overlaps", pairs), ("The farthest escapes", escapes)) if rows}
 
 
 def _comparison(rows: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
-    """Return head and rows of the comparison table; what a packing does not have is left blank."""
+    """Return head and rows of the comparison table; missing values are blank."""
     columns = list(dict.fromkeys(name for row in rows.values() for name in row))
-    # a column that only repeats the name of the row says nothing
+    # a column that only repeats the name of the row is omitted
     columns = [c for c in columns if any(c in row and row[c] != name for name, row in rows.items())]
     body = [[name, *(facts.number(row[c]) if c in row else "" for c in columns)] for name, row in rows.items()]
     return [["packing", *(c.replace("_", " ") for c in columns)], *body] if rows else []

@@ -1,7 +1,7 @@
-"""Plots of a packing with matplotlib: each function draws on axes that it is given and returns them.
+"""Plots of a packing with matplotlib: each function draws on given axes and returns them.
 
-:func:`svg_of` makes one plot for a page: lines and texts in the colour of the page's text, so that it is read on
-light and on dark ground.
+:func:`svg_of` makes one plot for a page, with lines and texts in the text colour of the page, so that it is legible on
+light and dark backgrounds.
 """
 
 import io
@@ -17,7 +17,7 @@ from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
 from voxgran.shapes.descriptors import principal_extents
 
-#: stands for the colour of the page's text until the page is written
+#: placeholder for the text colour of the page
 _INK = "#0a0b0c"
 PLACED, ASKED, OTHER = "#2a9d8f", "#e07a3f", "#7a86c8"
 
@@ -55,18 +55,18 @@ def svg_of(
     Parameters
     ----------
     draw : callable
-        Is given the axes.
+        Function that draws on the given axes.
     name : str
-        Goes before all ids in it, so that several plots can stand on one page.
+        Prefix of all ids in the element, so that one page can contain several plots.
     size : tuple of float
         Width and height, in inches.
     projection : str, optional
-        ``"polar"`` for angles.
+        Projection of the axes, such as ``"polar"``. Default: Cartesian axes.
 
     Returns
     -------
     str
-        The same plot gives the same text.
+        The element; reproducible for the same plot.
     """
     matplotlib = load("matplotlib")
     load("matplotlib.backends.backend_svg")
@@ -78,7 +78,7 @@ def svg_of(
     text = buffer.getvalue()
     text = text[text.index("<svg") :].replace(_INK, "currentColor")
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
-    # a style element would hold for the whole page
+    # a style element would apply to the whole page
     text = re.sub(r"<style[^>]*>\*{([^}]*)}</style>", "", text)
     text = re.sub(r' (width|height)="[\d.]+pt"', "", text, count=2)
     text = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{name}-", text)
@@ -86,14 +86,14 @@ def svg_of(
 
 
 def plot_gradation(axes: Any, packing: Packing) -> Any:
-    """Draw which share by volume passes which size: as placed, and as asked where a distribution was.
+    """Draw the gradation by volume: as placed and, if a distribution was given, as requested.
 
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Where to draw.
+        Axes to draw on.
     packing : Packing
-        Any packing.
+        The packing.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
 
     Notes
     -----
-    A sieve passes a grain by its intermediate axis; both curves are drawn where they differ.
+    A grain passes a sieve by its intermediate axis; the curves over axis and diameter are drawn if they differ.
     """
     diameters = packing.diameters
     ratio = sieve_ratio(packing)
@@ -115,7 +115,7 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
         sizes = np.geomspace(0.8 * low, 1.25 * high, 600)
         shares = 100 * asked.cumulative(sizes, basis="volume", dimension=packing.dimension)
         what = "intermediate axis" if asked.by_intermediate_axis else "equivalent diameter"
-        axes.plot(sizes, shares, color=ASKED, linestyle=(0, (4, 2)), label=f"asked, {what}")
+        axes.plot(sizes, shares, color=ASKED, linestyle=(0, (4, 2)), label=f"requested, {what}")
     if packing.count and diameters.max() > 4 * diameters.min():
         axes.set_xscale("log")
     axes.set(ylim=(0, 101), xlabel=f"size{unit_text(packing.unit)}", ylabel="passing by volume (%)")
@@ -139,19 +139,19 @@ def plot_profile(
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Where to draw.
+        Axes to draw on.
     place : (n,) array_like of float
         Coordinate, in the unit of lengths.
     solid_fraction : (n,) array_like of float
-        Solid fraction there; NaN leaves a gap.
+        Solid fraction at these coordinates; NaN leaves a gap.
     name : str
-        What the coordinate is, such as ``"height z"``.
+        Name of the coordinate, such as ``"height z"``.
     unit : str
         Unit of lengths.
     error : (n,) array_like of float
-        Drawn as a band on both sides, where it is not 0.
+        Errors, drawn as a band on both sides if not 0.
     levels : mapping of str to float, optional
-        Solid fractions to compare with, by name; drawn as lines across.
+        Solid fractions to compare with, by name; drawn as horizontal lines.
     published : mapping of str to (n,) array_like of float, optional
         Curves to compare with, by name.
 
@@ -189,15 +189,15 @@ def plot_coordination(
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Where to draw.
+        Axes to draw on.
     gap : (n,) array_like of float
-        Gaps, in the unit that is named.
+        Gaps, in `unit`.
     coordination_number : (n,) array_like of float
         Mean number of neighbours of a grain.
     unit : str
         Unit of the gap, such as ``"mean diameters"``.
     name : str
-        What the axis says.
+        Label of the axis.
 
     Returns
     -------
@@ -212,7 +212,7 @@ def plot_coordination(
     y = as_floats(coordination_number, "coordination_number", shape=(len(x),))
     axes.plot(x, y, color=PLACED, marker="o", markersize=4, clip_on=False)
     if len(x) and x.max() > 0:
-        # gaps span decades and begin at 0
+        # gaps span decades and start at 0
         axes.set_xscale("symlog", linthresh=float(x[x > 0].min()), linscale=0.4)
     axes.set(xlabel=f"{name}{unit_text(unit)}", ylabel="mean coordination number")
     axes.set_ylim(0, max(1.08 * float(y.max(initial=0.0)), 1.0))
@@ -220,13 +220,13 @@ def plot_coordination(
 
 
 def sieve_ratio(packing: Packing) -> Floats:
-    """Return the intermediate axis of each grain, by which it passes a sieve, over its equivalent diameter."""
+    """Return the ratio of the intermediate axis of each grain, by which it passes a sieve, to its diameter."""
     of_shape = [principal_extents(shape)[1] / shape.diameter for shape in packing.shapes]
     return np.array([*of_shape, 1.0])[packing.shape_id]
 
 
 def plot_passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label: str | None) -> None:
-    """Draw a step curve of the share by volume up to each size, thinned to what a plot shows."""
+    """Draw a step curve of the share by volume up to each size, thinned to the resolution of the plot."""
     order = np.argsort(sizes, kind="stable")
     share = 100 * np.cumsum(volumes[order]) / max(float(volumes.sum()), 1e-300)
     keep = np.unique(np.linspace(0, max(len(order) - 1, 0), 400).astype(int))[: len(order)]
@@ -237,5 +237,5 @@ def plot_passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label
 
 
 def unit_text(unit: str) -> str:
-    """Return the unit as it follows the name on an axis: in brackets, empty where there is none."""
+    """Return the unit in brackets for the label of an axis; empty if there is none."""
     return "" if unit in ("", "1") else f" ({unit})"

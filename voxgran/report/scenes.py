@@ -1,7 +1,7 @@
 """Pictures of packings and grains, rendered off screen with PyVista.
 
-Colours grow evenly in lightness (viridis). Each function returns the picture as an (h, w, 3) array of bytes. Grains of
-many triangles are drawn coarser: :func:`picture_faces` tells how coarse.
+The lightness of the colours increases evenly (viridis). Each function returns the picture as an (h, w, 3) array of
+bytes. Grains of many triangles are simplified, see :func:`picture_faces`.
 """
 
 from collections.abc import Sequence
@@ -21,11 +21,11 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.occupy import voxelize
 
-#: a picture of a packing has at most about this many triangles
+#: approximate largest number of triangles in a picture of a packing
 TRIANGLE_BUDGET = 600_000
-#: a grain is not drawn with fewer
+#: smallest number of triangles to which a grain is simplified
 FEWEST_FACES = 80
-#: more spheres than this are drawn as shaded points
+#: number of spheres above which they are drawn as shaded points
 BALL_LIMIT = 10_000
 
 GRAIN_COLOR = "#6d9fb5"
@@ -34,12 +34,12 @@ SMOOTH = {"smooth_shading": True, "split_sharp_edges": True, **MATERIAL}
 
 
 def picture_faces(packing: Packing) -> int:
-    """Return how many triangles a grain has at most in a picture.
+    """Return the largest number of triangles of a grain in a picture.
 
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
 
     Returns
     -------
@@ -56,13 +56,13 @@ def picture_packing(
     Parameters
     ----------
     packing : Packing
-        Any packing.
+        The packing.
     color_by : {"diameter", "shape", "coordination", "distance"}
-        What the colours show, as :func:`coloring` says: dark is small, bright is large.
+        Quantity shown by the colours, see :func:`coloring`: dark is small, bright is large.
     window : tuple of int
         Width and height, in pixels.
     turn : float
-        From which side, in degrees around the upright axis.
+        Angle of view around the vertical axis, in degrees.
 
     Returns
     -------
@@ -82,9 +82,9 @@ def picture_cut(packing: Packing, *, color_by: str = "diameter", window: tuple[i
     Parameters
     ----------
     packing : Packing
-        Any packing; in 2D nothing is taken away.
+        The packing; in 2D all grains are drawn.
     color_by : {"diameter", "shape", "coordination", "distance"}
-        What the colours show.
+        Quantity shown by the colours.
     window : tuple of int
         Width and height, in pixels.
 
@@ -104,21 +104,21 @@ def picture_cut(packing: Packing, *, color_by: str = "diameter", window: tuple[i
 
 
 def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres: int = 30) -> dict[str, Picture]:
-    """Draw a shape, its voxels, its control points and its clump, all from one side.
+    """Draw a shape, its voxels, its control points and its clump from the same side.
 
     Parameters
     ----------
     shape : Shape
-        Any shape; in 2D there is no clump, and of an open surface neither voxels nor a clump.
+        The shape; in 2D there is no clump, and for an open surface neither voxels nor a clump.
     window : tuple of int
         Width and height of each, in pixels.
     spheres : int
-        Most spheres of the clump.
+        Largest number of spheres of the clump.
 
     Returns
     -------
     dict of str to (height, width, 3) ndarray of uint8
-        Under ``surface``, ``voxels``, ``points`` and ``clump``.
+        Pictures under ``surface``, ``voxels``, ``points`` and ``clump``.
     """
     flat = shape.dimension == 2
     pictures = {}
@@ -164,7 +164,7 @@ def _picture(
 
 
 def _bodies(packing: Packing) -> Sequence[tuple[Floats, Integers]]:
-    """Return triangles that stand for each shape, as many as the picture can have."""
+    """Return the triangles of each shape, simplified to the resolution of the picture."""
     most = picture_faces(packing)
     return [_body(shape, most) for shape in packing.shapes]
 
@@ -172,8 +172,8 @@ def _bodies(packing: Packing) -> Sequence[tuple[Floats, Integers]]:
 def _body(shape: Shape, most: int) -> tuple[Floats, Integers]:
     """Return the surface of a shape with at most so many triangles.
 
-    Vertices are clustered with quadric error metrics (Lindstrom 2000, doi:10.1145/344779.344912): a tenth of the time
-    of edge collapses, and hundreds of different shapes are common.
+    Vertices are clustered with quadric error metrics (Lindstrom 2000, doi:10.1145/344779.344912), which takes a tenth
+    of the time of edge collapses; packings of hundreds of different shapes are common.
     """
     if shape.is_sphere and shape.dimension == 3:
         level = int(np.clip(np.log(most / 20) / np.log(4), 1, 4))
@@ -207,7 +207,7 @@ def _add_voxels(stage: Any, shape: Shape) -> None:
 
 
 def _add_points(stage: Any, shape: Shape) -> None:
-    """Draw control points a tenth of the diameter apart, on the faint surface."""
+    """Draw control points with a spacing of a tenth of the diameter, on the translucent surface."""
     points = np.asarray(sample_surface(shape, spacing=shape.diameter / 10))
     vertices, faces, _ = sphere(2)
     size = 0.018 * shape.diameter

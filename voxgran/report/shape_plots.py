@@ -1,4 +1,4 @@
-"""Plots of how grains are shaped and how their contacts point."""
+"""Plots of the form of grains and of the directions of contact normals."""
 
 from typing import Any
 
@@ -10,9 +10,9 @@ from voxgran.packing.model import Packing
 from voxgran.report.plots import ASKED, PLACED
 from voxgran.shapes.descriptors import principal_extents
 
-#: sectors of a rose over half a turn
+#: number of sectors of a rose over half a turn
 SECTORS = 18
-#: ratio that parts flat from compact and long grains
+#: ratio that separates flat and elongated from compact grains
 ZINGG = 2 / 3
 
 
@@ -22,7 +22,7 @@ def flatness_and_elongation(packing: Packing) -> tuple[Floats, Floats]:
     Parameters
     ----------
     packing : Packing
-        Any packing in three dimensions.
+        Packing in three dimensions.
 
     Returns
     -------
@@ -39,9 +39,9 @@ def plot_zingg(axes: Any, packing: Packing) -> Any:
     Parameters
     ----------
     axes : matplotlib.axes.Axes
-        Where to draw.
+        Axes to draw on.
     packing : Packing
-        Any packing in three dimensions.
+        Packing in three dimensions.
 
     Returns
     -------
@@ -69,17 +69,17 @@ def plot_zingg(axes: Any, packing: Packing) -> Any:
 
 
 def normal_rose(normals: ArrayLike, *, dimension: int, down: int | None) -> tuple[Floats, Floats]:
-    """Return how many contact normals point which way, relative to normals that point everywhere alike.
+    """Return the distribution of contact normals over direction, relative to an isotropic one.
 
     Parameters
     ----------
     normals : (m, 3) array_like of float
-        Unit vectors; either sense counts.
+        Unit vectors; opposite vectors are equivalent.
     dimension : {2, 3}
-        In 2D angles are those from x towards y. In 3D they are those from the axis, whatever the azimuth, and the
-        solid angle of each sector is taken into account.
+        In 2D angles are measured from x towards y. In 3D they are measured from the axis `down`, for all azimuths, and
+        the share is relative to the solid angle of each sector.
     down : int or None
-        Axis from which angles count in 3D; z where there is none.
+        Axis from which angles are measured in 3D; None stands for z.
 
     Returns
     -------
@@ -108,11 +108,11 @@ def plot_rose(axes: Any, angle: ArrayLike, share: ArrayLike, *, upright: bool) -
     Parameters
     ----------
     axes : matplotlib.projections.polar.PolarAxes
-        Where to draw.
+        Axes to draw on.
     angle, share : (k,) array_like of float
-        What :func:`normal_rose` returns.
+        Result of :func:`normal_rose`.
     upright : bool
-        Whether angles count from the upright axis, as in 3D.
+        Whether angles are measured from the vertical axis, as in 3D.
 
     Returns
     -------

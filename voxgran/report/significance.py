@@ -1,8 +1,8 @@
-"""Whether groups of packings differ: standard errors, Welch's t-test, and permutations of whole packings.
+"""Significance of differences between groups: standard errors, Welch's t-test, and permutations of whole packings.
 
-The independent samples are packings, such as those of several seeds. Grains of one packing are neighbours of each
-other and no independent samples, however many they are: a distribution over grains is described by the
-Kolmogorov-Smirnov distance, and a probability comes from regrouping whole packings only.
+The independent samples are packings, such as those of several seeds. Grains of one packing are correlated and not
+independent samples, whatever their number: distributions over grains are described by the Kolmogorov-Smirnov distance,
+and probabilities come only from permutations of whole packings.
 
 References
 ----------
@@ -22,11 +22,11 @@ from voxgran._base.seeds import stream
 
 #: probability below which a difference is called significant
 LEVEL = 0.05
-#: numbers that differ by less, relatively, differ by rounding
+#: relative difference below which numbers differ by rounding only
 EQUAL = 1e-9
-#: regroupings that are all tried; of more, so many are drawn at random
+#: largest number of permutations that are all tried; of more, this number is drawn at random
 MOST_REGROUPINGS = 10_000
-#: sizes at which distributions of permuted packings are compared
+#: number of values at which distributions of permuted packings are compared
 MOST_POINTS = 1000
 _BATCH = 256
 
@@ -43,7 +43,7 @@ def all_equal(values: Floats) -> bool:
 
 
 def standard_error(values: Floats) -> float:
-    """Return the standard error of the mean: 0 where all are equal to rounding, NaN for a single value.
+    """Return the standard error of the mean: 0 if all values are equal up to rounding, NaN for a single value.
 
     Parameters
     ----------
@@ -66,11 +66,11 @@ def welch_p_value(one: Floats, other: Floats) -> float | None:
     Returns
     -------
     float or None
-        None where a group has fewer than two packings, or neither has any scatter: then nothing is tested.
+        None if a group has fewer than two packings, or neither has any scatter.
     """
     if min(len(one), len(other)) < 2:
         return None
-    # from the moments, since SciPy warns of equal values where it computes them itself
+    # from the moments, since SciPy warns of equal values if it computes them itself
     moments = [(x.mean(), standard_error(x) * math.sqrt(len(x)), len(x)) for x in (one, other)]
     if not moments[0][1] and not moments[1][1]:
         return None
@@ -83,12 +83,12 @@ def distance_of(one: Sequence[Floats], other: Sequence[Floats]) -> float:
     Parameters
     ----------
     one, other : sequence of (n,) ndarray of float
-        What each grain of each packing has, not negative. Within a group each packing has the same weight.
+        Nonnegative values of the grains of each packing. Within a group each packing has the same weight.
 
     Returns
     -------
     float
-        From 0, where both are distributed alike, to 1.
+        Distance in [0, 1]; 0 for equal distributions.
     """
     points = np.unique(np.concatenate([*one, *other]))
     difference = np.zeros(len(points))
@@ -99,9 +99,9 @@ def distance_of(one: Sequence[Floats], other: Sequence[Floats]) -> float:
 
 
 def permutation_p_value(one: Sequence[Floats], other: Sequence[Floats]) -> float | None:
-    """Return the share of regroupings of the packings whose distance is as large as that of the two groups.
+    """Return the share of permutations of the packings with a distance at least as large as that of the two groups.
 
-    All regroupings are tried up to 10,000 of them, else so many are drawn at random, always the same.
+    All permutations are tried if there are at most 10,000, otherwise as many are drawn with a fixed seed.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def permutation_p_value(one: Sequence[Floats], other: Sequence[Floats]) -> float
     Returns
     -------
     float or None
-        None where a group has fewer than two packings, or so few packings that no result could be significant.
+        None if a group has fewer than two packings, or so few packings that no result could be significant.
     """
     first, count = len(one), len(one) + len(other)
     regroupings = math.comb(count, first)
@@ -122,17 +122,17 @@ def permutation_p_value(one: Sequence[Floats], other: Sequence[Floats]) -> float
     shares = np.stack([_share_up_to(values, points) for values in (*one, *other)])
     drawn = regroupings > MOST_REGROUPINGS
     found = np.concatenate([_distances(shares, chosen, first) for chosen in _regrouped(count, first, drawn=drawn)])
-    # the first one is how they are grouped, which counts as one of those drawn
+    # the first one is the actual grouping, which counts as one of the permutations
     return float((found >= found[0] * (1 - EQUAL)).mean())
 
 
 def _share_up_to(values: Floats, points: Floats) -> Floats:
-    """Return the share of values up to each point; what differs by rounding is one point."""
+    """Return the share of values up to each point; values that differ by rounding count as equal."""
     return np.searchsorted(np.sort(values), points * (1 + EQUAL), side="right") / len(values)
 
 
 def _regrouped(count: int, first: int, *, drawn: bool) -> Iterator[np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
-    """Yield batches of the packings of the first group, beginning with how they are grouped."""
+    """Yield batches of choices of the packings of the first group, starting with the actual grouping."""
     if not drawn:
         every = itertools.combinations(range(count), first)
         while batch := list(itertools.islice(every, _BATCH)):

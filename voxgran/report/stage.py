@@ -1,4 +1,4 @@
-"""The stage that all pictures are taken on: one light set-up, one background, a camera that just holds a box."""
+"""Common setup of all pictures: light, background, and a camera that frames a box."""
 
 import contextlib
 from collections.abc import Iterator
@@ -14,18 +14,18 @@ from voxgran.containers.model import Container
 Picture: TypeAlias = NDArray[np.uint8]
 
 BACKGROUND = "#eef1f4"
-#: how surfaces answer to the light
+#: material of surfaces
 MATERIAL = {"ambient": 0.28, "diffuse": 0.75, "specular": 0.12, "specular_power": 12}
 
 _LINE = "#5b6670"
 _LIGHTS = (((-0.6, 0.9, 1.0), 0.85), ((1.0, 0.1, 0.6), 0.35), ((0.0, -0.8, 0.4), 0.15))
-#: direction from the middle to the camera
+#: direction from the center to the camera
 _VIEW = (0.85, -1.55, 0.75)
-#: share of the picture that stays free around the box
+#: margin around the box, as a share of the picture
 _MARGIN = 0.03
-#: from where a heap of many spheres is lit
+#: direction of the light on many spheres
 _HEAP_LIGHT = (-0.55, -0.4, 0.73)
-#: points shaded as spheres; `offsetVCVSOutput` is the place on the disk, 1 at its rim
+#: shader that draws points as spheres; `offsetVCVSOutput` is the position on the disk, with length 1 at its rim
 _BALL_SHADER = """//VTK::Color::Impl
 float rim = dot(offsetVCVSOutput.xy, offsetVCVSOutput.xy);
 if (rim > 1.0) { discard; }
@@ -38,14 +38,14 @@ ambientColor *= shade;
 
 @contextlib.contextmanager
 def stage_of(window: tuple[int, int], *, lit: bool = True) -> Iterator[Any]:
-    """Give an off-screen plotter, closed at the end (context manager).
+    """Provide an off-screen plotter that is closed at the end (context manager).
 
     Parameters
     ----------
     window : tuple of int
         Width and height, in pixels.
     lit : bool
-        Whether there is light and smoothing; without, colours arrive as they are given.
+        Whether light and smoothing are used; otherwise colours are reproduced exactly.
 
     Yields
     ------
@@ -67,18 +67,18 @@ def stage_of(window: tuple[int, int], *, lit: bool = True) -> Iterator[Any]:
 
 
 def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0) -> None:
-    """Point the camera at points, so that they just fit; flat scenes are seen from above.
+    """Frame points with the camera; flat scenes are viewed from above.
 
     Parameters
     ----------
     stage : pyvista.Plotter
-        From :func:`stage_of`.
+        Plotter of :func:`stage_of`.
     points : (n, 3) ndarray of float
-        What must be in the picture.
+        Points that must be in the picture.
     flat : bool
         Whether the scene lies in the plane z = 0.
     turn : float
-        How far the camera goes around the upright axis, in degrees; it keeps its distance over a whole turn.
+        Angle of the camera around the vertical axis, in degrees; its distance is independent of the angle.
     """
     toward = np.array((0.0, 0.0, 1.0) if flat else _VIEW)
     if turn and not flat:
@@ -101,7 +101,7 @@ def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0
 
 
 def shot(stage: Any) -> Picture:
-    """Return what the camera sees, (height, width, 3)."""
+    """Return the rendered picture, (height, width, 3)."""
     stage.renderer.reset_camera_clipping_range()
     stage.render()
     image: Picture = np.ascontiguousarray(stage.screenshot(None, return_img=True)[:, :, :3])
@@ -121,12 +121,12 @@ def add_container(stage: Any, container: Container) -> None:
 
 
 def add_scale_bar(stage: Any, unit: str) -> None:
-    """Draw a bar of a round length, with its length, at the lower left; the camera must stand where it will stay.
+    """Draw a scale bar of a round length, with its length, at the lower left; the camera must be final.
 
     Parameters
     ----------
     stage : pyvista.Plotter
-        From :func:`stage_of`, with parallel projection.
+        Plotter of :func:`stage_of`, with parallel projection.
     unit : str
         Unit of lengths.
     """
@@ -156,23 +156,23 @@ def round_length(most: float) -> float:
 
 
 def add_spheres(stage: Any, positions: Floats, radii: Floats, colors: Floats) -> None:
-    """Draw spheres as shaded points, each with its radius: quick for any number.
+    """Draw spheres as shaded points, each with its radius; fast for large numbers.
 
     Parameters
     ----------
     stage : pyvista.Plotter
-        From :func:`stage_of`.
+        Plotter of :func:`stage_of`.
     positions : (n, 3) ndarray of float
         Centers.
     radii : (n,) ndarray of float
         Radii.
     colors : (n, 3) ndarray of float
-        Red, green and blue from 0 to 1.
+        Red, green and blue, in [0, 1].
 
     Notes
     -----
-    Where spheres are smaller than a few pixels, their own shading does not tell one side of the heap from another.
-    Therefore each is lighter or darker by the slope of the density around it, as if the heap were one body.
+    The shading of spheres smaller than a few pixels does not show the form of the packing. Therefore the brightness of
+    each also depends on the gradient of the density around it, as if the packing were one body.
     """
     cloud = load("pyvista").PolyData(positions)
     shade = 0.95 + 0.45 * _slope(positions) @ np.array(_HEAP_LIGHT)
@@ -185,7 +185,7 @@ def add_spheres(stage: Any, positions: Floats, radii: Floats, colors: Floats) ->
 
 
 def _slope(positions: Floats, cells: int = 40) -> Floats:
-    """Return for each point the way out of the crowd, (n, 3), at most of length 1, on a coarse lattice."""
+    """Return the negative density gradient (n, 3) at each point on a coarse lattice, scaled to at most length 1."""
     low, length = positions.min(axis=0), float(np.ptp(positions, axis=0).max())
     index = np.minimum((positions - low) / max(length, 1e-300) * cells, cells - 1).astype(np.int64) + 3
     crowd = np.zeros((cells + 6,) * 3)

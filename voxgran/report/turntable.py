@@ -1,4 +1,4 @@
-"""A packing that turns, as one animated picture that any browser and slide program shows."""
+"""Turntable: an animated GIF of a rotating packing."""
 
 import io
 import os
@@ -14,9 +14,9 @@ from voxgran.packing.model import Packing
 from voxgran.report.scenes import picture_packing
 from voxgran.report.stage import Picture
 
-#: milliseconds a frame is shown
+#: duration of a frame, in milliseconds
 FRAME_TIME = 80
-#: colours of the palette that all frames share
+#: number of colours of the common palette of all frames
 PALETTE = 128
 
 
@@ -30,33 +30,33 @@ def save_turntable(
     overwrite: bool = False,
     on_step: OnStep | None = None,
 ) -> None:
-    """Write a turn around a packing as an animated GIF.
+    """Write an animated GIF of a rotating packing.
 
     Parameters
     ----------
     packing : Packing
-        Any packing in three dimensions; a flat one has a single frame.
+        The packing; in two dimensions there is a single frame.
     path : path-like
-        File to write, by custom ``.gif``.
+        File to write, usually ``.gif``.
     frames : int
-        Pictures in one turn.
+        Number of frames per turn.
     color_by : {"diameter", "shape", "coordination", "distance"}
-        What the colours show.
+        Quantity shown by the colours.
     window : tuple of int
         Width and height, in pixels.
     overwrite : bool
-        Whether a file that is there may be replaced.
+        Whether an existing file may be replaced.
     on_step : callable, optional
-        Told of each frame.
+        Function called for each frame. Default: none.
 
     Raises
     ------
     InputError
         If the number of frames is below 1 or `color_by` is unknown.
     OutputExistsError
-        If the file is there and `overwrite` is false.
+        If the file exists and `overwrite` is false.
     OutputError
-        If it cannot be written.
+        If the file cannot be written.
     """
     count = as_count(frames, "frames", at_least=1) if packing.dimension == 3 else 1
     with written_whole(path, overwrite=overwrite) as draft:
@@ -74,12 +74,12 @@ def _views(
 
 
 def animated(pictures: Iterator[Picture]) -> bytes:
-    """Return pictures as one animated GIF that goes on for ever.
+    """Return pictures as one animated GIF that repeats forever.
 
     Parameters
     ----------
     pictures : iterator of (height, width, 3) ndarray of uint8
-        All of one size.
+        Pictures of the same size.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def animated(pictures: Iterator[Picture]) -> bytes:
     """
     image = load("PIL.Image")
     views = list(pictures)
-    # colours that show only on the far side must be in the palette too
+    # colours that are visible from other sides only must be in the palette too
     palette = image.fromarray(np.concatenate(views[:: max(1, len(views) // 4)])).quantize(PALETTE)
     frames = [image.fromarray(view).quantize(PALETTE, palette=palette) for view in views]
     buffer = io.BytesIO()

@@ -1,4 +1,4 @@
-"""The published solid fraction of equal spheres near a wall, to compare a profile with."""
+"""Published solid fraction of equal spheres near a wall, for comparison with a profile."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -7,19 +7,19 @@ from voxgran._base.arrays import Floats
 from voxgran.containers.model import boundary_of
 from voxgran.packing.model import Packing
 
-#: spread of the diameters, relative to their mean, up to which spheres count as equal
+#: range of the diameters, relative to their mean, up to which spheres count as equal
 EQUAL = 0.02
 #: distance from the wall, in diameters, at which the two parts of the law meet
 SEAM = 0.637
 
 
 def wall_law(distance: ArrayLike, *, bulk: float) -> Floats:
-    """Return the solid fraction of a bed of equal spheres over the distance from a cylindrical wall.
+    """Return the solid fraction of a bed of equal spheres as a function of the distance from a cylindrical wall.
 
     Parameters
     ----------
     distance : (n,) array_like of float
-        From the wall, in diameters.
+        Distance from the wall, in diameters.
     bulk : float
         Solid fraction far from the wall.
 

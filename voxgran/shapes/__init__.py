@@ -1,1 +1,1 @@
-"""What a grain is, continuous: its true geometry, its size, its form, and the files that it comes from."""
+"""Shapes of grains: true geometry, size, form, and the files that contain them."""

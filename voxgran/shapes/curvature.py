@@ -1,4 +1,4 @@
-"""How strongly smooth surfaces curve."""
+"""Curvature of smooth surfaces."""
 
 from voxgran.shapes.model import Geometry
 from voxgran.shapes.outline import Outline
@@ -7,18 +7,18 @@ from voxgran.shapes.spheres import Spheres
 
 
 def largest_curvature(geometry: Geometry) -> float | None:
-    """Return the largest curvature with which a surface bulges outward, or None where it has sharp edges.
+    """Return the largest outward curvature of a surface, or None if it has sharp edges.
 
     Parameters
     ----------
     geometry : Geometry
-        What the surface bounds. A union of several spheres has creases, and the curvature of its smallest sphere would
-        say little of the others: it counts as having edges.
+        Geometry with this surface. A union of several spheres has creases, and the curvature of its smallest sphere is
+        not representative of the others; it counts as having edges.
 
     Returns
     -------
     float or None
-        One over a length, in the unit of lengths.
+        Curvature, in the inverse unit of lengths.
     """
     if isinstance(geometry, Spheres) and len(geometry.radii) == 1:
         return 1.0 / float(geometry.radii[0])

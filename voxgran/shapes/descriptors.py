@@ -1,4 +1,4 @@
-"""Numbers that describe the form of a shape."""
+"""Descriptors of the form of a shape."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What a shape family is, and the registry that finds the families: one file each in `families`."""
+"""Type and registry of shape families: one file each in `families`."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,19 +23,19 @@ class ShapeFamily:
     Attributes
     ----------
     name, summary : str
-        Name, and one line for a person.
+        Name, and description in one line.
     parameters : type
-        Parameter class; it alone yields TOML keys, flags, help and provenance.
+        Parameter class, from which TOML keys, flags, help and provenance are derived.
     make : callable
-        Parameters and a generator of random numbers to a Shape.
+        Function of parameters and a random generator that returns a Shape.
     source : str
-        The paper with its DOI, where there is one.
+        Reference with DOI, if there is one.
     dimension : int
         2 or 3.
     random : bool
-        Whether shapes of one family with the same parameters differ by the seed.
+        Whether shapes with the same parameters depend on the seed.
     is_open : bool
-        Whether its shapes are open surfaces.
+        Whether the shapes are open surfaces.
     """
 
     name: str
@@ -61,16 +61,16 @@ def shape_families() -> tuple[str, ...]:
 def make_shape(family: str, *, seed: int = 0, **parameters: Any) -> Shape:
     """Make a shape of a family.
 
-    Regular shapes have the equivalent diameter 1 unless a size is asked for.
+    The equivalent diameter is 1 unless a size is given.
 
     Parameters
     ----------
     family : str
         One of :func:`shape_families`.
     seed : int
-        Seed of what is random; the same seed gives the same bits.
+        Seed of random families; the same seed gives the same bits.
     **parameters
-        Parameters of the family.
+        Parameters of the family; `voxgran methods` lists them.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def make_shape(family: str, *, seed: int = 0, **parameters: Any) -> Shape:
     UnknownNameError
         If the family or a parameter is not known.
     InputError
-        If a parameter breaks a rule, or a length is not between 1e-60 and 1e60.
+        If a parameter is out of range, or a length is not between 1e-60 and 1e60.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def make_shape(family: str, *, seed: int = 0, **parameters: Any) -> Shape:
 
 
 def _check_numbers(value: Any, name: str) -> None:
-    """Check a number, or those of a list of any depth, as lengths; what else it holds is passed over."""
+    """Check a number, or all numbers of a nested list, as lengths; other values are ignored."""
     for part in value if isinstance(value, list | tuple) else ():
         _check_numbers(part, name)
     if isinstance(value, int | float) and not isinstance(value, bool):
@@ -106,20 +106,20 @@ def _check_numbers(value: Any, name: str) -> None:
 
 
 def sized(geometry: Geometry, diameter: float | None, *, name: str) -> Shape:
-    """Return the shape of a geometry, stretched to an equivalent diameter; None stands for 1.
+    """Return the shape of a geometry scaled to an equivalent diameter; None stands for 1.
 
     Parameters
     ----------
     geometry : Mesh or Primitive or Spheres or Outline or Surface
-        What is stretched.
+        Geometry to scale.
     diameter : float or None
-        Wanted equivalent diameter.
+        Equivalent diameter of the result.
     name : str
-        What reports call it.
+        Name in reports.
     """
     raw = Shape.of(geometry, name=name)
     shape = Shape.of(geometry.scaled((diameter or 1.0) / raw.diameter), name=name)
-    # a second step removes the rounding of the first, where it can
+    # a second step removes the rounding error of the first, if possible
     exact = (diameter or 1.0) / shape.diameter
     return shape if isinstance(geometry, Mesh | Surface) or exact == 1.0 else shape.scaled(exact)
 
@@ -130,16 +130,16 @@ def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ..
     Parameters
     ----------
     diameter : float or None
-        Equivalent diameter, where given.
+        Equivalent diameter, if given.
     dimensions : tuple of (name, value)
-        Lengths that give the size as well, None where not given.
+        Lengths that also define the size; None if not given.
     aspect : object
-        Ratios of the lengths, None where not given.
+        Ratios of the lengths; None if not given.
 
     Raises
     ------
     InputError
-        If lengths are given and another of them, or some lengths but not all.
+        If lengths are given together with `diameter` or `aspect`, or only some of the lengths are given.
     """
     given = [name for name, value in dimensions if value is not None]
     if given and len(given) < len(dimensions):

@@ -26,37 +26,38 @@ log = logging.getLogger(__name__)
 def load_shape(
     path: str | os.PathLike[str], *, unit: str | None = None, repair: bool = False, surface: bool = False
 ) -> Shape:
-    """Make a shape from a file that holds a closed surface, or an open one where that is asked for.
+    """Read a shape from a file with a closed surface, or with an open one if `surface` is true.
 
     Parameters
     ----------
     path : path-like
-        File in STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH format, by its suffix. Polygons are cut into triangles;
-        coordinates keep all digits that the format has.
+        File in STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH format, by its suffix. Polygons are triangulated; coordinates
+        keep all digits of the format.
     unit : str, optional
-        Unit of its lengths; it is recorded and nothing is converted.
+        Unit of lengths, which is recorded; lengths are not converted. Default: unknown.
     repair : bool
-        Whether a surface that is almost closed is mended first, as :func:`voxgran.repair` does with its defaults;
-        what was done is logged.
+        Whether a surface that is almost closed is repaired first by :func:`voxgran.repair` with its defaults; the
+        changes are logged.
     surface : bool
-        Whether the file holds an open surface, a sheet or shell without thickness, as :meth:`Shape.from_surface` takes
-        it.
+        Whether the file contains an open surface, a sheet or shell without thickness, as in
+        :meth:`Shape.from_surface`.
 
     Returns
     -------
     Shape
-        Named as the file without its suffix.
+        Shape, named as the file without its suffix.
 
     Raises
     ------
     MissingFileError
         If there is no such file.
     FileFormatError
-        If the suffix is not known, or the file is empty, cut, or damaged.
+        If the suffix is not known, or the file is empty, truncated or damaged.
     DirtyMeshError
-        If its surface does not bound exactly one solid, or cannot be mended with certainty; or is no open surface.
+        If the surface does not bound exactly one solid, or cannot be repaired with certainty, or is not an open surface
+        although `surface` is true.
     InputError
-        If `repair` or `surface` is neither True nor False, or it is to be mended and to stay open.
+        If `repair` or `surface` is neither True nor False, or both are true.
     """
     return shape_of_file(path, unit=unit, repair=repair, surface=surface, remedies=LOADING)
 
@@ -69,14 +70,14 @@ def shape_of_file(
     repair: bool = False,
     surface: bool = False,
 ) -> Shape:
-    """Make a shape from a file, as :func:`load_shape` does, with the remedies of a caller in the messages.
+    """Read a shape from a file like :func:`load_shape`, with the remedies of the caller in the messages.
 
     Parameters
     ----------
     path, unit, repair, surface
         As :func:`load_shape`.
     remedies : Remedies
-        What the reader of a message can do.
+        Remedies for the messages.
 
     Returns
     -------
@@ -87,9 +88,9 @@ def shape_of_file(
     MissingFileError
         If there is no such file.
     FileFormatError
-        If the suffix is not known, or the file is empty, cut, or damaged.
+        If the suffix is not known, or the file is empty, truncated or damaged.
     DirtyMeshError
-        If the surface is not what was asked for.
+        If the surface is not as required.
     InputError
         If `repair` or `surface` is neither True nor False, or both are true.
     """
@@ -119,22 +120,22 @@ def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = 
     Parameters
     ----------
     shape : Shape
-        What to write.
+        Shape to write.
     path : path-like
-        STL (binary, float32), OBJ, PLY, OFF or VTP file, by its suffix; all but STL keep every digit.
+        STL (binary, float32), OBJ, PLY, OFF or VTP file, by its suffix; all formats but STL keep all digits.
     overwrite : bool
-        Whether a file that is there may be replaced.
+        Whether an existing file may be replaced.
 
     Raises
     ------
     InputError
-        If it is no shape, or the path no path.
+        If `shape` is not a shape, or `path` not a path.
     FileFormatError
         If the suffix is not known.
     OutputExistsError
-        If it is there and `overwrite` is false.
+        If the file exists and `overwrite` is false.
     OutputError
-        If it cannot be written.
+        If the file cannot be written.
     """
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     target = as_path(path)

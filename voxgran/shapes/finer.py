@@ -1,4 +1,4 @@
-"""Triangulations made finer: edges are cut, neighbours stay joined, and new vertices are put on the true surface."""
+"""Conforming refinement of triangulations, with new vertices on the true surface."""
 
 import numpy as np
 
@@ -30,23 +30,23 @@ def edges_of(faces: Integers) -> tuple[Integers, Integers]:
 
 
 def cut_edges(vertices: Floats, faces: Integers, index: Integers, new: Integers) -> Integers:
-    """Return the triangles that are left when some edges have a vertex between their ends.
+    """Return the triangles after some edges have been bisected by new vertices.
 
     Parameters
     ----------
     vertices : (n, 3) ndarray of float
-        With the new ones.
+        Vertices, including the new ones.
     faces : (m, 3) ndarray of int
-        Triangles before.
+        Triangles before the refinement.
     index : (m, 3) ndarray of int
-        Edges of each, as of :func:`edges_of`.
+        Edges of each triangle, as in :func:`edges_of`.
     new : (e,) ndarray of int
-        Vertex on each edge; -1 where there is none.
+        New vertex on each edge; -1 if there is none.
 
     Returns
     -------
     (k, 3) ndarray of int
-        Turned the same way round.
+        Triangles with the same orientation.
     """
     on = new[index]
     cuts = (on >= 0).sum(axis=1)
@@ -65,14 +65,14 @@ def cut_edges(vertices: Floats, faces: Integers, index: Integers, new: Integers)
 
 
 def _from_corner(faces: Integers, on: Integers, chosen: Booleans, first: Booleans) -> Integers:
-    """Return corners and cuts, (6, k), of chosen triangles, turned so that the first marked edge leads."""
+    """Return corners and new vertices (6, k) of chosen triangles, permuted so that the first marked edge leads."""
     rows = np.flatnonzero(chosen)
     turned = (first[rows].argmax(axis=1)[:, None] + np.arange(3)) % 3
     return np.concatenate([faces[rows[:, None], turned], on[rows[:, None], turned]], axis=1).T
 
 
 def onto_surface(geometry: Geometry, points: Floats) -> Floats:
-    """Move points of a tessellation onto the true surface.
+    """Project points of a tessellation onto the true surface.
 
     Parameters
     ----------
@@ -84,7 +84,8 @@ def onto_surface(geometry: Geometry, points: Floats) -> Floats:
     Returns
     -------
     (n, 3) ndarray of float
-        Points on spheres, ellipsoids, unions of spheres and the sides of cylinders and cones; flat faces keep theirs.
+        Points on spheres, ellipsoids, unions of spheres and the sides of cylinders and cones; points on flat faces are
+        unchanged.
     """
     if isinstance(geometry, Spheres):
         return _onto_spheres(points, geometry.centers, geometry.radii)
@@ -104,7 +105,7 @@ def onto_surface(geometry: Geometry, points: Floats) -> Floats:
 
 
 def _onto_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
-    """Push each point to the surface of the sphere that holds it deepest."""
+    """Project each point onto the surface of the sphere that contains it most deeply."""
     deepest, moved = np.full(len(points), -np.inf), points.copy()
     for center, radius in zip(centers, radii, strict=True):
         way = points - center
@@ -116,7 +117,7 @@ def _onto_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
 
 
 def enclosed_volume(vertices: Floats, faces: Integers) -> float:
-    """Return the volume that closed triangles enclose; the origin is best within."""
+    """Return the volume enclosed by closed triangles, most accurate if the origin is inside."""
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
 
@@ -128,7 +129,7 @@ def vector_areas(vertices: Floats, faces: Integers) -> Floats:
 
 
 def vertex_normals(vertices: Floats, faces: Integers) -> Floats:
-    """Return outward unit normals at the vertices, (n, 3): the mean of the triangles around, by area."""
+    """Return outward unit normals (n, 3) at the vertices: the area-weighted mean of the adjacent triangles."""
     total = np.zeros_like(vertices)
     np.add.at(total, faces, vector_areas(vertices, faces)[:, None])
     return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)

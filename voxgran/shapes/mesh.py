@@ -15,7 +15,7 @@ class Mesh(Triangles):
 
     @property
     def volume(self) -> float:
-        """Enclosed volume, by the divergence theorem; negative where the faces point inward."""
+        """Enclosed volume, by the divergence theorem; negative if the faces point inward."""
         return self._moments[0]
 
     @property
@@ -35,10 +35,10 @@ class Mesh(Triangles):
 
     @cached_property
     def _moments(self) -> tuple[float, Floats, Floats]:
-        """Volume, centroid and inertia from the tetrahedra between a middle point and each face.
+        """Volume, centroid and inertia from the tetrahedra between a central point and each face.
 
         The integrals of 1, x and x x^T over a tetrahedron are closed forms of its corners (Tonon 2005,
-        doi:10.3844/jmssp.2005.8.11); the middle point keeps digits where the mesh lies far from the origin.
+        doi:10.3844/jmssp.2005.8.11); the central point preserves digits if the mesh is far from the origin.
         """
         middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
         corners = self.triangles - middle
@@ -56,7 +56,7 @@ class Mesh(Triangles):
         return volume, middle + offset, np.trace(second) * np.eye(3) - second
 
     def content(self) -> bytes:
-        """Return the bytes that the key of the shape is a hash of."""
+        """Return the bytes from which the key of the shape is computed."""
         return b"mesh" + self.vertices.tobytes() + self.faces.tobytes()
 
     def moved(self, offset: Floats) -> "Mesh":
@@ -64,11 +64,11 @@ class Mesh(Triangles):
         return Mesh(self.vertices + offset, self.faces)
 
     def rotated(self, matrix: Floats) -> "Mesh":
-        """Return the mesh turned about the origin by a (3, 3) rotation matrix."""
+        """Return the mesh rotated about the origin by a (3, 3) rotation matrix."""
         return Mesh(self.vertices @ matrix.T, self.faces)
 
     def scaled(self, factor: float) -> "Mesh":
-        """Return the mesh stretched about the origin."""
+        """Return the mesh scaled about the origin."""
         return Mesh(self.vertices * factor, self.faces)
 
     def tessellation(self) -> tuple[Floats, Integers, float]:

@@ -1,7 +1,7 @@
 """Readers of the mesh formats STL, OBJ, OFF and PLY, from bytes to corner points and polygons; and of Gmsh files.
 
-The four are written here, and not left to meshio or VTK, because these read coordinates as float32, take no mixed
-polygons or other properties, or return what they could of a cut file in silence.
+The four are implemented here instead of using meshio or VTK, because these read coordinates as float32, do not support
+mixed polygons or additional properties, or silently return a part of a truncated file.
 """
 
 import re
@@ -49,7 +49,7 @@ def read_stl(raw: bytes, name: str) -> Polygons:
     Raises
     ------
     FileFormatError
-        If it is cut or no STL file.
+        If the file is truncated or not an STL file.
     """
     count = int.from_bytes(raw[80:84], "little")
     exact = len(raw) >= 84 and len(raw) == 84 + 50 * count
@@ -61,7 +61,7 @@ def read_stl(raw: bytes, name: str) -> Polygons:
             "or no STL file; write it again"
         )
     records = np.frombuffer(raw, dtype=[("numbers", "<f4", 12), ("", "<u2")], count=count, offset=84)
-    # a signalling NaN warns where it is cast
+    # the cast of a signalling NaN causes a warning
     with np.errstate(invalid="ignore"):
         points = records["numbers"][:, 3:].astype(np.float64).reshape(-1, 3)
     return points, np.arange(len(points)).reshape(-1, 3)
@@ -85,12 +85,12 @@ def _read_text_stl(raw: bytes, name: str) -> Polygons:
 
 
 def read_obj(raw: bytes, name: str) -> Polygons:
-    """Return the polygons of an OBJ file; colors, normals, textures, lines and groups are left out.
+    """Return the polygons of an OBJ file; colors, normals, textures, lines and groups are ignored.
 
     Raises
     ------
     FileFormatError
-        If a line cannot be read or a polygon names a vertex that is not there.
+        If a line cannot be read or a polygon refers to a missing vertex.
     """
     points: list[tuple[float, float, float]] = []
     polygons: list[list[int]] = []
@@ -112,7 +112,7 @@ def read_obj(raw: bytes, name: str) -> Polygons:
 
 
 def _from_end(place: int, count: int) -> int:
-    """Turn an OBJ index that counts from the latest vertex (-1) into one from the first (0)."""
+    """Convert a relative OBJ index (-1 is the last vertex) to an absolute one (0 is the first)."""
     if place == 0 or -place > count:
         raise IndexError
     return count + place
@@ -124,7 +124,7 @@ def read_off(raw: bytes, name: str) -> Polygons:
     Raises
     ------
     FileFormatError
-        If it is cut or no OFF file.
+        If the file is truncated or not an OFF file.
     """
     lines = (line.partition("#")[0].split() for line in raw.decode("utf-8", errors="replace").splitlines())
     rows = [words for words in lines if words]
@@ -148,7 +148,7 @@ def read_off(raw: bytes, name: str) -> Polygons:
 
 
 def _count(word: str) -> int:
-    """Return a number of things; one below 0 is none."""
+    """Return a count; negative numbers are invalid."""
     if (count := int(word)) < 0:
         raise ValueError(f"it counts {count} of something")
     return count
@@ -156,7 +156,7 @@ def _count(word: str) -> int:
 
 @dataclass(slots=True)
 class _Element:
-    """One kind of record of a PLY file: names and types of what it holds; a list has two types."""
+    """Element of a PLY file: names and types of its properties; a list has two types."""
 
     name: str
     count: int
@@ -169,7 +169,7 @@ def read_ply(raw: bytes, name: str) -> Polygons:
     Raises
     ------
     FileFormatError
-        If it is cut or no PLY file.
+        If the file is truncated or not a PLY file.
     """
     found = ply_elements(raw, name)
     face = found.get("face", {})
@@ -185,7 +185,7 @@ def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, list[Any]]]:
     Raises
     ------
     FileFormatError
-        If it is cut or no PLY file.
+        If the file is truncated or not a PLY file.
     """
     try:
         order, elements, body = _ply_header(raw)
@@ -203,7 +203,7 @@ def ply_columns(found: dict[str, dict[str, list[Any]]], keys: Sequence[str], nam
     Raises
     ------
     FileFormatError
-        If there are no vertices, or they do not have them.
+        If there are no vertices, or they lack one of the properties.
     """
     try:
         return np.column_stack([np.asarray(found["vertex"][key], dtype=np.float64) for key in keys])
@@ -214,7 +214,7 @@ def ply_columns(found: dict[str, dict[str, list[Any]]], keys: Sequence[str], nam
 
 
 def _ply_header(raw: bytes) -> tuple[str, list[_Element], bytes]:
-    """Return byte order ("" for text), elements, and what follows the header."""
+    """Return byte order ("" for text), elements, and the data after the header."""
     head, mark, body = raw.partition(b"end_header")
     lines = head.decode("ascii", errors="replace").splitlines()
     if not mark or not lines or lines[0].strip() != "ply":

@@ -1,4 +1,4 @@
-"""Shape: what a grain is, continuous, in its own frame."""
+"""Shape: the true geometry of a grain in its body frame."""
 
 import hashlib
 import math
@@ -30,18 +30,18 @@ Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline | Surface
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """One solid or one open surface, frozen, with its centroid at the origin of its body frame.
+    """Immutable solid or open surface with its centroid at the origin of its body frame.
 
     Attributes
     ----------
     geometry : Mesh or Primitive or Spheres or Outline or Surface
-        The one true geometry. Everything that is measured uses it.
+        True geometry, which all measures use.
     name : str
-        What reports call it.
+        Name in reports.
     offset : tuple of float
-        Where the centroid lay in the coordinates that the shape was made from.
+        Centroid in the coordinates that the shape was made from.
     unit : str or None
-        Unit of its lengths where it is known.
+        Unit of lengths, if known.
 
     Raises
     ------
@@ -55,21 +55,21 @@ class Shape:
     unit: str | None = None
 
     def __post_init__(self) -> None:
-        """Write the unit as it is written throughout."""
+        """Normalize the unit."""
         object.__setattr__(self, "unit", stated_unit(self.unit))
 
     @classmethod
     def of(cls, geometry: Geometry, *, name: str, unit: str | None = None) -> "Shape":
-        """Return the shape of a geometry given in any frame: it is moved to its centroid.
+        """Return the shape of a geometry in any frame, translated to its centroid.
 
         Parameters
         ----------
         geometry : Mesh or Primitive or Spheres or Outline or Surface
             True geometry.
         name : str
-            What reports call it.
+            Name in reports.
         unit : str, optional
-            Unit of its lengths.
+            Unit of lengths.
         """
         center = np.asarray(geometry.centroid, dtype=np.float64)
         if not isinstance(geometry, Primitive) and center.any():
@@ -90,9 +90,9 @@ class Shape:
         faces : (m, 3) array_like of int
             Triangles, counterclockwise seen from outside.
         name : str
-            What reports call it.
+            Name in reports.
         unit : str, optional
-            Unit of its lengths.
+            Unit of lengths.
 
         Returns
         -------
@@ -116,19 +116,19 @@ class Shape:
     ) -> "Shape":
         """Make a shape from an open triangle mesh, a sheet or shell without thickness.
 
-        It has an area and no volume; its centroid is that of the area, its equivalent diameter that of a disk of equal
-        area. What needs an inside refuses it.
+        It has an area but no volume; the centroid is that of the area, and the equivalent diameter is that of the disk
+        of equal area. Functions that need an interior refuse it.
 
         Parameters
         ----------
         vertices : (n, 3) array_like of float
             Corner points, in the unit of lengths; coincident ones are merged.
         faces : (m, 3) array_like of int
-            Triangles, wound in any way; more than two may share an edge.
+            Triangles of any orientation; more than two may share an edge.
         name : str
-            What reports call it.
+            Name in reports.
         unit : str, optional
-            Unit of its lengths.
+            Unit of lengths.
 
         Returns
         -------
@@ -139,7 +139,7 @@ class Shape:
         InputError
             If an array has the wrong shape, an index is out of range or a coordinate is not finite.
         DirtyMeshError
-            If the triangles do not make one open surface that does not cut through itself.
+            If the triangles are not one open surface without self-intersections.
         """
         points = as_points(vertices, "vertices")
         corners, triangles = merged(points, as_faces(faces, len(points)))
@@ -148,7 +148,7 @@ class Shape:
 
     @cached_property
     def key(self) -> str:
-        """Hash of the content: two shapes with the same key are the same."""
+        """Hash of the content: two shapes with the same key are equal."""
         return hashlib.sha256(self.geometry.content()).hexdigest()
 
     def __eq__(self, other: object) -> bool:
@@ -187,7 +187,7 @@ class Shape:
 
     @property
     def is_open(self) -> bool:
-        """Whether it is an open surface, without thickness and inside."""
+        """Whether the shape is an open surface, without thickness and interior."""
         return isinstance(self.geometry, Surface)
 
     @property
@@ -201,12 +201,12 @@ class Shape:
         return isinstance(geometry, Outline) and geometry.kind == "disk" and geometry.center == (0.0, 0.0)
 
     def refuse_open(self, what: str) -> None:
-        """Refuse an open surface for what needs an inside.
+        """Raise an error if the shape is an open surface.
 
         Parameters
         ----------
         what : str
-            What needs it, such as ``"voxels"``.
+            Operation that needs an interior, such as ``"voxels"``, for the message.
 
         Raises
         ------
@@ -221,17 +221,17 @@ class Shape:
 
     @property
     def volume(self) -> float:
-        """True volume (area in 2D); 0 of an open surface."""
+        """True volume (area in 2D); 0 for an open surface."""
         return self.geometry.volume
 
     @property
     def surface_area(self) -> float:
-        """True surface area (perimeter in 2D); of an open surface that of one side."""
+        """True surface area (perimeter in 2D); for an open surface that of one side."""
         return self.geometry.surface_area
 
     @property
     def inertia(self) -> Floats:
-        """Inertia tensor about the centroid at unit density, (3, 3); an open surface has none, which is an error."""
+        """Inertia tensor about the centroid at unit density, (3, 3); an error for an open surface, which has none."""
         return self.geometry.inertia
 
     @cached_property
@@ -266,12 +266,12 @@ class Shape:
 
     @cached_property
     def bounding_radius(self) -> float:
-        """Radius of a sphere about the centroid that holds it."""
+        """Radius of the bounding sphere about the centroid."""
         return self.geometry.bounding_radius
 
     @cached_property
     def _tessellation(self) -> tuple[Floats, Integers, float]:
-        """Vertices, faces and error, made on the first request."""
+        """Vertices, faces and error, computed on first use."""
         vertices, faces, error = self.geometry.tessellation()
         return read_only(vertices), read_only(faces), error
 
@@ -357,7 +357,7 @@ class Shape:
         return public("plot")(self)
 
     def rotated(self, quaternion: ArrayLike) -> "Shape":
-        """Return the shape turned about its centroid.
+        """Return the shape rotated about its centroid.
 
         Parameters
         ----------
@@ -367,7 +367,7 @@ class Shape:
         Raises
         ------
         InputError
-            If it is not a unit quaternion.
+            If `quaternion` is not a unit quaternion.
         """
         matrix = rotation_matrices(as_quaternions(np.asarray(quaternion)[None], "quaternion"))[0]
         return Shape(self.geometry.rotated(matrix), self.name, self.offset, self.unit)
@@ -383,7 +383,7 @@ class Shape:
         return Shape(self.geometry.scaled(as_positive(factor, "factor")), self.name, self.offset, self.unit)
 
     def to_unit(self, unit: str) -> "Shape":
-        """Return the same shape with its lengths in another unit; without a unit they stand as they are.
+        """Return the same shape with its lengths in another unit; lengths without a unit are not converted.
 
         Parameters
         ----------
@@ -395,7 +395,7 @@ class Shape:
         UnknownNameError
             If the unit is unknown; the message gives the nearest one.
         InputError
-            If it is no text, or ``"1"`` where the unit of the shape is known.
+            If the unit is not a string, or is ``"1"`` although the unit of the shape is known.
         """
         target = as_unit(unit)
         factor = 1.0 if self.unit is None else unit_factor(self.unit, target)

@@ -11,18 +11,18 @@ from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_point
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 
-#: sides of the polygon that stands for a disk in pictures and files
+#: number of sides of the polygon that represents a disk in pictures and files
 SIDES = 96
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """The boundary of a grain in the plane.
+    """Boundary of a grain in the plane.
 
     Attributes
     ----------
     kind : {"disk", "polygon"}
-        What it is.
+        Kind of the outline.
     radius : float
         Radius of a disk, in the unit of lengths; 0 for a polygon.
     vertices : (n, 2) ndarray of float
@@ -33,8 +33,8 @@ class Outline:
     Raises
     ------
     InputError
-        If the radius is not above 0, or the polygon has fewer than three corners, crosses or touches itself,
-        runs clockwise or has no area.
+        If the radius is not above 0, or the polygon has fewer than three corners, intersects or touches itself, is
+        clockwise or has no area.
     """
 
     kind: Literal["disk", "polygon"]
@@ -111,7 +111,7 @@ class Outline:
         return area, read_only(np.array([*middle, 0.0])), read_only(inertia)
 
     def contains(self, points: Floats) -> Booleans:
-        """Tell for (n, 3) or (n, 2) points whether they lie in the closed region; z is not looked at."""
+        """Return the mask of the (n, 3) or (n, 2) points in the closed region; z is ignored."""
         p = np.asarray(points, dtype=np.float64)[:, :2]
         if self.kind == "disk":
             return np.asarray(((p - np.array(self.center)) ** 2).sum(axis=1) <= self.radius**2)
@@ -137,7 +137,7 @@ class Outline:
         return np.where(crosses.sum(axis=1) % 2 == 1, -distance, distance)
 
     def content(self) -> bytes:
-        """Return the bytes that the key of the shape is a hash of."""
+        """Return the bytes from which the key of the shape is computed."""
         numbers = np.array([self.radius, *self.center])
         return self.kind.encode() + numbers.tobytes() + self.vertices.tobytes()
 
@@ -147,18 +147,18 @@ class Outline:
         return self._with(self.radius, self.vertices + offset[:2], (x, y))
 
     def rotated(self, matrix: Floats) -> "Outline":
-        """Return the outline turned about the origin by a (3, 3) rotation matrix about z."""
+        """Return the outline rotated about the origin by a (3, 3) rotation matrix about z."""
         turn = matrix[:2, :2]
         x, y = (float(value) for value in turn @ np.array(self.center))
         return self._with(self.radius, self.vertices @ turn.T, (x, y))
 
     def scaled(self, factor: float) -> "Outline":
-        """Return the outline stretched about the origin."""
+        """Return the outline scaled about the origin."""
         center = (self.center[0] * factor, self.center[1] * factor)
         return self._with(self.radius * factor, self.vertices * factor, center)
 
     def _with(self, radius: float, vertices: Floats, center: tuple[float, float]) -> "Outline":
-        """Return an outline of the same kind; what was simple stays simple, so that nothing is checked."""
+        """Return an outline of the same kind without checks, since the transformed polygon remains simple."""
         other = object.__new__(Outline)
         values = {"kind": self.kind, "radius": radius, "vertices": read_only(vertices), "center": center}
         for name, value in values.items():
@@ -181,7 +181,7 @@ class Outline:
 
 
 def _refuse_crooked(corners: Floats) -> None:
-    """Refuse what is not a simple counterclockwise polygon."""
+    """Check that the polygon is simple and counterclockwise."""
     n = len(corners)
     if n < 3:
         raise InputError(f"polygon has {n} corners: it needs at least 3; add corners")
@@ -199,7 +199,7 @@ def _refuse_crooked(corners: Floats) -> None:
 
 
 def _first_crossing(corners: Floats) -> tuple[int, int] | None:
-    """Return the first two edges that have a point in common which is not their shared corner."""
+    """Return the first two edges with a common point other than a shared corner."""
     n = len(corners)
     a, b = corners, np.roll(corners, -1, axis=0)
     for i in range(n):
@@ -211,7 +211,7 @@ def _first_crossing(corners: Floats) -> tuple[int, int] | None:
         three, four = _side(c, d, a[i]), _side(c, d, b[i])
         meet = (one * two <= 0) & (three * four <= 0) & _boxes_meet(a[i], b[i], c, d)
         next_one = (others == i + 1) | ((others == n - 1) & (i == 0))
-        # neighbours share a corner; they meet elsewhere only where one folds back onto the other
+        # adjacent edges share a corner; they meet elsewhere only if one folds back onto the other
         shared = np.where((others == i + 1)[:, None], b[i], a[i])
         far_here = np.where((others == i + 1)[:, None], a[i], b[i])
         far_there = np.where((others == i + 1)[:, None], d, c)
@@ -224,7 +224,7 @@ def _first_crossing(corners: Floats) -> tuple[int, int] | None:
 
 
 def _side(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Sign of the turn a, b, c."""
+    """Return the orientation of the triangle a, b, c."""
     u, v = np.asarray(b) - a, np.asarray(c) - a
     return np.sign(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 

@@ -15,7 +15,7 @@ from voxgran.shapes.tessellate import SIDES, revolved, sphere, unit_box
 
 Kind = Literal["sphere", "ellipsoid", "box", "cylinder", "cone"]
 
-#: what the dimensions of each kind are
+#: names of the dimensions of each kind
 DIMENSIONS: dict[Kind, tuple[str, ...]] = {
     "sphere": ("radius",),
     "ellipsoid": ("semi-axis x", "semi-axis y", "semi-axis z"),
@@ -27,7 +27,7 @@ DIMENSIONS: dict[Kind, tuple[str, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class Primitive:
-    """A regular convex solid with its centroid at the origin and its axis along z before it is turned.
+    """Regular convex solid with its centroid at the origin, and its axis along z before rotation.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Primitive:
     dimensions : tuple of float
         Radius, semi-axes, edges or radius and height, in the unit of lengths.
     rotation : tuple of float
-        Unit quaternion (w, x, y, z) by which it is turned.
+        Unit quaternion (w, x, y, z) of its rotation.
 
     Raises
     ------
@@ -112,7 +112,7 @@ class Primitive:
 
     @cached_property
     def bounding_radius(self) -> float:
-        """Radius of the smallest sphere about the centroid that holds it."""
+        """Radius of the smallest bounding sphere about the centroid."""
         d = self.dimensions
         if self.kind in ("sphere", "ellipsoid"):
             return max(d)
@@ -123,11 +123,11 @@ class Primitive:
         return max(0.75 * d[1], math.hypot(d[0], d[1] / 4))
 
     def support(self, directions: Floats) -> Floats:
-        """Return the (n, 3) points of the solid that lie farthest along (n, 3) directions."""
+        """Return the (n, 3) support points of the solid along (n, 3) directions."""
         return self._body_support(directions @ self.matrix) @ self.matrix.T
 
     def _body_support(self, u: Floats) -> Floats:
-        """Support points before turning."""
+        """Return the support points of the solid before rotation."""
         d = self.dimensions
         if self.kind in ("sphere", "ellipsoid"):
             axes = np.array(d * 3 if self.kind == "sphere" else d)
@@ -143,7 +143,7 @@ class Primitive:
         return np.column_stack([np.where(top[:, None], 0.0, ring), np.where(top, 0.75, -0.25) * d[1]])
 
     def contains(self, points: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """Tell for (n, 3) points whether they lie in the closed solid."""
+        """Return the mask of the (n, 3) points in the closed solid."""
         p, d = points @ self.matrix, self.dimensions
         if self.kind in ("sphere", "ellipsoid"):
             axes = np.array(d * 3 if self.kind == "sphere" else d)
@@ -158,11 +158,11 @@ class Primitive:
         return inside
 
     def content(self) -> bytes:
-        """Return the bytes that the key of the shape is a hash of."""
+        """Return the bytes from which the key of the shape is computed."""
         return self.kind.encode() + np.array([*self.dimensions, *self.rotation]).tobytes()
 
     def rotated(self, matrix: Floats) -> "Primitive":
-        """Return the solid turned by a (3, 3) rotation matrix."""
+        """Return the solid rotated by a (3, 3) rotation matrix."""
         turn = product(quaternions_of(matrix[None])[0], np.array(self.rotation))
         w, x, y, z = (float(value) for value in turn)
         return Primitive(self.kind, self.dimensions, (w, x, y, z))
@@ -172,7 +172,7 @@ class Primitive:
         return Primitive(self.kind, tuple(value * factor for value in self.dimensions), self.rotation)
 
     def circumscribed(self) -> tuple[Floats, Integers]:
-        """Return vertices and faces of a tessellation that holds the true solid."""
+        """Return vertices and faces of a tessellation that contains the true solid."""
         vertices, faces, _ = Primitive(self.kind, self.dimensions).tessellation()
         if self.kind in ("sphere", "ellipsoid"):
             vertices = vertices / (1 - sphere()[2])

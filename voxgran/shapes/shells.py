@@ -1,6 +1,6 @@
-"""Edges and shells of a triangle mesh: which faces join, which shells lie in which.
+"""Edges and shells of a triangle mesh: connectivity of faces and nesting of shells.
 
-Which shell lies in which follows from the winding numbers of the others about a point of it.
+The nesting follows from the winding numbers of the other shells about a point of each shell.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.graph import components
 from voxgran.shapes.winding import winding_numbers
 
-#: a shell with less volume than this, in its area times the diagonal of the bounding box, has none
+#: volume, in units of area times diagonal of the bounding box, below which a shell counts as having none
 FLAT = 1e-12
 
 
@@ -22,7 +22,7 @@ def half_edges(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, 
 
 
 def edge_faults(faces: Integers, vertex_count: int) -> Integers:
-    """Return the numbers of open edges, of non-manifold edges, and of edges whose two faces are wound unlike."""
+    """Return the numbers of open edges, of non-manifold edges, and of edges with inconsistently oriented faces."""
     start, end, edge, uses = half_edges(faces, vertex_count)
     point = np.unique(edge[start == end])
     balance = np.bincount(edge, weights=np.sign(end - start), minlength=len(uses))
@@ -31,7 +31,7 @@ def edge_faults(faces: Integers, vertex_count: int) -> Integers:
 
 
 def face_pairs(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers]:
-    """Return the two faces at each edge that has two, and whether they are wound unlike."""
+    """Return the two faces of each edge that has two, and whether their orientations disagree."""
     start, end, edge, uses = half_edges(faces, vertex_count)
     order = np.argsort(edge, kind="stable")
     chosen = order[(uses[edge[order]] == 2) & (start != end)[order]].reshape(-1, 2)
@@ -40,10 +40,10 @@ def face_pairs(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, 
 
 
 def turned_faces(faces: Integers, vertex_count: int) -> Booleans | None:
-    """Tell which faces to turn over until all neighbours agree, in each patch the fewer; None where none would do."""
+    """Return the mask of the faces to flip for consistent orientation, the fewer in each patch; None if impossible."""
     one, two, unlike = face_pairs(faces, vertex_count)
     m = len(faces)
-    # each face stands twice in the graph, as it is and turned over; neighbours that agree are linked
+    # each face is in the graph twice, as given and flipped; consistently oriented neighbours are linked
     here = np.concatenate([one, one + m])
     there = np.concatenate([two + m * unlike, two + m * (1 - unlike)])
     label = components(2 * m, here, there)
@@ -56,7 +56,7 @@ def turned_faces(faces: Integers, vertex_count: int) -> Booleans | None:
 
 
 def count_flipped(faces: Integers, vertex_count: int) -> int:
-    """Return the number of faces to turn over until all neighbours agree; at least 1 where none would do."""
+    """Return the number of faces to flip for a consistent orientation; at least 1 if that is impossible."""
     turned = turned_faces(faces, vertex_count)
     return 1 if turned is None else max(1, int(turned.sum()))
 
@@ -110,7 +110,7 @@ def shell_counts(points: Floats, faces: Integers) -> dict[str, int]:
 
 
 def _surrounding(point: Floats, own: int, shells: Integers, triangles: Floats, bounds: Integers) -> int:
-    """Return the winding number of all shells but its own about a point of a shell."""
+    """Return the winding number of all other shells about a point of a shell."""
     total = 0.0
     for other in shells.tolist():
         if other != own:

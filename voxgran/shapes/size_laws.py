@@ -95,7 +95,7 @@ class SizeDistribution(ABC):
         """
         share = np.asarray(shares, dtype=np.float64)
         if share.size and not ((share >= 0) & (share <= 1)).all():
-            raise InputError(f"shares reach from {share.min()} to {share.max()}: each must be in 0 ... 1; change them")
+            raise InputError(f"shares reach from {share.min()} to {share.max()}: each must be in [0, 1]; change them")
         return self._inverse(share, self._power(basis, dimension))
 
     def sample(self, count: int, generator: np.random.Generator, *, dimension: int = 3) -> Floats:

@@ -1,6 +1,6 @@
 """Distributions of grain sizes, by name: ``vg.sizes.lognormal(median=2.0, sigma=0.3)``.
 
-A size is an equivalent diameter; for a sieve curve it is the intermediate axis unless stated. The laws themselves are
+A size is an equivalent diameter; for a sieve curve it is the intermediate axis by default. The classes are
 in :mod:`voxgran.shapes.size_laws`.
 """
 
@@ -51,18 +51,18 @@ def lognormal(
     Parameters
     ----------
     median : float
-        Median, in the unit of lengths, in the given basis and before it is cut off.
+        Median, in the unit of lengths, in the given basis and before truncation.
     sigma : float
         Standard deviation of the natural logarithm.
     basis : {"number", "volume"}
-        What the shares are of.
+        Quantity that the shares refer to.
     low, high : float, optional
-        Sizes where it is cut off.
+        Lower and upper truncation, in the unit of lengths. Default: none.
 
     Raises
     ------
     CallError
-        If the arguments are others than these.
+        If there are other arguments than these.
     InputError
         If a number is not above 0, `sigma` is above 5, or the cuts leave nothing.
     """
@@ -87,7 +87,7 @@ def fixed(diameter: float = 1.0) -> Fixed:
 
 
 def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
-    """Return the distribution in which all sizes between two are equally likely.
+    """Return the uniform distribution between two sizes.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
 
 
 def discrete(diameters: ArrayLike, weights: ArrayLike, *, basis: Basis = "number") -> Discrete:
-    """Return the distribution of a few sizes, each with its weight.
+    """Return a discrete distribution: a few sizes, each with its weight.
 
     Raises
     ------
@@ -109,18 +109,18 @@ def discrete(diameters: ArrayLike, weights: ArrayLike, *, basis: Basis = "number
 
 
 def sieve(openings: ArrayLike, passing: ArrayLike, *, as_diameter: bool = False, basis: Basis = "volume") -> Sieve:
-    """Return the distribution that a sieve analysis measured.
+    """Return the distribution of a sieve analysis.
 
     Parameters
     ----------
     openings : (n,) array_like of float
         Openings of the sieves, from small to large, in the unit of lengths.
     passing : (n,) array_like of float
-        Share that passes each, from 0 to 1; between two it is straight over the logarithm of the opening.
+        Share that passes each sieve, from 0 to 1; interpolated linearly in the logarithm of the opening.
     as_diameter : bool
-        Whether openings are equivalent diameters; else a grain passes by its intermediate axis.
+        Whether openings are equivalent diameters rather than intermediate axes.
     basis : {"number", "volume"}
-        What the shares are of.
+        Quantity that the shares refer to.
 
     Raises
     ------
@@ -136,19 +136,19 @@ def _numbers(values: ArrayLike) -> tuple[float, ...]:
 
 
 def size_kinds() -> tuple[str, ...]:
-    """Return the kinds of distributions, as `kind` in scene files names them."""
+    """Return the kinds of distributions, the values of `kind` in scene files."""
     return tuple(sorted(KINDS))
 
 
 def make_sizes(mapping: Mapping[str, Any], where: str = "[sizes]") -> SizeDistribution:
-    """Make a distribution from kind and parameters, as scene files give them.
+    """Make a distribution from kind and parameters, as in scene files.
 
     Parameters
     ----------
     mapping : mapping
         ``kind`` and the parameters of that kind.
     where : str
-        How messages name the place.
+        Name of the mapping in messages.
 
     Returns
     -------
@@ -159,7 +159,7 @@ def make_sizes(mapping: Mapping[str, Any], where: str = "[sizes]") -> SizeDistri
     UnknownNameError
         If the kind or a parameter is not known.
     InputError
-        If the kind is missing, or a parameter is missing or breaks a rule.
+        If the kind is missing, or a parameter is missing or invalid.
     """
     values = dict(mapping)
     if "kind" not in values:
@@ -170,7 +170,7 @@ def make_sizes(mapping: Mapping[str, Any], where: str = "[sizes]") -> SizeDistri
     return from_mapping(KINDS[kind], values, where)
 
 
-#: the distributions by the kind that scene files name
+#: classes of distributions by kind
 KINDS: dict[str, type[SizeDistribution]] = {law.kind: law for law in (Discrete, Fixed, Lognormal, Sieve, Uniform)}
 
 

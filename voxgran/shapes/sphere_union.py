@@ -1,15 +1,15 @@
 """Exact volume, moments and surface of a union of spheres.
 
-The surface of the union consists of what is left of each sphere when the caps inside the other spheres are cut off.
+The surface of the union consists of the spheres without their caps inside the other spheres.
 By the divergence theorem volume, centroid and second moments are sums of the integrals of 1, n, n n and n n n over
-these spherical regions, n being the normal. By the divergence theorem on the sphere all of them but the area are
+these spherical regions, where n is the normal. By the divergence theorem on the sphere all of them except the area are
 integrals over the boundary of the region: arcs of the circles in which two spheres meet, ending where three meet.
 The area is the integral of ``(1 - z) d phi`` over the same arcs, z along a direction whose opposite is far from all
-circles of that sphere, plus 4 pi where that opposite point belongs to the region. No quadrature over an area and no
-counting of faces, edges and corners is needed, so that nothing jumps where four spheres meet in a point.
+circles of that sphere, plus 4 pi if that opposite point belongs to the region. No quadrature over an area and no
+counting of faces, edges and corners is needed, so that the result is continuous if four spheres meet in a point.
 
 Each corner is computed once for the three spheres that meet there, in the same order of operations for all of them, and
-each arc is joined to its corners by short segments: the boundaries therefore close, also where spheres nearly
+each arc is joined to its corners by short segments: the boundaries are therefore closed, also for spheres that nearly
 coincide.
 
 References
@@ -26,10 +26,10 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.cells import near_pairs
 from voxgran._base.kernels import kernel
 
-#: largest gap of a boundary, in radii; above it the radii are changed by NUDGE and all is computed anew
+#: largest gap of a boundary, in radii; above it the radii are perturbed by NUDGE and the computation is repeated
 CLOSED = 1e-10
 NUDGE = 1e-13
-#: how far a sphere may stick out of another one, in radii of that one, and still counts as inside
+#: protrusion of a sphere from another one, in radii of that one, up to which it counts as inside
 HIDDEN = 2e-13
 
 
@@ -55,8 +55,8 @@ def union_moments(centers: Floats, radii: Floats) -> tuple[float, Floats, Floats
     keep = ~contained(centers, radii)
     c, r = np.ascontiguousarray(centers[keep]), radii[keep]
     for attempt in range(4):
-        # four spheres that touch in one point can be told apart in contradictory ways; a change of the radii
-        # by a few bits, different for each, decides it
+        # the tests of four spheres that meet in one point may contradict each other; a change of the radii
+        # by a few bits, different for each, resolves this
         spread = np.modf((np.arange(len(r)) + 1) * 0.6180339887498949)[0]
         sums, gap = _patch_sums(c, r * (1.0 + attempt * NUDGE * 10.0**attempt * spread))
         if gap <= CLOSED:
@@ -74,7 +74,7 @@ def union_moments(centers: Floats, radii: Floats) -> tuple[float, Floats, Floats
 
 
 def contained(centers: Floats, radii: Floats) -> Booleans:
-    """Tell which spheres lie inside another one; of equal spheres all but the first do."""
+    """Return the mask of the spheres inside another one; of equal spheres all but the first count as inside."""
     order = np.lexsort((np.arange(len(radii)), -radii))
     result = np.zeros(len(radii), dtype=np.bool_)
     i, j = _touching(centers, radii)
@@ -93,7 +93,7 @@ def _touching(centers: Floats, radii: Floats) -> tuple[Integers, Integers]:
 
 
 def _patch_sums(centers: Floats, radii: Floats) -> tuple[Floats, float]:
-    """Return the boundary integrals of the region that is left of each sphere, (n, 16), and the largest gap."""
+    """Return the boundary integrals (n, 16) of the exposed region of each sphere, and the largest gap."""
     i, j = _touching(centers, radii)
     distance = np.linalg.norm(centers[j] - centers[i], axis=1)
     crossing = (distance < radii[i] + radii[j]) & (distance > np.abs(radii[i] - radii[j]))
@@ -126,7 +126,7 @@ def _patch_moments(centers: Floats, sums: Floats) -> tuple[Floats, Floats, Float
 
 
 def _directions() -> Floats:
-    """Return 48 directions spread over the sphere."""
+    """Return 48 directions distributed over the sphere."""
     k = np.arange(48)
     z, turn = 1 - (2 * k + 1) / 48, k * (math.pi * (3 - math.sqrt(5))) + 0.123
     flat = np.sqrt(1 - z * z)
@@ -135,13 +135,13 @@ def _directions() -> Floats:
 
 @kernel
 def _dot(a, b):  # type: ignore[no-untyped-def]
-    """Scalar product."""
+    """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel
 def _cross(a, b):  # type: ignore[no-untyped-def]
-    """Vector product."""
+    """Return the cross product."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -157,13 +157,13 @@ def _along(a, s, b):  # type: ignore[no-untyped-def]
 
 @kernel
 def _row(array, i):  # type: ignore[no-untyped-def]
-    """Row i as three numbers."""
+    """Return row i as three numbers."""
     return (array[i, 0], array[i, 1], array[i, 2])
 
 
 @kernel
 def _circle(centers, radii, i, j):  # type: ignore[no-untyped-def]
-    """Circle in which spheres i and j meet: its distance from center i, radius, axis, distance of the centers."""
+    """Return the circle common to spheres i and j: distance from center i, radius, axis, distance of the centers."""
     dx, dy, dz = (
         centers[j, 0] - centers[i, 0],
         centers[j, 1] - centers[i, 1],
@@ -177,7 +177,7 @@ def _circle(centers, radii, i, j):  # type: ignore[no-untyped-def]
 
 @kernel
 def _choose_poles(centers, radii, start, neighbours, directions, poles, sums):  # type: ignore[no-untyped-def]
-    """Choose for each sphere the direction farthest from all circles; begin its area with 4 pi where it is bare."""
+    """Choose for each sphere the direction farthest from all circles; its area starts at 4 pi if exposed there."""
     for i in range(len(radii)):
         best = -1.0
         for k in range(len(directions)):
@@ -197,17 +197,17 @@ def _choose_poles(centers, radii, start, neighbours, directions, poles, sums):  
 
 @kernel
 def _side(centers, i, j):  # type: ignore[no-untyped-def]
-    """Squared distance of two centers."""
+    """Return the squared distance of two centers."""
     w = _along(_row(centers, j), -1.0, _row(centers, i))
     return _dot(w, w)
 
 
 @kernel
 def _order(centers, radii, i, j, k):  # type: ignore[no-untyped-def]
-    """Order three spheres as (e, f, m), and tell whether their centers lie on a line.
+    """Order three spheres as (e, f, m), and return whether their centers are collinear.
 
-    On a line m is the middle one; else e and f are the pair whose spheres meet at the flattest angle. The order is
-    the same for any order of the arguments.
+    If they are, m is the middle one; otherwise e and f are the pair whose spheres meet at the flattest angle. The
+    result is independent of the order of the arguments.
     """
     a, c = min(i, j, k), max(i, j, k)
     b = i + j + k - a - c
@@ -220,7 +220,7 @@ def _order(centers, radii, i, j, k):  # type: ignore[no-untyped-def]
     if straight:
         ab, ac, bc = -ab, -ac, -bc
     else:
-        # squared sine of the angle at which the spheres meet, but for a factor common to all
+        # squared sine of the angle at which the spheres meet, up to a common factor
         ab = ab * _circle(centers, radii, a, b)[1] ** 2 * radii[c] ** 2
         ac = ac * _circle(centers, radii, a, c)[1] ** 2 * radii[b] ** 2
         bc = bc * _circle(centers, radii, b, c)[1] ** 2 * radii[a] ** 2
@@ -240,7 +240,7 @@ def _covered(centers, radii, i, j, k, mid, rho, frame, span, ends):  # type: ign
     w = _along(_row(centers, m), -1.0, base)
     excess = base_rho**2 + (_dot(w, w) - radii[m] ** 2)
     if straight:
-        # either the middle sphere shows, or the outer two meet outside of it; on one common circle it does not
+        # either the middle sphere is exposed, or the outer two meet outside of it; not on one common circle
         shows = excess < -1e-13 * radii[m] ** 2
         return 2 if shows == (k == m) else 0
     v = _along(_row(centers, k), -1.0, mid)
@@ -296,7 +296,7 @@ def _add_forms(row, n, dn, center):  # type: ignore[no-untyped-def]
 
 @kernel
 def _add_arc(row, center, pole, sign, frame, cosine, sine, begin, end, rule):  # type: ignore[no-untyped-def]
-    """Add the arc of a circle from angle begin to end, in the direction of the sign."""
+    """Add the arc of a circle from angle `begin` to `end`, in the direction of the sign."""
     u, e1, e2 = frame
     one, two = -_dot(pole, e1), -_dot(pole, e2)
     turn, tilt = math.atan2(two, one), math.atan2(math.sqrt(one * one + two * two), -_dot(pole, u))
@@ -352,7 +352,7 @@ def _add_edge(row, center, radius, pole, sign, mid, rho, frame, cosine, begin, e
 
 @kernel
 def _frame(u):  # type: ignore[no-untyped-def]
-    """Two directions across u that make a right-handed frame with it."""
+    """Return two directions that form a right-handed frame with u."""
     if abs(u[0]) <= abs(u[1]) and abs(u[0]) <= abs(u[2]):
         side = (0.0, u[2], -u[1])
     elif abs(u[1]) <= abs(u[2]):
@@ -366,7 +366,7 @@ def _frame(u):  # type: ignore[no-untyped-def]
 
 @kernel
 def _cover_circle(centers, radii, i, j, start, neighbours, mid, rho, frame, spans, ends):  # type: ignore[no-untyped-def]
-    """Write the parts of circle (i, j) that other spheres cover; return their number, -1 where all is covered."""
+    """Write the parts of circle (i, j) that other spheres cover; return their number, -1 if all of it is covered."""
     count = 0
     p, q = start[i], start[j]
     while p < start[i + 1] and q < start[j + 1]:
@@ -387,7 +387,7 @@ def _cover_circle(centers, radii, i, j, start, neighbours, mid, rho, frame, span
 
 @kernel
 def _sort_spans(spans, count, order):  # type: ignore[no-untyped-def]
-    """Order the covered parts by where they begin."""
+    """Sort the covered parts by their start."""
     for k in range(count):
         slot = k
         while slot > 0 and spans[order[slot - 1], 0] > spans[k, 0]:
@@ -398,7 +398,7 @@ def _sort_spans(spans, count, order):  # type: ignore[no-untyped-def]
 
 @kernel
 def _integrate(centers, radii, first, second, start, neighbours, poles, spans, ends, order, rule, sums):  # type: ignore[no-untyped-def]
-    """Add the bare arcs of all circles to the sums of their two spheres."""
+    """Add the exposed arcs of all circles to the sums of their two spheres."""
     whole = 2.0 * math.pi
     for pair in range(len(first)):
         i, j = first[pair], second[pair]

@@ -13,13 +13,13 @@ from voxgran.shapes.boolean import united
 from voxgran.shapes.sphere_union import contained, union_moments
 from voxgran.shapes.tessellate import sphere
 
-#: most triangles of all spheres before they are united
+#: largest number of triangles of all spheres before they are united
 MOST_TRIANGLES = 80_000
 
 
 @dataclass(frozen=True, eq=False)
 class Spheres:
-    """A union of spheres; what is inside several of them counts once.
+    """A union of spheres, whose common volume counts once.
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Spheres:
 
     @property
     def surface_area(self) -> float:
-        """Area of the outer surface, and of the inner ones where the spheres enclose a cavity."""
+        """Area of the outer surface and of the inner surfaces of enclosed cavities."""
         return self._moments[3]
 
     @cached_property
@@ -77,7 +77,7 @@ class Spheres:
 
     @cached_property
     def _moments(self) -> tuple[float, Floats, Floats, float]:
-        """Volume, centroid, inertia and area; the middle point keeps digits far from the origin."""
+        """Volume, centroid, inertia and area; a central point preserves digits far from the origin."""
         low = (self.centers - self.radii[:, None]).min(axis=0)
         high = (self.centers + self.radii[:, None]).max(axis=0)
         middle = (low + high) / 2
@@ -88,14 +88,14 @@ class Spheres:
         return volume, read_only(middle + offset), read_only(inertia), area
 
     def contains(self, points: Floats) -> Booleans:
-        """Tell for (n, 3) points whether they lie in the closed union."""
+        """Return the mask of the (n, 3) points in the closed union."""
         queries = as_points(points)
         inside = np.zeros(len(queries), dtype=np.bool_)
         _mark_inside(queries, self.centers, self.radii, inside)
         return inside
 
     def content(self) -> bytes:
-        """Return the bytes that the key of the shape is a hash of."""
+        """Return the bytes from which the key of the shape is computed."""
         return b"spheres" + self.centers.tobytes() + self.radii.tobytes()
 
     def moved(self, offset: Floats) -> "Spheres":
@@ -103,18 +103,18 @@ class Spheres:
         return Spheres(self.centers + offset, self.radii)
 
     def rotated(self, matrix: Floats) -> "Spheres":
-        """Return the union turned about the origin by a (3, 3) rotation matrix."""
+        """Return the union rotated about the origin by a (3, 3) rotation matrix."""
         return Spheres(self.centers @ matrix.T, self.radii)
 
     def scaled(self, factor: float) -> "Spheres":
-        """Return the union stretched about the origin."""
+        """Return the union scaled about the origin."""
         return Spheres(self.centers * factor, self.radii * factor)
 
     def tessellation(self) -> tuple[Floats, Integers, float]:
         """Return vertices, faces and their largest distance from the true surface.
 
-        The spheres are inscribed icospheres, as fine as their number allows. Where two spheres meet the union of the
-        polyhedra lies deeper than each of them; the error is measured there.
+        The spheres are inscribed icospheres, as fine as their number allows. At the intersection of two spheres the
+        union of the polyhedra is deeper than each of them; the error is measured there.
         """
         bare = ~contained(self.centers, self.radii)
         centers, radii = self.centers[bare], self.radii[bare]
@@ -129,7 +129,7 @@ class Spheres:
 
 @kernel
 def _mark_inside(points, centers, radii, inside):  # type: ignore[no-untyped-def]
-    """Mark the points that lie in a sphere."""
+    """Mark the points inside a sphere."""
     for p in range(len(points)):
         for b in range(len(radii)):
             square = 0.0
@@ -142,7 +142,7 @@ def _mark_inside(points, centers, radii, inside):  # type: ignore[no-untyped-def
 
 @kernel
 def _measure_way_out(points, centers, radii, paths):  # type: ignore[no-untyped-def]
-    """Push each point out of the spheres that hold it, the deepest first, and write how far it went."""
+    """Move each point out of the spheres that contain it, the deepest first, and write its displacement."""
     for p in range(len(points)):
         x, y, z = points[p, 0], points[p, 1], points[p, 2]
         for _ in range(100):
@@ -155,7 +155,7 @@ def _measure_way_out(points, centers, radii, paths):  # type: ignore[no-untyped-
             if hit < 0:
                 break
             dx, dy, dz = x - centers[hit, 0], y - centers[hit, 1], z - centers[hit, 2]
-            # half as far again, so that a crease is left behind in few steps
+            # half as far again, so that few steps lead out of a crease
             step = 1.5 * deepest / (radii[hit] - deepest)
             x, y, z = x + step * dx, y + step * dy, z + step * dz
         dx, dy, dz = x - points[p, 0], y - points[p, 1], z - points[p, 2]

@@ -1,4 +1,4 @@
-"""An open surface of triangles as the true geometry of a grain: a sheet or a shell, without thickness and inside."""
+"""An open surface of triangles as the true geometry of a grain: a sheet or a shell, without thickness and interior."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,13 +12,13 @@ from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.shells import edge_faults
 from voxgran.shapes.triangles import Triangles, areas_of
 
-#: area of a triangle, in the square of its longest edge, up to which it has none
+#: area, in squares of the longest edge, up to which a triangle counts as degenerate
 NO_AREA = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class Surface(Triangles):
-    """An open surface of triangles, whose two sides are alike: how its faces are wound does not matter."""
+    """An open surface of triangles with equivalent sides; the orientation of the faces is irrelevant."""
 
     @property
     def volume(self) -> float:
@@ -34,7 +34,7 @@ class Surface(Triangles):
 
     @property
     def inertia(self) -> Floats:
-        """Refused: it is that of a solid at unit density.
+        """Raise an error, since the inertia at unit density is that of a solid.
 
         Raises
         ------
@@ -62,7 +62,7 @@ class Surface(Triangles):
         return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
 
     def content(self) -> bytes:
-        """Return the bytes that the key of the shape is a hash of."""
+        """Return the bytes from which the key of the shape is computed."""
         return b"surface" + self.vertices.tobytes() + self.faces.tobytes()
 
     def moved(self, offset: Floats) -> "Surface":
@@ -70,11 +70,11 @@ class Surface(Triangles):
         return Surface(self.vertices + offset, self.faces)
 
     def rotated(self, matrix: Floats) -> "Surface":
-        """Return the surface turned about the origin by a (3, 3) rotation matrix."""
+        """Return the surface rotated about the origin by a (3, 3) rotation matrix."""
         return Surface(self.vertices @ matrix.T, self.faces)
 
     def scaled(self, factor: float) -> "Surface":
-        """Return the surface stretched about the origin."""
+        """Return the surface scaled about the origin."""
         return Surface(self.vertices * factor, self.faces)
 
     def tessellation(self) -> tuple[Floats, Integers, float]:
@@ -92,12 +92,12 @@ def refuse_unfit(vertices: Floats, faces: Integers, name: str) -> None:
     faces : (m, 3) ndarray of int
         Triangles.
     name : str
-        What the message calls it.
+        Name of the surface in the message.
 
     Raises
     ------
     DirtyMeshError
-        If there are none, one has no area, they are not connected, cut through each other, or leave no edge open.
+        If there are no triangles, one is degenerate, they are not connected, intersect, or have no open edge.
     """
     if not len(faces):
         raise DirtyMeshError(f"{name} has no faces: a surface must have triangles; check the file")

@@ -8,7 +8,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 
-#: sides of the polygon that stands for a circle
+#: number of sides of the polygon that represents a circle
 SIDES = 96
 
 
@@ -18,7 +18,7 @@ def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
     Parameters
     ----------
     subdivisions : int
-        How often each triangle is cut into four; 4 gives 2562 vertices and 5120 faces.
+        Number of subdivisions of each triangle into four; 4 gives 2562 vertices and 5120 faces.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
 
 
 def _split(vertices: Floats, faces: Integers) -> tuple[Floats, Integers]:
-    """Cut each triangle into four and push the new vertices onto the unit sphere."""
+    """Divide each triangle into four and project the new vertices onto the unit sphere."""
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     unique, inverse = np.unique(edges, axis=0, return_inverse=True)
     middles = vertices[unique].sum(axis=1)
@@ -71,14 +71,14 @@ def unit_box() -> tuple[Floats, Integers, float]:
 
 
 def revolved(profile: Sequence[tuple[float, float]], *, sides: int = SIDES) -> tuple[Floats, Integers, float]:
-    """Return the closed surface of a profile turned about z.
+    """Return the closed surface of revolution of a profile about z.
 
     Parameters
     ----------
     profile : sequence of (z, radius)
-        From bottom to top; radius 0 is a point on the axis.
+        Profile from bottom to top; radius 0 is a point on the axis.
     sides : int
-        Number of sides of the polygon that stands for the circle.
+        Number of sides of the polygon that represents the circle.
 
     Returns
     -------

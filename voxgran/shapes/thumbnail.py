@@ -1,7 +1,7 @@
 """Small pictures for notebooks, drawn without a window, a driver or a graphics library.
 
-A surface is sampled densely enough that each of its pixels gets points, and of the points of a pixel the nearest one
-counts. That takes a tenth of a second where starting a renderer takes seconds.
+A surface is sampled so densely that each of its pixels receives points, and the nearest point of a pixel is shown. This
+takes a tenth of a second, whereas starting a renderer takes seconds.
 """
 
 import base64
@@ -22,7 +22,7 @@ Image: TypeAlias = NDArray[np.uint8]
 EDGE, FINE = 160, 2
 #: sampled points per sample of the picture
 DENSITY = 4.5
-#: rows: to the right, up and towards the eye
+#: rows: to the right, up and towards the viewer
 VIEW = np.array([[0.877, 0.481, 0.0], [-0.187, 0.341, 0.921], [0.443, -0.808, 0.389]])
 LIGHT = np.array([-0.41, 0.61, 0.68])
 #: dark, middle and light end of the colours, small to large
@@ -39,7 +39,7 @@ def surface_samples(triangles: Floats, spacing: float) -> tuple[Floats, Floats]:
     triangles : (m, 3, 3) ndarray of float
         Corner points.
     spacing : float
-        In the unit of the points.
+        Largest spacing, in the unit of the points.
 
     Returns
     -------

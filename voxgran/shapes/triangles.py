@@ -1,4 +1,4 @@
-"""What closed and open surfaces of triangles have in common."""
+"""Common base of closed and open surfaces of triangles."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,7 +37,7 @@ class Triangles:
 
     @cached_property
     def tree(self) -> TriangleTree:
-        """Box tree of the triangles, for nearest points; its signs tell sides of closed surfaces only."""
+        """Box tree of the triangles, for nearest points; its signs are valid for closed surfaces only."""
         return grow_tree(self.vertices, self.faces)
 
     @cached_property
@@ -47,7 +47,7 @@ class Triangles:
 
     @property
     def surface_area(self) -> float:
-        """Sum of the areas of the triangles; of an open surface that of one side."""
+        """Sum of the areas of the triangles; for an open surface that of one side."""
         return float(self.areas.sum())
 
 

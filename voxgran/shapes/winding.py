@@ -14,7 +14,7 @@ def winding_numbers(triangles: Floats, points: Floats) -> Floats:
     triangles : (m, 3, 3) ndarray of float
         Corner points.
     points : (n, 3) ndarray of float
-        Where.
+        Points.
 
     References
     ----------
@@ -27,7 +27,7 @@ def winding_numbers(triangles: Floats, points: Floats) -> Floats:
 
 @kernel
 def _sum_angles(triangles, points, numbers):  # type: ignore[no-untyped-def]
-    """Add up the solid angles of all triangles about each point."""
+    """Sum the solid angles of all triangles about each point."""
     for k in range(len(points)):
         total = 0.0
         px, py, pz = points[k, 0], points[k, 1], points[k, 2]

@@ -222,8 +222,8 @@ def test_each_distance_of_sizes_says_what_it_compares(packing, tmp_path):
     assert grown["sizes, placed against drawn"].note.endswith(", before they grew")
     write_report(dataclasses.replace(packing, provenance=record), tmp_path / "p.html", pictures=False)
     text = (tmp_path / "p.html").read_text()
-    assert "Placed against asked: the largest difference, by number, between the share of the placed grains" in text
-    assert "that of the distribution that was asked for" in text
+    assert "Placed against requested: the largest difference, by number, between the share of the placed grains" in text
+    assert "that of the requested distribution" in text
     assert "grains that were drawn for this run" in text
 
 

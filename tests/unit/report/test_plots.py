@@ -26,14 +26,14 @@ def test_the_gradation_shows_placed_and_asked(axes, packing):
     assert list(found) == [
         "placed, equivalent diameter",
         "placed, intermediate axis",
-        "asked, equivalent diameter",
+        "requested, equivalent diameter",
     ]
     sizes, shares = found["placed, equivalent diameter"].get_data()
     for size in np.quantile(packing.diameters, [0.1, 0.5, 0.9]):
         expected = 100 * packing.volumes[packing.diameters <= size].sum() / packing.volumes.sum()
         assert shares[np.searchsorted(sizes, size, side="right") - 1] == pytest.approx(expected)
     assert shares[-1] == pytest.approx(100)
-    asked = found["asked, equivalent diameter"]
+    asked = found["requested, equivalent diameter"]
     x, y = (np.asarray(values) for values in asked.get_data())
     # by volume of a distribution that is uniform by number: (d^4 - low^4) / (high^4 - low^4)
     np.testing.assert_allclose(y, 100 * np.clip((x**4 - 0.5**4) / (0.9**4 - 0.5**4), 0, 1), atol=1e-9)
@@ -44,7 +44,7 @@ def test_the_gradation_shows_placed_and_asked(axes, packing):
 def test_where_no_sizes_were_asked_only_what_was_placed_is_drawn(axes, packing):
     record = packing.provenance
     bare = Packing.of(packing.shapes, packing.container, position=packing.position, provenance=record)
-    assert [name for name in lines(plot_gradation(axes, bare)) if "asked" in name] == []
+    assert [name for name in lines(plot_gradation(axes, bare)) if "requested" in name] == []
     assert axes.get_xlabel() == "size"
 
 

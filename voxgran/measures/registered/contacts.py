@@ -1,4 +1,4 @@
-"""Which grains are near each other and how, one row per pair."""
+"""Contacts of grains, one row per pair."""
 
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def _compute(packing: Packing) -> "dict[str, Dataset]":
-    """Return one row per pair within the usual gap."""
+    """Return one row per pair within the contact gap."""
     unit, row = length_unit(packing), ("contact",)
     reach, found = usual_gap(packing) * mean_diameter(packing), near_contacts(packing)
     near = found.gap <= reach + ROUND_OFF * mean_diameter(packing)
@@ -22,14 +22,14 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
         "gap": variable(row, found.gap[near], unit, "distance of the surfaces, negative where they overlap"),
         "normal": variable((*row, "axis"), found.normal[near], "1", "unit vector from the first to the second grain"),
         "point": variable((*row, "axis"), found.point[near], unit, "middle between the nearest points"),
-        "largest_gap": variable((), reach, unit, "pairs with a larger gap are left out"),
+        "largest_gap": variable((), reach, unit, "largest gap of the listed pairs"),
     }
     return {"/contacts": dataset(values)}
 
 
 registration = Measure(
     name="contacts",
-    summary="pairs of grains within the usual gap, with gap, normal and point",
+    summary="pairs of grains within the contact gap, with gap, normal and point",
     groups=("/contacts",),
     compute=_compute,
 )

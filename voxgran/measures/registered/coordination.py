@@ -1,7 +1,7 @@
-"""How many neighbours a grain has, as a function of the gap up to which they count.
+"""Coordination number as a function of the gap up to which neighbours are counted.
 
-Packings that are computed leave gaps where grains in truth touch: of the order of a voxel, of the spacing of control
-points, of a tolerance. The curve over the gap shows a plateau where the coordination number means something.
+Computed packings leave gaps between grains in contact, of the order of a voxel, of the spacing of control points or of
+a tolerance. The coordination number is meaningful where its curve over the gap has a plateau.
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from voxgran.packing.model import Packing
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: gap up to which neighbours of a single grain count at least, and largest gap of the curve, in mean diameters
+#: smallest reference gap for the neighbours of a single grain, and largest gap of the curve, in mean diameters
 REFERENCE_GAP = 0.01
 WIDEST_GAP = 0.1
-#: gaps are known no better than this, in mean diameters; it is added to all, so that grains that touch have gap 0
+#: accuracy of gaps, in mean diameters; it is added to all limits, so that grains in contact have the gap 0
 ROUND_OFF = 1e-12
 
 
@@ -58,14 +58,14 @@ def coordination_number(
     packing : Packing
         The packing; contacts are found once, at the largest gap.
     gaps : (k,) array_like of float, optional
-        Largest distances of the surfaces, in mean diameters, not negative; 0 and from 1e-6 to 0.1 where left out.
+        Largest distances of the surfaces, in mean diameters, not negative. Default: 0 and values from 1e-6 to 0.1.
     reference_gap : float, optional
-        Gap at which the neighbours of each grain are counted, in mean diameters; :func:`usual_gap` where left out.
+        Gap at which the neighbours of each grain are counted, in mean diameters. Default: :func:`usual_gap`.
 
     Returns
     -------
     Coordination
-        A pair that is near across several periodic images counts once for each.
+        Curve and numbers; a pair within the gap across several periodic images counts once for each.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def coordination_number(
 
 
 def usual_gap(packing: Packing) -> float:
-    """Return the gap up to which grains of a packing may be said to touch, in mean diameters.
+    """Return the gap up to which grains of a packing count as touching, in mean diameters.
 
     Parameters
     ----------
@@ -109,10 +109,10 @@ def near_contacts(packing: Packing, gap: float | None = None) -> Contacts:
     Parameters
     ----------
     packing : Packing
-        The packing; it keeps what was found.
+        The packing; the contacts are cached.
     gap : float, optional
-        Largest distance of the surfaces, in mean diameters; where left out, the one that both the curve of the
-        coordination number and the usual gap need, so that contacts are found once for all measures.
+        Largest distance of the surfaces, in mean diameters. Default: the larger of the gaps that the curve of the
+        coordination number and :func:`usual_gap` need, so that contacts are found once for all measures.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def _of_grains(packing: Packing, found: Contacts, reach: float) -> Integers:
 
 
 def _compute(packing: Packing) -> "dict[str, Dataset]":
-    """Return the curve, and a column of the grains."""
+    """Return the curve, and the coordination numbers of the grains."""
     found = coordination_number(packing)
     where = f"at a gap of at most {found.reference_gap:g} mean diameters"
     column = variable(("grain",), found.of_grain, "1", f"number of neighbours {where}")
@@ -156,7 +156,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="coordination",
-    summary="number of neighbours over the gap, and of each grain",
+    summary="mean number of neighbours as a function of the gap, and the number of each grain",
     groups=("/grains", "/profiles"),
     compute=_compute,
 )

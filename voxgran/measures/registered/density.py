@@ -1,4 +1,4 @@
-"""How dense a packing is: as a whole, away from walls and surface, and inside a window."""
+"""Solid fraction of a packing: of the whole, of the bulk away from walls and surface, and inside a window."""
 
 import math
 import warnings
@@ -17,7 +17,7 @@ from voxgran.packing.model import Packing
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: how far the bulk is from the walls, in median diameters, and how many grains it must hold
+#: distance of the bulk from the walls, in median diameters, and smallest number of grains in it
 INSET = 1.5
 FEWEST = 50
 
@@ -25,8 +25,8 @@ FEWEST = 50
 def bulk_solid_fraction(packing: Packing) -> Estimate:
     """Return the solid fraction away from the walls and from the free surface.
 
-    The bulk lies at least 1.5 median diameters from each wall, and below the height that holds 85 % of the volume of
-    the grains where there is gravity. Grains are cut exactly, and volume that overlaps counts once.
+    The bulk lies at least 1.5 median diameters from each wall and, with gravity, below the height up to which 85 % of
+    the volume of the grains lies. Grains are cut exactly, and overlapping volume counts once.
 
     Parameters
     ----------
@@ -36,11 +36,11 @@ def bulk_solid_fraction(packing: Packing) -> Estimate:
     Returns
     -------
     Estimate
-        A float with the attribute `error`: 0 for spheres, clumps, ellipsoids, boxes and meshes in boxes and for disks
-        and polygons in rectangles; a bound for cylinders and cones there; of the quadrature for spheres and clumps in
-        cylinders; a standard error for other grains in cylinders and for all in closed meshes, where volume that
-        overlaps counts for each grain. NaN, with a `PackingWarning`, where fewer than 50 grains have their centroids
-        in the bulk.
+        A float with the attribute `error`: 0 for spheres, clumps, ellipsoids, boxes and meshes in boxes, and for disks
+        and polygons in rectangles; a bound for cylinders and cones there; the error of the quadrature for spheres and
+        clumps in cylinders; a standard error for other grains in cylinders and for all grains in closed meshes, where
+        overlapping volume counts for each grain. NaN, with a `PackingWarning`, if fewer than 50 grains have their
+        centroids in the bulk.
     """
     return _bulk(packing)[0]
 
@@ -58,13 +58,14 @@ def window_solid_fraction(packing: Packing, lower: ArrayLike, upper: ArrayLike) 
     Returns
     -------
     Estimate
-        Volume of the union of the grains in the window over the volume of the window (in 2D areas): a float with the
-        attribute `error`, which is 0 but for cylinders and cones, and where curved grains overlap that are no spheres.
+        Ratio of the volume of the union of the grains in the window to the volume of the window (in 2D areas): a float
+        with the attribute `error`, which is 0 except for cylinders, cones and overlapping curved grains other than
+        spheres.
 
     Raises
     ------
     InputError
-        If a corner has the wrong shape, or the window has no volume or no end.
+        If a corner has the wrong shape, or the window has no volume or is infinite.
 
     Examples
     --------
@@ -137,7 +138,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="density",
-    summary="solid fraction and porosity, of the whole and of the bulk",
+    summary="solid fraction and porosity of the whole packing and of the bulk",
     groups=("/",),
     compute=_compute,
 )

@@ -1,8 +1,8 @@
-"""Which sizes were asked and which were placed.
+"""Gradation: the requested and the placed sizes.
 
-Sizes are equivalent diameters; beside them stand the intermediate axes, by which real grains pass a sieve. The
-distance between the asked and the placed distribution is that of Kolmogorov and Smirnov: the largest difference of the
-cumulative curves.
+Sizes are equivalent diameters; the intermediate axes, by which real grains pass a sieve, are given as well. The
+distance between the requested and the placed distribution is that of Kolmogorov and Smirnov: the largest difference of
+the cumulative curves.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 #: points of the curves
 POINTS = 201
-#: sizes that differ by less than this, relatively, are one
+#: relative difference below which two sizes count as equal
 SAME = 1e-9
 BASES: tuple[Basis, Basis] = ("number", "volume")
 
@@ -39,11 +39,11 @@ class Gradation:
     placed_by_axis : dict of str to ndarray
         The same with intermediate axes in place of equivalent diameters.
     asked : dict of str to ndarray
-        Share that was asked for; empty where no distribution was.
+        Requested share; empty without a requested distribution.
     distance : dict of str to float
-        Kolmogorov-Smirnov distance between asked and placed; empty where no distribution was asked.
+        Kolmogorov-Smirnov distance between requested and placed; empty without a requested distribution.
     by_axis : bool
-        Whether the asked sizes are intermediate axes.
+        Whether the requested sizes are intermediate axes.
     """
 
     sizes: Floats
@@ -55,17 +55,17 @@ class Gradation:
 
 
 def gradation(packing: Packing) -> Gradation:
-    """Return the sizes that were placed, beside those that were asked.
+    """Return the placed sizes beside the requested ones.
 
     Parameters
     ----------
     packing : Packing
-        The packing, with the distribution that was asked for.
+        The packing, with the requested distribution.
 
     Returns
     -------
     Gradation
-        Without points where there are no grains.
+        Cumulative curves; without points if there are no grains.
     """
     asked = packing.asked_sizes
     by_axis = asked is not None and asked.by_intermediate_axis
@@ -87,7 +87,7 @@ def gradation(packing: Packing) -> Gradation:
 
 
 def _cumulative(sizes: Floats, weights: Floats, points: Floats) -> Floats:
-    """Return the share of the weights of sizes up to each point; NaN where nothing has a weight."""
+    """Return the share of the weights of sizes up to each point; NaN if all weights are zero."""
     if not len(sizes):
         return np.zeros(len(points))
     if not weights.any():
@@ -98,10 +98,10 @@ def _cumulative(sizes: Floats, weights: Floats, points: Floats) -> Floats:
 
 
 def _distance(packing: Packing, asked: SizeDistribution, sizes: Floats, weights: Floats, *, basis: Basis) -> float:
-    """Return the largest difference between the asked and the placed curve.
+    """Return the largest difference between the requested and the placed curve.
 
-    Both curves rise, and the placed one only at placed sizes; so the largest difference is just below or at one of
-    these.
+    Both curves increase, and the placed one only at placed sizes; the largest difference is therefore at one of these
+    or just below.
     """
     points = np.unique(sizes)
     d = packing.dimension
@@ -129,13 +129,13 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
         if basis in found.asked:
             kind = "intermediate axes" if found.by_axis else "equivalent diameters"
             values[f"asked_{basis}"] = variable(
-                row, found.asked[basis], "1", f"share by {basis} asked for, over {kind}"
+                row, found.asked[basis], "1", f"requested share by {basis}, over {kind}"
             )
             values[f"distance_{basis}"] = variable(
                 (),
                 found.distance[basis],
                 "1",
-                f"Kolmogorov-Smirnov distance by {basis} between asked and placed {kind}",
+                f"Kolmogorov-Smirnov distance by {basis} between requested and placed {kind}",
             )
     sizes = variable(row, found.sizes, unit, "size of a grain")
     return {"/gradation": dataset(values, {"size": sizes})}
@@ -143,7 +143,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="gradation",
-    summary="cumulative curves of the sizes that were asked and placed",
+    summary="cumulative curves of the requested and the placed sizes",
     groups=("/gradation",),
     compute=_compute,
 )

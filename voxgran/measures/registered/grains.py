@@ -1,4 +1,4 @@
-"""Where the grains are and how large they are, one row per grain."""
+"""Positions, orientations and sizes, one row per grain."""
 
 from typing import TYPE_CHECKING
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def intermediate_axes(packing: Packing) -> "Floats":
-    """Return the intermediate axis of each grain, (n,), by which it passes a sieve, in the unit of lengths.
+    """Return the intermediate axis (n,) of each grain, by which it passes a sieve, in the unit of lengths.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""How the solid fraction changes along the axes and with the distance from the walls."""
+"""Profiles of the solid fraction along the axes and with the distance from the walls."""
 
 import math
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ from voxgran.packing.model import Packing
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: bins along an axis have about this width, in mean diameters, but are no more than that many
+#: width of the bins along an axis, in mean diameters, and largest number of bins
 BIN, MOST_BINS = 0.25, 100
-#: how far the distance from the walls goes, in mean diameters, and in which steps
+#: largest distance from the walls, and width of its bins, in mean diameters
 FAR, STEP = 5.0, 0.1
 
 
@@ -35,9 +35,10 @@ class Profile:
     edges : (k + 1,) ndarray of float
         Edges of the bins, in the unit of lengths.
     solid_fraction : (k,) ndarray of float
-        Volume of the union of the grains over volume of the container, in each bin; NaN where the container has none.
+        Ratio of the volume of the union of the grains to the volume of the container in each bin; NaN if the latter is
+        0.
     error : (k,) ndarray of float
-        Bound or standard error; 0 where exact.
+        Bound or standard error; 0 if exact.
     """
 
     edges: Floats
@@ -60,12 +61,12 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
     axis : {"x", "y", "z"}
         The axis; in 2D ``"x"`` or ``"y"``.
     bins : int, optional
-        Number of slices of equal width; about a quarter of the mean diameter wide, at most 100, where left out.
+        Number of slices of equal width. Default: slices of about a quarter of the mean diameter, at most 100.
 
     Returns
     -------
     Profile
-        Exact but for cylinders and cones, whose bound of error is stated.
+        Exact except for cylinders and cones, for which `error` is a bound.
 
     Raises
     ------
@@ -88,21 +89,20 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
 def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     """Return the solid fraction as a function of the distance from the nearest wall.
 
-    Only what lies below the height that holds 85 % of the volume is looked at, where there is
-    gravity.
+    With gravity only the part below the height up to which 85 % of the volume lies is included.
 
     Parameters
     ----------
     packing : Packing
         The packing.
     step : float, optional
-        Width of the bins, in the unit of lengths; a tenth of the mean diameter where left out.
+        Width of the bins, in the unit of lengths. Default: a tenth of the mean diameter.
 
     Returns
     -------
     Profile
-        Up to five mean diameters, or to where nothing is left of the container. Exact in boxes and rectangles but for
-        cylinders and cones; by quadrature for spheres in cylinders; sampled elsewhere. Errors are stated.
+        Values up to five mean diameters, or up to the largest distance in the container. Exact in boxes and rectangles
+        except for cylinders and cones; by quadrature for spheres in cylinders; sampled otherwise. `error` is given.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def _profile(edges: Floats, solid: Floats, error: Floats, room: Floats) -> Profi
 
 
 def _slab(dimension: int, axis: int, ends: Floats) -> tuple[Floats, Floats]:
-    """Return the corners of a slice across an axis, open elsewhere."""
+    """Return the corners of a slice across an axis, open on all other sides."""
     lower, upper = np.full(dimension, -np.inf), np.full(dimension, np.inf)
     lower[axis], upper[axis] = ends
     return lower, upper
@@ -178,7 +178,7 @@ def _columns(
 
 
 def _compute(packing: Packing) -> "dict[str, Dataset]":
-    """Return the profiles along all axes and, where there are walls, from them."""
+    """Return the profiles along all axes and, if there are walls, with the distance from them."""
     unit = length_unit(packing)
     values: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}
@@ -195,7 +195,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="profile",
-    summary="solid fraction along the axes and from the walls",
+    summary="solid fraction along the axes and as a function of the distance from the walls",
     groups=("/profiles",),
     compute=_compute,
 )

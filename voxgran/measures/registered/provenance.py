@@ -1,4 +1,4 @@
-"""Where a packing comes from, as one text, with a hash of it and of the grains."""
+"""Provenance of a packing as one text, with a hash of it and of the grains."""
 
 import hashlib
 import math
@@ -11,7 +11,7 @@ from voxgran.packing.model import Packing
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: what differs between runs that give the same grains; it is told, but not hashed
+#: entries that differ between runs with the same grains; they are recorded but not hashed
 NOT_HASHED = ("timing", "wall_seconds")
 
 
@@ -32,7 +32,7 @@ def content_hash(packing: Packing) -> str:
 
 
 def _record(packing: Packing) -> dict[str, Any]:
-    """Return what is hashed: provenance without times, and what the packing is."""
+    """Return the hashed record: provenance without times, and the properties of the packing."""
     provenance = {key: value for key, value in packing.provenance.items() if key not in NOT_HASHED}
     arrays = hashlib.sha256()
     for array in (packing.shape_id, packing.scale, packing.position, packing.orientation):
@@ -52,7 +52,7 @@ def _record(packing: Packing) -> dict[str, Any]:
 
 
 def _seconds(provenance: Mapping[str, Any]) -> float:
-    """Return the wall time of the run, NaN where it is not known."""
+    """Return the wall time of the run, NaN if unknown."""
     timing = provenance.get("timing")
     seconds = timing.get("wall_seconds") if isinstance(timing, Mapping) else provenance.get("wall_seconds")
     return float(seconds) if isinstance(seconds, int | float) else math.nan
@@ -73,7 +73,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="provenance",
-    summary="how the packing was made, with a hash",
+    summary="record of how the packing was made, with a hash",
     groups=("/provenance",),
     compute=_compute,
 )

@@ -1,4 +1,4 @@
-"""How dense a packing is when its grains are shrunk in place until they are free of each other and of the walls."""
+"""Strict solid fraction: that of the packing with its grains shrunk in place until nothing overlaps."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ from voxgran.packing.model import Packing
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: the factor on all lengths is found to this precision
+#: precision of the factor on all lengths
 PRECISION = 2.0**-20
 
 
@@ -26,8 +26,8 @@ def strict_solid_fraction(packing: Packing) -> float:
     Returns
     -------
     float
-        The solid fraction itself where `verify` is ok with it; else below it, with the factor on the lengths found to
-        2**-20 by bisection, on the safe side. 0 where no factor is enough.
+        The solid fraction of the packing if `verify` is ok; otherwise a smaller one, with the factor on the lengths
+        found by bisection to 2**-20, rounded down. 0 if no factor suffices.
     """
     if not packing.count or verify(packing).ok:
         return packing.solid_fraction
@@ -47,7 +47,7 @@ def _shrunk(packing: Packing, factor: float) -> Packing:
 
 
 def _overlaps(packing: Packing) -> bool:
-    """Return whether grains overlap, as they may in truth where a method works with voxels."""
+    """Return whether grains overlap, as true shapes may after a method that works with voxels."""
     if packing.count < 2:
         return False
     gap = packing.contacts(0.0).gap
@@ -62,7 +62,7 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 registration = Measure(
     name="strict",
-    summary="solid fraction after shrinking all grains until none overlap",
+    summary="solid fraction after shrinking all grains until nothing overlaps",
     groups=("/",),
     compute=_compute,
     applies=_overlaps,

@@ -150,6 +150,7 @@ registration = ShapeFamily(
     summary="union of random boxes, cylinders, cones, ellipsoids and spheres",
     parameters=SolidUnion,
     make=make,
-    source="Sajjadi & Khalili 2015",
+    source="Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element "
+    "Analysis of Discontinuous Materials",
     random=True,
 )
