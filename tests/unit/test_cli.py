@@ -78,6 +78,17 @@ def test_methods_are_listed(capsys):
         assert word in text
 
 
+def test_one_method_is_shown_alone(capsys):
+    assert main(["methods", "rsa"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("packing methods\n")
+    assert "tries" in shown
+    assert "digital" not in shown.split()
+    assert "shape families" not in shown
+    assert main(["methods", "rsaa", "--json"]) != 0
+    assert "did you mean 'rsa'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("columns", ["80", "200"])
 def test_methods_list_the_allowed_values_of_each_choice(columns, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", columns)

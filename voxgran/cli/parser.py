@@ -116,9 +116,10 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     "clump": (
         (("file",), {"help": "mesh file"}),
         (("--spheres",), {"type": int, "default": 50, "help": "most spheres"}),
-        (("--method",), {"help": "clump method; 'voxgran methods' lists them"}),
+        (("--method",), {"default": "inscribed", "help": "clump method; 'voxgran methods' lists them"}),
         (("-o", "--output"), {"help": "CSV file: x,y,z,r in the frame of the centroid"}),
     ),
+    "methods": ((("name",), {"nargs": "?", "help": "one method, family or measure; left out: all"}),),
     "bench": ((("name",), {"help": "trade-off"}), (("-o", "--output"), {"default": "bench", "help": "folder"})),
     "demo": ((("-o", "--output"), {"default": "out/demo", "help": "folder for the results"}),),
 }
@@ -137,7 +138,7 @@ EXAMPLES: dict[str, str] = {
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --largest-hole 0.1",
     "cloud": "voxgran cloud scan.ply --outliers 2 -o rock.stl",
     "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv",
-    "methods": "voxgran methods",
+    "methods": "voxgran methods\n  voxgran methods digital",
     "bench": "voxgran bench voxelize -o figures",
     "doctor": "voxgran doctor",
     "demo": "voxgran demo -o out/demo",

@@ -23,7 +23,7 @@ from voxgran.io.vtk_files import save_scene
 from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
-from voxgran.report.page import write_report
+from voxgran.report.page import save_report
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.plan import Plan, make_plan
 from voxgran.shapes.model import Shape
@@ -239,7 +239,7 @@ def finish_folder(
         save_scene(packing, folder / "scene.vtm", overwrite=True)
     tell(3, "drawing")
     if scene.output.report:
-        write_report(packing, folder / "report.html", statistics=statistics, verification=proof, overwrite=True)
+        save_report(packing, folder / "report.html", statistics=statistics, verification=proof, overwrite=True)
     tell(5, "done")
     summary = summary_of(packing, proof, statistics)
     summary["seconds_finishing"] = time.monotonic() - began

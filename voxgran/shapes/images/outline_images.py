@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, as_length, as_number
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
-from voxgran.shapes.images.image_files import read_image
+from voxgran.shapes.images.image_files import load_image
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 
@@ -34,7 +34,7 @@ def load_outlines(
     Parameters
     ----------
     source : path-like or (nx, ny) ndarray
-        A file as :func:`voxgran.read_image` takes it, ``.png`` and ``.tif`` pictures with y upward; or values,
+        A file as :func:`voxgran.load_image` takes it, ``.png`` and ``.tif`` pictures with y upward; or values,
         particles brighter than the level; of bool, or of labels (integers, 0 for void), each of which is traced by
         itself.
     level : float, optional
@@ -67,7 +67,7 @@ def load_outlines(
     least = as_number(least_area, "least_area", at_least=0.0)
     if border not in ("drop", "keep"):
         raise InputError(f"border is {shown(border)}: particles there are kept or dropped; use 'drop' or 'keep'")
-    values = source if isinstance(source, np.ndarray) else read_image(source, key=key).values
+    values = source if isinstance(source, np.ndarray) else load_image(source, key=key).values
     values = np.asarray(values)
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[:, :, 0]

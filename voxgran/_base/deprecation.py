@@ -1,0 +1,18 @@
+"""Warnings about former names, which are accepted for one release."""
+
+import sys
+import warnings
+
+
+def warn_former(text: str) -> None:
+    """Issue a DeprecationWarning that points at the first caller outside of voxgran.
+
+    Parameters
+    ----------
+    text : str
+        One sentence with the former name and the present one.
+    """
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] == "voxgran":
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, DeprecationWarning, stacklevel=level)
