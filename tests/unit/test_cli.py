@@ -246,9 +246,9 @@ def test_a_scan_is_mended_and_told(tmp_path, data_dir, capsys):
     assert out.is_file()
     assert main(["repair", str(out), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["done"] == ["nothing: the mesh is good as it is"]
-    status, line = complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "--largest-hole", "0.01")
+    status, line = complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "--max-hole", "0.01")
     assert status == 2
-    assert line.endswith("; raise --largest-hole")
+    assert line.endswith("; raise --max-hole")
     status, line = complaint(capsys, "clump", str(data_dir / "bunny_dirty.ply"))
     assert status == 2
     assert line.endswith("open edges: a grain must be a closed surface; use 'voxgran repair'")

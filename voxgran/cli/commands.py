@@ -180,13 +180,11 @@ def repair(options: argparse.Namespace) -> None:
     from voxgran.shapes.repairing.repair import repaired
 
     points, faces = read_surface(options.file)
-    remedies = Remedies(
-        keep_open="", choose="choose with --bodies largest or --bodies all", hole="raise --largest-hole"
-    )
+    remedies = Remedies(keep_open="", choose="choose with --bodies largest or --bodies all", hole="raise --max-hole")
     made = repaired(
         *(points, faces),
         name=Path(options.file).stem,
-        largest_hole=options.largest_hole,
+        max_hole=options.max_hole,
         bodies=options.bodies,
         remedies=remedies,
     )
@@ -214,7 +212,7 @@ def cloud(options: argparse.Namespace) -> None:
         scan = scan.without_outliers(options.outliers)
     if options.spacing is not None:
         scan = scan.thinned(options.spacing)
-    made = voxgran.shape_of_cloud(scan, method=options.method, largest_hole=options.largest_hole)
+    made = voxgran.shape_of_cloud(scan, method=options.method, max_gap=options.max_gap)
     if options.output:
         voxgran.save_shape(made.shape, options.output, overwrite=options.overwrite)
     numbers = {name: getattr(made, name) for name in ("spacing", "mean_residual", "rms_residual", "largest_residual")}
@@ -251,7 +249,13 @@ def clump(options: argparse.Namespace) -> None:
 
 
 def methods(options: argparse.Namespace) -> None:
-    """List methods, families and measures, or one of them, with their parameters and allowed values."""
+    """List methods, families and measures, or one of them, with their parameters and allowed values.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is nothing of that name; the message gives the nearest one.
+    """
     from voxgran.clumps.method import clump_registry
     from voxgran.measures.model import measure_registry
     from voxgran.packing.method import method_registry

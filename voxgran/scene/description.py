@@ -33,7 +33,7 @@ REMEDIES = Remedies(
     mend="set repair = true in its [[shape]]",
     keep_open="set surface = true",
     choose="choose with 'voxgran repair --bodies largest'",
-    hole="close it with 'voxgran repair' and a larger --largest-hole",
+    hole="close it with 'voxgran repair' and a larger --max-hole",
 )
 SECTIONS = ("scene", "shape", "sizes", "container", "packing", "measure", "output")
 

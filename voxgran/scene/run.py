@@ -129,7 +129,7 @@ def _run_in(
     recorder = None
     if scene.output.snapshots:
         place, most = target / "snapshots.pvd", scene.output.snapshots
-        recorder = Series(place, most=most, every=plan.grains, resume=resume, overwrite=True)
+        recorder = Series(place, max_snapshots=most, every=plan.grains, resume=resume, overwrite=True)
     packing = pack(
         shapes,
         scene.container,

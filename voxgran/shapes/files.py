@@ -34,7 +34,7 @@ MOST_CORNERS = 5000
 LOADING = Remedies(
     mend="give repair=True or use vg.repair",
     keep_open="give surface=True",
-    hole="use vg.repair with a larger largest_hole",
+    hole="use vg.repair with a larger max_hole",
 )
 log = logging.getLogger(__name__)
 
