@@ -72,8 +72,8 @@ def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTre
     packing : Packing
         The packing; zero grains are allowed.
     which : sequence of str, optional
-        Names of measures; :func:`voxgran.packing_measures` lists them. Nothing else is computed but the provenance. All that the
-        packing allows where left out.
+        Names of measures, of :func:`voxgran.packing_measures`. Nothing else is computed but the provenance. All that
+        the packing allows where left out.
 
     Returns
     -------

@@ -248,6 +248,21 @@ class SceneDescription:
             made["measure"] = {"which": list(self.which)}
         return made
 
+    def asked(self) -> dict[str, Any]:
+        """Return the keyword arguments of :func:`voxgran.pack`, without the parameters of the method."""
+        return {
+            "method": self.method,
+            "count": self.count,
+            "solid_fraction": self.solid_fraction,
+            "sizes": self.sizes,
+            "weights": [entry.share for entry in self.shapes],
+            "weights_by": self.share_by,
+            "seed": self.general.seed,
+            "start": self.begin(),
+            "unit": self.general.unit,
+            "density": self.general.density,
+        }
+
     def begin(self) -> Packing | None:
         """Return the packing whose grains are there from the beginning, read from its file; None where there is none.
 

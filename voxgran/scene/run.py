@@ -69,40 +69,7 @@ def run_one(
     overwrite: bool,
     on_step: OnStep | None,
 ) -> SceneResult:
-    """Pack, check, measure and save a scene with its first seed.
-
-    Parameters
-    ----------
-    scene : SceneDescription
-        What to do.
-    folder : path-like
-        Folder of the results; what is there stays until the new files are complete.
-    resume : bool
-        Whether to go on from the checkpoint in the folder; what is complete is read and not packed again.
-    overwrite : bool
-        Whether existing results may be replaced.
-    on_step : callable or None
-        Called with each step.
-
-    Returns
-    -------
-    SceneResult
-
-    Raises
-    ------
-    OutputExistsError
-        If the folder holds something and neither `resume` nor `overwrite` is set.
-    InUseError
-        If another process writes into the folder.
-    OutputError
-        If something cannot be written.
-    InputError
-        If the scene breaks a rule that shows only now.
-    CheckpointError
-        If what is there belongs to another scene.
-    Interrupted
-        On SIGINT or SIGTERM, after a checkpoint was written.
-    """
+    """Pack, check, measure and save a scene with its first seed; all else as :meth:`voxgran.Scene.run` says."""
     place = as_path(folder)
     if resume and is_complete(place) and not (place / FOLDER_LOCK).exists():
         return read_folder(scene, place)
@@ -133,16 +100,7 @@ def _run_in(
     packing = pack(
         shapes,
         scene.container,
-        method=scene.method,
-        count=scene.count,
-        solid_fraction=scene.solid_fraction,
-        sizes=scene.sizes,
-        weights=[entry.share for entry in scene.shapes],
-        weights_by=scene.share_by,
-        seed=scene.general.seed,
-        start=scene.begin(),
-        unit=scene.general.unit,
-        density=scene.general.density,
+        **scene.asked(),
         checkpoint=checkpoint,
         resume=resume,
         on_step=on_step,
