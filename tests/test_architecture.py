@@ -61,6 +61,7 @@ HEAVY = {
     "netCDF4",
     "numba",
     "open3d",
+    "pandas",
     "pyvista",
     "rich",
     "scipy",

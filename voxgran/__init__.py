@@ -1,159 +1,31 @@
 """voxgran: packed assemblies of grains of true shape, checked, measured and ready for a simulation.
 
-The public names are imported on first use (PEP 562), so that ``import voxgran`` loads no other library.
+The public names are imported on first use (PEP 562), so that ``import voxgran`` loads no other library. The stub beside
+this file is their table.
 """
 
-import importlib
 from typing import Any
+
+from voxgran._base.names import lazy_names
 
 __version__ = "0.1.0"
 
-__all__ = [
-    "Box",
-    "ClosedMesh",
-    "Cloud",
-    "Cylinder",
-    "Packing",
-    "Rectangle",
-    "Scene",
-    "Series",
-    "Shape",
-    "Sphere",
-    "VoxgranError",
-    "__version__",
-    "closing",
-    "clump_methods",
-    "connected_components",
-    "crop",
-    "deform",
-    "diagnose",
-    "dilation",
-    "distance_transform",
-    "erosion",
-    "fit_clump",
-    "grow",
-    "inscribe",
-    "iso_surface",
-    "label_table",
-    "load",
-    "load_cloud",
-    "load_labels",
-    "load_outlines",
-    "load_shape",
-    "load_statistics",
-    "local_thickness",
-    "make_container",
-    "make_shape",
-    "measure",
-    "opening",
-    "pack",
-    "packing_methods",
-    "packing_of_labels",
-    "plot",
-    "read_image",
-    "register_clouds",
-    "repair",
-    "resample",
-    "sample_surface",
-    "save",
-    "save_cloud",
-    "save_deformed",
-    "save_image",
-    "save_scene",
-    "save_shape",
-    "save_statistics",
-    "save_turntable",
-    "segment",
-    "shape_families",
-    "shape_of_cloud",
-    "signed_distance",
-    "sizes",
-    "to_image",
-    "verify",
-    "voxelize",
-    "voxelize_mesh",
-    "window_solid_fraction",
-    "write_comparison",
-    "write_report",
-]
-
-_PLACES = {
-    "closing": "voxgran.lattice.morphology",
-    "connected_components": "voxgran.lattice.label",
-    "crop": "voxgran.lattice.resample",
-    "deform": "voxgran.deformation.deform",
-    "dilation": "voxgran.lattice.morphology",
-    "distance_transform": "voxgran.lattice.distance",
-    "erosion": "voxgran.lattice.morphology",
-    "grow": "voxgran.packing.transform.grow",
-    "inscribe": "voxgran.packing.transform.inscribe",
-    "iso_surface": "voxgran.lattice.surface",
-    "local_thickness": "voxgran.lattice.thickness",
-    "opening": "voxgran.lattice.morphology",
-    "resample": "voxgran.lattice.resample",
-    "signed_distance": "voxgran.voxels.signed_distance",
-    "Box": "voxgran.containers.box",
-    "ClosedMesh": "voxgran.containers.closed_mesh",
-    "Cylinder": "voxgran.containers.cylinder",
-    "Packing": "voxgran.packing.model",
-    "Rectangle": "voxgran.containers.rectangle",
-    "Sphere": "voxgran.containers.sphere",
-    "Scene": "voxgran.scene.scene",
-    "Shape": "voxgran.shapes.model",
-    "VoxgranError": "voxgran._base.errors",
-    "clump_methods": "voxgran.clumps.fit",
-    "diagnose": "voxgran.shapes.repairing.diagnose",
-    "fit_clump": "voxgran.clumps.fit",
-    "load": "voxgran.io.files",
-    "load_shape": "voxgran.shapes.files",
-    "load_statistics": "voxgran.io.netcdf",
-    "label_table": "voxgran.shapes.images.labels",
-    "load_labels": "voxgran.shapes.images.labels",
-    "load_outlines": "voxgran.shapes.images.outline_images",
-    "packing_of_labels": "voxgran.packing.transform.from_labels",
-    "read_image": "voxgran.shapes.images.image_files",
-    "save_turntable": "voxgran.report.turntable",
-    "segment": "voxgran.lattice.segment",
-    "Series": "voxgran.io.series",
-    "make_container": "voxgran.containers.make",
-    "make_shape": "voxgran.shapes.family",
-    "plot": "voxgran.report.plot",
-    "measure": "voxgran.measures.model",
-    "pack": "voxgran.packing.pack",
-    "packing_methods": "voxgran.packing.method",
-    "repair": "voxgran.shapes.repairing.repair",
-    "sample_surface": "voxgran.points.sample",
-    "Cloud": "voxgran.points.cloud",
-    "load_cloud": "voxgran.io.cloud_files",
-    "save_cloud": "voxgran.io.cloud_files",
-    "shape_of_cloud": "voxgran.points.cloud_surface",
-    "register_clouds": "voxgran.points.register",
-    "save": "voxgran.io.files",
-    "save_deformed": "voxgran.io.deformed_files",
-    "save_image": "voxgran.io.image",
-    "save_scene": "voxgran.io.vtk_files",
-    "save_shape": "voxgran.shapes.files",
-    "save_statistics": "voxgran.io.netcdf",
-    "shape_families": "voxgran.shapes.family",
-    "to_image": "voxgran.io.image",
-    "verify": "voxgran.contacts.verify",
-    "voxelize": "voxgran.voxels.occupy",
-    "voxelize_mesh": "voxgran.voxels.open_mesh",
-    "window_solid_fraction": "voxgran.measures.registered.density",
-    "write_comparison": "voxgran.report.compare",
-    "write_report": "voxgran.report.page",
+#: former names, accepted with a DeprecationWarning
+_FORMER = {
+    "read_image": "load_image",
+    "write_comparison": "save_comparison",
+    "write_report": "save_report",
 }
+
+_find, __dir__, __all__ = lazy_names(__name__, __file__)
+__all__ += ["__version__"]
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name on first use."""
-    if name == "sizes":
-        return importlib.import_module("voxgran.shapes.sizes")
-    if name not in _PLACES:
-        raise AttributeError(f"module 'voxgran' has no attribute {name!r}")
-    return getattr(importlib.import_module(_PLACES[name]), name)
+    if name in _FORMER:
+        from voxgran._base.deprecation import warn_former
 
-
-def __dir__() -> list[str]:
-    """List the public names."""
-    return sorted(__all__)
+        warn_former(f"voxgran.{name} is now voxgran.{_FORMER[name]}; write that name")
+        return _find(_FORMER[name])
+    return _find(name)

@@ -44,7 +44,7 @@ def refusal(read, path, content, capfd):
 def test_xml_that_is_nested_too_deep(suffix, tmp_path, capfd):
     kind = {".vtp": "PolyData", ".vtu": "UnstructuredGrid", ".vti": "ImageData"}[suffix]
     text = f'<VTKFile type="{kind}">{"<a>" * 200_000}{"</a>" * 200_000}</VTKFile>'
-    read = vg.read_image if suffix == ".vti" else vg.load_shape
+    read = vg.load_image if suffix == ".vti" else vg.load_shape
     refusal(read, tmp_path / f"deep{suffix}", text, capfd)
     if suffix != ".vti":
         refusal(vg.load, tmp_path / f"points{suffix}", text, capfd)
@@ -61,7 +61,7 @@ def test_a_vtk_image_of_more_voxels_than_memory(tmp_path, capfd):
     extent = "0 99999 0 99999 0 99999"
     text = f'<VTKFile type="ImageData" version="1.0"><ImageData WholeExtent="{extent}" Origin="0 0 0" Spacing="1 1 1">'
     text += f'<Piece Extent="{extent}"><CellData><DataArray type="Float64" Name="a" format="ascii">1 2 3</DataArray>'
-    refusal(vg.read_image, tmp_path / "large.vti", text + "</CellData></Piece></ImageData></VTKFile>", capfd)
+    refusal(vg.load_image, tmp_path / "large.vti", text + "</CellData></Piece></ImageData></VTKFile>", capfd)
 
 
 def test_a_damaged_vtk_image_prints_nothing(tmp_path, capfd):
@@ -70,7 +70,7 @@ def test_a_damaged_vtk_image_prints_nothing(tmp_path, capfd):
     grid.save(tmp_path / "image.vti")
     whole = (tmp_path / "image.vti").read_bytes()
     capfd.readouterr()
-    refusal(vg.read_image, tmp_path / "image.vti", whole.replace(b"<CellData", b"<<ellData"), capfd)
+    refusal(vg.load_image, tmp_path / "image.vti", whole.replace(b"<CellData", b"<<ellData"), capfd)
 
 
 def test_a_damaged_tiff_prints_nothing(tmp_path, capfd):
@@ -272,7 +272,7 @@ def test_point_clouds_that_count_below_zero_or_name_half_a_normal(tmp_path, capf
 
 def test_arrays_of_numpy_that_are_none(tmp_path, capfd):
     for suffix in (".npy", ".npz"):
-        message = refusal(vg.read_image, tmp_path / f"image{suffix}", "no array", capfd)
+        message = refusal(vg.load_image, tmp_path / f"image{suffix}", "no array", capfd)
         assert f"a {suffix} file of NumPy is needed" in message
         assert "pickle" not in message
 

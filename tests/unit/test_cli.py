@@ -78,6 +78,17 @@ def test_methods_are_listed(capsys):
         assert word in text
 
 
+def test_one_method_is_shown_alone(capsys):
+    assert main(["methods", "rsa"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith("packing methods\n")
+    assert "tries" in shown
+    assert "digital" not in shown.split()
+    assert "shape families" not in shown
+    assert main(["methods", "rsaa", "--json"]) != 0
+    assert "did you mean 'rsa'" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("columns", ["80", "200"])
 def test_methods_list_the_allowed_values_of_each_choice(columns, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", columns)
@@ -235,9 +246,9 @@ def test_a_scan_is_mended_and_told(tmp_path, data_dir, capsys):
     assert out.is_file()
     assert main(["repair", str(out), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["done"] == ["nothing: the mesh is good as it is"]
-    status, line = complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "--largest-hole", "0.01")
+    status, line = complaint(capsys, "repair", str(data_dir / "bunny_dirty.ply"), "--max-hole", "0.01")
     assert status == 2
-    assert line.endswith("; raise --largest-hole")
+    assert line.endswith("; raise --max-hole")
     status, line = complaint(capsys, "clump", str(data_dir / "bunny_dirty.ply"))
     assert status == 2
     assert line.endswith("open edges: a grain must be a closed surface; use 'voxgran repair'")

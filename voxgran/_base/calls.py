@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
+from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import CallError
 from voxgran._base.registry import unknown
 
@@ -36,6 +37,38 @@ def explained(*, hint: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
                 if rule is None:
                     raise
                 raise CallError(f"{rule}; write {hint}") from None
+
+        return call
+
+    return decorate
+
+
+def renamed(**former: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """Accept former names of keyword arguments, with a DeprecationWarning (decorator).
+
+    Parameters
+    ----------
+    **former
+        The present name for each former one, such as ``largest_hole="max_hole"``.
+
+    Raises
+    ------
+    CallError
+        Later, by the decorated function, where both names are given.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        name = function.__qualname__.removesuffix(".__init__")
+
+        @wraps(function)
+        def call(*arguments: P.args, **keywords: P.kwargs) -> R:
+            for old, new in former.items():
+                if old in keywords:
+                    if new in keywords:
+                        raise CallError(f"{name} was given {new} twice, also by its former name {old}; leave that out")
+                    warn_former(f"argument {old} of {name} is now {new}; write that name")
+                    keywords[new] = keywords.pop(old)
+            return function(*arguments, **keywords)
 
         return call
 

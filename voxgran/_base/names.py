@@ -23,8 +23,9 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
         Later, by ``__getattr__`` for a name that the stub has not.
     """
     with open(file.removesuffix(".py") + ".pyi", encoding="utf-8") as stub:
-        lines = [line.split() for line in stub if line.startswith("from voxgran")]
-    places = {words[5]: (words[1], words[3]) for words in lines if len(words) == 6}
+        # a name whose signature the stub spells out has its import as a comment
+        lines = [line.removeprefix("# ").split() for line in stub if "from voxgran" in line]
+    places = {words[5]: (words[1], words[3]) for words in lines if len(words) > 5}
 
     def find(name: str) -> Any:
         """Import a public name on first use."""
@@ -33,9 +34,16 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
         place, stored = places[name]
         # a module of a package, such as voxgran.shapes.sizes, is no attribute of it before it is imported
         found = None if place == package else getattr(import_module(place), stored, None)
-        return import_module(f"{place}.{stored}") if found is None else found
+        if found is None:
+            return import_module(f"{place}.{stored}")
+        if hasattr(found, "__dataclass_fields__"):
+            from voxgran._base.chosen import document
 
-    return find, lambda: sorted(places), sorted(places)
+            document(found)
+        return found
+
+    names = sorted(places)
+    return find, lambda: names, names
 
 
 def public(name: str) -> Any:

@@ -8,7 +8,9 @@ from typing import Any
 
 import voxgran
 from voxgran._base.config import parameters_of
+from voxgran._base.errors import UnknownNameError
 from voxgran._base.files import write_text
+from voxgran._base.registry import unknown
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
 from voxgran.cli.terminal import complain, entry_line, progress, show, table
@@ -62,7 +64,7 @@ def measure(options: argparse.Namespace) -> None:
     tree = voxgran.measure(_packing(options), which=options.which or None)
     if options.output:
         voxgran.save_statistics(tree, options.output, overwrite=options.overwrite)
-    show({name: float(value) for name, value in tree.dataset.data_vars.items() if value.ndim == 0}, options)
+    show({str(name): float(value) for name, value in tree.dataset.data_vars.items() if value.ndim == 0}, options)
 
 
 def _packing(options: argparse.Namespace) -> Any:
@@ -82,7 +84,7 @@ def report(options: argparse.Namespace) -> None:
     """Write a page about a packing."""
     target = Path(options.output or Path(options.file).with_suffix(".html"))
     packing = _packing(options)
-    voxgran.write_report(
+    voxgran.save_report(
         packing,
         target,
         statistics=voxgran.measure(packing),
@@ -104,7 +106,7 @@ def compare(options: argparse.Namespace) -> None:
         for packing in given:
             _say_assumed(packing, f"{path}: ")
         packings.setdefault(name, []).extend(given)
-    voxgran.write_comparison(packings, options.output, overwrite=options.overwrite)
+    voxgran.save_comparison(packings, options.output, overwrite=options.overwrite)
     print(options.output)
 
 
@@ -178,13 +180,11 @@ def repair(options: argparse.Namespace) -> None:
     from voxgran.shapes.repairing.repair import repaired
 
     points, faces = read_surface(options.file)
-    remedies = Remedies(
-        keep_open="", choose="choose with --bodies largest or --bodies all", hole="raise --largest-hole"
-    )
+    remedies = Remedies(keep_open="", choose="choose with --bodies largest or --bodies all", hole="raise --max-hole")
     made = repaired(
         *(points, faces),
         name=Path(options.file).stem,
-        largest_hole=options.largest_hole,
+        max_hole=options.max_hole,
         bodies=options.bodies,
         remedies=remedies,
     )
@@ -212,7 +212,7 @@ def cloud(options: argparse.Namespace) -> None:
         scan = scan.without_outliers(options.outliers)
     if options.spacing is not None:
         scan = scan.thinned(options.spacing)
-    made = voxgran.shape_of_cloud(scan, method=options.method, largest_hole=options.largest_hole)
+    made = voxgran.shape_of_cloud(scan, method=options.method, max_gap=options.max_gap)
     if options.output:
         voxgran.save_shape(made.shape, options.output, overwrite=options.overwrite)
     numbers = {name: getattr(made, name) for name in ("spacing", "mean_residual", "rms_residual", "largest_residual")}
@@ -249,7 +249,13 @@ def clump(options: argparse.Namespace) -> None:
 
 
 def methods(options: argparse.Namespace) -> None:
-    """List packing methods, clump methods, shape families and measures with their parameters and allowed values."""
+    """List methods, families and measures, or one of them, with their parameters and allowed values.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is nothing of that name; the message gives the nearest one.
+    """
     from voxgran.clumps.method import clump_registry
     from voxgran.measures.model import measure_registry
     from voxgran.packing.method import method_registry
@@ -261,18 +267,24 @@ def methods(options: argparse.Namespace) -> None:
         "shape families": families(),
         "measures": measure_registry(),
     }
+    named = {title: [n for n in found.names() if options.name in (None, n)] for title, found in groups.items()}
+    if not any(named.values()):
+        known = [name for registry in groups.values() for name in registry.names()]
+        raise UnknownNameError(unknown("method, family or measure", options.name, known))
     if options.json:
-        print(json.dumps({title: list(registry.names()) for title, registry in groups.items()}, indent=2))
+        print(json.dumps({title: names for title, names in named.items() if names}, indent=2))
         return
-    for title, registry in groups.items():
-        print(title)
-        for name in registry.names():
-            entry = registry.get(name)
+    for title, names in named.items():
+        if names:
+            print(title)
+        for name in names:
+            entry = groups[title].get(name)
             entry_line(f"  {name}", getattr(entry, "summary", ""))
             entry_line("", getattr(entry, "source", ""))
             for item in parameters_of(entry.parameters) if hasattr(entry, "parameters") else ():
                 entry_line(f"      {item.name}", parameter_text(item))
-        print()
+        if names:
+            print()
 
 
 def bench(options: argparse.Namespace) -> None:

@@ -91,7 +91,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         (("file",), {"help": "mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"}),
         (("-o", "--output"), {"help": "mesh file for the result: STL, OBJ, PLY, OFF or VTP"}),
         (
-            ("--largest-hole",),
+            ("--max-hole", "--largest-hole"),
             {"type": float, "default": 0.25, "help": "widest hole that is closed, in diagonals of the bounding box"},
         ),
         (
@@ -108,7 +108,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         (("--outliers",), {"type": float, "help": "drop points this many standard deviations from their neighbours"}),
         (("--spacing",), {"type": float, "help": "thin the cloud to one point for each cube of this edge"}),
         (
-            ("--largest-hole",),
+            ("--max-gap", "--largest-hole"),
             {"type": float, "default": 5.0, "help": "how far the surface may be from the nearest point, in spacings"},
         ),
         (("-o", "--output"), {"help": "mesh file for the result: STL, OBJ, PLY, OFF or VTP"}),
@@ -116,9 +116,10 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     "clump": (
         (("file",), {"help": "mesh file"}),
         (("--spheres",), {"type": int, "default": 50, "help": "most spheres"}),
-        (("--method",), {"help": "clump method; 'voxgran methods' lists them"}),
+        (("--method",), {"default": "inscribed", "help": "clump method; 'voxgran methods' lists them"}),
         (("-o", "--output"), {"help": "CSV file: x,y,z,r in the frame of the centroid"}),
     ),
+    "methods": ((("name",), {"nargs": "?", "help": "one method, family or measure; left out: all"}),),
     "bench": ((("name",), {"help": "trade-off"}), (("-o", "--output"), {"default": "bench", "help": "folder"})),
     "demo": ((("-o", "--output"), {"default": "out/demo", "help": "folder for the results"}),),
 }
@@ -134,10 +135,10 @@ EXAMPLES: dict[str, str] = {
     "compare": "voxgran compare digital=out/digital points=out/points -o comparison.html",
     "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl",
-    "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --largest-hole 0.1",
+    "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --max-hole 0.1",
     "cloud": "voxgran cloud scan.ply --outliers 2 -o rock.stl",
     "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv",
-    "methods": "voxgran methods",
+    "methods": "voxgran methods\n  voxgran methods digital",
     "bench": "voxgran bench voxelize -o figures",
     "doctor": "voxgran doctor",
     "demo": "voxgran demo -o out/demo",

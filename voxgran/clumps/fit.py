@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import as_count, as_number, check_type
-from voxgran._base.config import from_mapping
+from voxgran._base.chosen import Parameters, chosen
 from voxgran._base.errors import InputError
 from voxgran.clumps.errors import clump_errors
 from voxgran.clumps.method import Wanted, clump_methods, clump_registry
@@ -31,7 +31,7 @@ SMOOTHING = 0.7
 def fit_clump(
     shape_or_voxels: Shape | Voxels,
     *,
-    method: str | None = None,
+    method: str | Parameters = "inscribed",
     max_spheres: int | None = None,
     target: float | None = None,
     tolerance: float | None = None,
@@ -43,8 +43,9 @@ def fit_clump(
     ----------
     shape_or_voxels : Shape or Voxels
         Solid to approximate; three-dimensional.
-    method : str, optional
-        Name of a clump method. Default: ``"inscribed"``.
+    method : str or parameter object, optional
+        Name of a clump method, or its parameters, such as ``vg.clumps.Inscribed(smallest=2)``. Default:
+        ``"inscribed"``.
     max_spheres : int, optional
         Largest number of spheres. Default: 100, or 100 000 if `target` or `tolerance` is given.
     target : float, optional
@@ -67,8 +68,7 @@ def fit_clump(
     UnknownNameError
         If the method or a parameter is unknown.
     """
-    chosen = clump_registry().get(method or "inscribed")
-    settings: Any = from_mapping(chosen.parameters, parameters, f"clump method {chosen.name!r}")
+    _, entry, settings = chosen(clump_registry(), method, parameters, where="clump method")
     shape, voxels = _both(shape_or_voxels)
     if max_spheres is None:
         most = DEFAULT_SPHERES if target is None and tolerance is None else MOST_SPHERES
@@ -79,7 +79,7 @@ def fit_clump(
         target=1.0 if target is None else as_number(target, "target", above=0.0, at_most=1.0),
         tolerance=0.0 if tolerance is None else as_number(tolerance, "tolerance", at_least=0.0) * shape.diameter,
     )
-    centers, radii = chosen.fit(voxels, wanted, settings)
+    centers, radii = entry.fit(voxels, wanted, settings)
     if len(radii) == 0:
         raise InputError(f"no sphere that is large enough fits in {shape.name!r}: allow smaller ones, or finer voxels")
     return Clump(centers, radii, shape, clump_errors(voxels, shape, Spheres(centers.copy(), radii.copy())))

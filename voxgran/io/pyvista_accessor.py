@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pyvista
 
+from voxgran._base.calls import renamed
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Diagnosis, diagnose
 from voxgran.shapes.repairing.repair import Repair, repair
@@ -38,7 +39,8 @@ class SurfaceAccessor:
         """Find out whether the surface bounds one solid."""
         return diagnose(*self._triangles())
 
-    def repair(self, *, largest_hole: float = 0.25, bodies: str = "refuse") -> Repair:
+    @renamed(largest_hole="max_hole")
+    def repair(self, *, max_hole: float = 0.25, bodies: str = "refuse") -> Repair:
         """Mend the surface, as :func:`voxgran.repair` does.
 
         Raises
@@ -48,7 +50,7 @@ class SurfaceAccessor:
         DirtyMeshError
             If it cannot be mended with certainty.
         """
-        return repair(*self._triangles(), largest_hole=largest_hole, bodies=bodies)
+        return repair(*self._triangles(), max_hole=max_hole, bodies=bodies)
 
     def to_shape(self, name: str = "surface") -> Shape:
         """Return the solid that the surface bounds.

@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from voxgran._base.arrays import as_count
+from voxgran._base.calls import renamed
 from voxgran._base.errors import FileFormatError
 from voxgran._base.files import as_path, refuse_to_replace, write_text
 from voxgran.io.vtk_files import save_packing
@@ -24,7 +25,7 @@ class Series:
     ----------
     path : path-like
         The ``.pvd`` file; snapshots stand in the folder of the same name without the suffix.
-    most : int
+    max_snapshots : int
         How many snapshots are kept, at least 2.
     every : int
         Attempts between the first snapshots.
@@ -36,25 +37,26 @@ class Series:
     Raises
     ------
     InputError
-        If `most` is below 2 or `every` below 1.
+        If `max_snapshots` is below 2 or `every` below 1.
     FileFormatError
         If the file that is to be continued is damaged.
     OutputExistsError
         If the file or snapshots of it are there and neither `resume` nor `overwrite` is set.
     """
 
+    @renamed(most="max_snapshots")
     def __init__(
         self,
         path: str | os.PathLike[str],
         *,
-        most: int = 20,
+        max_snapshots: int = 20,
         every: int = 1000,
         resume: bool = False,
         overwrite: bool = False,
     ) -> None:
         self.path = as_path(path)
         self.folder = self.path.with_suffix("")
-        self.most = as_count(most, "most", at_least=2)
+        self.max_snapshots = as_count(max_snapshots, "max_snapshots", at_least=2)
         self.every = as_count(every, "every", at_least=1)
         self.times: list[int] = []
         if resume and self.path.is_file():
@@ -90,7 +92,7 @@ class Series:
         self.times = sorted({*self.times, done})
         # the end of a run falls between two regular times, and stays
         last, gone = done if done % self.every else 0, []
-        while len(self.times) > self.most:
+        while len(self.times) > self.max_snapshots:
             self.every *= 2
             gone += [time for time in self.times if time % self.every and time != last]
             self.times = [time for time in self.times if not time % self.every or time == last]

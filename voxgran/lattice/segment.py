@@ -6,17 +6,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Integers, as_count, as_number, as_positive
+from voxgran._base.calls import renamed
 from voxgran._base.errors import InputError, MissingLibraryError, shown
 from voxgran._base.lazy import load
 from voxgran.lattice.distance import distance_transform
 
 
+@renamed(smallest="min_size")
 def segment(
     image: NDArray[Any],
     *,
     threshold: float | str = "otsu",
     dark_grains: bool = False,
-    smallest: int = 64,
+    min_size: int = 64,
     separation: float = 2.0,
 ) -> Integers:
     """Segment a grey image into labelled grains.
@@ -29,7 +31,7 @@ def segment(
         Grey value above which a voxel is solid; ``"otsu"`` determines it from the histogram.
     dark_grains : bool
         Whether grains are darker than the void.
-    smallest : int
+    min_size : int
         Smallest number of voxels of solid bodies, holes and separated grains; smaller ones are removed as noise.
     separation : float
         Decrease, in voxels, of the distance to the void between two centers from which they are separate grains; larger
@@ -57,7 +59,7 @@ def segment(
         raise InputError(f"image has the shape {grey.shape}: three axes are needed; stack slices, or choose a channel")
     if grey.dtype.kind not in "buif" or not np.isfinite(grey).all():
         raise InputError(f"image holds {grey.dtype} with numbers that are not finite: grey values are needed; clean it")
-    least = as_count(smallest, "smallest", at_least=1)
+    least = as_count(min_size, "min_size", at_least=1)
     # no distance within the image exceeds the sum of its edges
     height = min(as_positive(separation, "separation"), sum(grey.shape))
     filters, morphology, segmentation = (_skimage(name) for name in ("filters", "morphology", "segmentation"))

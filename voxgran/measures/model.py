@@ -70,8 +70,8 @@ def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTre
     packing : Packing
         The packing; zero grains are allowed.
     which : sequence of str, optional
-        Names of measures; :func:`measures` lists them. Only these and the provenance are computed. Default: all that
-        apply to the packing.
+        Names of measures, of :func:`voxgran.packing_measures`. Only these and the provenance are computed. Default: all
+        that apply to the packing.
 
     Returns
     -------

@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import as_count, as_number, as_positive, check_lengths
 from voxgran._base.calls import explained
-from voxgran._base.config import from_mapping, to_mapping
+from voxgran._base.chosen import Parameters, chosen
+from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
 from voxgran._base.scalars import number_of, whole_number_of
@@ -55,8 +56,8 @@ class Task:
 def pack(
     shapes: Sequence[Shape] | Shape,
     container: Container,
+    method: str | Parameters,
     *,
-    method: str,
     count: int | None = None,
     solid_fraction: float | None = None,
     sizes: SizeDistribution | None = None,
@@ -81,8 +82,9 @@ def pack(
         Shapes to draw the grains from.
     container : Container
         What holds the grains.
-    method : str
-        Name of a packing method; :func:`packing_methods` lists them.
+    method : str or parameter object
+        Name of a packing method, one of :func:`packing_methods`, or its parameters, such as
+        ``vg.methods.Digital(voxel_size=0.1)``.
     count : int, optional
         How many grains.
     solid_fraction : float, optional
@@ -121,7 +123,7 @@ def pack(
     recorder : Recorder, optional
         Given the packing whenever a snapshot is due, such as a :class:`Series` for ParaView.
     **parameters
-        Parameters of the method.
+        Parameters of the method, for a name.
 
     Returns
     -------
@@ -193,7 +195,7 @@ def prepare_task(
     shapes: Sequence[Shape] | Shape,
     container: Container,
     *,
-    method: str,
+    method: str | Parameters,
     count: int | None,
     solid_fraction: float | None,
     sizes: SizeDistribution | None,
@@ -218,8 +220,7 @@ def prepare_task(
     TooLargeError
         If more than 100 million grains are asked for.
     """
-    chosen = method_registry().get(method)
-    settings: Any = from_mapping(chosen.parameters, parameters, f"method {method!r}", beside=_arguments())
+    _, entry, settings = chosen(method_registry(), method, parameters, where="method", beside=_arguments())
     given = check_asked(shapes, container, sizes, start)
     if as_unit(unit) == NO_UNIT and start is not None:
         unit = start.unit
@@ -228,7 +229,7 @@ def prepare_task(
         check_start(start, container.dimension)
         start = start if start.unit == NO_UNIT else start.to_unit(unit)
         density = start.density if density is None else density
-    _refuse_unfit(chosen, given if start is None else (*given, *start.shapes), container)
+    _refuse_unfit(entry, given if start is None else (*given, *start.shapes), container)
     none_asked = start is not None and count is None and solid_fraction is None
     grains = draw_grains(
         given or (() if start is None else start.shapes),
@@ -239,7 +240,7 @@ def prepare_task(
         weights=weights,
         weights_by=weights_by,
         seed=seed,
-        surplus=chosen.selects,
+        surplus=entry.selects,
     )
     asked = {
         "count": whole_number_of(count),
@@ -260,7 +261,7 @@ def prepare_task(
     problem.unit, problem.density = unit, 1.0 if density is None else as_positive(density, "density")
     problem.target = count is not None or solid_fraction is not None
     warn_of_units(problem)
-    return Task(chosen, problem, grains.removed, asked, sizes)
+    return Task(entry, problem, grains.removed, asked, sizes)
 
 
 def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Shape, ...]:
@@ -289,7 +290,7 @@ def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Sh
 
 def _arguments() -> tuple[str, ...]:
     """Return the names of the arguments of `pack` itself, which a misspelt parameter may have meant."""
-    return tuple(item.name for item in inspect.signature(pack).parameters.values() if item.kind is item.KEYWORD_ONLY)
+    return tuple(item.name for item in inspect.signature(pack).parameters.values() if item.kind is not item.VAR_KEYWORD)
 
 
 def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Container) -> None:

@@ -21,6 +21,7 @@ from voxgran._base.arrays import (
     as_vector,
     read_only,
 )
+from voxgran._base.calls import renamed
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.units import stated_unit
@@ -251,14 +252,15 @@ class Cloud:
         normals = turned_alike(self.points, np.array(made.normals), min(many, 15))
         return replace(self, normals=read_only(normals))
 
-    def clusters(self, distance: float | None = None, *, fewest: int = 10) -> list["Cloud"]:
+    @renamed(fewest="min_points")
+    def clusters(self, distance: float | None = None, *, min_points: int = 10) -> list["Cloud"]:
         """Return the clusters of a cloud, the largest first, without isolated points.
 
         Parameters
         ----------
         distance : float, optional
             Largest distance of neighbours, in the unit of lengths. Default: three spacings.
-        fewest : int
+        min_points : int
             Smallest number of points within that distance for a point to be the core of a cluster.
 
         Returns
@@ -269,14 +271,14 @@ class Cloud:
         Raises
         ------
         InputError
-            If `distance` is not above 0 or `fewest` below 1.
+            If `distance` is not above 0 or `min_points` below 1.
 
         References
         ----------
         Ester, Kriegel, Sander & Xu 1996, A density-based algorithm for discovering clusters in large spatial databases
         with noise, Proc. 2nd Int. Conf. Knowledge Discovery and Data Mining (KDD-96), 226.
         """
-        least = as_count(fewest, "fewest", at_least=1)
+        least = as_count(min_points, "min_points", at_least=1)
         reach = 3.0 * self.spacing if distance is None else as_length(distance, "distance")
         if len(self) < FEWEST or reach == 0.0:
             return []

@@ -16,6 +16,7 @@ from voxgran._base.arrays import (
     as_number,
     check_type,
 )
+from voxgran._base.calls import renamed
 from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.graph import components
 from voxgran._base.lazy import load
@@ -67,13 +68,14 @@ class Reconstruction:
     sentences: tuple[str, ...]
 
 
+@renamed(largest_hole="max_gap")
 def shape_of_cloud(
     cloud: Cloud,
     *,
     method: str = "poisson",
     depth: int | None = None,
     alpha: float | None = None,
-    largest_hole: float = 5.0,
+    max_gap: float = 5.0,
     name: str | None = None,
 ) -> Reconstruction:
     """Reconstruct a closed shape from a point cloud.
@@ -89,7 +91,7 @@ def shape_of_cloud(
         Depth of the octree of "poisson", from 2 to 10. Default: the logarithm of the number of points to base 4.
     alpha : float, optional
         Radius of the spheres of "alpha", in the unit of lengths. Default: three spacings.
-    largest_hole : float
+    max_gap : float
         Largest distance of a surface point from the nearest point of the cloud, and of a point of the cloud from the
         surface, in spacings.
     name : str, optional
@@ -115,7 +117,7 @@ def shape_of_cloud(
     """
     check_type(cloud, Cloud, "cloud", "a Cloud; load_cloud reads one")
     as_choice(method, "method", ("poisson", "alpha"))
-    holes = as_number(largest_hole, "largest_hole", above=0.0)
+    holes = as_number(max_gap, "max_gap", above=0.0)
     levels = None if depth is None else as_count(depth, "depth", at_least=2)
     if levels is not None and levels > DEEPEST:
         raise InputError(f"depth is {shown(levels)}: more than {DEEPEST} makes more cells than memory holds; lower it")
@@ -278,8 +280,8 @@ def _refuse_sparse(cloud: Cloud, frame: Frame, corners: Floats, faces: Integers,
         where = ", ".join(f"{value:.4g}" for value in places[worst])
         raise InputError(
             f"{cloud.name} is too sparse to close: around ({where}) no point lies within {hole:.4g}, which is "
-            f"{hole / spacing:.1f} of its spacings of {spacing:.4g}, and largest_hole is {largest:g}; scan that side, "
-            "take stray points away with without_outliers, or raise largest_hole"
+            f"{hole / spacing:.1f} of its spacings of {spacing:.4g}, and max_gap is {largest:g}; scan that side, "
+            "take stray points away with without_outliers, or raise max_gap"
         )
     return hole
 
@@ -291,7 +293,7 @@ def _refuse_far(cloud: Cloud, apart: Floats, largest: float) -> None:
         where = ", ".join(f"{value:.4g}" for value in cloud.points[worst])
         raise InputError(
             f"{cloud.name} has {int((apart > limit).sum())} of {len(apart)} points further than {limit:.4g} from the "
-            f"surface, the farthest {apart[worst]:.4g} at ({where}), and largest_hole is {largest:g} spacings; take "
+            f"surface, the farthest {apart[worst]:.4g} at ({where}), and max_gap is {largest:g} spacings; take "
             "bodies apart with clusters, or stray points away with without_outliers"
         )
 
@@ -301,7 +303,7 @@ def _closed(corners: Floats, faces: Integers, name: str, unit: str | None) -> tu
     if bounds_solid(corners, faces):
         return Shape.from_mesh(corners, faces, name=name, unit=unit), ()
     try:
-        mended = repair(corners, faces, bodies="largest", largest_hole=1.0, name=name, unit=unit)
+        mended = repair(corners, faces, bodies="largest", max_hole=1.0, name=name, unit=unit)
     except DirtyMeshError as error:
         raise DirtyMeshError(
             f"no surface comes of the cloud, scan more finely or try the other method: {error}"

@@ -30,7 +30,7 @@ INKS = ("#2a9d8f", "#e07a3f", "#7a86c8", "#c2476d", "#8a8d3a", "#4f6d7a")
 DRAWN = 5
 
 
-def write_comparison(
+def save_comparison(
     packings: Mapping[str, Packing | Sequence[Packing]],
     path: str | os.PathLike[str],
     *,

@@ -71,7 +71,7 @@ class Drawn:
     grains: dict[str, dict[str, tuple[Picture, str, str]]]
 
 
-def write_report(
+def save_report(
     packing: Packing,
     path: str | os.PathLike[str],
     *,

@@ -22,7 +22,7 @@ from voxgran.io.vtk_files import save_scene
 from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
-from voxgran.report.page import write_report
+from voxgran.report.page import save_report
 from voxgran.scene.run import opened_folder, summary_of
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape
@@ -98,7 +98,7 @@ def _run_in(target: Path, grains: int, on_step: OnStep | None) -> list[dict[str,
         write_text(target / f"summary{stem}.json", json.dumps(numbers, indent=2, default=str) + "\n")
         rows.append(_row(result, numbers))
     save_scene(first.packing, target / "scene.vtm", overwrite=True)
-    write_report(
+    save_report(
         first.packing,
         target / "report.html",
         statistics=first.statistics,

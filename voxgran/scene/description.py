@@ -33,7 +33,7 @@ REMEDIES = Remedies(
     mend="set repair = true in its [[shape]]",
     keep_open="set surface = true",
     choose="choose with 'voxgran repair --bodies largest'",
-    hole="close it with 'voxgran repair' and a larger --largest-hole",
+    hole="close it with 'voxgran repair' and a larger --max-hole",
 )
 SECTIONS = ("scene", "shape", "sizes", "container", "packing", "measure", "output")
 
@@ -247,6 +247,21 @@ class SceneDescription:
         if self.which is not None:
             made["measure"] = {"which": list(self.which)}
         return made
+
+    def asked(self) -> dict[str, Any]:
+        """Return the keyword arguments of :func:`voxgran.pack`, without the parameters of the method."""
+        return {
+            "method": self.method,
+            "count": self.count,
+            "solid_fraction": self.solid_fraction,
+            "sizes": self.sizes,
+            "weights": [entry.share for entry in self.shapes],
+            "weights_by": self.share_by,
+            "seed": self.general.seed,
+            "start": self.begin(),
+            "unit": self.general.unit,
+            "density": self.general.density,
+        }
 
     def begin(self) -> Packing | None:
         """Return the packing whose grains are there from the beginning, read from its file; None where there is none.

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base.config import to_mapping
 from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.description import REMEDIES, SceneDescription, ShapeEntry
@@ -70,17 +71,9 @@ class Plan:
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the plan as JSON-able values."""
-        return {
-            "grains": self.grains,
-            "solid_fraction": self.solid_fraction,
-            "memory_bytes": self.memory,
-            "attempts": self.attempts,
-            "voxelized_shapes": self.voxelized_shapes,
-            "sampled_shapes": self.sampled_shapes,
-            "computed": list(self.computed),
-            "skipped": list(self.skipped),
-            "libraries": list(self.libraries),
-        }
+        made = to_mapping(self)
+        made["memory_bytes"] = made.pop("memory")
+        return made
 
 
 def make_plan(scene: SceneDescription) -> Plan:
@@ -126,16 +119,7 @@ def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:
     return prepare_task(
         shapes,
         scene.container,
-        method=scene.method,
-        count=scene.count,
-        solid_fraction=scene.solid_fraction,
-        sizes=scene.sizes,
-        weights=[entry.share for entry in scene.shapes],
-        weights_by=scene.share_by,
-        seed=scene.general.seed,
-        start=scene.begin(),
-        unit=scene.general.unit,
-        density=scene.general.density,
+        **scene.asked(),
         parameters=dict(scene.parameters),
     )
 

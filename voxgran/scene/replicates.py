@@ -33,40 +33,14 @@ def run_seeds(
     overwrite: bool = False,
     on_step: OnStep | None = None,
 ) -> SceneResult:
-    """Pack a scene once per seed, each in a folder of its own, and average.
+    """Pack a scene once per seed, each in a folder of its own, and average; all else as :meth:`voxgran.Scene.run` says.
 
-    Parameters
-    ----------
-    scene : SceneDescription
-        With ``seeds`` above 1.
-    folder : path-like
-        Where results go: ``seed_K/`` for each seed, ``summary.json`` and ``statistics.nc`` over all.
-    resume : bool
-        Whether to keep what is complete and go on with the first seed that is not.
-    overwrite : bool
-        Whether results that are there may be replaced.
-    on_step : callable, optional
-        Told of each step.
+    The folder gets ``seed_K/`` for each seed, and ``summary.json`` and ``statistics.nc`` over all.
 
     Returns
     -------
     SceneResult
         Packing, verification and statistics of the first seed; the summary holds all, their means and standard errors.
-
-    Raises
-    ------
-    OutputExistsError
-        If the folder holds something and neither `resume` nor `overwrite` is set.
-    InUseError
-        If another process writes into the folder.
-    OutputError
-        If something cannot be written.
-    InputError
-        If the scene breaks a rule that shows only now.
-    CheckpointError
-        If what is there belongs to another scene.
-    Interrupted
-        On SIGINT or SIGTERM, after a checkpoint was written.
     """
     with opened_folder(folder, resume=resume, overwrite=overwrite) as target:
         return _run_in(target, scene, resume=resume, overwrite=overwrite, on_step=on_step)

@@ -23,7 +23,7 @@ from voxgran.io.vtk_files import save_scene
 from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
-from voxgran.report.page import write_report
+from voxgran.report.page import save_report
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.plan import Plan, make_plan
 from voxgran.shapes.model import Shape
@@ -69,40 +69,7 @@ def run_one(
     overwrite: bool,
     on_step: OnStep | None,
 ) -> SceneResult:
-    """Pack, check, measure and save a scene with its first seed.
-
-    Parameters
-    ----------
-    scene : SceneDescription
-        What to do.
-    folder : path-like
-        Folder of the results; what is there stays until the new files are complete.
-    resume : bool
-        Whether to go on from the checkpoint in the folder; what is complete is read and not packed again.
-    overwrite : bool
-        Whether existing results may be replaced.
-    on_step : callable or None
-        Called with each step.
-
-    Returns
-    -------
-    SceneResult
-
-    Raises
-    ------
-    OutputExistsError
-        If the folder holds something and neither `resume` nor `overwrite` is set.
-    InUseError
-        If another process writes into the folder.
-    OutputError
-        If something cannot be written.
-    InputError
-        If the scene breaks a rule that shows only now.
-    CheckpointError
-        If what is there belongs to another scene.
-    Interrupted
-        On SIGINT or SIGTERM, after a checkpoint was written.
-    """
+    """Pack, check, measure and save a scene with its first seed; all else as :meth:`voxgran.Scene.run` says."""
     place = as_path(folder)
     if resume and is_complete(place) and not (place / FOLDER_LOCK).exists():
         return read_folder(scene, place)
@@ -129,20 +96,11 @@ def _run_in(
     recorder = None
     if scene.output.snapshots:
         place, most = target / "snapshots.pvd", scene.output.snapshots
-        recorder = Series(place, most=most, every=plan.grains, resume=resume, overwrite=True)
+        recorder = Series(place, max_snapshots=most, every=plan.grains, resume=resume, overwrite=True)
     packing = pack(
         shapes,
         scene.container,
-        method=scene.method,
-        count=scene.count,
-        solid_fraction=scene.solid_fraction,
-        sizes=scene.sizes,
-        weights=[entry.share for entry in scene.shapes],
-        weights_by=scene.share_by,
-        seed=scene.general.seed,
-        start=scene.begin(),
-        unit=scene.general.unit,
-        density=scene.general.density,
+        **scene.asked(),
         checkpoint=checkpoint,
         resume=resume,
         on_step=on_step,
@@ -239,7 +197,7 @@ def finish_folder(
         save_scene(packing, folder / "scene.vtm", overwrite=True)
     tell(3, "drawing")
     if scene.output.report:
-        write_report(packing, folder / "report.html", statistics=statistics, verification=proof, overwrite=True)
+        save_report(packing, folder / "report.html", statistics=statistics, verification=proof, overwrite=True)
     tell(5, "done")
     summary = summary_of(packing, proof, statistics)
     summary["seconds_finishing"] = time.monotonic() - began

@@ -1,13 +1,15 @@
 """Type and registry of shape families: one file each in `families`."""
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import check_lengths
-from voxgran._base.config import from_mapping, to_mapping
+from voxgran._base.arrays import as_positive, check_lengths
+from voxgran._base.chosen import Parameters, chosen, document
+from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.registry import Registry
 from voxgran._base.seeds import stream
@@ -58,19 +60,48 @@ def shape_families() -> tuple[str, ...]:
     return families().names()
 
 
-def make_shape(family: str, *, seed: int = 0, **parameters: Any) -> Shape:
+def family_function(name: str) -> Callable[..., Shape]:
+    """Return the function that makes shapes of one family, with its parameters as keywords.
+
+    Parameters
+    ----------
+    name : str
+        One of :func:`shape_families`.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such family.
+    """
+    entry = families().get(name)
+    document(entry.parameters)
+
+    def make(*, seed: int = 0, **parameters: Any) -> Shape:
+        return make_shape(name, seed=seed, **parameters)
+
+    make.__name__ = make.__qualname__ = name
+    rest = (entry.parameters.__doc__ or "").partition("\n\n")[2]
+    make.__doc__ = f"Make a shape: {entry.summary}.\n\n{rest}"
+    seeds = [parameter for parameter in inspect.signature(make).parameters.values() if parameter.name == "seed"]
+    keywords = inspect.signature(entry.parameters).parameters.values()
+    made: Any = make
+    made.__signature__ = inspect.Signature([*keywords, *(seeds if entry.random else ())], return_annotation=Shape)
+    return make
+
+
+def make_shape(family: str | Parameters, *, seed: int = 0, **parameters: Any) -> Shape:
     """Make a shape of a family.
 
     The equivalent diameter is 1 unless a size is given.
 
     Parameters
     ----------
-    family : str
-        One of :func:`shape_families`.
+    family : str or parameter object
+        One of :func:`shape_families`, or its parameters, such as ``vg.families.SolidUnion(bodies=5)``.
     seed : int
         Seed of random families; the same seed gives the same bits.
     **parameters
-        Parameters of the family; `voxgran methods` lists them.
+        Parameters of the family, with its name; `voxgran methods` lists them.
 
     Returns
     -------
@@ -89,12 +120,11 @@ def make_shape(family: str, *, seed: int = 0, **parameters: Any) -> Shape:
     >>> vg.make_shape("box", aspect=(1, 1, 2))
     Shape('box', primitive, diameter=1)
     """
-    entry = families().get(family)
-    values: Any = from_mapping(entry.parameters, parameters, family, beside=("seed",))
-    for name, value in to_mapping(values).items():
+    name, entry, values = chosen(families(), family, parameters, where="", beside=("seed",))
+    for key, value in to_mapping(values).items():
         if isinstance(value, int | float | list | tuple) and not isinstance(value, bool):
-            _check_numbers(value, f"{family} {name}")
-    return entry.make(values, stream(seed, f"shape {family}"))
+            _check_numbers(value, f"{name} {key}")
+    return entry.make(values, stream(seed, f"shape {name}"))
 
 
 def _check_numbers(value: Any, name: str) -> None:
@@ -149,3 +179,17 @@ def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ..
         raise InputError(f"diameter and {given[0]} are both given: each makes the size; leave one out")
     if given and aspect is not None:
         raise InputError(f"aspect and {given[0]} are both given: each makes the ratio of the lengths; leave one out")
+
+
+def round_radius(diameter: float | None, radius: float | None) -> float:
+    """Return the radius of a sphere or a disk whose diameter or radius is given; with neither, the diameter is 1.
+
+    Raises
+    ------
+    InputError
+        If both are given, or one is not above 0.
+    """
+    refuse_both(diameter, (("radius", radius),), aspect=None)
+    if radius is not None:
+        return as_positive(radius, "radius")
+    return as_positive(1.0 if diameter is None else diameter, "diameter") / 2

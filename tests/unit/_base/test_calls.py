@@ -3,7 +3,7 @@
 import pytest
 
 import voxgran as vg
-from voxgran._base.calls import explained
+from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import CallError, UnknownNameError
 from voxgran._base.registry import nearest
 
@@ -86,3 +86,15 @@ def test_every_door_suggests_what_was_meant(call, meant):
 def test_what_belongs_to_pack_is_suggested_and_not_listed():
     with pytest.raises(UnknownNameError, match=r"known are (?!.*checkpoint)"):
         vg.pack(SPHERE, BOX, method="rsa", n=4)
+
+
+def test_former_names_of_arguments_are_accepted_with_a_warning():
+    @renamed(most="max_factor")
+    def grow(*, max_factor=2.0):
+        return max_factor
+
+    assert grow(max_factor=3.0) == 3.0
+    with pytest.warns(DeprecationWarning, match="argument most of .*grow is now max_factor"):
+        assert grow(most=4.0) == 4.0
+    with pytest.raises(CallError, match="max_factor twice, also by its former name most"):
+        grow(most=4.0, max_factor=3.0)

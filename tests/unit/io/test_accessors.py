@@ -27,7 +27,7 @@ def test_a_surface_of_pyvista_is_a_grain():
     open_cube = cube.triangulate().extract_cells(np.arange(11)).extract_surface(algorithm="dataset_surface")
     with pytest.raises(DirtyMeshError):
         open_cube.voxgran.to_shape()
-    mended = open_cube.voxgran.repair(largest_hole=1.0)
+    mended = open_cube.voxgran.repair(max_hole=1.0)
     assert mended.shape.volume == pytest.approx(2.0)
 
 

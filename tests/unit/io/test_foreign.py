@@ -278,7 +278,7 @@ def test_a_foreign_packing_is_checked_measured_and_shown(tmp_path):
     tree = vg.measure(packing)
     assert float(tree["solid_fraction"]) == pytest.approx(np.pi / 6, rel=1e-12)
     assert (tree["/grains"].coordination_number == 6).all()
-    vg.write_report(packing, tmp_path / "page.html", statistics=tree, verification=vg.verify(packing))
+    vg.save_report(packing, tmp_path / "page.html", statistics=tree, verification=vg.verify(packing))
     assert "the box around the spheres" in (tmp_path / "page.html").read_text()
 
 

@@ -21,8 +21,8 @@ SAVERS = {
     "grain.stl": lambda path, **how: vg.save_shape(BALL, path, **how),
     "numbers.nc": lambda path, **how: vg.save_statistics(vg.measure(PACKING, which=["gradation"]), path, **how),
     "turn.gif": lambda path, **how: vg.save_turntable(PACKING, path, frames=1, window=(60, 60), **how),
-    "page.html": lambda path, **how: vg.write_report(PACKING, path, pictures=False, **how),
-    "both.html": lambda path, **how: vg.write_comparison(
+    "page.html": lambda path, **how: vg.save_report(PACKING, path, pictures=False, **how),
+    "both.html": lambda path, **how: vg.save_comparison(
         {"a": PACKING, "b": PACKING}, path, which=["gradation"], pictures=False, **how
     ),
     "series.pvd": lambda path, **how: vg.Series(path, **how).record(PACKING, 1000),

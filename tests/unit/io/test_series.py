@@ -23,7 +23,7 @@ def test_a_run_leaves_a_series_and_the_same_bits(tmp_path):
             vg.make_shape("sphere"), box, method="digital", count=30, voxel_size=0.125, sweeps=300, seed=4, **more
         )
 
-    series = Series(tmp_path / "run.pvd", most=8, every=30)
+    series = Series(tmp_path / "run.pvd", max_snapshots=8, every=30)
     recorded, plain = packed(recorder=series), packed()
     assert recorded.position.tobytes() == plain.position.tobytes()
     assert 4 <= len(series.times) <= 8
@@ -53,7 +53,7 @@ def test_paraviews_reader_finds_all(few, tmp_path):
 def test_never_more_than_asked_and_never_fewer_than_half(few, tmp_path, monkeypatch, most, total):
     monkeypatch.setattr("voxgran.io.series.save_packing", lambda packing, path, overwrite: None)
     monkeypatch.setattr(Series, "_list", lambda self: None)
-    series, done = Series(tmp_path / "run.pvd", most=most, every=1), 0
+    series, done = Series(tmp_path / "run.pvd", max_snapshots=most, every=1), 0
     while done < total:
         done = min(series.due(done), total)
         series.record(few, done)
@@ -63,16 +63,16 @@ def test_never_more_than_asked_and_never_fewer_than_half(few, tmp_path, monkeypa
 
 
 def test_a_resumed_series_is_that_of_a_run_without_a_stop(few, tmp_path):
-    whole = Series(tmp_path / "whole.pvd", most=4, every=5)
+    whole = Series(tmp_path / "whole.pvd", max_snapshots=4, every=5)
     for done in range(5, 105, 5):
         if done == whole.due(done - 5) or done % whole.every == 0:
             whole.record(few, done)
-    halves = Series(tmp_path / "halves.pvd", most=4, every=5)
+    halves = Series(tmp_path / "halves.pvd", max_snapshots=4, every=5)
     for done in range(5, 55, 5):
         if done % halves.every == 0:
             halves.record(few, done)
     # the checkpoint is older than the last snapshot
-    halves = Series(tmp_path / "halves.pvd", most=4, every=5, resume=True)
+    halves = Series(tmp_path / "halves.pvd", max_snapshots=4, every=5, resume=True)
     for done in range(30, 105, 5):
         if done % halves.every == 0:
             halves.record(few, done)
@@ -81,14 +81,14 @@ def test_a_resumed_series_is_that_of_a_run_without_a_stop(few, tmp_path):
     with pytest.raises(OutputExistsError, match="give overwrite=True"):
         Series(tmp_path / "halves.pvd")
     assert listed_times(tmp_path / "halves.pvd") == whole.times
-    fresh = Series(tmp_path / "halves.pvd", most=4, every=5, overwrite=True)
+    fresh = Series(tmp_path / "halves.pvd", max_snapshots=4, every=5, overwrite=True)
     assert fresh.times == []
     assert not list((tmp_path / "halves").iterdir())
 
 
 def test_bad_numbers_and_files_are_refused(tmp_path):
-    with pytest.raises(InputError, match="most is 1"):
-        Series(tmp_path / "run.pvd", most=1)
+    with pytest.raises(InputError, match="max_snapshots is 1"):
+        Series(tmp_path / "run.pvd", max_snapshots=1)
     with pytest.raises(InputError, match="every is 0"):
         Series(tmp_path / "run.pvd", every=0)
     (tmp_path / "run.pvd").write_text("<VTKFile><Collection><DataSet/></Collection></VTKFile>")

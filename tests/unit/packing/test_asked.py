@@ -60,7 +60,7 @@ def test_absurd_values_are_refused(method, parameters, error, words):
         (lambda: vg.verify(3), "packing is 3: it must be a Packing; load or pack one"),
         (lambda: vg.measure(3), "packing is 3"),
         (lambda: vg.deform(3), "packing is 3"),
-        (lambda: vg.write_report(3, "x.html"), "packing is 3"),
+        (lambda: vg.save_report(3, "x.html"), "packing is 3"),
         (lambda: vg.save_scene(3, "x.vtm"), "packing is 3"),
         (lambda: vg.voxelize(3, voxel_size=1), "shape is 3: it must be a Shape; make_shape and load_shape make one"),
         (lambda: vg.sample_surface(3, spacing=1), "shape is 3"),

@@ -209,7 +209,7 @@ def test_files_measures_and_reports_of_surfaces_alone(tmp_path):
     assert float(statistics["/gradation/placed_number"][-1]) == 1.0
     assert int(statistics["/grains/coordination_number"].sum()) > 0
     vg.save_statistics(statistics, tmp_path / "statistics.nc")
-    vg.write_report(again, tmp_path / "report.html")
+    vg.save_report(again, tmp_path / "report.html")
     assert json.loads((tmp_path / "report.json").read_text())
 
 

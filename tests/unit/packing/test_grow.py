@@ -35,10 +35,10 @@ def test_two_spheres_grow_by_the_same_factor():
     assert vg.grow(pair(SPHERE, 1.5)).scale == pytest.approx([1.5, 1.5], rel=1e-9)
     assert vg.grow(pair(SPHERE, 1.5, (1.0, 0.5))).scale == pytest.approx([2.0, 1.0], rel=1e-9)
     assert vg.grow(pair(SPHERE, 5.0)).scale == pytest.approx([2.0, 2.0])
-    assert vg.grow(pair(SPHERE, 5.0), most=3.5).scale == pytest.approx([3.5, 3.5])
+    assert vg.grow(pair(SPHERE, 5.0), max_factor=3.5).scale == pytest.approx([3.5, 3.5])
     assert (vg.grow(pair(SPHERE, 1.0)).scale == 1.0).all()
     assert (vg.grow(pair(SPHERE, 0.9)).scale == 1.0).all()
-    assert (vg.grow(pair(SPHERE, 1.5), most=1.0).scale == 1.0).all()
+    assert (vg.grow(pair(SPHERE, 1.5), max_factor=1.0).scale == 1.0).all()
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_two_spheres_grow_by_the_same_factor():
 )
 def test_one_sphere_grows_to_the_nearest_wall(container, position, factor):
     alone = vg.Packing.of([SPHERE], container, position=[position])
-    grown = vg.grow(alone, most=9)
+    grown = vg.grow(alone, max_factor=9)
     assert grown.scale[0] == pytest.approx(factor, rel=1e-7)
     assert vg.verify(grown).ok
 
@@ -67,12 +67,12 @@ def test_turned_and_curved_grains_meet_exactly():
     turn = [np.cos(tilt / 2), np.sin(tilt / 2), 0, 0]
     high = np.sqrt((1.0 * np.sin(tilt)) ** 2 + (0.5 * np.cos(tilt)) ** 2)
     one = vg.Packing.of([ellipsoid], slab, position=[(4.5, 4.5, 1.5)], orientation=[turn])
-    assert vg.grow(one, most=9).scale[0] == pytest.approx(1.5 / high, rel=1e-9)
+    assert vg.grow(one, max_factor=9).scale[0] == pytest.approx(1.5 / high, rel=1e-9)
     die = vg.make_shape("box", lengths=(1, 1, 1))
     edge = vg.Packing.of(
         [die], slab, position=[(4.5, 4.5, 1.5)], orientation=[[np.cos(np.pi / 8), np.sin(np.pi / 8), 0, 0]]
     )
-    assert vg.grow(edge, most=9).scale[0] == pytest.approx(1.5 / np.sqrt(0.5), rel=1e-9)
+    assert vg.grow(edge, max_factor=9).scale[0] == pytest.approx(1.5 / np.sqrt(0.5), rel=1e-9)
 
 
 @NEAR
@@ -90,7 +90,7 @@ def test_turned_and_curved_grains_meet_exactly():
 def test_all_touch_and_none_overlaps(shapes, container):
     sizes = vg.sizes.uniform(0.6, 1.0)
     front = vg.pack(shapes, container, method="advancing_front", mode="dense", sizes=sizes)
-    grown = vg.grow(front, most=4)
+    grown = vg.grow(front, max_factor=4)
     assert vg.verify(grown).ok
     assert least_gaps(grown).max() < 2e-8
     assert least_gaps(grown).min() > -1e-11
@@ -108,7 +108,7 @@ def test_all_touch_and_none_overlaps(shapes, container):
 
 def test_a_flat_sheet_along_a_wall_grows_to_the_walls_across():
     sheet = vg.make_shape("sheet", lengths=(1.0, 1.0))
-    grown = vg.grow(vg.Packing.of([sheet], vg.Box((3, 4, 5)), position=[(1.5, 2.0, 0.5)]), most=9)
+    grown = vg.grow(vg.Packing.of([sheet], vg.Box((3, 4, 5)), position=[(1.5, 2.0, 0.5)]), max_factor=9)
     assert grown.scale[0] == pytest.approx(3.0, rel=1e-7)
     assert vg.verify(grown).ok
 
@@ -153,8 +153,8 @@ def test_a_run_that_was_cut_short_does_not_grow():
 def test_nothing_to_grow_and_wrong_factors():
     empty = vg.Packing.of([SPHERE], vg.Box((3, 3, 3)), position=np.zeros((0, 3)))
     assert vg.grow(empty).provenance["growth"]["mean_factor"] == 1.0
-    with pytest.raises(InputError, match="most"):
-        vg.grow(empty, most=0.5)
+    with pytest.raises(InputError, match="max_factor"):
+        vg.grow(empty, max_factor=0.5)
     for other in (None, "packing", SPHERE):
         with pytest.raises(InputError, match=r"packing is .*: it must be a Packing"):
             vg.grow(other)

@@ -113,3 +113,25 @@ def test_it_verifies_measures_and_saves_itself(tmp_path, monkeypatch):
     assert np.asarray(packing.plot(color="shape")).shape == (900, 900, 3)
     with pytest.raises((InputError, UnknownNameError), match="color"):
         packing.plot(color="taste")
+
+
+def test_a_window_shows_grains_in_colour(monkeypatch):
+    shown = []
+
+    class Plotter:
+        def __init__(self, **options):
+            self.meshes = []
+
+        def add_mesh(self, mesh, **look):
+            self.meshes.append((mesh, look))
+
+        def show(self):
+            shown.append(self.meshes)
+
+    monkeypatch.setattr("voxgran.report.plot._has_window", lambda: True)
+    monkeypatch.setattr("pyvista.Plotter", Plotter)
+    assert three().plot(color="shape") is None
+    assert vg.shapes.cone().plot() is None
+    (_, (grains, look)), ((_, plain),) = shown
+    assert set(grains.cell_data[look["scalars"]]) == {0, 1}
+    assert "color" in plain

@@ -100,7 +100,7 @@ def test_a_half_scanned_body_is_refused_with_the_place():
         (sphere_points(300), {"depth": 1}, "depth"),
         (sphere_points(300), {"depth": 15}, "depth is 15"),
         (sphere_points(300), {"alpha": -1.0}, "alpha"),
-        (sphere_points(300), {"largest_hole": 0.0}, "largest_hole"),
+        (sphere_points(300), {"max_gap": 0.0}, "max_gap"),
     ],
 )
 def test_bad_input_is_refused(points, options, words):

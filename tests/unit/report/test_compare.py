@@ -30,7 +30,7 @@ def groups():
 
 def written(packings, tmp_path, **options):
     """Return the page and its twin."""
-    vg.write_comparison(packings, tmp_path / "c.html", **{"pictures": False, "overwrite": True, **options})
+    vg.save_comparison(packings, tmp_path / "c.html", **{"pictures": False, "overwrite": True, **options})
     return (tmp_path / "c.html").read_text(), json.loads((tmp_path / "c.json").read_text())
 
 
@@ -176,18 +176,18 @@ def test_warnings_name_the_packing(groups, tmp_path):
 
 def test_what_cannot_be_compared_is_refused(groups, tmp_path):
     with pytest.raises(InputError, match="1 entries: a comparison needs at least two"):
-        vg.write_comparison({"a": groups["few"]}, tmp_path / "c.html")
+        vg.save_comparison({"a": groups["few"]}, tmp_path / "c.html")
     with pytest.raises(InputError, match="'b' is empty"):
-        vg.write_comparison({"a": groups["few"], "b": []}, tmp_path / "c.html")
+        vg.save_comparison({"a": groups["few"], "b": []}, tmp_path / "c.html")
     with pytest.raises(InputError, match="'b' holds the same packing twice: those of a group must be independent"):
-        vg.write_comparison({"a": groups["few"], "b": [groups["many"][0]] * 2}, tmp_path / "c.html")
+        vg.save_comparison({"a": groups["few"], "b": [groups["many"][0]] * 2}, tmp_path / "c.html")
     for wrong in (3, "b.vtp", [None]):
         with pytest.raises(InputError, match="packings 'b'"):
-            vg.write_comparison({"a": groups["few"], "b": wrong}, tmp_path / "c.html")
+            vg.save_comparison({"a": groups["few"], "b": wrong}, tmp_path / "c.html")
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "c.json").write_text("mine")
     with pytest.raises(OutputExistsError, match=r"c\.json is there"):
-        vg.write_comparison(groups, tmp_path / "c.html")
+        vg.save_comparison(groups, tmp_path / "c.html")
     assert (tmp_path / "c.json").read_text() == "mine"
 
 
@@ -201,7 +201,7 @@ def test_packings_without_grains_are_compared(tmp_path):
 def test_packings_of_other_units_are_converted_to_that_of_the_first(groups, tmp_path):
     few = groups["few"][0]
     pair = {"mm": few, "metres": few.to_unit("m")}
-    vg.write_comparison(pair, tmp_path / "c.html", which=["density"], pictures=False)
+    vg.save_comparison(pair, tmp_path / "c.html", which=["density"], pictures=False)
     rows = {row["name"]: row for row in json.loads((tmp_path / "c.json").read_text())["numbers"]}
     for name in ("mean_diameter", "solid_fraction", "specific_surface"):
         entry = rows[name]["groups"]["metres"]
@@ -210,7 +210,7 @@ def test_packings_of_other_units_are_converted_to_that_of_the_first(groups, tmp_
     units = {name: rows[name]["unit"] for name in ("mean_diameter", "grain_volume", "specific_surface", "porosity")}
     assert list(units.values()) == ["mm", "mm^3", "mm^-1", "1"]
     assert "equivalent diameter (mm)" in (tmp_path / "c.html").read_text()
-    vg.write_comparison(dict(reversed(pair.items())), tmp_path / "d.html", which=["density"], pictures=False)
+    vg.save_comparison(dict(reversed(pair.items())), tmp_path / "d.html", which=["density"], pictures=False)
     rows = {row["name"]: row for row in json.loads((tmp_path / "d.json").read_text())["numbers"]}
     assert rows["mean_diameter"]["unit"] == "m"
     assert rows["mean_diameter"]["groups"]["mm"]["mean"] == pytest.approx(few.diameters.mean() / 1000)
@@ -224,4 +224,4 @@ def test_packings_with_and_without_a_unit_are_not_compared(first, words, groups,
     bare = vg.Packing.of(few.shapes, few.container, position=few.position, scale=few.scale)
     pair = {"a": bare, "b": few} if first == "1" else {"a": few, "b": [groups["few"][1], bare]}
     with pytest.raises(InputError, match=f"packings 'b' has lengths {words}"):
-        vg.write_comparison(pair, tmp_path / "c.html", pictures=False)
+        vg.save_comparison(pair, tmp_path / "c.html", pictures=False)

@@ -99,7 +99,7 @@ def lattice():
 def test_the_page_has_a_twin_of_all_numbers(tmp_path):
     packing = lattice()
     tree, proof = vg.measure(packing), vg.verify(packing)
-    vg.write_report(packing, tmp_path / "page.html", statistics=tree, verification=proof, pictures=False)
+    vg.save_report(packing, tmp_path / "page.html", statistics=tree, verification=proof, pictures=False)
     twin = json.loads((tmp_path / "page.json").read_text())
     assert twin["count"] == 125
     assert twin["statistics"]["solid_fraction"]["value"] == float(tree["solid_fraction"])
@@ -109,14 +109,14 @@ def test_the_page_has_a_twin_of_all_numbers(tmp_path):
     assert twin["figures"]["contact_normals"]["contacts"] == 375
     assert "NaN" not in (tmp_path / "page.json").read_text()
     with pytest.raises(vg.VoxgranError, match=r"page\.html is there already"):
-        vg.write_report(packing, tmp_path / "page.html", pictures=False)
+        vg.save_report(packing, tmp_path / "page.html", pictures=False)
 
 
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
 def test_a_browser_finds_nothing_wrong_and_nothing_too_wide(tmp_path):
     packing = lattice()
     page = tmp_path / "page.html"
-    vg.write_report(packing, page, statistics=vg.measure(packing), verification=vg.verify(packing), turntable=True)
+    vg.save_report(packing, page, statistics=vg.measure(packing), verification=vg.verify(packing), turntable=True)
     assert page.stat().st_size < 5e6
     probe = tmp_path / "probe.html"
     probe.write_text(

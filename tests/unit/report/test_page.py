@@ -12,7 +12,7 @@ from voxgran._base.errors import OutputExistsError
 from voxgran.contacts.verify import verify
 from voxgran.packing.model import Packing
 from voxgran.report import facts
-from voxgran.report.page import write_report
+from voxgran.report.page import save_report
 
 VOID = {"meta", "img", "link", "br", "hr", "input"}
 
@@ -46,7 +46,7 @@ class Page(HTMLParser):
 
 
 def page_of(packing, path, **options):
-    write_report(packing, path, **options)
+    save_report(packing, path, **options)
     return Page(path.read_text(encoding="utf-8"))
 
 
@@ -165,27 +165,27 @@ def test_two_dimensions_have_a_page(flat, tmp_path):
 
 
 def test_what_is_there_stays_unless_asked(packing, tmp_path):
-    write_report(packing, tmp_path / "p.html", pictures=False)
+    save_report(packing, tmp_path / "p.html", pictures=False)
     before = (tmp_path / "p.html").read_bytes()
     with pytest.raises(OutputExistsError, match="not replaced unasked"):
-        write_report(packing, tmp_path / "p.html", pictures=False, title="new")
+        save_report(packing, tmp_path / "p.html", pictures=False, title="new")
     assert (tmp_path / "p.html").read_bytes() == before
 
 
 def test_pictures_go_into_a_folder_beside_what_is_there(packing, tmp_path):
     bare = Packing.of([], packing.container, position=[])
     (tmp_path / "packing.vtp").write_text("mine")
-    write_report(bare, tmp_path / "p.html", pictures_folder=tmp_path)
+    save_report(bare, tmp_path / "p.html", pictures_folder=tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["p.html", "p.json", "packing.vtp", "whole.png"]
     assert (tmp_path / "packing.vtp").read_text() == "mine"
     with pytest.raises(OutputExistsError, match=r"whole.png is there already"):
-        write_report(bare, tmp_path / "q.html", pictures_folder=tmp_path)
+        save_report(bare, tmp_path / "q.html", pictures_folder=tmp_path)
     assert not (tmp_path / "q.html").exists()
 
 
 def test_the_same_packing_gives_the_same_page(packing, statistics, tmp_path):
     for name in ("a", "b"):
-        write_report(packing, tmp_path / name, statistics=statistics, pictures=False)
+        save_report(packing, tmp_path / name, statistics=statistics, pictures=False)
     assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
 
 
@@ -220,7 +220,7 @@ def test_each_distance_of_sizes_says_what_it_compares(packing, tmp_path):
     assert not row.note.endswith("grew")
     grown = {row.label: row for row in facts.details(dataclasses.replace(packing, provenance={**record, "growth": {}}))}
     assert grown["sizes, placed against drawn"].note.endswith(", before they grew")
-    write_report(dataclasses.replace(packing, provenance=record), tmp_path / "p.html", pictures=False)
+    save_report(dataclasses.replace(packing, provenance=record), tmp_path / "p.html", pictures=False)
     text = (tmp_path / "p.html").read_text()
     assert "Placed against requested: the largest difference, by number, between the share of the placed grains" in text
     assert "that of the requested distribution" in text

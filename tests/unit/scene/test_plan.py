@@ -178,7 +178,7 @@ def test_an_open_surface_that_is_not_asked_for_is_refused_as_in_the_run(tmp_path
     assert said[0].endswith("set repair = true in its [[shape]], or set surface = true where it is to stay open")
     path.write_text(text.replace('"sheet.stl"', '"sheet.stl"\nrepair = true'))
     for use in (vg.Scene.from_toml(path).plan, lambda: vg.Scene.from_toml(path).run(tmp_path / "mended")):
-        with pytest.raises(DirtyMeshError, match=r"with 'voxgran repair' and a larger --largest-hole, or set surface"):
+        with pytest.raises(DirtyMeshError, match=r"with 'voxgran repair' and a larger --max-hole, or set surface"):
             use()
     path.write_text(text.replace('"sheet.stl"', '"sheet.stl"\nsurface = true'))
     assert vg.Scene.from_toml(path).plan().grains == 3

@@ -6,7 +6,7 @@ import pyvista
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, MissingLibraryError
-from voxgran.shapes.images.image_files import read_image
+from voxgran.shapes.images.image_files import load_image
 
 IMAGE = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 
@@ -33,7 +33,7 @@ def write(path, suffix):
 def test_every_format_comes_in_alike(suffix, tmp_path):
     path = tmp_path / f"image{suffix}"
     write(path, suffix)
-    image = read_image(path)
+    image = load_image(path)
     np.testing.assert_array_equal(image.values, IMAGE)
     assert image.values.dtype == IMAGE.dtype
     if suffix in (".nrrd", ".vti"):
@@ -55,7 +55,7 @@ def test_what_is_cut_off_is_refused_in_one_line(suffix, share, tmp_path):
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
     with pytest.raises(FileFormatError) as caught:
-        read_image(path)
+        load_image(path)
     assert "\n" not in str(caught.value)
 
 
@@ -63,7 +63,7 @@ def test_points_of_a_vtk_image_stand_for_the_voxels_about_them(tmp_path):
     grid = pyvista.ImageData(dimensions=(3, 4, 5), spacing=(2, 2, 2))
     grid.point_data["labels"] = IMAGE.ravel(order="F")
     grid.save(tmp_path / "image.vti")
-    image = read_image(tmp_path / "image.vti")
+    image = load_image(tmp_path / "image.vti")
     np.testing.assert_array_equal(image.values, IMAGE)
     assert image.origin == (-1, -1, -1)
 
@@ -71,16 +71,16 @@ def test_points_of_a_vtk_image_stand_for_the_voxels_about_them(tmp_path):
 def test_of_several_arrays_one_is_chosen_by_its_key(tmp_path):
     np.savez(tmp_path / "image.npz", grey=IMAGE, labels=IMAGE + 1)
     with pytest.raises(FileFormatError, match="arrays grey, labels: say which"):
-        read_image(tmp_path / "image.npz")
+        load_image(tmp_path / "image.npz")
     with pytest.raises(FileFormatError, match="no array 'lables'"):
-        read_image(tmp_path / "image.npz", key="lables")
-    np.testing.assert_array_equal(read_image(tmp_path / "image.npz", key="labels").values, IMAGE + 1)
+        load_image(tmp_path / "image.npz", key="lables")
+    np.testing.assert_array_equal(load_image(tmp_path / "image.npz", key="labels").values, IMAGE + 1)
 
 
 def test_objects_are_not_unpickled(tmp_path):
     np.save(tmp_path / "image.npy", np.array([{"a": 1}]), allow_pickle=True)
     with pytest.raises(FileFormatError, match="cannot be read"):
-        read_image(tmp_path / "image.npy")
+        load_image(tmp_path / "image.npy")
 
 
 def test_a_missing_library_is_named_with_its_remedy(tmp_path, monkeypatch):
@@ -88,7 +88,7 @@ def test_a_missing_library_is_named_with_its_remedy(tmp_path, monkeypatch):
     (tmp_path / "nrrd.py").write_text("raise ImportError('not installed')\n")
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(MissingLibraryError, match=r"voxgran\[images\]"):
-        read_image(tmp_path / "image.nrrd")
+        load_image(tmp_path / "image.nrrd")
 
 
 def test_a_real_voxel_image_becomes_a_grain(data_dir):

@@ -276,11 +276,9 @@ def test_open_surfaces_are_refused(tmp_path):
         load_shape(path)
     # each remedy that a message names is one that its caller has
     assert load_shape(path, surface=True).is_open
-    with pytest.raises(
-        DirtyMeshError, match=r"; use vg\.repair with a larger largest_hole, or give surface=True where"
-    ):
+    with pytest.raises(DirtyMeshError, match=r"; use vg\.repair with a larger max_hole, or give surface=True where"):
         load_shape(path, repair=True)
-    assert not repair(path, largest_hole=1.0).shape.is_open
+    assert not repair(path, max_hole=1.0).shape.is_open
 
 
 def test_several_bodies_are_refused_with_what_chooses_among_them(tmp_path):

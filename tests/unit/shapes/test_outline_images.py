@@ -92,7 +92,7 @@ def test_outlines_pack_without_overlap():
         (np.full((8, 8), np.nan), {}, "not finite"),
         (np.eye(8), {"border": "cut"}, "border is 'cut'"),
         (np.eye(8), {"pixel_size": 0.0}, "pixel_size"),
-        (np.eye(8), {"least_area": -1.0}, "least_area"),
+        (np.eye(8), {"min_area": -1.0}, "min_area"),
         (np.ones((9, 1)), {}, "2 pixels"),
     ],
 )

@@ -62,7 +62,7 @@ def test_what_is_added_is_taken_away_again_exactly(rock):
 @pytest.mark.parametrize("gone", [[0], [0, 1], [0, 1, 2, 3]])
 def test_holes_in_flat_sides_are_closed_exactly(gone):
     vertices, faces = box()
-    found = repair(vertices, np.delete(faces, gone, axis=0), largest_hole=1.0)
+    found = repair(vertices, np.delete(faces, gone, axis=0), max_hole=1.0)
     assert found.shape.volume == pytest.approx(1.0, rel=1e-12)
     assert f"with {len(gone)} faces" in found.sentences[0]
 
@@ -86,7 +86,7 @@ def test_a_hole_of_many_edges_is_closed_from_its_middle():
     added, triangles = closed_loop(points, side, loop[0])
     assert added == pytest.approx(np.zeros((1, 3)), abs=1e-12)
     assert len(triangles) == 400
-    cone = repair(points, side, largest_hole=1.0).shape
+    cone = repair(points, side, max_hole=1.0).shape
     assert cone.volume == pytest.approx(400 * np.sin(np.pi / 200) / 2 / 3, rel=1e-12)
 
 
@@ -102,7 +102,7 @@ def test_the_least_area_closes_a_bent_hole_along_its_ridge():
 def test_a_wide_hole_is_refused_and_named(rock):
     vertices, faces, _ = rock
     with pytest.raises(
-        DirtyMeshError, match=r"1 holes, the widest .* closed up to 0\.25; raise largest_hole, or use Shape"
+        DirtyMeshError, match=r"1 holes, the widest .* closed up to 0\.25; raise max_hole, or use Shape"
     ):
         repair(vertices, faces[vertices[faces].mean(axis=1)[:, 2] < 0.0])
 
@@ -133,7 +133,7 @@ def test_a_solid_in_a_solid_is_one_and_a_cavity_stays():
     assert repair(*hollow).sentences == ()
     turned = repair(hollow[0], hollow[1][:, ::-1])
     assert turned.shape.volume == pytest.approx(1 - 0.125)
-    holed = repair(hollow[0], np.delete(hollow[1], [0], axis=0), largest_hole=1.0)
+    holed = repair(hollow[0], np.delete(hollow[1], [0], axis=0), max_hole=1.0)
     assert holed.shape.volume == pytest.approx(1 - 0.125)
 
 
@@ -175,8 +175,8 @@ def test_the_scanned_bunny_becomes_a_grain(data_dir):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"largest_hole": -1.0}, "largest_hole is -1"),
-        ({"largest_hole": np.nan}, "largest_hole is nan"),
+        ({"max_hole": -1.0}, "max_hole is -1"),
+        ({"max_hole": np.nan}, "max_hole is nan"),
         ({"bodies": "some"}, "bodies is 'some'"),
     ],
 )
@@ -205,7 +205,7 @@ def test_damage_to_a_convex_polyhedron_is_mended(seed, gone, turned):
     over = generator.choice(len(faces), turned, replace=False)
     faces[over] = faces[over, ::-1]
     faces = np.delete(faces, generator.choice(len(faces), gone, replace=False), axis=0)
-    found = repair(shape.vertices, faces, largest_hole=1.0)
+    found = repair(shape.vertices, faces, max_hole=1.0)
     assert diagnose(found.shape).ok
     # a hole of one or two faces of a convex body costs no more than the tetrahedron over it
     assert found.shape.volume <= shape.volume * (1 + 1e-12)

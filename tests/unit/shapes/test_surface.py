@@ -154,4 +154,4 @@ def test_a_surface_can_be_closed_by_repair():
     with pytest.raises(DirtyMeshError):
         vg.repair(cup)
     bowl = vg.make_shape("shell", opening=320)
-    assert vg.repair(bowl, largest_hole=1.0).shape.volume > 0
+    assert vg.repair(bowl, max_hole=1.0).shape.volume > 0

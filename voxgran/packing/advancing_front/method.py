@@ -173,7 +173,7 @@ def _grown(problem: Problem, packing: Packing) -> Packing:
     here = 0 if problem.start is None else problem.start.count
     drawn = problem.diameter[here:] * problem.unit_length
     missed = size_distance(drawn, packing.diameters[here:])
-    grown = grow(packing, most=asked.grow)
+    grown = grow(packing, max_factor=asked.grow)
     growth = {**grown.provenance["growth"], "gradation_missed_before": missed}
     return replace(grown, provenance={**grown.provenance, "growth": growth})
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, as_number
+from voxgran._base.calls import renamed
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import grain_pairs
 from voxgran.contacts.find import gaps_of_pairs
@@ -27,14 +28,15 @@ REACH, ROUNDS = 0.2, 400
 SLOW = 0.05
 
 
-def grow(packing: Packing, *, most: float = 2.0) -> Packing:
+@renamed(most="max_factor")
+def grow(packing: Packing, *, max_factor: float = 2.0) -> Packing:
     """Grow the grains of a packing about their centroids until each touches a neighbour or a wall.
 
     Parameters
     ----------
     packing : Packing
         Grains that do not overlap, such as shapes in the spheres of an advancing front.
-    most : float
+    max_factor : float
         Largest factor on the size of a grain, at least 1.
 
     Returns
@@ -64,11 +66,11 @@ def grow(packing: Packing, *, most: float = 2.0) -> Packing:
     [1.5, 1.5]
     """
     check_packing(packing, "packing")
-    limit = as_number(most, "most", at_least=1.0)
+    limit = as_number(max_factor, "max_factor", at_least=1.0)
     factor, touches = _factors(packing, limit)
     grown = replace(packing, scale=packing.scale * factor)
     report = {
-        "most": limit,
+        "max_factor": limit,
         "solid_fraction_before": packing.solid_fraction,
         "solid_fraction": grown.solid_fraction,
         "mean_factor": float(factor.mean()) if packing.count else 1.0,

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import as_positive
 from voxgran._base.config import parameter
-from voxgran.shapes.family import ShapeFamily
+from voxgran.shapes.family import ShapeFamily, round_radius
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 
@@ -15,7 +14,8 @@ from voxgran.shapes.primitive import Primitive
 class Sphere:
     """Parameters of a sphere."""
 
-    diameter: float = parameter(1.0, doc="diameter", unit="length")
+    diameter: float | None = parameter(None, doc="diameter; left out: 1", unit="length")
+    radius: float | None = parameter(None, doc="radius, in place of the diameter", unit="length")
 
 
 def make(parameters: Sphere, generator: np.random.Generator) -> Shape:
@@ -24,9 +24,9 @@ def make(parameters: Sphere, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If the diameter is not above 0.
+        If the diameter or the radius is not above 0, or both are given.
     """
-    radius = as_positive(parameters.diameter, "diameter") / 2
+    radius = round_radius(parameters.diameter, parameters.radius)
     return Shape.of(Primitive("sphere", (radius,)), name="sphere")
 
 

@@ -36,7 +36,7 @@ class Image:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-def read_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image:
+def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image:
     """Read an image of any known format.
 
     Parameters

@@ -21,7 +21,7 @@ from voxgran.lattice.census import Census, census
 from voxgran.lattice.cuberille import voxel_surface
 from voxgran.lattice.interfaces import fitted_surface
 from voxgran.lattice.surface import smooth_surface
-from voxgran.shapes.images.image_files import Image, read_image, voxel_sizes
+from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.bodies import split
 from voxgran.shapes.repairing.repair import repair
@@ -78,7 +78,7 @@ def load_labels(
     Parameters
     ----------
     source : path-like or (nx, ny, nz) ndarray of int
-        A file as :func:`voxgran.read_image` takes it, or labels with 0 for void; a memory map may be larger than the
+        A file as :func:`voxgran.load_image` takes it, or labels with 0 for void; a memory map may be larger than the
         memory.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; left out: as the file says.
@@ -192,7 +192,7 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any], key: str | None = No
         If it is of no known format, or damaged.
     """
     if isinstance(source, str | os.PathLike):
-        return read_image(source, key=key)
+        return load_image(source, key=key)
     return Image(np.asanyarray(source))
 
 

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, as_length, as_number
+from voxgran._base.calls import renamed
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
-from voxgran.shapes.images.image_files import read_image
+from voxgran.shapes.images.image_files import load_image
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 
@@ -17,12 +18,13 @@ from voxgran.shapes.outline import Outline
 STRAIGHT = 1e-9
 
 
+@renamed(least_area="min_area")
 def load_outlines(
     source: str | os.PathLike[str] | NDArray[Any],
     *,
     level: float | None = None,
     pixel_size: float = 1.0,
-    least_area: float = 9.0,
+    min_area: float = 9.0,
     border: str = "drop",
     key: str | None = None,
 ) -> list[Shape]:
@@ -34,14 +36,14 @@ def load_outlines(
     Parameters
     ----------
     source : path-like or (nx, ny) ndarray
-        A file as :func:`voxgran.read_image` takes it, ``.png`` and ``.tif`` pictures with y upward; or values,
+        A file as :func:`voxgran.load_image` takes it, ``.png`` and ``.tif`` pictures with y upward; or values,
         particles brighter than the level; of bool, or of labels (integers, 0 for void), each of which is traced by
         itself.
     level : float, optional
         Value at the boundary; left out: halfway between the smallest and the largest. Labels have none.
     pixel_size : float
         Edge of a pixel, in the unit of lengths.
-    least_area : float
+    min_area : float
         Particles of less area, in pixels, are left out as noise.
     border : {"drop", "keep"}
         What becomes of particles that touch the border of the image, where they are cut.
@@ -64,10 +66,10 @@ def load_outlines(
         range.
     """
     size = as_length(pixel_size, "pixel_size")
-    least = as_number(least_area, "least_area", at_least=0.0)
+    least = as_number(min_area, "min_area", at_least=0.0)
     if border not in ("drop", "keep"):
         raise InputError(f"border is {shown(border)}: particles there are kept or dropped; use 'drop' or 'keep'")
-    values = source if isinstance(source, np.ndarray) else read_image(source, key=key).values
+    values = source if isinstance(source, np.ndarray) else load_image(source, key=key).values
     values = np.asarray(values)
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[:, :, 0]
@@ -85,7 +87,7 @@ def load_outlines(
     ]
     if not found:
         raise InputError(
-            f"image of shape {values.shape} shows no closed particle of {least:g} pixels or more: lower least_area, "
+            f"image of shape {values.shape} shows no closed particle of {least:g} pixels or more: lower min_area, "
             "change level, or keep those at the border"
         )
     found.sort(key=lambda ring: (float(ring[:, 0].min()), float(ring[:, 1].min())))

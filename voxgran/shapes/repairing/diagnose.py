@@ -42,7 +42,7 @@ class Remedies:
     mend: str = "use vg.repair"
     keep_open: str = "use Shape.from_surface"
     choose: str = "use vg.repair with bodies='largest' or bodies='all'"
-    hole: str = "raise largest_hole"
+    hole: str = "raise max_hole"
 
     def of_opening(self, closing: str) -> str:
         """Return what closes an opening, and what keeps it open where that can be done."""

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points
+from voxgran._base.calls import renamed
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.shapes.boolean import united
 from voxgran.shapes.mesh_files import read_surface
@@ -71,11 +72,12 @@ class Repair:
         return self.volume / self.volume_before - 1 if self.volume_before else float("inf")
 
 
+@renamed(largest_hole="max_hole")
 def repair(
     vertices: ArrayLike | Any,
     faces: ArrayLike | None = None,
     *,
-    largest_hole: float = LARGEST_HOLE,
+    max_hole: float = LARGEST_HOLE,
     bodies: str = "refuse",
     name: str = "mesh",
     unit: str | None = None,
@@ -89,7 +91,7 @@ def repair(
         as it is and comes back unchanged.
     faces : (m, 3) array_like of int, optional
         Triangles; left out where the first argument is an object that has them.
-    largest_hole : float
+    max_hole : float
         How wide a hole may be to be closed, in diagonals of the bounding box.
     bodies : {"refuse", "largest", "all"}
         What becomes of a mesh that holds several solids.
@@ -119,7 +121,7 @@ def repair(
     --------
     >>> import voxgran as vg
     >>> cube = vg.make_shape("box", lengths=(1, 1, 1))
-    >>> mended = vg.repair(cube.vertices, cube.faces[1:], largest_hole=1.0)
+    >>> mended = vg.repair(cube.vertices, cube.faces[1:], max_hole=1.0)
     >>> mended.sentences
     ('closed 1 holes with 1 faces, the widest 0.82 of the size',)
     >>> round(mended.shape.volume, 12)
@@ -127,7 +129,7 @@ def repair(
     """
     source: Any = vertices
     as_choice(bodies, "bodies", BODIES)
-    as_number(largest_hole, "largest_hole", at_least=0.0)
+    as_number(max_hole, "max_hole", at_least=0.0)
     if isinstance(source, Shape) and not source.is_open:
         return Repair(shapes=(source,), sentences=(), volume_before=source.volume, volume=source.volume)
     if isinstance(source, str | os.PathLike):
@@ -136,7 +138,7 @@ def repair(
         if not hasattr(source, "vertices") or not hasattr(source, "faces"):
             raise InputError(f"faces is None and {type(source).__name__} has none: give vertices and faces, or a shape")
         source, faces = source.vertices, source.faces
-    return repaired(source, faces, largest_hole=largest_hole, bodies=bodies, name=name, unit=unit)
+    return repaired(source, faces, max_hole=max_hole, bodies=bodies, name=name, unit=unit)
 
 
 def repaired(
@@ -145,7 +147,7 @@ def repaired(
     *,
     name: str,
     unit: str | None = None,
-    largest_hole: float = LARGEST_HOLE,
+    max_hole: float = LARGEST_HOLE,
     bodies: str = "refuse",
     remedies: Remedies = IN_PYTHON,
 ) -> Repair:
@@ -153,7 +155,7 @@ def repaired(
 
     Parameters
     ----------
-    vertices, faces, name, unit, largest_hole, bodies
+    vertices, faces, name, unit, max_hole, bodies
         As :func:`repair`.
     remedies : Remedies
         What the reader of a message can do.
@@ -170,7 +172,7 @@ def repaired(
         If the mesh cannot be mended with certainty.
     """
     as_choice(bodies, "bodies", BODIES)
-    limit = as_number(largest_hole, "largest_hole", at_least=0.0)
+    limit = as_number(max_hole, "max_hole", at_least=0.0)
     given = as_points(vertices, "vertices")
     triangles = as_faces(np.asarray(faces), len(given))
     if not len(triangles):
@@ -199,7 +201,7 @@ class _Rules:
     """Name of the mesh, the widest hole that is closed, in diagonals, and what the reader of a message can do."""
 
     name: str
-    largest_hole: float
+    max_hole: float
     remedies: Remedies
 
 
@@ -239,10 +241,10 @@ def _closed(points: Floats, faces: Integers, rules: _Rules, done: list[str]) -> 
     size = _diagonal(points)
     loops = hole_loops(faces, len(points))
     wide = np.array([extent(points, loop) for loop in loops]) / size
-    if len(wide) and wide.max() > rules.largest_hole:
+    if len(wide) and wide.max() > rules.max_hole:
         raise DirtyMeshError(
             f"{rules.name} has {len(wide)} holes, the widest {wide.max():.3g} of its size: holes are closed up to "
-            f"{rules.largest_hole:g}; {rules.remedies.of_opening(rules.remedies.hole)}"
+            f"{rules.max_hole:g}; {rules.remedies.of_opening(rules.remedies.hole)}"
         )
     before = len(faces)
     for loop in loops:

@@ -1,0 +1,131 @@
+"""Public names: the table that `voxgran._base.names.lazy_names` reads, and the types that users get."""
+
+import os
+from collections.abc import Sequence
+from typing import Any, overload
+
+from numpy.typing import ArrayLike
+
+from voxgran import clumps as clumps
+from voxgran import containers as containers
+from voxgran import shapes as shapes
+from voxgran._base.chosen import Parameters
+from voxgran._base.errors import VoxgranError as VoxgranError
+from voxgran._base.progress import OnStep
+from voxgran.clumps.fit import clump_methods as clump_methods
+from voxgran.clumps.fit import fit_clump as fit_clump
+from voxgran.contacts.verify import verify as verify
+from voxgran.containers.box import Box as Box
+from voxgran.containers.closed_mesh import ClosedMesh as ClosedMesh
+from voxgran.containers.cylinder import Cylinder as Cylinder
+from voxgran.containers.make import make_container as make_container
+from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle as Rectangle
+from voxgran.containers.sphere import Sphere as Sphere
+from voxgran.deformation.deform import deform as deform
+from voxgran.io.cloud_files import load_cloud as load_cloud
+from voxgran.io.cloud_files import save_cloud as save_cloud
+from voxgran.io.deformed_files import save_deformed as save_deformed
+from voxgran.io.files import load as load
+from voxgran.io.files import save as save
+from voxgran.io.image import save_image as save_image
+from voxgran.io.image import to_image as to_image
+from voxgran.io.netcdf import load_statistics as load_statistics
+from voxgran.io.netcdf import save_statistics as save_statistics
+from voxgran.io.series import Series as Series
+from voxgran.io.vtk_files import save_scene as save_scene
+from voxgran.lattice.distance import distance_transform as distance_transform
+from voxgran.lattice.label import connected_components as connected_components
+from voxgran.lattice.morphology import closing as closing
+from voxgran.lattice.morphology import dilation as dilation
+from voxgran.lattice.morphology import erosion as erosion
+from voxgran.lattice.morphology import opening as opening
+from voxgran.lattice.resample import crop as crop
+from voxgran.lattice.resample import resample as resample
+from voxgran.lattice.segment import segment as segment
+from voxgran.lattice.surface import iso_surface as iso_surface
+from voxgran.lattice.thickness import local_thickness as local_thickness
+from voxgran.measures.model import measure as measure
+from voxgran.measures.registered.density import window_solid_fraction as window_solid_fraction
+from voxgran.packing import methods as methods
+from voxgran.packing.driver import Recorder
+from voxgran.packing.method import packing_methods as packing_methods
+from voxgran.packing.model import Packing as Packing
+from voxgran.packing.transform.from_labels import packing_of_labels as packing_of_labels
+from voxgran.packing.transform.grow import grow as grow
+from voxgran.packing.transform.inscribe import inscribe as inscribe
+from voxgran.points.cloud import Cloud as Cloud
+from voxgran.points.cloud_surface import shape_of_cloud as shape_of_cloud
+from voxgran.points.register import register_clouds as register_clouds
+from voxgran.points.sample import sample_surface as sample_surface
+from voxgran.report.compare import save_comparison as save_comparison
+from voxgran.report.page import save_report as save_report
+from voxgran.report.plot import plot as plot
+from voxgran.report.turntable import save_turntable as save_turntable
+from voxgran.scene.scene import Scene as Scene
+from voxgran.shapes import families as families
+from voxgran.shapes import sizes as sizes
+from voxgran.shapes.family import make_shape as make_shape
+from voxgran.shapes.family import shape_families as shape_families
+from voxgran.shapes.files import load_shape as load_shape
+from voxgran.shapes.files import save_shape as save_shape
+from voxgran.shapes.images.image_files import load_image as load_image
+from voxgran.shapes.images.labels import label_table as label_table
+from voxgran.shapes.images.labels import load_labels as load_labels
+from voxgran.shapes.images.outline_images import load_outlines as load_outlines
+from voxgran.shapes.model import Shape as Shape
+from voxgran.shapes.repairing.diagnose import diagnose as diagnose
+from voxgran.shapes.repairing.repair import repair as repair
+from voxgran.shapes.size_laws import SizeDistribution
+from voxgran.voxels.occupy import voxelize as voxelize
+from voxgran.voxels.open_mesh import voxelize_mesh as voxelize_mesh
+from voxgran.voxels.signed_distance import signed_distance as signed_distance
+
+# from voxgran.packing.pack import pack as pack  # noqa: ERA001
+
+__version__: str
+__all__: list[str]
+
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Parameters,
+    *,
+    count: int | None = None,
+    solid_fraction: float | None = None,
+    sizes: SizeDistribution | None = None,
+    weights: ArrayLike | None = None,
+    weights_by: str = "number",
+    seed: int = 0,
+    start: Packing | None = None,
+    unit: str | None = None,
+    density: float | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    time_limit: float | None = None,
+    on_step: OnStep | None = None,
+    recorder: Recorder | None = None,
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: str,
+    *,
+    count: int | None = None,
+    solid_fraction: float | None = None,
+    sizes: SizeDistribution | None = None,
+    weights: ArrayLike | None = None,
+    weights_by: str = "number",
+    seed: int = 0,
+    start: Packing | None = None,
+    unit: str | None = None,
+    density: float | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    time_limit: float | None = None,
+    on_step: OnStep | None = None,
+    recorder: Recorder | None = None,
+    **parameters: Any,
+) -> Packing: ...

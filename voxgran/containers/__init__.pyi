@@ -1,0 +1,6 @@
+from voxgran.containers.box import Box as Box
+from voxgran.containers.closed_mesh import ClosedMesh as ClosedMesh
+from voxgran.containers.cylinder import Cylinder as Cylinder
+from voxgran.containers.make import make_container as make_container
+from voxgran.containers.rectangle import Rectangle as Rectangle
+from voxgran.containers.sphere import Sphere as Sphere

@@ -1,0 +1,13 @@
+from voxgran.shapes.families.box import Box as Box
+from voxgran.shapes.families.cone import Cone as Cone
+from voxgran.shapes.families.convex_polyhedron import ConvexPolyhedron as ConvexPolyhedron
+from voxgran.shapes.families.cylinder import Cylinder as Cylinder
+from voxgran.shapes.families.disk import Disk as Disk
+from voxgran.shapes.families.ellipsoid import Ellipsoid as Ellipsoid
+from voxgran.shapes.families.platonic import Platonic as Platonic
+from voxgran.shapes.families.polygon import Polygon as Polygon
+from voxgran.shapes.families.random_surface import RandomSurface as RandomSurface
+from voxgran.shapes.families.sheet import Sheet as Sheet
+from voxgran.shapes.families.shell import Shell as Shell
+from voxgran.shapes.families.solid_union import SolidUnion as SolidUnion
+from voxgran.shapes.families.sphere import Sphere as Sphere
