@@ -12,18 +12,18 @@ from voxgran.packing.digital.walk_method import registration as digital
 CASES = {
     "spheres": ("sphere", {}, vg.Box((5, 5, 6)), {"orientations": 1}),
     "boxes, periodic": (
-        "box", {"lengths": (1, 0.8, 0.6)}, vg.Box((6, 5, 6), periodic=(True, True, False)), {"orientations": 3},
+        "box", {"lengths": (1, 0.8, 0.6)}, vg.Box((6, 5, 6), periodic=(True, True, False)), {"orientations": 24},
     ),
     "cones without gravity": (
         "cone", {}, vg.Box((6, 7, 6), periodic=(True, False, False)),
-        {"orientations": 3, "gravity": "none", "feed": "at_once"},
+        {"orientations": 24, "gravity": "none", "feed": "at_once"},
     ),
     "sleeping disks": ("disk", {}, vg.Rectangle((7, 9), "x"), {"schedule": "sleeping"}),
     "few cells": ("sphere", {}, vg.Box((2.4, 2.6, 9)), {"orientations": 1, "schedule": "sorted"}),
 }  # fmt: skip
 
 
-def walked(case, attempts=(30_000,)):
+def walked(case, attempts=(12_000,)):
     name, shape, container, options = CASES[case]
     shape = vg.make_shape(name, **shape)
     task = kit.task_of("digital", shape, container, count=24, seed=3, **{"voxel_size": 1 / 8, **options})
@@ -47,7 +47,7 @@ def test_walk_is_that_by_columns(case, monkeypatch):
     monkeypatch.setattr(digital_setting, "TABLE_VOXELS", 0)
     monkeypatch.setattr(digital_setting, "TABLE_BYTES", 2**31)
     pairs_read = set()
-    for attempts in ((30_000,), (7001, 1, 22_998)):
+    for attempts in ((12_000,), (3001, 1, 8998)):
         tables = walked(case, attempts)
         assert len(tables.derived["pairs"].at)
         assert not len(tables.derived["words"])
@@ -57,7 +57,7 @@ def test_walk_is_that_by_columns(case, monkeypatch):
         pairs_read.add(tables.counters["pairs_read"])
     # whether the cells were made again or not
     assert len(pairs_read) == 1
-    assert columns.counters["moves_accepted"] > 1000
+    assert columns.counters["moves_accepted"] > 400
 
 
 @pytest.mark.parametrize(
