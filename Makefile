@@ -2,26 +2,28 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ok
+# processes of the tests; more of them compile more kernels twice where the cache of kernels is empty
+WORKERS ?= 2
+# the environment of the lowest versions, and what is tested there: a file or folder of each library
+LOWEST ?= .venv-lowest
+QUICK := $(addprefix tests/unit/,_base lattice containers io measures points clumps/test_fit.py shapes/test_families.py \
+  shapes/test_image_files.py report/test_figures.py packing/test_digital.py packing/test_verify.py test_cli.py)
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-packing test-others test-slow lint bench figures clean
+.PHONY: demo test test-slow test-lowest lint bench figures clean
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
 
-test: $(STAMP)   ## the tests, without those marked slow, in two processes
-	$(MAKE) --no-print-directory --output-sync=target --jobs=2 test-packing test-others
-
-# the two halves of test, about as long; it is test that makes the environment
-test-packing:
-	$(BIN)/python -m pytest -m "not slow" tests/unit/packing tests/methods
-
-test-others:
-	$(BIN)/python -m pytest -m "not slow" --ignore=tests/unit/packing --ignore=tests/methods
+test: $(STAMP)   ## the tests, without those marked slow, file by file in WORKERS processes
+	$(BIN)/python -m pytest -m "not slow" --numprocesses=$(WORKERS) --dist=loadfile
 
 test-slow: $(STAMP)   ## the tests marked slow, with many more random examples
 	$(BIN)/python -m pytest -m slow --hypothesis-profile=thorough
+
+test-lowest: $(LOWEST)/.ok   ## a quick part of the tests on the lowest versions that pyproject.toml declares
+	$(LOWEST)/bin/python -m pytest -m "not slow" $(QUICK)
 
 lint: $(STAMP)   ## style, format and types
 	$(BIN)/ruff check
@@ -56,3 +58,10 @@ clean:   ## remove what the targets above made, except the environment
 
 $(STAMP): pyproject.toml tools/bootstrap.sh
 	tools/bootstrap.sh $(VENV)
+
+$(LOWEST)/.ok: pyproject.toml tools/lowest.py | $(STAMP)
+	$(BIN)/python -m venv --clear $(LOWEST)
+	$(BIN)/python tools/lowest.py dev images > $(LOWEST)/constraints.txt
+	$(LOWEST)/bin/python -m pip install --quiet --no-compile --disable-pip-version-check \
+	  --constraint $(LOWEST)/constraints.txt --editable '.[images]' pytest hypothesis
+	touch $@

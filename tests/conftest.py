@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+import voxgran as vg
+
 settings.register_profile("fast", max_examples=25, deadline=None)
 settings.register_profile("ci", settings.get_profile("fast"), derandomize=True)
 settings.register_profile("thorough", max_examples=500, deadline=None)
@@ -16,3 +18,9 @@ settings.load_profile("ci" if os.environ.get("CI") else "fast")
 def data_dir():
     """Return the folder of the scans that the project ships."""
     return Path(__file__).parents[1] / "data"
+
+
+@pytest.fixture(scope="session")
+def eros(data_dir):
+    """Return the scan of Eros."""
+    return vg.load_shape(data_dir / "eros.obj")

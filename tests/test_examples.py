@@ -6,15 +6,15 @@ import importlib
 import json
 import re
 import runpy
-import tomllib
 from pathlib import Path
 
 import pytest
+from kit import references
 
 import voxgran as vg
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-CHU = tomllib.loads((Path(__file__).parent / "reference" / "references.toml").read_text())["chu_rsa_2d"]
+CHU = references("chu_rsa_2d")
 
 # small scenes have no bulk to speak of, which is said in a warning
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")

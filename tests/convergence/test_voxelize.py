@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from kit import mesh_box
 
 import voxgran as vg
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.tessellate import unit_box
 from voxgran.voxels.occupy import voxelize
 
 RESOLUTIONS = np.array([8, 16, 32, 64])
@@ -29,14 +29,9 @@ def order(errors):
     return -np.polyfit(np.log(RESOLUTIONS), np.log(errors), 1)[0]
 
 
-def meshed_box(lengths):
-    vertices, faces, _ = unit_box()
-    return Shape.from_mesh(vertices * np.array(lengths), faces, name="box")
-
-
 def test_centers_converge_with_order_2_in_random_poses(data_dir):
     turns = random_rotations(stream(10, "poses"), 12)
-    for shape in (meshed_box([1.0, 0.8, 0.6]), vg.load_shape(data_dir / "bennu_lp.obj")):
+    for shape in (mesh_box([1.0, 0.8, 0.6]), vg.load_shape(data_dir / "bennu_lp.obj")):
         assert 1.7 < order(rms_errors(shape, turns)) < 2.5
 
 
@@ -53,7 +48,7 @@ def test_faces_along_the_lattice_converge_with_order_1_only():
         found = []
         for extra in np.linspace(0.05, 0.95, 10):
             length = 1 + extra / resolution
-            box = meshed_box([length, 1.0, 1.0])
+            box = mesh_box([length, 1.0, 1.0])
             found.append(voxelize(box, voxel_size=1 / resolution).volume / length - 1)
         errors.append(np.sqrt(np.mean(np.square(found))))
     assert 0.9 < order(np.array(errors)) < 1.1
@@ -62,7 +57,7 @@ def test_faces_along_the_lattice_converge_with_order_1_only():
 @pytest.mark.parametrize("resolution", [8, 16, 32])
 def test_touched_voxels_exceed_the_volume_by_half_a_layer_or_more(resolution):
     # Steiner: a cube meets the solid where the solid meets the cube about its middle
-    box = meshed_box([1.0, 0.8, 0.6])
+    box = mesh_box([1.0, 0.8, 0.6])
     size = box.diameter / resolution
     turn = random_rotations(stream(10, "poses"), 1)[0]
     excess = voxelize(box.rotated(turn), voxel_size=size, cover="touch").volume / box.volume - 1

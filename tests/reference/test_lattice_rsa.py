@@ -1,18 +1,17 @@
 """Random sequential addition on lattices to exact saturation, against published and measured coverages."""
 
 import math
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
+from kit import references
 
 import voxgran as vg
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 
-VALUES = tomllib.loads((Path(__file__).parent / "references.toml").read_text())["rsa_lattice"]
+VALUES = references("rsa_lattice")
 
 
 def coverages(shape, container, runs, **parameters):

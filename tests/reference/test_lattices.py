@@ -2,11 +2,10 @@
 
 import itertools
 import math
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
+from kit import references
 
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
@@ -19,7 +18,7 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 
-LATTICES = tomllib.loads((Path(__file__).parent / "references.toml").read_text())["lattice"]
+LATTICES = references("lattice")
 EDGES = {"fcc": math.sqrt(2), "bcc": 2 / math.sqrt(3), "simple_cubic": 1.0}
 BASES = {
     "fcc": [(0, 0, 0), (0, 0.5, 0.5), (0.5, 0, 0.5), (0.5, 0.5, 0)],

@@ -1,15 +1,14 @@
 """Random sequential addition to saturation in continuous space, against published solid fractions."""
 
 import math
-import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
+from kit import references
 
 import voxgran as vg
 
-VALUES = tomllib.loads((Path(__file__).parent / "references.toml").read_text())["rsa_saturation"]
+VALUES = references("rsa_saturation")
 SQUARE = {"vertices": ((0, 0), (1, 0), (1, 1), (0, 1))}
 
 

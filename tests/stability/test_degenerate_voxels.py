@@ -2,34 +2,18 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull, Delaunay
+from kit import fixed_shape, hull
+from scipy.spatial import Delaunay
 
 from voxgran._base.rotation import lattice_rotations
 from voxgran._base.seeds import stream
 from voxgran.lattice.grid import Grid
-from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import unit_box
 from voxgran.voxels.occupy import BACKENDS, voxelize
 
 N = 32
 GRID = Grid((0.0, 0.0, 0.0), 1.0, (N, N, N))
 CENTERS = GRID.coordinates(np.argwhere(np.ones(GRID.shape)))
-
-
-def shape_of(vertices, faces):
-    """Return a shape that stays where it is: its frame is that of the lattice."""
-    return Shape(Mesh(np.ascontiguousarray(vertices, dtype=float), np.ascontiguousarray(faces)), "body")
-
-
-def hull(points):
-    """Return vertices and outward faces of a convex hull, and its half-spaces."""
-    found = ConvexHull(points)
-    corners = points[found.simplices]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = np.einsum("fi,fi->f", normals, found.equations[:, :3]) < 0
-    faces = np.where(inward[:, None], found.simplices[:, ::-1], found.simplices)
-    return points, faces.astype(np.int64), found.equations
 
 
 def wrong_voxels(mask, equations, tolerance=1e-9):
@@ -72,7 +56,7 @@ def test_no_voxel_is_wrong(backend, name, place):
     turns = lattice_rotations()[:: 7 if backend != "scanline" or name == "fine sphere" else 1]
     for turn in turns:
         vertices, faces, equations = hull(BODIES[name] @ turn.T + place)
-        mask = voxelize(shape_of(vertices, faces), grid=GRID, backend=backend).mask
+        mask = voxelize(fixed_shape(vertices, faces), grid=GRID, backend=backend).mask
         assert wrong_voxels(mask, equations) == 0
 
 
@@ -97,13 +81,13 @@ def test_tori_in_all_poses_along_the_lattice():
     for turn in lattice_rotations():
         for center in (np.full(3, 16.5), np.array([16.0, 16.5, 16.0])):
             vertices, faces, height = torus(center, turn)
-            mask = voxelize(shape_of(vertices, faces), grid=GRID).mask
+            mask = voxelize(fixed_shape(vertices, faces), grid=GRID).mask
             gap = height(CENTERS)
             # facets lie up to 0.06 below the true torus
             assert mask.ravel()[gap < -0.1].all()
             assert not mask.ravel()[gap > 1e-9].any()
             # and exactly: another backend, which shares no code
-            other = voxelize(shape_of(vertices, faces), grid=GRID, backend="open3d").mask
+            other = voxelize(fixed_shape(vertices, faces), grid=GRID, backend="open3d").mask
             assert np.array_equal(mask, other)
 
 
@@ -113,7 +97,7 @@ def test_27_boxes_share_no_voxel(backend):
     total = np.zeros(GRID.shape, dtype=int)
     for place in np.ndindex(3, 3, 3):
         vertices = (box + 0.5 + np.array(place)) * 9 + 2.5
-        total += voxelize(shape_of(vertices, faces), grid=GRID, backend=backend).mask
+        total += voxelize(fixed_shape(vertices, faces), grid=GRID, backend=backend).mask
     assert total.max() == 1
     assert total.sum() == 27**3
     assert total[2:29, 2:29, 2:29].min() == 1
@@ -132,7 +116,7 @@ def test_tetrahedra_with_all_vertices_on_centers_partition_space():
         faces = np.array([[a, c, b], [a, b, d], [a, d, c], [b, c, d]])
         own, local = np.unique(faces, return_inverse=True)
         local = local.reshape(4, 3) if six > 0 else local.reshape(4, 3)[:, ::-1]
-        total += voxelize(shape_of(points[own], local), grid=GRID).mask
+        total += voxelize(fixed_shape(points[own], local), grid=GRID).mask
     # the hull goes from center to center: the last layer on the upper side is out
     assert total[:-1, :-1, :-1].min() == total.max() == 1
     assert total.sum() == (N - 1) ** 3

@@ -3,13 +3,13 @@
 import subprocess
 import sys
 
+import kit
 import numpy as np
 import pytest
 
 import voxgran as vg
 from voxgran.packing.digital.precompute import setting_of
 from voxgran.packing.digital.walk_method import registration as digital
-from voxgran.packing.pack import prepare_task
 
 LARGE = """
 import resource
@@ -33,12 +33,9 @@ print(packing.count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
     ids=["small", "tall"],
 )
 def test_occupancy_after_a_million_moves_is_that_of_the_poses(shape, container, voxel_size):
-    task = prepare_task(
-        [shape], container, method="digital", count=20, solid_fraction=None, sizes=None, weights=None,
-        weights_by="number", seed=1,
-        parameters={
-            "voxel_size": voxel_size, "gravity": "none", "feed": "at_once", "sweeps": 10**9, "orientations": 24,
-        },
+    task = kit.task_of(
+        *("digital", shape, container), count=20, seed=1,
+        voxel_size=voxel_size, gravity="none", feed="at_once", sweeps=10**9, orientations=24,
     )  # fmt: skip
     state = digital.prepare(task.problem)
     wanted = 1_000_000 if voxel_size > 0.05 else 20_000

@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from kit import fixed_shape
 from scipy.spatial import ConvexHull
 
 import voxgran as vg
@@ -12,15 +13,10 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.lattice.grid import Grid
-from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import unit_box
 from voxgran.shapes.winding import winding_numbers
 from voxgran.voxels.occupy import voxelize
-
-
-def shape_of(vertices, faces):
-    return Shape(Mesh(np.ascontiguousarray(vertices, dtype=float), np.ascontiguousarray(faces)), "body")
 
 
 def pillow(thickness):
@@ -42,7 +38,7 @@ def test_slivers_and_triangles_of_no_area(thickness, turn):
     plain, sides, _ = unit_box()
     matrix = np.eye(3) if turn is None else rotation_matrices(random_rotations(stream(1, "turn"), 2))[turn]
     grid = Grid((-1.0, -1.0, -1.0), 1 / 16, (32, 32, 32))
-    body, box = shape_of(vertices @ matrix.T, faces), shape_of(plain @ matrix.T, sides)
+    body, box = fixed_shape(vertices @ matrix.T, faces), fixed_shape(plain @ matrix.T, sides)
     found, expected = voxelize(body, grid=grid, fraction=True), voxelize(box, grid=grid, fraction=True)
     assert np.array_equal(found.mask, expected.mask)
     assert np.abs(found.fraction - expected.fraction).max() < 1e-12
@@ -58,7 +54,7 @@ def test_far_away_only_the_digits_of_the_coordinates_are_lost(far, data_dir):
     grid = Grid((-600.0, -600.0, -600.0), 25.0, (48, 48, 48))
     away = Grid(tuple(float(value) for value in place - 600.0), 25.0, grid.shape)
     near = voxelize(scan, grid=grid, fraction=True)
-    moved = voxelize(shape_of(scan.vertices + place, scan.faces), grid=away, fraction=True)
+    moved = voxelize(fixed_shape(scan.vertices + place, scan.faces), grid=away, fraction=True)
     assert np.count_nonzero(near.mask != moved.mask) <= 2
     assert np.abs(near.fraction - moved.fraction).max() < 1e-15 * far
     assert moved.volume == pytest.approx(scan.volume, rel=1e-15 * far)
@@ -85,7 +81,7 @@ def test_half_a_million_triangles():
     low, behind = k[:, -1], np.roll(k[:, -1], -1)
     n = len(ring)
     caps = [np.column_stack([np.full(500, n), top, after]), np.column_stack([np.full(500, n + 1), behind, low])]
-    body = shape_of(np.concatenate([ring, [[0, 0, 1.0], [0, 0, -1]]]), np.concatenate([sides, *caps]))
+    body = fixed_shape(np.concatenate([ring, [[0, 0, 1.0], [0, 0, -1]]]), np.concatenate([sides, *caps]))
     assert len(body.faces) == 499_000
     for resolution in (1, 64):
         voxels = voxelize(body, voxel_size=2.0 / resolution, fraction=True)
@@ -99,7 +95,7 @@ def test_half_a_million_triangles():
 def test_one_triangle_covers_the_lattice():
     # a large tetrahedron whose slanted face runs through the whole lattice
     corners = np.concatenate([np.zeros((1, 3)), 90 * np.eye(3)]) - 20.3
-    body = shape_of(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    body = fixed_shape(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     grid = Grid((0.0, 0.0, 0.0), 1.0, (20, 20, 20))
     voxels = voxelize(body, grid=grid, fraction=True)
     level = grid.coordinates(np.argwhere(np.ones(grid.shape))).sum(axis=1)

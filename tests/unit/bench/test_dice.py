@@ -1,15 +1,11 @@
-import tomllib
-from pathlib import Path
-
 import pytest
+from kit import references
 
 from voxgran.bench.tradeoffs.dice import PUBLISHED, Bed, measure_bed, write_beds
 
-REFERENCES = Path(__file__).parents[2] / "reference" / "references.toml"
-
 
 def test_published_values_are_those_of_the_references():
-    values = tomllib.loads(REFERENCES.read_text())["non_spherical"]
+    values = references("non_spherical")
     loose, shaken = values["platonic_dice_loose"], values["platonic_dice_shaken"]
     for solid, found in PUBLISHED.items():
         short = solid.removesuffix("hedron")

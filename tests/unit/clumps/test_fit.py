@@ -17,11 +17,6 @@ from voxgran.voxels.occupy import voxelize
 
 
 @pytest.fixture(scope="module")
-def eros(data_dir):
-    return vg.load_shape(data_dir / "eros.obj")
-
-
-@pytest.fixture(scope="module")
 def fifty(eros):
     return fit_clump(eros, max_spheres=50)
 

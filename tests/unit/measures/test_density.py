@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import lattice
 
 from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import stream
@@ -29,8 +30,7 @@ DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
 
 def stacked(shape, counts, container, **more):
     """Return grains of diameter 1 side by side from the origin on."""
-    axes = [np.arange(n) + 0.5 for n in counts]
-    position = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(counts))
+    position = lattice(*counts)
     if len(counts) == 2:
         position = np.column_stack([position, np.zeros(len(position))])
     return Packing.of([shape], container, position=position, **more)

@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 import xarray
+from kit import lattice
 
 from voxgran._base.errors import PackingWarning, UnknownNameError
 from voxgran.containers.box import Box
@@ -24,7 +25,7 @@ ALL = ("contacts", "coordination", "density", "gradation", "grains", "profile", 
 
 def some(count=60, **more):
     """Return spheres side by side in a periodic box."""
-    position = np.stack(np.meshgrid(*[np.arange(4) + 0.5] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:count]
+    position = lattice(4, 4, 4)[:count]
     return Packing.of([BALL], Box((4, 4, 4), periodic="xyz"), position=position, **more)
 
 

@@ -5,6 +5,7 @@ import heapq
 import itertools
 import math
 
+import kit
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, cKDTree
@@ -410,19 +411,8 @@ def test_chunks_do_not_matter_where_walls_stand_in():
 def test_the_pockets_of_a_start_are_listed_with_looks_between():
     """Spheres of a start are many that come at once; a stop among them changes nothing."""
     start = pack(SPHERE, vg.Box((6, 6, 6)), count=100)
-    task = prepare_task(
-        [SPHERE],
-        vg.Box((6, 6, 9)),
-        method="advancing_front",
-        count=40,
-        solid_fraction=None,
-        sizes=None,
-        weights=None,
-        weights_by="number",
-        seed=1,
-        start=start,
-        parameters={"mode": "dense"},
-    )
+    asked = {"count": 40, "seed": 1, "start": start, "mode": "dense"}
+    task = kit.task_of("advancing_front", SPHERE, vg.Box((6, 6, 9)), **asked)
     runs, looks = [], []
 
     def is_time():

@@ -3,6 +3,7 @@
 import json
 import math
 
+import kit
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -12,7 +13,6 @@ from voxgran._base.errors import InputError
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran.contacts.triangles import nearest_points
 from voxgran.packing.control_point.precompute import KEPT, WAY
-from voxgran.packing.pack import prepare_task
 from voxgran.points.control import edge_points, sample_controls
 
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
@@ -84,10 +84,7 @@ def test_longer_steps_would():
 def test_no_move_of_a_walk_leads_through_a_surface():
     """Each accepted move of a crowded bed, with the longest steps, led straight from pose to pose past all others."""
     settings = {"contact": "points", "spacing": 0.25, "step": 10.0, "feed": "at_once", "gravity": "none"}
-    task = prepare_task(
-        SHEETS, vg.Box((2.1, 2.1, 2.1)), method="control_point", count=6, solid_fraction=None, sizes=None,
-        weights=None, weights_by="number", seed=5, parameters=settings,
-    )  # fmt: skip
+    task = kit.task_of("control_point", SHEETS, vg.Box((2.1, 2.1, 2.1)), count=6, seed=5, **settings)
     method, problem, moved = task.method, task.problem, 0
     state = method.advance(problem, method.prepare(problem), 3000)
     assert state.counters["placed"] == 6

@@ -2,7 +2,9 @@
 
 import dataclasses
 import signal
+from functools import partial
 
+import kit
 import numpy as np
 import pytest
 from scipy.ndimage import map_coordinates
@@ -21,24 +23,10 @@ from voxgran.packing.control_point.records import Bed
 from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.sdf_contact import meets_field
 from voxgran.packing.driver import Drive, drive
-from voxgran.packing.pack import prepare_task
 from voxgran.points.control import inner_points
 from voxgran.shapes.curvature import largest_curvature
 
-
-def task_of(shapes, container, *, count=8, seed=0, sizes=None, **parameters):
-    return prepare_task(
-        shapes,
-        container,
-        method="control_point",
-        count=count,
-        solid_fraction=None,
-        sizes=sizes,
-        weights=None,
-        weights_by="number",
-        seed=seed,
-        parameters=parameters,
-    )
+task_of = partial(kit.task_of, "control_point", count=8)
 
 
 def kept_of(problem, setting):
@@ -187,16 +175,16 @@ def test_walk_is_that_of_a_plain_program(contact, points):
     ids=str,
 )  # fmt: skip
 def test_what_is_remembered_changes_nothing(options):
-    """A run that forgets all comparisons every 150 attempts, as a resumed one does, gives the same bits."""
+    """A run that forgets all comparisons every 250 attempts, as a resumed one does, gives the same bits."""
     shapes = [vg.make_shape("solid_union", seed=2), vg.make_shape("box", aspect=(2, 1, 0.6)), vg.make_shape("sphere")]
     box, keywords = vg.Box((3, 3, 5), (True, True, False)), {"count": 14, "spacing": 0.25, "sweeps": 300, "cycles": 2}
     keywords |= options
     kept, forgot = (task_of(shapes, box, **keywords).problem for _ in range(2))
     one, two = control_point.prepare(kept), control_point.prepare(forgot)
-    one = control_point.advance(kept, one, 6000)
-    for _ in range(40):
+    one = control_point.advance(kept, one, 4000)
+    for _ in range(16):
         two.derived = {}
-        two = control_point.advance(forgot, two, 150)
+        two = control_point.advance(forgot, two, 250)
     assert one.counters == two.counters
     for name, array in one.arrays.items():
         assert two.arrays[name].tobytes() == array.tobytes()

@@ -2,7 +2,9 @@
 
 import itertools
 import signal
+from functools import partial
 
+import kit
 import numpy as np
 import pytest
 
@@ -11,22 +13,8 @@ from voxgran._base.errors import CheckpointError, InputError, Interrupted, Packi
 from voxgran._base.seeds import philox_key
 from voxgran.packing.digital.walk_method import registration as digital
 from voxgran.packing.driver import Drive, drive
-from voxgran.packing.pack import prepare_task
 
-
-def task_of(shapes, container, *, count=8, seed=0, **parameters):
-    return prepare_task(
-        shapes,
-        container,
-        method="digital",
-        count=count,
-        solid_fraction=None,
-        sizes=None,
-        weights=None,
-        weights_by="number",
-        seed=seed,
-        parameters=parameters,
-    )
+task_of = partial(kit.task_of, "digital", count=8)
 
 
 def plain_walk(masks, sites, shape, order, *, key, first, last):

@@ -1,5 +1,6 @@
 """What a walk does not look at: sleeping grains, the inside of grains, and all that is far away."""
 
+import kit
 import numpy as np
 from scipy.ndimage import binary_dilation, binary_erosion
 
@@ -9,17 +10,13 @@ from voxgran.packing.digital import precompute as digital_setting
 from voxgran.packing.digital.bit_columns import pack_columns
 from voxgran.packing.digital.precompute import setting_of
 from voxgran.packing.digital.walk_method import registration as digital
-from voxgran.packing.pack import prepare_task
 
 
 def counted(many, cells, *, each=60, **options):
     """Return the counters of a bed after `each` attempts per grain; `many` grains on each side of its floor."""
     box = vg.Box((1.6 * many, 1.6 * many, 4), periodic=(True, True, False))
     parameters = {"voxel_size": 1 / cells, "orientations": 1, "feed": "at_once", "turns": 0.0, **options}
-    task = prepare_task(
-        [vg.make_shape("sphere")], box, method="digital", count=2 * many * many, solid_fraction=None, sizes=None,
-        weights=None, weights_by="number", seed=1, parameters=parameters,
-    )  # fmt: skip
+    task = kit.task_of("digital", vg.make_shape("sphere"), box, count=2 * many * many, seed=1, **parameters)
     state = digital.prepare(task.problem)
     return digital.advance(task.problem, state, each * task.problem.count).counters
 
@@ -61,10 +58,8 @@ def test_tables_are_read_of_near_pairs_and_no_more_in_a_larger_scene(monkeypatch
 def walking(*, tables=False, wide=4, **options):
     """Return a bed in its walk, with all grains in."""
     parameters = {"voxel_size": 1 / 8, "sweeps": 400, "turns": 0.0, "rate": 0.5, "orientations": 1, **options}
-    task = prepare_task(
-        [vg.make_shape("box", lengths=(1.0, 0.8, 0.6))], vg.Box((wide, wide, wide + 1)), method="digital", count=30,
-        solid_fraction=None, sizes=None, weights=None, weights_by="number", seed=2, parameters=parameters,
-    )  # fmt: skip
+    shape, box = vg.make_shape("box", lengths=(1.0, 0.8, 0.6)), vg.Box((wide, wide, wide + 1))
+    task = kit.task_of("digital", shape, box, count=30, seed=2, **parameters)
     state = digital.prepare(task.problem)
     while state.counters["fed_at"] < 0:
         state = digital.advance(task.problem, state, 1)

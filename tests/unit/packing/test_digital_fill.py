@@ -1,27 +1,16 @@
 """Digital filling: exactness of its choice, its rules, two dimensions, what it refuses."""
 
+from functools import partial
+
+import kit
 import numpy as np
 import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran.packing.digital.fill_method import registration as digital_fill
-from voxgran.packing.pack import prepare_task
 
-
-def task_of(shapes, container, *, count, seed=0, **parameters):
-    return prepare_task(
-        shapes,
-        container,
-        method="digital_fill",
-        count=count,
-        solid_fraction=None,
-        sizes=None,
-        weights=None,
-        weights_by="number",
-        seed=seed,
-        parameters=parameters,
-    )
+task_of = partial(kit.task_of, "digital_fill")
 
 
 def image_of(state, setting):
@@ -33,6 +22,17 @@ def image_of(state, setting):
             voxels = np.where(setting.room.periodic, voxels % setting.lattice.shape, voxels)
             np.add.at(total, tuple(voxels.T), 1)
     return total
+
+
+def places_of(taken, setting, member):
+    """Return all places, (m, 3), at which the voxels of a member lie on the lattice and none of them is taken."""
+    voxels = np.argwhere(setting.oriented.masks[member]) + setting.oriented.low[member]
+    places = np.argwhere(np.ones(setting.room.places, dtype=bool))
+    low, high = places + voxels.min(axis=0), places + voxels.max(axis=0)
+    places = places[((low >= 0) & (high < taken.shape)).all(axis=1)]
+    for voxel in voxels:
+        places = places[taken[tuple((places + voxel).T)] == 0]
+    return places
 
 
 @pytest.mark.parametrize("gravity", ["-z", "+z", "-x", "+y"])
@@ -49,20 +49,15 @@ def test_each_grain_takes_the_lowest_place_there_is(gravity):
         setting = state.derived["setting"]
         if before is None:
             continue
-        best = None
         kind = int(setting.kind[grain])
-        for member in range(setting.first[kind], setting.first[kind + 1]):
-            voxels = np.argwhere(setting.oriented.masks[member]) + setting.oriented.low[member]
-            for place in np.ndindex(*setting.room.places):
-                there = voxels + np.array(place)
-                inside = (there >= 0).all() and (there < before.shape).all()
-                if inside and not before[tuple(there.T)].any():
-                    height = -down * place[axis]
-                    best = height if best is None else min(best, height)
-        if best is None:
+        heights = [
+            -down * places_of(before, setting, member)[:, axis]
+            for member in range(setting.first[kind], setting.first[kind + 1])
+        ]
+        if not any(map(len, heights)):
             assert state.arrays["member"][grain] == -1
         else:
-            assert -down * state.arrays["site"][grain, axis] == best
+            assert -down * state.arrays["site"][grain, axis] == np.concatenate(heights).min()
     assert image_of(state, setting).max() == 1
 
 

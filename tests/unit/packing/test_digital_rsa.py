@@ -1,5 +1,8 @@
 """Random sequential addition on a lattice: against a plain program, its proof of saturation, what it refuses."""
 
+from functools import partial
+
+import kit
 import numpy as np
 import pytest
 
@@ -8,22 +11,8 @@ from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.rotation import rotation_matrices
 from voxgran._base.seeds import philox_key, shuffled
 from voxgran.packing.digital.rsa_method import registration as digital_rsa
-from voxgran.packing.pack import prepare_task
 
-
-def task_of(shapes, container, *, count=None, seed=0, **parameters):
-    return prepare_task(
-        shapes,
-        container,
-        method="digital_rsa",
-        count=count,
-        solid_fraction=None,
-        sizes=None,
-        weights=None,
-        weights_by="number",
-        seed=seed,
-        parameters=parameters,
-    )
+task_of = partial(kit.task_of, "digital_rsa")
 
 
 def test_places_are_those_of_a_plain_program():

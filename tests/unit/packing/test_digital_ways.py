@@ -2,38 +2,23 @@
 
 import itertools
 
+import kit
 import numpy as np
 import pytest
+from kit import run
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import philox_key
 from voxgran.packing.digital.precompute import setting_of
 from voxgran.packing.digital.walk_method import registration as digital
-from voxgran.packing.driver import Drive, drive
-from voxgran.packing.pack import prepare_task
 
 BOX = vg.Box((4, 4, 6))
 
 
-def task_of(shapes, container=BOX, *, count=30, seed=0, **parameters):
-    return prepare_task(
-        shapes,
-        container,
-        method="digital",
-        count=count,
-        solid_fraction=None,
-        sizes=None,
-        weights=None,
-        weights_by="number",
-        seed=seed,
-        parameters={"voxel_size": 0.125, "sweeps": 400, "cycles": None if "period" in parameters else 2, **parameters},
-    )
-
-
-def run(task, chunk=None):
-    state = drive(task.method, task.problem, Drive(chunk=chunk))
-    return state, task.method.finish(task.problem, state)
+def task_of(shapes, container=BOX, *, count=30, **parameters):
+    usual = {"voxel_size": 0.125, "sweeps": 400, "cycles": None if "period" in parameters else 2}
+    return kit.task_of("digital", shapes, container, count=count, **{**usual, **parameters})
 
 
 def occupied_again(problem, state):

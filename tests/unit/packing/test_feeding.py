@@ -1,12 +1,12 @@
 """When feeding ends: a container is full where nothing enters though the bed has come to rest, and no sooner."""
 
+import kit
 import pytest
 
 import voxgran as vg
 from voxgran.packing.control_point.method import registration as control_point
 from voxgran.packing.digital.walk_method import registration as digital
 from voxgran.packing.driver import Drive, drive
-from voxgran.packing.pack import prepare_task
 from voxgran.packing.walking.feeding import SINK_DEPTH, SINK_SWEEPS
 
 SPHERE = vg.make_shape("sphere")
@@ -14,10 +14,7 @@ ROOMY = vg.Box((4, 4, 8))
 
 
 def task_of(method, container, *, count=60, **parameters):
-    return prepare_task(
-        SPHERE, container, method=method, count=count, solid_fraction=None, sizes=None, weights=None,
-        weights_by="number", seed=0, parameters=parameters,
-    )  # fmt: skip
+    return kit.task_of(method, SPHERE, container, count=count, **parameters)
 
 
 @pytest.mark.parametrize(

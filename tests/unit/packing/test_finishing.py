@@ -83,7 +83,7 @@ def test_grains_of_centered_voxels_are_parted_before_they_settle(name):
     """Voxels about their centers leave overlaps of up to a voxel, and none after settling."""
     shape = vg.make_shape("sphere") if name == "sphere" else vg.make_shape("platonic", solid=name)
     box = vg.Box((2.6, 2.6, 9), periodic=(True, True, False))
-    options = {**DIGITAL, "count": 30, "cover": "center"}
+    options = {**DIGITAL, "count": 20, "cover": "center"}
     rough = vg.pack(shape, box, **{**options, "settling": 0})
     assert not vg.verify(rough).ok
     packing = vg.pack(shape, box, **options)

@@ -1,5 +1,6 @@
 """Grains that grow until they touch, against closed forms and independent checks."""
 
+import kit
 import numpy as np
 import pytest
 
@@ -7,7 +8,6 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.contacts.walls import escape_depths
 from voxgran.packing.advancing_front.method import registration as front
-from voxgran.packing.pack import prepare_task
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 HULLS = [vg.make_shape("convex_polyhedron", seed=seed, points=8 + seed) for seed in range(6)]
@@ -132,15 +132,7 @@ def test_what_is_missed_is_told_of_the_grains_before_they_grow(asked):
 
 
 def test_a_run_that_was_cut_short_does_not_grow():
-    problem = prepare_task(
-        *(HULLS, vg.Box((5, 5, 5))),
-        method="advancing_front",
-        count=40,
-        weights_by="number",
-        seed=0,
-        parameters={"grow": 1.5},
-        **dict.fromkeys(("solid_fraction", "sizes", "weights")),
-    ).problem
+    problem = kit.task_of("advancing_front", HULLS, vg.Box((5, 5, 5)), count=40, grow=1.5).problem
     state = front.advance(problem, front.prepare(problem), 5)
     state.stop_reason = "interrupted"
     short = front.finish(problem, state)

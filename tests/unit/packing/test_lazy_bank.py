@@ -1,19 +1,16 @@
 """Banks of many orientations: voxelized when they are needed, and the same walk."""
 
+import kit
 import numpy as np
 
 import voxgran as vg
 from voxgran.packing.digital import precompute as digital_setting
 from voxgran.packing.digital.walk_method import registration as digital
-from voxgran.packing.pack import prepare_task
 
 
 def walked(orientations, attempts):
-    task = prepare_task(
-        [vg.make_shape("solid_union", seed=1)], vg.Box((5, 5, 6), periodic=(True, False, False)), method="digital",
-        count=20, solid_fraction=None, sizes=None, weights=None, weights_by="number", seed=5,
-        parameters={"voxel_size": 1 / 10, "orientations": orientations},
-    )  # fmt: skip
+    shape, asked = vg.make_shape("solid_union", seed=1), {"voxel_size": 1 / 10, "orientations": orientations}
+    task = kit.task_of("digital", shape, vg.Box((5, 5, 6), "x"), count=20, seed=5, **asked)
     state = digital.prepare(task.problem)
     for many in attempts:
         state = digital.advance(task.problem, state, many)

@@ -1,5 +1,6 @@
 """Tables of pairs: the same walk as by columns, and when they are used."""
 
+import kit
 import numpy as np
 import pytest
 
@@ -7,7 +8,6 @@ import voxgran as vg
 from voxgran.packing.digital import precompute as digital_setting
 from voxgran.packing.digital.precompute import setting_of
 from voxgran.packing.digital.walk_method import registration as digital
-from voxgran.packing.pack import prepare_task
 
 CASES = {
     "spheres": ("sphere", {}, vg.Box((5, 5, 6)), {"orientations": 1}),
@@ -23,12 +23,10 @@ CASES = {
 }  # fmt: skip
 
 
-def walked(case, attempts=(30_000,)):
+def walked(case, attempts=(12_000,)):
     name, shape, container, options = CASES[case]
-    task = prepare_task(
-        [vg.make_shape(name, **shape)], container, method="digital", count=24, solid_fraction=None, sizes=None,
-        weights=None, weights_by="number", seed=3, parameters={"voxel_size": 1 / 12, **options},
-    )  # fmt: skip
+    shape = vg.make_shape(name, **shape)
+    task = kit.task_of("digital", shape, container, count=24, seed=3, **{"voxel_size": 1 / 8, **options})
     state = digital.prepare(task.problem)
     for many in attempts:
         state = digital.advance(task.problem, state, many)
@@ -49,7 +47,7 @@ def test_walk_is_that_by_columns(case, monkeypatch):
     monkeypatch.setattr(digital_setting, "TABLE_VOXELS", 0)
     monkeypatch.setattr(digital_setting, "TABLE_BYTES", 2**31)
     pairs_read = set()
-    for attempts in ((30_000,), (7001, 1, 22_998)):
+    for attempts in ((12_000,), (3001, 1, 8998)):
         tables = walked(case, attempts)
         assert len(tables.derived["pairs"].at)
         assert not len(tables.derived["words"])
@@ -59,7 +57,7 @@ def test_walk_is_that_by_columns(case, monkeypatch):
         pairs_read.add(tables.counters["pairs_read"])
     # whether the cells were made again or not
     assert len(pairs_read) == 1
-    assert columns.counters["moves_accepted"] > 1000
+    assert columns.counters["moves_accepted"] > 400
 
 
 @pytest.mark.parametrize(
@@ -76,10 +74,8 @@ def test_walk_is_that_by_columns(case, monkeypatch):
 def test_columns_are_kept_where_tables_do_not_do(container, options, monkeypatch):
     if "voxel_size" not in options:
         monkeypatch.setattr(digital_setting, "TABLE_VOXELS", 0)
-    task = prepare_task(
-        [vg.make_shape("sphere")], container, method="digital", count=5, solid_fraction=None, sizes=None, weights=None,
-        weights_by="number", seed=0, parameters={"voxel_size": 0.125, **options},
-    )  # fmt: skip
+    asked = {"voxel_size": 0.125, **options}
+    task = kit.task_of("digital", vg.make_shape("sphere"), container, count=5, **asked)
     state = digital.prepare(task.problem)
     setting_of(task.problem, state)
     assert not len(state.derived["pairs"].at)

@@ -1,7 +1,9 @@
 """Random sequential addition: against plain programs, its proof of saturation, every container, what it refuses."""
 
 import warnings
+from functools import partial
 
+import kit
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -10,7 +12,6 @@ import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.seeds import philox_block, philox_key
 from voxgran._base.stopping import Stopped, stopping_when
-from voxgran.packing.pack import prepare_task
 from voxgran.packing.rsa.available_cells import Open, all_edges, cut_cells
 from voxgran.packing.rsa.level_grid import Grains
 from voxgran.packing.rsa.method import registration as rsa
@@ -19,20 +20,7 @@ from voxgran.packing.rsa.precompute import congruential
 GRADED = vg.sizes.discrete([1.0, 0.6, 0.3], [1, 2, 3])
 
 
-def task_of(shapes, container, *, count=None, sizes=None, seed=0, start=None, **parameters):
-    return prepare_task(
-        shapes,
-        container,
-        method="rsa",
-        count=count,
-        solid_fraction=None,
-        sizes=sizes,
-        weights=None,
-        weights_by="number",
-        seed=seed,
-        start=start,
-        parameters=parameters,
-    )
+task_of = partial(kit.task_of, "rsa")
 
 
 def run_of(problem):

@@ -5,6 +5,7 @@ import shutil
 import signal
 from dataclasses import replace
 
+import kit
 import numpy as np
 import pytest
 
@@ -17,25 +18,14 @@ from voxgran._base.stopping import stop_if_asked
 from voxgran.packing import driver as run
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.method import State, method_registry
-from voxgran.packing.pack import prepare_task
 
 METHODS = vg.packing_methods()
 QUICK = {"digital": {"voxel_size": 0.2, "sweeps": 30}, "control_point": {"spacing": 0.3, "sweeps": 30}}
 
 
 def task_of(method="digital", count=20, shape=None, **more):
-    return prepare_task(
-        [shape or vg.make_shape("sphere")],
-        vg.Box((5, 5, 8)),
-        method=method,
-        count=count,
-        solid_fraction=None,
-        sizes=None,
-        weights=None,
-        weights_by="number",
-        seed=1,
-        parameters={**QUICK.get(method, {}), **more},
-    )
+    shapes, parameters = [shape or vg.make_shape("sphere")], {**QUICK.get(method, {}), **more}
+    return kit.task_of(method, shapes, vg.Box((5, 5, 8)), count=count, seed=1, **parameters)
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -1,5 +1,6 @@
 """Control points in signed distances: nothing slips through, what overlaps is parted, and what may overlap is told."""
 
+import kit
 import numpy as np
 import pytest
 
@@ -9,7 +10,6 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import overlaps
 from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.packing.method import method_registry
-from voxgran.packing.pack import prepare_task
 from voxgran.settling.settle import part_once
 
 
@@ -126,18 +126,9 @@ def test_a_sphere_holds_grains():
 
 
 def task_of(count, **parameters):
-    return prepare_task(
-        [vg.make_shape("sphere"), vg.make_shape("ellipsoid", aspect=(1.2, 1.0, 0.8))],
-        vg.Box((7, 7, 14)),
-        method="control_point",
-        count=count,
-        solid_fraction=None,
-        sizes=vg.sizes.uniform(0.8, 1.2),
-        weights=None,
-        weights_by="number",
-        seed=0,
-        parameters=parameters,
-    )
+    shapes = [vg.make_shape("sphere"), vg.make_shape("ellipsoid", aspect=(1.2, 1.0, 0.8))]
+    sizes = vg.sizes.uniform(0.8, 1.2)
+    return kit.task_of("control_point", shapes, vg.Box((7, 7, 14)), count=count, sizes=sizes, **parameters)
 
 
 def test_a_million_moves_leave_no_drift():
@@ -158,10 +149,8 @@ def test_a_million_moves_leave_no_drift():
 @pytest.mark.slow
 def test_ten_thousand_grains_of_five_hundred_points_fit_in_memory():
     """The plan is below 4 GB, and so are the arrays of a run."""
-    task = prepare_task(
-        vg.make_shape("sphere"), vg.Box((24, 24, 60)), method="control_point", count=10_000, solid_fraction=None,
-        sizes=None, weights=None, weights_by="number", seed=0, parameters={"spacing": 0.16, "sweeps": 1},
-    )  # fmt: skip
+    sphere, box = vg.make_shape("sphere"), vg.Box((24, 24, 60))
+    task = kit.task_of("control_point", sphere, box, count=10_000, spacing=0.16, sweeps=1)
     method = method_registry().get("control_point")
     assert method.cost(task.problem).memory < 4e9
     state = method.advance(task.problem, method.prepare(task.problem), 200_000)

@@ -87,7 +87,7 @@ def test_near_pairs_are_those_of_scipy(first, second):
             count, complete, rows = near_rows(trees, turn, shift, scale, low=0.0, high=high)
             expected = {
                 (i, first + j)
-                for i, near in enumerate(twin.query_sphere_point(placed, high))
+                for i, near in enumerate(twin.query_ball_point(placed, high))
                 for j in near
                 if np.linalg.norm(placed[i] - other[j]) < high
             }

@@ -26,11 +26,6 @@ def scan_of(shape, count, noise, seed=1):
     return points + noise * stream(seed, "noise").normal(size=points.shape)
 
 
-@pytest.fixture(scope="module")
-def eros(data_dir):
-    return vg.load_shape(data_dir / "eros.obj")
-
-
 def test_eros_comes_back_from_noisy_points(eros):
     noise = 0.002 * eros.diameter
     cloud = Cloud.of(scan_of(eros, 20_000, noise) + np.array([5.0, -6.0, 7.0]))

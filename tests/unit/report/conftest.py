@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from kit import lattice
 
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
@@ -23,8 +24,7 @@ SHAPES = (
 @pytest.fixture
 def packing():
     """Return 48 grains of two shapes on a lattice, turned at random."""
-    ticks = [np.arange(count) + 0.5 for count in (4, 4, 3)]
-    position = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, 3)
+    position = lattice(4, 4, 3)
     generator = stream(2, "report")
     turns = generator.normal(size=(48, 4))
     return Packing.of(

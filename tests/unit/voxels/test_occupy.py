@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from kit import mesh_box
 from scipy.ndimage import binary_dilation, binary_erosion, label
 
 import voxgran as vg
@@ -12,17 +13,11 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.tessellate import unit_box
 from voxgran.voxels.model import Voxels
 from voxgran.voxels.occupy import BACKENDS, occupy, voxelize
 from voxgran.voxels.touch import touched_voxels
 
 TURNS = random_rotations(stream(8, "turns"), 3)
-
-
-def mesh_box(lengths):
-    vertices, faces, _ = unit_box()
-    return Shape.from_mesh(vertices * np.array(lengths), faces, name="box")
 
 
 def cube_grid(half, size):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import hull
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 import voxgran as vg
@@ -26,16 +27,6 @@ SIZES = {
     "cylinder": (0.6, 1.3),
     "cone": (0.9, 1.2),
 }
-
-
-def hull(points):
-    """Return vertices, outward faces and half-spaces of a convex hull."""
-    found = ConvexHull(points)
-    corners = points[found.simplices]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = np.einsum("fi,fi->f", normals, found.equations[:, :3]) < 0
-    faces = np.where(inward[:, None], found.simplices[:, ::-1], found.simplices)
-    return points, faces.astype(np.int64), found.equations
 
 
 def halfspace_share(equations, low):
