@@ -8,9 +8,10 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.graph import components
+from voxgran._base.triangles import areas_of
 from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.shells import edge_faults
-from voxgran.shapes.triangles import Triangles, areas_of
+from voxgran.shapes.triangles import Triangles
 
 #: area of a triangle, in the square of its longest edge, up to which it has none
 NO_AREA = 1e-12

@@ -11,9 +11,9 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputExistsError, TooLargeError
+from voxgran._base.triangles import enclosed_volume
 from voxgran.deform.refined_surface import crossing
 from voxgran.packing import dents, soft_surface
-from voxgran.shapes.finer import enclosed_volume
 from voxgran.shapes.spheres import Spheres
 
 BALL = vg.make_shape("sphere")
