@@ -77,7 +77,7 @@ def connected_components(
 def _across(labels: NDArray[np.int32], axis: int, rank: int, periodic: tuple[bool, bool, bool]) -> Integers:
     """Return the pairs of labels that are neighbours across the faces normal to a periodic axis, as (2, n)."""
     planes = np.moveaxis(labels, axis, 0)
-    last, first = planes[-1], planes[0]
+    first, last = planes[0], planes[-1]
     # one more voxel on each side of the first face, for neighbours that differ in other coordinates too
     for k, around in enumerate(np.delete(periodic, axis)):
         first = np.pad(first, [(int(k == j),) * 2 for j in range(2)], mode="wrap" if around else "constant")
