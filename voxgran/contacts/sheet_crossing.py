@@ -19,8 +19,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
-from voxgran._base.tree import TriangleTree
-from voxgran._base.triangles import normals_of
+from voxgran._base.tree import TriangleTree, normals_of
 from voxgran.contacts.triangles import pair_bound, turn_triangles
 
 #: three perpendicular directions along no usual edge, in rows

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, check_type, float_array
 from voxgran._base.errors import InputError, shown
-from voxgran._base.triangles import enclosed_volume, normals_of
+from voxgran._base.tree import enclosed_volume, normals_of
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import overlaps, pair_keys

@@ -13,10 +13,10 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
-from voxgran._base.graph import components
 from voxgran._base.lazy import load
-from voxgran._base.triangles import enclosed_volume, normals_of
+from voxgran._base.tree import enclosed_volume, normals_of
 from voxgran.deform.refined_surface import EXACT, FineSurface, SoftGrain, crossing
+from voxgran.lattice.label import components
 from voxgran.shapes.finer import edges_of, vertex_normals
 
 #: largest part of the free distance that a bulge takes, below a half

@@ -12,7 +12,7 @@ Processing 9(1), 1-21, doi:10.1016/0146-664X(79)90079-0
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.graph import components
+from voxgran.lattice.label import components
 
 #: part of the way to the middle of their voxels by which vertices move that are taken apart
 APART = 2.0**-10

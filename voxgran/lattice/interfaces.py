@@ -14,7 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
-from voxgran._base.triangles import enclosed_volume
+from voxgran._base.tree import enclosed_volume
 
 #: a vertex lies no nearer to a node than this, in edges
 MARGIN = 0.05

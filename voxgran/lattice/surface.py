@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number, as_positive
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran._base.triangles import enclosed_volume
+from voxgran._base.tree import enclosed_volume
 
 #: relative difference of volumes up to which the level is searched
 LEVEL_ACCURACY = 1e-4

@@ -4,7 +4,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
-from voxgran._base.triangles import normals_of
+from voxgran._base.tree import normals_of
 from voxgran.shapes.mesh import Mesh
 
 

@@ -6,7 +6,7 @@ Which shell lies in which follows from the winding numbers of the others about a
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.graph import components
+from voxgran.lattice.label import components
 from voxgran.shapes.winding import winding_numbers
 
 #: a shell with less volume than this, in its area times the diagonal of the bounding box, has none

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from voxgran._base.arrays import Floats, Integers, read_only
-from voxgran._base.tree import TriangleTree, grow_tree
-from voxgran._base.triangles import areas_of
+from voxgran._base.tree import TriangleTree, areas_of, grow_tree
 
 
 @dataclass(frozen=True, eq=False)

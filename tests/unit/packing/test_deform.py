@@ -11,7 +11,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputExistsError, TooLargeError
-from voxgran._base.triangles import enclosed_volume
+from voxgran._base.tree import enclosed_volume
 from voxgran.deform.refined_surface import crossing
 from voxgran.packing import dents, soft_surface
 from voxgran.shapes.spheres import Spheres

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.triangles import areas_of, enclosed_volume
+from voxgran._base.tree import areas_of, enclosed_volume
 from voxgran.contacts.inside import inner_distance
 from voxgran.shapes.finer import (
     cut_edges,
