@@ -23,7 +23,7 @@ from voxgran.packing.control_point.sdf_contact import meets_field
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.pack import prepare_task
 from voxgran.points.control import inner_points
-from voxgran.shapes.curvature import largest_curvature
+from voxgran.shapes.descriptors import largest_curvature
 
 
 def task_of(shapes, container, *, count=8, seed=0, sizes=None, **parameters):
