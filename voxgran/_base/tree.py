@@ -1,4 +1,4 @@
-"""A box tree over the triangles of a surface: nearest point and signed distance, in double precision.
+"""Triangles of a surface: areas, enclosed volume, and a box tree for nearest points and signed distances.
 
 The tree is a heap of axis-aligned boxes: node k has the children 2 k + 1 and 2 k + 2, each with half of its triangles,
 split at the median along the longest axis. The sign of a distance is that of the pseudo-normal of the nearest feature
@@ -18,6 +18,23 @@ from voxgran._base.kernels import bare_kernel, kernel
 LEAF = 4
 #: boxes that wait in a search, at most
 STACK = 64
+
+
+def normals_of(triangles: Floats) -> Floats:
+    """Return the normals of (m, 3, 3) triangles, (m, 3), each as long as twice the area."""
+    a, b, c = np.moveaxis(triangles, 1, 0)
+    return np.asarray(np.cross(b - a, c - a))
+
+
+def areas_of(triangles: Floats) -> Floats:
+    """Return the areas of (m, 3, 3) triangles, (m,)."""
+    return np.asarray(np.linalg.norm(normals_of(triangles), axis=1) / 2)
+
+
+def enclosed_volume(vertices: Floats, faces: Integers) -> float:
+    """Return the volume that closed triangles enclose; it is most accurate where the origin lies among them."""
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
 @dataclass(frozen=True, eq=False)

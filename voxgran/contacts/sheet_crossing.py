@@ -20,7 +20,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
-from voxgran._base.tree import TriangleTree
+from voxgran._base.tree import TriangleTree, normals_of
 from voxgran.contacts.triangles import pair_bound, turn_triangles
 
 #: three perpendicular directions that are parallel to no common edge, in rows
@@ -80,15 +80,9 @@ def _directions(one: TriangleTree, other: TriangleTree, matrix: Floats, size: Fl
     """Return normals at the crossing, mean normals, their cross product and the offset of the centroids, in rows."""
     crossing = np.zeros((2, 3))
     _add_normals(*one.arrays, *other.arrays, matrix, size, offset, crossing)
-    mean, other_mean = _mean_normal(one.corners), _mean_normal(other.corners @ matrix.T)
+    mean, other_mean = normals_of(one.corners).sum(axis=0), normals_of(other.corners @ matrix.T).sum(axis=0)
     between = other.corners.mean(axis=(0, 1)) @ matrix.T + offset - one.corners.mean(axis=(0, 1))
     return np.array([*crossing, mean, other_mean, np.cross(mean, other_mean), between])
-
-
-def _mean_normal(triangles: Floats) -> Floats:
-    """Return the sum of the normals of (m, 3, 3) triangles, each twice as long as the area."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    return np.asarray(np.cross(b - a, c - a).sum(axis=0))
 
 
 def _both_ways(directions: Floats) -> Floats:

@@ -37,8 +37,7 @@ class Solid:
     @cached_property
     def area(self) -> float:
         """Area of the surface."""
-        a, b, c = np.moveaxis(self.tree.corners, 1, 0)
-        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / 2
+        return self.mesh.surface_area
 
     def inner_distance(self, points: Floats) -> Floats:
         """Return the distance of (n, 3) points to the surface, positive inside."""

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, check_type, float_array
 from voxgran._base.errors import InputError, shown
+from voxgran._base.tree import enclosed_volume, normals_of
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import overlaps, pair_keys
@@ -27,7 +28,7 @@ from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.model import Contacts
 from voxgran.deformation.indentation import FARTHEST, SoftBody, give_way
 from voxgran.deformation.refined_surface import Partner, SoftGrain, fine_surface
-from voxgran.shapes.finer import enclosed_volume, onto_surface, vector_areas
+from voxgran.shapes.finer import onto_surface
 from voxgran.shapes.primitive import Primitive
 
 #: radius, in diameters, from which on a contact is found on both of its grains
@@ -251,7 +252,7 @@ def _loads(
     for soft, body in bodies.values():
         for partner, patch in zip(soft.touching, body.patches, strict=True):
             k, corners = patch.contact, body.faces[patch.faces]
-            middle, areas = body.vertices[corners].mean(axis=1), vector_areas(body.vertices, corners)
+            middle, areas = body.vertices[corners].mean(axis=1), normals_of(body.vertices[corners]) / 2
             depth = soft.inner(middle) + partner.depth(middle)
             area[k] += np.linalg.norm(areas, axis=1).sum() / 2
             force[k] += partner.side * (depth @ areas) / (2 * (softness[contacts.i[k]] + softness[contacts.j[k]]))

@@ -13,10 +13,11 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
-from voxgran._base.graph import components
 from voxgran._base.lazy import load
+from voxgran._base.tree import enclosed_volume, normals_of
 from voxgran.deformation.refined_surface import EXACT, FineSurface, SoftGrain, crossing
-from voxgran.shapes.finer import edges_of, enclosed_volume, vector_areas, vertex_normals
+from voxgran.lattice.label import components
+from voxgran.shapes.finer import edges_of, vertex_normals
 
 #: largest part of the free distance that a bulge takes, below a half
 STEEPEST = 0.45
@@ -140,7 +141,7 @@ def _patches(grain: SoftGrain, surface: FineSurface, dented: Floats) -> tuple[Pa
     owner = grain.excess(dented[surface.faces[common]].mean(axis=1)).argmax(axis=1)
     patches = []
     for k, partner in enumerate(grain.touching):
-        areas = vector_areas(surface.vertices, surface.faces[_within(surface, k)])
+        areas = normals_of(surface.vertices[surface.faces[_within(surface, k)]]) / 2
         radius = float(np.sqrt(np.linalg.norm(areas, axis=1).sum() / np.pi))
         patches.append(Patch(partner.contact, common[owner == k], radius))
     return tuple(patches)
@@ -187,7 +188,7 @@ def _directions(grain: SoftGrain, surface: FineSurface) -> Floats:
         corners = surface.faces[_within(surface, k)]
         region = components(count, corners.ravel(), np.roll(corners, 1, axis=1).ravel())
         area = np.zeros((count, 3))
-        np.add.at(area, region[corners[:, 0]], vector_areas(surface.vertices, corners))
+        np.add.at(area, region[corners[:, 0]], normals_of(surface.vertices[corners]) / 2)
         normal = area[region] / np.maximum(np.linalg.norm(area[region], axis=1, keepdims=True), 1e-300)
         total += np.maximum(surface.excess[:, k], 0.0)[:, None] * normal
     return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)

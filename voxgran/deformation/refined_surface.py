@@ -13,8 +13,9 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import TooLargeError
 from voxgran._base.lazy import load
+from voxgran._base.tree import areas_of
 from voxgran.contacts.search import Inner
-from voxgran.shapes.finer import cut_edges, edges_of, vector_areas
+from voxgran.shapes.finer import cut_edges, edges_of
 
 #: how much longer edges may be at a distance from a contact, as a ratio to it
 GRADING = 0.3
@@ -186,7 +187,7 @@ def _patch_radius(vertices: Floats, faces: Integers, inside: Booleans) -> float:
     """Return the radius of the disk that has the area of the triangles inside; those across the rim count in part."""
     part = inside[faces].mean(axis=1)
     used = part > 0
-    areas = np.linalg.norm(vector_areas(vertices, faces[used]), axis=1)
+    areas = areas_of(vertices[faces[used]])
     return float(np.sqrt((areas * part[used]).sum() / np.pi))
 
 

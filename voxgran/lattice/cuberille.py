@@ -12,7 +12,7 @@ Processing 9(1), 1-21, doi:10.1016/0146-664X(79)90079-0
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.graph import components
+from voxgran.lattice.label import components
 
 #: displacement of split vertices, as a fraction of the distance from the centers of their voxels
 APART = 2.0**-10

@@ -14,6 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
+from voxgran._base.tree import enclosed_volume
 
 #: smallest distance of a vertex from a node, in edges
 MARGIN = 0.05
@@ -73,7 +74,7 @@ def fitted_surface(labels: Integers, own: Booleans, beyond: Booleans, *, smoothi
         shift = (low + high) / 2
         if shift in (low, high):
             break
-        low, high = (shift, high) if _volume(vertices(shift), faces) < wanted else (low, shift)
+        low, high = (shift, high) if enclosed_volume(vertices(shift), faces) < wanted else (low, shift)
     return vertices((low + high) / 2), faces
 
 
@@ -127,9 +128,3 @@ def _crossings(
         # the same from both sides
         part[some] += (at_here + at_there) / (2 * slope[some])
     return part, slope
-
-
-def _volume(vertices: Floats, faces: Integers) -> float:
-    """Return the volume that a surface encloses."""
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    return float(np.einsum("fi,fi->", a, np.cross(b, c))) / 6

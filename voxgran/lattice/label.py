@@ -1,4 +1,4 @@
-"""Connected components of an image: SciPy's labels, joined across the faces of a periodic image."""
+"""Connected components by SciPy: of images, joined across periodic faces, and of graphs."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -6,7 +6,6 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Integers
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.errors import InputError, shown
-from voxgran._base.graph import components
 from voxgran._base.lazy import load
 from voxgran._base.scalars import whole_number_of
 from voxgran.lattice.distance import as_mask
@@ -88,3 +87,23 @@ def _across(labels: NDArray[np.int32], axis: int, rank: int, periodic: tuple[boo
             both = (last > 0) & (other > 0) & (last != other)
             pairs.append(np.stack([last[both], other[both]]))
     return np.unique(np.concatenate(pairs, axis=1), axis=1)
+
+
+def components(count: int, one: Integers, two: Integers) -> Integers:
+    """Return the connected component of each node of an undirected graph.
+
+    Parameters
+    ----------
+    count : int
+        Number of nodes.
+    one, two : (n,) ndarray of int
+        The two nodes of each edge.
+
+    Returns
+    -------
+    (count,) ndarray of int
+        Components are numbered from 0 in the order of their first nodes.
+    """
+    links = load("scipy.sparse").coo_array((np.ones(len(one), dtype=bool), (one, two)), shape=(count, count))
+    part: Integers = load("scipy.sparse.csgraph").connected_components(links, directed=False)[1].astype(np.int64)
+    return part

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number, as_positive
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
+from voxgran._base.tree import enclosed_volume
 
 #: relative difference of volumes at which the search for the level ends
 LEVEL_ACCURACY = 1e-4
@@ -116,14 +117,14 @@ def _surface_of_volume(field: Floats, wanted: float) -> tuple[Floats, Integers]:
     level = float(np.partition(field.ravel(), -rank)[-rank])
     for _ in range(MOST_LEVELS):
         vertices, faces = _level_surface(field, level)
-        excess = _volume(vertices, faces) / wanted - 1.0
+        excess = enclosed_volume(vertices - vertices.mean(axis=0), faces) / wanted - 1.0
         if abs(excess) <= LEVEL_ACCURACY:
             break
         above, below = ((level, excess), below) if excess > 0 else (above, (level, excess))
         share = above[1] / (above[1] - below[1]) if np.isfinite(above[1]) else 0.5
         level = above[0] + min(max(share, 0.05), 0.95) * (below[0] - above[0])
     middle = vertices.mean(axis=0)
-    stretch = np.cbrt(wanted / _volume(vertices, faces))
+    stretch = np.cbrt(wanted / enclosed_volume(vertices - vertices.mean(axis=0), faces))
     return (vertices - middle) * stretch + middle, faces
 
 
@@ -146,9 +147,3 @@ def _level_surface(field: Floats, level: float) -> tuple[Floats, Integers]:
     vertices = support.vtk_to_numpy(surface.GetPoints().GetData()).astype(np.float64)
     corners = support.vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).astype(np.int64)
     return vertices, corners.reshape(-1, 3)
-
-
-def _volume(vertices: Floats, faces: Integers) -> float:
-    """Return the volume that a surface encloses."""
-    a, b, c = np.moveaxis(vertices[faces] - vertices.mean(axis=0), 1, 0)
-    return float(np.einsum("fi,fi->", a, np.cross(b, c))) / 6

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.graph import components
+from voxgran.lattice.label import components
 from voxgran.measures.slices import cut_mesh
 from voxgran.packing.model import Packing
 from voxgran.shapes.boolean import united

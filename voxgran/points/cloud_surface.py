@@ -18,8 +18,8 @@ from voxgran._base.arrays import (
 )
 from voxgran._base.calls import renamed
 from voxgran._base.errors import DirtyMeshError, InputError, shown
-from voxgran._base.graph import components
 from voxgran._base.lazy import load
+from voxgran.lattice.label import components
 from voxgran.points.backend_open3d import without_stderr
 from voxgran.points.cloud import Cloud, Frame
 from voxgran.shapes.model import Shape

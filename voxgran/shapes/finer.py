@@ -3,6 +3,7 @@
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.tree import normals_of
 from voxgran.shapes.model import Geometry
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
@@ -116,20 +117,8 @@ def _onto_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:
     return moved
 
 
-def enclosed_volume(vertices: Floats, faces: Integers) -> float:
-    """Return the volume enclosed by closed triangles, most accurate if the origin is inside."""
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
-
-
-def vector_areas(vertices: Floats, faces: Integers) -> Floats:
-    """Return the outward normal of each triangle times its area, (m, 3)."""
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    return np.cross(b - a, c - a) / 2
-
-
 def vertex_normals(vertices: Floats, faces: Integers) -> Floats:
     """Return outward unit normals (n, 3) at the vertices: the area-weighted mean of the adjacent triangles."""
     total = np.zeros_like(vertices)
-    np.add.at(total, faces, vector_areas(vertices, faces)[:, None])
+    np.add.at(total, faces, normals_of(vertices[faces])[:, None])
     return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-300)

@@ -1,4 +1,4 @@
-"""A closed triangle mesh as the true geometry of a grain."""
+"""A closed triangle mesh as the true geometry of a grain, and the convex hull of points as such a mesh."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.lazy import load
+from voxgran._base.tree import normals_of
 from voxgran.shapes.triangles import Triangles
 
 
@@ -74,3 +76,12 @@ class Mesh(Triangles):
     def tessellation(self) -> tuple[Floats, Integers, float]:
         """Return vertices, faces and their largest distance from the true surface: 0."""
         return self.vertices, self.faces, 0.0
+
+
+def hull_of(points: Floats) -> Mesh:
+    """Return the convex hull of (n, 3) points, which are all corners, its triangles counterclockwise from outside."""
+    hull = load("scipy.spatial").ConvexHull(points)
+    faces = hull.simplices.astype(np.int64)
+    inward = np.einsum("fi,fi->f", normals_of(points[faces]), hull.equations[:, :3]) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return Mesh(points, faces)

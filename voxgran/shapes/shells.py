@@ -6,7 +6,7 @@ The nesting follows from the winding numbers of the other shells about a point o
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.graph import components
+from voxgran.lattice.label import components
 from voxgran.shapes.winding import winding_numbers
 
 #: volume, in units of area times diagonal of the bounding box, below which a shell counts as having none

@@ -7,10 +7,11 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran._base.graph import components
+from voxgran._base.tree import areas_of
+from voxgran.lattice.label import components
 from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.shells import edge_faults
-from voxgran.shapes.triangles import Triangles, areas_of
+from voxgran.shapes.triangles import Triangles
 
 #: area, in squares of the longest edge, up to which a triangle counts as degenerate
 NO_AREA = 1e-12

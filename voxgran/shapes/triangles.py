@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-
 from voxgran._base.arrays import Floats, Integers, read_only
-from voxgran._base.tree import TriangleTree, grow_tree
+from voxgran._base.tree import TriangleTree, areas_of, grow_tree
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +47,3 @@ class Triangles:
     def surface_area(self) -> float:
         """Sum of the areas of the triangles; for an open surface that of one side."""
         return float(self.areas.sum())
-
-
-def areas_of(triangles: Floats) -> Floats:
-    """Return the areas of (m, 3, 3) triangles, (m,)."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    return np.asarray(np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_length, as_points
 from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError
-from voxgran._base.graph import components
 from voxgran.lattice.grid import Grid
+from voxgran.lattice.label import components
 from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.repairing.bodies import outward

@@ -8,6 +8,7 @@ from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.io.files import load
 from voxgran.io.spheres import owned_spheres, save_spheres
+from voxgran.io.tables import read_table
 from voxgran.packing.model import Packing
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
@@ -162,7 +163,7 @@ def test_a_bad_line_is_named_by_its_number(text, number, reason, tmp_path):
 def test_what_is_no_text_is_refused(tmp_path):
     (tmp_path / "p.txt").write_bytes(b"\xff\xfe\x00\x01")
     with pytest.raises(FileFormatError, match="is no text"):
-        load(tmp_path / "p.txt")
+        read_table(tmp_path / "p.txt")
 
 
 def test_no_sphere_and_no_container_is_refused(tmp_path):

@@ -24,7 +24,7 @@ from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.sdf_contact import meets_field
 from voxgran.packing.driver import Drive, drive
 from voxgran.points.control import inner_points
-from voxgran.shapes.curvature import largest_curvature
+from voxgran.shapes.descriptors import largest_curvature
 
 task_of = partial(kit.task_of, "control_point", count=8)
 

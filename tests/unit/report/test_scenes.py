@@ -15,6 +15,7 @@ from voxgran.report.scenes import picture_cut, picture_faces, picture_grain, pic
 from voxgran.report.stage import BACKGROUND, look_at, shot, stage_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import sphere
 
 WINDOW = (320, 240)
@@ -76,7 +77,7 @@ def test_every_visible_grain_is_labelled_and_sizes_match_their_projection(packin
 
 
 def test_one_sphere_covers_the_area_of_its_disk():
-    shape = Shape.of(scenes.Primitive("sphere", (1.0,)), name="sphere")
+    shape = Shape.of(Primitive("sphere", (1.0,)), name="sphere")
     packing = Packing.of([shape], Box((2, 2, 2)), position=[[1, 1, 1]])
     labels = render_ids(packing, window=(300, 300))
     assert labels.max() == 1

@@ -60,7 +60,7 @@ from voxgran.packing.walking.feeding import (
     patience,
 )
 from voxgran.packing.walking.finishing import COUNTERS, Finishing, end_walk, finish_some, finishing_report
-from voxgran.shapes.curvature import largest_curvature
+from voxgran.shapes.descriptors import largest_curvature
 
 #: mean sinking in median diameters per grain over such a look, below which the bed is settled
 SETTLE_DEPTH = 0.001

@@ -10,7 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_count, as_positive
 from voxgran._base.config import parameter
 from voxgran.shapes.family import ShapeFamily, sized
-from voxgran.shapes.hull import hull_of
+from voxgran.shapes.mesh import hull_of
 from voxgran.shapes.model import Shape
 
 #: largest number of points of a hull

@@ -8,7 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_choice, as_positive
 from voxgran._base.config import parameter
 from voxgran.shapes.family import ShapeFamily, sized
-from voxgran.shapes.hull import hull_of
+from voxgran.shapes.mesh import hull_of
 from voxgran.shapes.model import Shape
 
 #: the golden ratio

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.tree import areas_of
 from voxgran.shapes.shells import FLAT, shell_labels
 from voxgran.shapes.winding import winding_numbers
 
@@ -66,9 +67,7 @@ def without_flat(points: Floats, faces: Integers) -> tuple[Integers, int]:
     """Leave out shells that enclose nothing; return the faces that are left and how many shells went."""
     shells = shells_of(points, faces)
     diagonal = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
-    corners = points[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    flat = np.abs(shells.volume) <= FLAT * diagonal * np.bincount(shells.label, weights=area)
+    flat = np.abs(shells.volume) <= FLAT * diagonal * np.bincount(shells.label, weights=areas_of(points[faces]))
     return faces[~flat[shells.label]], int(flat.sum())
 
 

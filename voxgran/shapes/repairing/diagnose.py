@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_faces
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran._base.graph import components
 from voxgran._base.lazy import load
+from voxgran.lattice.label import components
 from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.shells import count_apart, count_flipped, edge_faults, shell_counts
 

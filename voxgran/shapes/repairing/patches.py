@@ -9,6 +9,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import DirtyMeshError
+from voxgran._base.tree import areas_of
 from voxgran.shapes.shells import half_edges, shell_labels, turned_faces
 
 #: a patch with more than this share of the surface is not left out
@@ -62,7 +63,7 @@ def without_flaps(points: Floats, faces: Integers) -> tuple[Integers, int, int]:
     patches, left_out : int
         How many patches, and how many faces they had.
     """
-    area = _areas(points, faces)
+    area = areas_of(points[faces])
     most, patches, before = MOST_AREA * float(area.sum()), 0, len(faces)
     while True:
         label = shell_labels(points, faces)
@@ -98,17 +99,10 @@ def without_pinches(points: Floats, faces: Integers) -> tuple[Integers, int]:
     """
     _, _, edge, uses = half_edges(faces, len(points))
     out = (uses[edge].reshape(-1, 3) > 2).any(axis=1)
-    area = _areas(points, faces)
+    area = areas_of(points[faces])
     if area[out].sum() > MOST_AREA * area.sum():
         return faces, 0
     return faces[~out], int(out.sum())
-
-
-def _areas(points: Floats, faces: Integers) -> Floats:
-    """Return the areas of triangles."""
-    corners = points[faces]
-    areas: Floats = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    return areas
 
 
 def wound_alike(faces: Integers, vertex_count: int) -> tuple[Integers, int]:
