@@ -81,8 +81,8 @@ for scheme in schemes:
         rest = "              0.305          1.89" if scheme == "4d" else ""
         print("  paper  {:5d} {:5d} {:5d}  {:6d}    {}".format(*paper[scheme], sum(paper[scheme]), rest))
     if len(normals):
-        panel, turns = next(panels), np.arctan2(normals[:, 1], normals[:, 0])
-        panel.hist(np.concatenate([turns, turns + np.pi]) % (2 * np.pi), bins=36, density=True)
+        panel, angles = next(panels), np.arctan2(normals[:, 1], normals[:, 0])
+        panel.hist(np.concatenate([angles, angles + np.pi]) % (2 * np.pi), bins=36, density=True)
         panel.set(title=f"scheme {scheme}: {len(normals) // orders} contacts", yticks=[])
 print("words of the paper: a retained radius is tried at the next coordinate only")
 for scheme in ("2", "3", "4c", "4d"):

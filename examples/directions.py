@@ -37,35 +37,39 @@ def any_directions(dimension, many):
     return drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
 
 
-def fourth_moment(places):
+def fourth_moment(positions):
     """Return the mean of the sum of x_i^4 over that of r^4, relative to the isotropic value 3 / (d + 2)."""
-    dimension = places.shape[1]
-    return float((places**4).sum() / ((places**2).sum(axis=1) ** 2).sum() * (dimension + 2) / 3)
+    dimension = positions.shape[1]
+    return float((positions**4).sum() / ((positions**2).sum(axis=1) ** 2).sum() * (dimension + 2) / 3)
 
 
 def near_axes(normals, dimension):
     """Return the share of normals near a lattice direction, relative to that of isotropic normals."""
-    ways = lattice_directions(dimension)
-    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    directions = lattice_directions(dimension)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
 
     def share(vectors):
-        return float((np.max(vectors @ ways.T, axis=1) > np.cos(cone)).mean())
+        return float((np.max(vectors @ directions.T, axis=1) > np.cos(cone)).mean())
 
     return share(normals[:, :dimension]) / share(any_directions(dimension, 200_000))
 
 
 for row, dimension in enumerate((2, 3)):
-    ways = lattice_directions(dimension)
+    directions = lattice_directions(dimension)
     for column, lattice in enumerate((True, False)):
-        first = ways[generator.integers(0, len(ways), walkers)] if lattice else any_directions(dimension, walkers)
-        places = first.copy()
+        first = (
+            directions[generator.integers(0, len(directions), walkers)]
+            if lattice
+            else any_directions(dimension, walkers)
+        )
+        positions = first.copy()
         for _ in range(steps - 1):
-            drawn = generator.integers(0, len(ways), walkers)
-            places += ways[drawn] if lattice else any_directions(dimension, walkers)
-        title = f"{len(ways)} directions" if lattice else "any direction"
-        panels[row, column].plot(*places[:3000, :2].T, ".", ms=1, rasterized=True)
+            drawn = generator.integers(0, len(directions), walkers)
+            positions += directions[drawn] if lattice else any_directions(dimension, walkers)
+        title = f"{len(directions)} directions" if lattice else "any direction"
+        panels[row, column].plot(*positions[:3000, :2].T, ".", ms=1, rasterized=True)
         panels[row, column].set(title=f"{dimension}D, {title}, {steps} steps", aspect="equal")
-        moments = f"1 step {fourth_moment(first):.3f}, {steps} steps {fourth_moment(places):.3f}"
+        moments = f"1 step {fourth_moment(first):.3f}, {steps} steps {fourth_moment(positions):.3f}"
         print(f"{dimension}D {title:14s} fourth moment: {moments}")
     shape = vg.make_shape("disk") if dimension == 2 else vg.make_shape("sphere")
     box = vg.Rectangle((10, 4 + count / 8), "x") if dimension == 2 else vg.Box((5, 5, 4 + count / 20), "xy")
@@ -83,8 +87,8 @@ for row, dimension in enumerate((2, 3)):
             f"{dimension}D {method:14s} grains {packing.count}  bulk {bulk:.4f}  normals near lattice directions "
             f"{ratio:.2f} of isotropic  {seconds:.1f} s  verified {vg.verify(packing).ok}"
         )
-        turn = np.arctan2(normals[:, dimension - 1], normals[:, 0])
-        panels[row, 2].hist(turn % np.pi, bins=18, range=(0, np.pi), density=True, histtype="step", label=method)
+        angle = np.arctan2(normals[:, dimension - 1], normals[:, 0])
+        panels[row, 2].hist(angle % np.pi, bins=18, range=(0, np.pi), density=True, histtype="step", label=method)
     panels[row, 2].set(title=f"{dimension}D, angle of contact normals", xlabel="radians")
     panels[row, 2].legend(frameon=False)
 folder.mkdir(parents=True, exist_ok=True)

@@ -20,7 +20,7 @@ from voxgran.report.scenes import picture_packing
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/first_contact")
 runs = int(sys.argv[2]) if len(sys.argv) > 2 else 4
-step, turn, tilt = 0.05, 0.1, 0.5
+step, angle, bias = 0.05, 0.1, 0.5
 folder.mkdir(parents=True, exist_ok=True)
 
 
@@ -32,45 +32,47 @@ def unit(vector):
 def walk(pair, generator, reach):
     """Return the offset and the orientations of two bodies at their first contact."""
     offset = reach * unit(generator.normal(size=3))
-    turns = normalized(generator.normal(size=(2, 4)))
+    orientations = normalized(generator.normal(size=(2, 4)))
     while True:
-        way = unit(generator.normal(size=3)) - tilt * unit(offset)
-        spin = normalized(np.array([[1.0, *(0.5 * turn * generator.normal(size=3))]]))[0]
-        turned = np.array([turns[0], product(spin, turns[1])])
-        turns = turns if pair.is_refused(offset, turned) else turned
-        if pair.is_refused(offset + step * way, turns):
+        direction = unit(generator.normal(size=3)) - bias * unit(offset)
+        spin = normalized(np.array([[1.0, *(0.5 * angle * generator.normal(size=3))]]))[0]
+        rotated = np.array([orientations[0], product(spin, orientations[1])])
+        orientations = orientations if pair.is_refused(offset, rotated) else rotated
+        if pair.is_refused(offset + step * direction, orientations):
             break
-        offset = offset + step * way
+        offset = offset + step * direction
     low, high = 0.0, 1.0
     for _ in range(40):
         middle = (low + high) / 2
-        low, high = (low, middle) if pair.is_refused(offset + middle * step * way, turns) else (middle, high)
-    return offset + low * step * way, turns
+        low, high = (
+            (low, middle) if pair.is_refused(offset + middle * step * direction, orientations) else (middle, high)
+        )
+    return offset + low * step * direction, orientations
 
 
 solids = [vg.make_shape("solid_union", seed=seed) for seed in (3, 8)]
 clumps = [vg.fit_clump(solid, max_spheres=40).to_shape() for solid in solids]
 for name, bodies in (("solids", solids), ("clumps", clumps)):
     pair = Encounter(*bodies, spacing=0.06)
-    places = []
+    sites = []
     for run in range(runs):
-        offset, turns = walk(
+        offset, orientations = walk(
             pair, np.random.Generator(np.random.PCG64(run)), 1.2 * sum(b.bounding_radius for b in bodies)
         )
         wide = 2.1 * (np.linalg.norm(offset) + max(body.bounding_radius for body in bodies))
         center = np.full(3, wide / 2)
         packing = vg.Packing.of(
-            bodies, vg.Box((wide,) * 3), position=[center, center + offset], shape_id=[0, 1], orientation=turns
+            bodies, vg.Box((wide,) * 3), position=[center, center + offset], shape_id=[0, 1], orientation=orientations
         )
         contacts = packing.contacts(0.2)
         gap = float(contacts.gap[0]) / bodies[0].diameter
-        place = rotation_matrices(turns[:1])[0].T @ (contacts.point[0] - center)
-        places.append(unit(place))
-        print(f"{name} run {run}: gap at contact {gap:+.5f} diameters, touches towards {np.round(places[-1], 2)}")
+        site = rotation_matrices(orientations[:1])[0].T @ (contacts.point[0] - center)
+        sites.append(unit(site))
+        print(f"{name} run {run}: gap at contact {gap:+.5f} diameters, touches towards {np.round(sites[-1], 2)}")
         vg.save(packing, folder / f"{name}_{run}.vtp", overwrite=True)
         if run == 0:
             imsave(folder / f"{name}.png", picture_packing(packing))
-    apart = [np.degrees(np.arccos(np.clip(a @ b, -1, 1))) for a, b in itertools.combinations(places, 2)]
+    apart = [np.degrees(np.arccos(np.clip(a @ b, -1, 1))) for a, b in itertools.combinations(sites, 2)]
     print(
         f"{name}: {pair.points} control points, regions of contact {min(apart):.0f} to {max(apart):.0f} degrees apart"
     )
