@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from voxgran.measure import cylinders, region, window
 
 from voxgran.containers.box import Box
 from voxgran.containers.cylinder import Cylinder
-from voxgran.measure import cylinders, region, window
 from voxgran.measures.region import Regions
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing

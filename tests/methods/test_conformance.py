@@ -18,10 +18,9 @@ from voxgran.packing.pack import prepare_task
 
 #: methods, and what else of a method has to keep it all, by name
 VARIANTS = {
-    "control_point, points": {"contact": "points"},
     "control_point, kdtree": {"contact": "kdtree"},
     "control_point, one way": {"ways": "one"},
-    "control_point, open surfaces": {"contact": "points"},
+    "control_point, open surfaces": {"contact": "kdtree"},
 }
 METHODS = [*vg.packing_methods(), *VARIANTS]
 #: what else goes on after a stop

@@ -7,9 +7,9 @@ import warnings
 
 import numpy as np
 import pytest
+import voxgran.measure
 import xarray
 
-import voxgran.measure
 from voxgran._base.errors import PackingWarning, UnknownNameError
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle

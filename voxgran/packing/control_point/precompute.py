@@ -15,14 +15,12 @@ from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.sphere import Sphere
 from voxgran.packing.control_point.attempts import link_all, span_all
 from voxgran.packing.control_point.distance_fields import MARGIN, Fields, make_fields
-from voxgran.packing.control_point.point_grids import make_cells, no_cells
 from voxgran.packing.control_point.point_trees import make_trees, stack_room
 from voxgran.packing.control_point.records import (
     BALL,
     FLAT,
     KDTREE,
     MESH,
-    POINTS,
     ROUND,
     SDF,
     Bed,
@@ -48,7 +46,7 @@ if TYPE_CHECKING:
     from voxgran.packing.control_point.method import ControlPoint
 
 #: numbers of the tests of contact
-TESTS = {"sdf": SDF, "points": POINTS, "kdtree": KDTREE}
+TESTS = {"sdf": SDF, "kdtree": KDTREE}
 #: edges of a cell of a lattice of distances in a spacing: its error is then small beside that of the points
 CELLS_IN_SPACING = 3.0
 #: longest edge of a cell, in diameters: distances on wide cells tell little of places between
@@ -242,7 +240,6 @@ def _bodies(problem: Problem) -> Bodies:
         settings.ways == "both",
         trees,
         fields,
-        make_cells(trees, np.array(spacing)) if settings.contact == "points" else no_cells(),
         no_reaches() if spheres else make_reaches(list(problem.shapes), known, fields),
         np.array([solid.bounding_radius for solid in solids]),
         np.array(spacing),
@@ -307,7 +304,8 @@ def _walls(problem: Problem) -> Walls:
         kind, radius, offset = ROUND, float(container.radius), (lower + upper) / 2
     elif isinstance(container, Sphere):
         kind, radius, offset = BALL, float(container.radius), (lower + upper) / 2
-    return Walls(kind, lower, upper, walled, periodic, radius, offset, bool(problem.parameters.lid))
+    mesh = True if kind == MESH else None
+    return Walls(kind, lower, upper, walled, periodic, radius, offset, bool(problem.parameters.lid), mesh)
 
 
 def _cells(problem: Problem, extent: Floats) -> Cells:
