@@ -36,10 +36,9 @@ def test_boxes_are_of_first_order_and_never_too_far():
         assert gap.min() >= -0.25 * spacing
 
 
-@pytest.mark.parametrize("test", ["points", "kdtree"])
-def test_points_against_points_are_of_first_order(test):
+def test_points_against_points_are_of_first_order():
     for shape in (vg.make_shape("sphere"), vg.make_shape("box", lengths=(1.1, 0.9, 0.7))):
-        found = [gaps(shape, test, spacing) for spacing in SPACINGS]
+        found = [gaps(shape, "kdtree", spacing) for spacing in SPACINGS]
         assert all(gap.min() > 0 for gap in found)
         assert 0.8 < order([gap.mean() for gap in found]) < 1.3
 

@@ -63,7 +63,7 @@ class Kernel:
             If numba cannot be loaded.
         """
         if self._compiled is None:
-            made: Any = self._dispatcher(pipeline_class=load("voxgran._base.compiling.linking").CallerCompiler)
+            made: Any = self._dispatcher("CPUDispatcher", "CallerCompiler")
             made._cache = load("voxgran._base.compiling.kernel_files").KernelCache(
                 made.py_func, self.code_hash[:16], cache_folder(), on_miss=self._tell
             )
@@ -79,8 +79,8 @@ class Kernel:
             If numba cannot be loaded.
         """
         if self._callee is None:
-            compiler = load("voxgran._base.compiling.linking").CalleeCompiler
-            self._callee = self._dispatcher(pipeline_class=compiler, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+            bare = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+            self._callee = self._dispatcher("CalleeDispatcher", "CalleeCompiler", **bare)
         return self._callee
 
     @cached_property
@@ -101,10 +101,14 @@ class Kernel:
         log.info("compiling %s (once per machine)", self.plain.__qualname__)
         _told.get()()
 
-    def _dispatcher(self, **options: Any) -> Callable[..., Any]:
-        """Return numba's dispatcher of the function."""
-        shared = {"nogil": True, "error_model": "numpy", "_nrt": self._counted, "forceinline": self._inlined}
-        made: Callable[..., Any] = load("numba").njit(**shared, **options)(self._linked())
+    def _dispatcher(self, kind: str, compiler: str, **options: Any) -> Callable[..., Any]:
+        """Return a dispatcher of the function: its class and that of its compiler are named in `linking`."""
+        linking = load("voxgran._base.compiling.linking")
+        shared = {"nopython": True, "boundscheck": None, "nogil": True, "error_model": "numpy"}
+        own = {"_nrt": self._counted, "forceinline": self._inlined}
+        made: Callable[..., Any] = getattr(linking, kind)(
+            self._linked(), targetoptions={**shared, **own, **options}, pipeline_class=getattr(linking, compiler)
+        )
         return made
 
     def _linked(self) -> FunctionType:

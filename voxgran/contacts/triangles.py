@@ -109,7 +109,8 @@ def find_nearest_pair(
                     square = triangle_distance(corners, i, turned, j, points)
                     if square < best or (not hit and square == best):
                         best, hit = square, True
-                        found[:] = points
+                        for k in range(6):
+                            found[k] = points[k]
             if best == 0.0 and hit:
                 return 0.0
             continue

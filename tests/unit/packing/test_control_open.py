@@ -22,7 +22,7 @@ SHEETS = [
     vg.make_shape("sheet", roll=200),
     vg.make_shape("random_surface", most=0.5, height=0.3, seed=1),
 ]
-QUICK = {"method": "control_point", "contact": "points", "spacing": 0.25, "sweeps": 150, "cycles": 2}
+QUICK = {"method": "control_point", "contact": "kdtree", "spacing": 0.25, "sweeps": 150, "cycles": 2}
 
 
 def poses_apart(generator, points, keep):
@@ -83,7 +83,7 @@ def test_longer_steps_would():
 
 def test_no_move_of_a_walk_leads_through_a_surface():
     """Each accepted move of a crowded bed, with the longest steps, led straight from pose to pose past all others."""
-    settings = {"contact": "points", "spacing": 0.25, "step": 10.0, "feed": "at_once", "gravity": "none"}
+    settings = {"contact": "kdtree", "spacing": 0.25, "step": 10.0, "feed": "at_once", "gravity": "none"}
     task = kit.task_of("control_point", SHEETS, vg.Box((2.1, 2.1, 2.1)), count=6, seed=5, **settings)
     method, problem, moved = task.method, task.problem, 0
     state = method.advance(problem, method.prepare(problem), 3000)
@@ -118,7 +118,7 @@ def test_what_is_in_a_shell_with_a_small_hole_stays_there(prisoner):
     box = vg.Box((10, 10, 10))
     start = vg.Packing.of([shell, grain], box, position=[[5, 5, 5], center + 5], shape_id=[0, 1])
     found = vg.pack(
-        [], box, start=start, method="control_point", contact="points", gravity="none", step=10.0, sweeps=4000,
+        [], box, start=start, method="control_point", contact="kdtree", gravity="none", step=10.0, sweeps=4000,
         spacing=0.06, seed=4,
     )  # fmt: skip
     assert found.provenance["counters"]["moves_accepted"] > 500
@@ -154,7 +154,7 @@ def test_small_sheets_stay_out_of_large_solids():
     large, small = vg.make_shape("sphere", diameter=4.0), vg.make_shape("sheet", diameter=0.6)
     start = vg.Packing.of([large], vg.Box((4.6, 4.6, 4.6)), position=[[2.3, 2.3, 2.3]])
     found = vg.pack(
-        small, start.container, start=start, count=25, method="control_point", contact="points", feed="at_once",
+        small, start.container, start=start, count=25, method="control_point", contact="kdtree", feed="at_once",
         gravity="none", spacing=0.1, sweeps=60, seed=0,
     )  # fmt: skip
     assert found.count == 26
@@ -248,7 +248,7 @@ def test_a_scene_with_a_sheet_from_a_file(tmp_path):
         lengths = [3, 3, 4]
         [packing]
         method = "control_point"
-        contact = "points"
+        contact = "kdtree"
         count = 4
         spacing = 0.3
         sweeps = 40

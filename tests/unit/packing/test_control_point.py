@@ -18,10 +18,10 @@ from voxgran.packing.control_point.attempts import DECAY, GROWTH
 from voxgran.packing.control_point.distance_fields import PLANES
 from voxgran.packing.control_point.method import SHORTEST_STEP
 from voxgran.packing.control_point.method import registration as control_point
-from voxgran.packing.control_point.point_contact import is_within, meets
+from voxgran.packing.control_point.point_contact import is_within, overlaps_by_points
 from voxgran.packing.control_point.records import Bed
 from voxgran.packing.control_point.relative_poses import write_matrix
-from voxgran.packing.control_point.sdf_contact import meets_field
+from voxgran.packing.control_point.sdf_contact import overlaps_by_sdf
 from voxgran.packing.driver import Drive, drive
 from voxgran.points.control import inner_points
 from voxgran.shapes.descriptors import largest_curvature
@@ -134,7 +134,7 @@ class PlainWalk:
         return True
 
 
-@pytest.mark.parametrize(("contact", "points"), [("sdf", "surface"), ("points", "all"), ("kdtree", "surface")])
+@pytest.mark.parametrize(("contact", "points"), [("sdf", "surface"), ("kdtree", "all"), ("kdtree", "surface")])
 def test_walk_is_that_of_a_plain_program(contact, points):
     """The same trajectory: 1500 attempts of 7 grains without gravity, with trees, planes and memory and without."""
     shapes = [vg.make_shape("ellipsoid", aspect=(1.2, 1.0, 0.8)), vg.make_shape("box", lengths=(1.0, 0.8, 0.6))]
@@ -170,7 +170,7 @@ def test_walk_is_that_of_a_plain_program(contact, points):
     "options",
     [
         {"contact": "sdf"}, {"contact": "sdf", "ways": "one", "spacing": 0.4}, {"contact": "sdf", "overlap": 0.1},
-        {"contact": "sdf", "distance": 0.05}, {"contact": "points"}, {"contact": "kdtree"},
+        {"contact": "sdf", "distance": 0.05}, {"contact": "kdtree"},
     ],
     ids=str,
 )  # fmt: skip
@@ -287,13 +287,13 @@ def test_containment_is_seen_from_both_sides():
         write_matrix(kept.scratch.quaternion, kept.scratch.turn)
         for g in range(2):
             arguments = (bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, *rules)
-            assert meets(*arguments, np.inf)
-            assert not meets(*arguments, 0.0)
+            assert overlaps_by_points(*arguments, np.inf)
+            assert not overlaps_by_points(*arguments, 0.0)
 
 
 def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
     """A small sphere within a large one that came there in no time: no points of the surfaces are near each other."""
-    for contact in ("points", "kdtree"):
+    for contact in ("kdtree",):
         for points in ("surface", "all"):
             keywords = {"count": 2, "spacing": 0.2, "contact": contact, "points": points}
             problem = task_of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), **keywords).problem
@@ -307,7 +307,7 @@ def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
             kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
             write_matrix(kept.scratch.quaternion, kept.scratch.turn)
             for place in ([0.1, 0.2, 0.3], [1.3, -0.7, 0.9]):
-                met = meets(bed, kept.bodies, kept.memory, kept.scratch, 1, 0, 0.0, *place, 0.0)
+                met = overlaps_by_points(bed, kept.bodies, kept.memory, kept.scratch, 1, 0, 0.0, *place, 0.0)
                 assert met == (points == "all")
             cost = control_point.cost(problem)
             assert cost.sampled_shapes == problem.counters["sampled_shapes"] == 1
@@ -327,26 +327,20 @@ def test_signed_distances_see_containment_both_ways(ways):
         kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
         write_matrix(kept.scratch.quaternion, kept.scratch.turn)
         for g in range(2):
-            assert meets_field(bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 0.1, 0.2, 0.3, np.inf)
-            assert not meets_field(bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 6.0, 2.0, 1.0, np.inf)
+            assert overlaps_by_sdf(bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 0.1, 0.2, 0.3, np.inf)
+            assert not overlaps_by_sdf(
+                bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 6.0, 2.0, 1.0, np.inf
+            )
 
 
-def test_points_in_cells_and_in_trees_give_the_same_bits():
-    shapes = [vg.make_shape("solid_union", seed=3), vg.make_shape("cone")]
-    packings = [
-        vg.pack(
-            *(shapes, vg.Box((4, 4, 8), periodic=(True, True, False))),
-            method="control_point",
-            count=25,
-            sizes=vg.sizes.lognormal(1.0, 0.3),
-            spacing=0.25,
-            sweeps=200,
-            contact=contact,
-        )
-        for contact in ("points", "kdtree")
-    ]
-    assert packings[0].position.tobytes() == packings[1].position.tobytes()
-    assert packings[0].orientation.tobytes() == packings[1].orientation.tobytes()
+def test_the_old_name_of_the_test_by_points_gives_the_same_bits():
+    cone, box = vg.make_shape("cone"), vg.Box((4, 4, 8), periodic=(True, True, False))
+    how = {"method": "control_point", "count": 6, "spacing": 0.3, "sweeps": 50}
+    with pytest.warns(DeprecationWarning, match="contact is 'points', the old name of 'kdtree'"):
+        old = vg.pack(cone, box, **how, contact="points")
+    new = vg.pack(cone, box, **how, contact="kdtree")
+    assert old.position.tobytes() == new.position.tobytes()
+    assert old.provenance["parameters"]["contact"] == "kdtree"
 
 
 def test_a_grain_keeps_clear_of_its_own_images():
@@ -461,7 +455,7 @@ def test_attempts_are_within_the_cost():
         ({"contact": "sdff"}, InputError, "sdf"),
         ({"ways": "one", "contact": "kdtree"}, InputError, "ways is 'one'"),
         ({"overlap": -0.1}, InputError, "overlap is -0.1"),
-        ({"overlap": 0.1, "contact": "points"}, InputError, "overlap is 0.1"),
+        ({"overlap": 0.1, "contact": "kdtree"}, InputError, "overlap is 0.1"),
         ({"overlap": 0.1, "settling": 10}, InputError, "settling"),
         ({"overlap": 0.4}, InputError, "overlap is 0.4: it must be at most"),
         ({"distance": 0.1, "settling": 10}, InputError, "distance is 0.1 and settling 10"),

@@ -163,7 +163,7 @@ def test_an_open_surface_that_is_not_asked_for_is_refused_as_in_the_run(tmp_path
     text = SCENE.format(
         shape='file = "sheet.stl"',
         container=BOX,
-        packing=POINTS + '\ncontact = "points"',
+        packing=POINTS + '\ncontact = "kdtree"',
         vtk="false",
         statistics="false",
         report="false",

@@ -26,7 +26,9 @@ from numba.core.serialize import dumps
 
 log = logging.getLogger(__name__)
 
-VERSIONS = f"{sys.version_info[0]}.{sys.version_info[1]} {numba.__version__} {llvmlite.__version__}"
+#: number of the way in which kernels are compiled and linked; kernels of other ways are compiled again
+LAYOUT = 2
+VERSIONS = f"{LAYOUT} {sys.version_info[0]}.{sys.version_info[1]} {numba.__version__} {llvmlite.__version__}"
 #: files that were not used for so long are removed
 FORGOTTEN_SECONDS = 60 * 24 * 3600.0
 #: the time of last use is noted at most so often

@@ -3,18 +3,56 @@
 numba optimizes each function and makes machine code of it, and does both again for its copy in every function that
 calls it. A kernel that only kernels call needs neither: here its intermediate code is kept as it was lowered, and
 optimized once, in the kernel that Python calls, which links the code of all that it calls directly or indirectly.
+Literal arguments (an axis 0, 1 or 2) do not make specializations of a callee, since LLVM propagates constants anyway.
 
 This file is loaded when a kernel is compiled, never before: it imports numba.
 """
 
-from typing import Any
+from typing import Any, ClassVar
 
+from numba import types
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+from numba.core.compiler import Compiler, Flags
+from numba.core.registry import CPUDispatcher
+
+
+class KernelFlags(Flags):
+    """Options of the compiler that are compared quickly.
+
+    numba looks up each operator under a key that holds all forty options, and comparing them one by one took a tenth
+    of the time of a compilation.
+    """
+
+    _hash = hash(Flags())
+    _defaults: ClassVar[dict[str, Any]] = {name: option.default for name, option in Flags.options.items()}
+
+    def __hash__(self) -> int:
+        """Return the hash of the names of all options, which is what numba computes each time."""
+        return self._hash
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether all options are equal."""
+        if not isinstance(other, Flags):
+            return NotImplemented
+        mine, theirs = self._values, other._values
+        return bool(mine == theirs or {**self._defaults, **mine} == {**self._defaults, **theirs})
+
+
+class CalleeDispatcher(CPUDispatcher):
+    """A function that only kernels call, compiled once for each combination of types, whatever the literal values."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return numba's template of a call, without the values of literal arguments."""
+        plain = tuple(types.unliteral(kind) for kind in args)
+        return super().get_call_template(plain, {name: types.unliteral(kind) for name, kind in kws.items()})
 
 
 class CalleeLibrary(JITCodeLibrary):
     """Code that is linked into that of its callers as it was lowered, and has no machine code of its own."""
+
+    def add_llvm_module(self, ll_module: Any) -> None:
+        """Add a module as it is."""
+        self._final_module.link_in(ll_module)
 
     def finalize(self) -> None:
         """Leave the code as it is."""
@@ -69,6 +107,10 @@ class CallerCompiler(Compiler):
     """Compile what Python calls."""
 
     library: type[JITCodeLibrary] = CallerLibrary
+
+    def __init__(self, *context: Any) -> None:
+        *before, flags, local_types = context
+        super().__init__(*before, KernelFlags(flags), local_types)
 
     def define_pipelines(self) -> Any:
         """Return numba's own steps, which fill a library of the class that is wanted."""

@@ -50,7 +50,6 @@ ACCURACY_SPACINGS = (0.4, 0.28, 0.2, 0.14, 0.1)
 TESTS = {
     "sdf": ("sdf", "both"),
     "sdf, one way": ("sdf", "one"),
-    "points": ("points", "both"),
     "kdtree": ("kdtree", "both"),
 }
 GRAINS, SOLID, MIXING = 150, 0.3, 400

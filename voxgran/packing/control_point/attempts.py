@@ -92,30 +92,60 @@ def make_attempts(
             list_all(bed, cells, walls, scratch)
         words = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
         more = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
-        if feeding and (tally[0] == 0 or unit_float(more[0]) < rules.shares[2]):
+        enters = feeding and (tally[0] == 0 or unit_float(more[0]) < rules.shares[2])
+        turned = not enters and unit_float(more[2]) < rules.shares[1]
+        waiting = len(queue) - tally[0]
+        # one test of contact for both kinds of attempts: it is by far the largest part of the compiled code
+        if enters:
+            slot = below(words[0], waiting)
+            g, moved = queue[slot], np.inf
             turns = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(2))
-            if _feed(bed, bodies, cells, walls, rules, memory, scratch, queue, tally, words, turns):
-                return attempt + 1
-            continue
-        g = queue[len(queue) - 1 - below(words[0], tally[0])]
-        _propose_place(bed, rules, scratch, g, words, unit_float(more[1]) < _upward_share(rules, attempt))
-        turned = unit_float(more[2]) < rules.shares[1]
-        if turned:
-            turns = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(2))
-            _propose_turn(bed, rules, scratch, g, turns)
-            tally[4] += 1
+            fits = _propose_entry(bed, bodies, walls, rules, scratch, g, words, turns)
+            tally[5] += 1
         else:
-            for k in range(4):
-                scratch.quaternion[k] = bed.orientation[g, k]
-        tally[2] += 1
-        if _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, 2.0 * bed.step[g]):
-            bed.step[g] = max(bed.step[g] * DECAY, rules.shortest * bed.diameter[g])
+            slot, fits, g = 0, True, queue[len(queue) - 1 - below(words[0], tally[0])]
+            moved = 2.0 * bed.step[g]
+            _propose_place(bed, rules, scratch, g, words, unit_float(more[1]) < _upward_share(rules, attempt))
+            tally[2] += 1
+            if turned:
+                turns = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(2))
+                _propose_turn(bed, rules, scratch, g, turns)
+                tally[4] += 1
+            else:
+                _keep_orientation(bed, scratch, g)
+        if not fits or _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, moved):
+            if enters:
+                tally[6] += 1
+                if tally[6] >= rules.schedule[3]:
+                    return attempt + 1
+            else:
+                bed.step[g] = max(bed.step[g] * DECAY, rules.shortest * bed.diameter[g])
             continue
         _place(bed, cells, walls, scratch, g)
-        bed.step[g] = min(bed.step[g] * GROWTH, longest_step(bed, rules, g))
-        tally[1] += 1
-        tally[3] += turned
+        if not enters:
+            bed.step[g] = min(bed.step[g] * GROWTH, longest_step(bed, rules, g))
+            tally[1], tally[3] = tally[1] + 1, tally[3] + turned
+            continue
+        bed.step[g] = longest_step(bed, rules, g)
+        _note_entry(queue, tally, slot, waiting)
+        if waiting == 1:
+            return attempt + 1
     return last
+
+
+@bare_kernel
+def _note_entry(queue, tally, slot, waiting):  # type: ignore[no-untyped-def]
+    """Move a grain that has entered from the waiting ones to the others."""
+    queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
+    tally[0] += 1
+    tally[6] = 0
+
+
+@bare_kernel
+def _keep_orientation(bed, scratch, g):  # type: ignore[no-untyped-def]
+    """Try the orientation that a grain has."""
+    for k in range(4):
+        scratch.quaternion[k] = bed.orientation[g, k]
 
 
 @bare_kernel
@@ -187,7 +217,7 @@ def _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  #
     write_matrix(scratch.quaternion, scratch.turn)
     if len(bed.span) > 0:
         write_span(bodies.reaches.values, bed.shape[g], bed.diameter[g], scratch.turn, scratch.span)
-    if is_outside(bed, bodies, walls, scratch, g, moved):
+    if is_outside(bed, bodies, walls, walls.mesh, scratch, g, moved):
         return True
     if meets_own_image(bed, bodies, cells, walls, rules, memory, scratch, g, moved):
         return True
@@ -258,26 +288,13 @@ def _place(bed, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _feed(bed, bodies, cells, walls, rules, memory, scratch, queue, tally, words, turns):  # type: ignore[no-untyped-def]
-    """Let a waiting grain enter in a random orientation, at the top or anywhere; return whether feeding has ended."""
-    waiting = len(queue) - tally[0]
-    slot = below(words[0], waiting)
-    g = queue[slot]
+def _propose_entry(bed, bodies, walls, rules, scratch, g, words, turns):  # type: ignore[no-untyped-def]
+    """Put a waiting grain in a random orientation at the top or anywhere; return whether it is between the walls."""
     _random_turn(rules, scratch.quaternion, turns)
     write_matrix(scratch.quaternion, scratch.turn)
-    fits = _enter_axis(bed, bodies, walls, rules, memory, scratch, g, 0, unit_float(words[1]))
-    fits = _enter_axis(bed, bodies, walls, rules, memory, scratch, g, 1, unit_float(words[2])) and fits
-    fits = _enter_axis(bed, bodies, walls, rules, memory, scratch, g, 2, unit_float(words[3])) and fits
-    tally[5] += 1
-    if not fits or _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, np.inf):
-        tally[6] += 1
-        return tally[6] >= rules.schedule[3]
-    _place(bed, cells, walls, scratch, g)
-    bed.step[g] = longest_step(bed, rules, g)
-    queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
-    tally[0] += 1
-    tally[6] = 0
-    return waiting == 1
+    fits = _enter_axis(bed, bodies, walls, rules, scratch, g, 0, unit_float(words[1]))
+    fits = _enter_axis(bed, bodies, walls, rules, scratch, g, 1, unit_float(words[2])) and fits
+    return _enter_axis(bed, bodies, walls, rules, scratch, g, 2, unit_float(words[3])) and fits
 
 
 @bare_kernel
@@ -315,7 +332,7 @@ def enter_raised(bed: Bed, world: World, g: int, position: Floats, up: Floats, f
 
 
 @bare_kernel
-def _enter_axis(bed, bodies, walls, rules, memory, scratch, g, axis, share):  # type: ignore[no-untyped-def]
+def _enter_axis(bed, bodies, walls, rules, scratch, g, axis, share):  # type: ignore[no-untyped-def]
     """Write where a grain enters along one axis; return whether there is room."""
     low, high = _room(bed, bodies, walls, scratch, g, axis)
     if rules.entry[axis] != 0:

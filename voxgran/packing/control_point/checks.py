@@ -45,7 +45,7 @@ def check_surfaces(problem: Problem) -> None:
     if names and settings.contact == "sdf":
         raise InputError(
             f"shape {names[0]!r} is an open surface and contact 'sdf': it has no inside and so no signed distance; use "
-            "contact 'points'"
+            "contact 'kdtree'"
         )
     if names and settings.spacing < FINEST:
         raise InputError(

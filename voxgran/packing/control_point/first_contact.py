@@ -13,7 +13,7 @@ from voxgran._base.kernels import bare_kernel
 from voxgran._base.rotation import normalized
 from voxgran.containers.box import Box
 from voxgran.packing.control_point.method import ControlPoint, prepare
-from voxgran.packing.control_point.neighbours import compare
+from voxgran.packing.control_point.neighbours import overlaps
 from voxgran.packing.control_point.precompute import bed_of, setting_of
 from voxgran.packing.control_point.records import SDF, Bed, Bodies, Memory, Scratch
 from voxgran.packing.control_point.relative_poses import write_matrix
@@ -192,4 +192,4 @@ def _come(
 def _is_refused_at(bed, bodies, memory, scratch, gap, way, aside, place):  # type: ignore[no-untyped-def]
     """Return whether the second grain meets the first at a place along its way."""
     dx, dy, dz = place * way[0] + aside[0], place * way[1] + aside[1], place * way[2] + aside[2]
-    return compare(bed, bodies, memory, scratch, 1, 0, gap, dx, dy, dz, np.inf)
+    return overlaps(bed, bodies, bodies.contact, memory, scratch, 1, 0, gap, dx, dy, dz, np.inf)

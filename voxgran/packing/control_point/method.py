@@ -1,10 +1,10 @@
 """Control-point packing: grains are points on their surfaces, and move through space by small random steps.
 
 Each attempt picks a grain, moves it by a random unit vector times a step, and turns it by a small random rotation. The
-attempt is refused where it would reach through a wall, or come too near to another grain by one of three tests. With
+attempt is refused where it would reach through a wall, or come too near to another grain by one of two tests. With
 the contact "sdf" the control points of each grain are looked up in the signed distance of the other, so that grains
-touch; with "points" and "kdtree" points are compared with points, in cells or in trees, and grains stay open by up to
-the spacing. Gravity tilts the steps downward, with cycles of vibration in which upward steps are kept and die away.
+touch; with "kdtree" they are compared with the control points of the other in a KD-tree, and contacts stay open by up
+to the spacing. Gravity tilts the steps downward, with cycles of vibration in which upward steps are kept and die away.
 Each grain lengthens its steps when it moves freely and shortens them when it is caught.
 
 Grains enter as rain at a rate, in layers that each sink before the next, or anywhere at once. A lid is a wall against
@@ -28,6 +28,7 @@ Discontinuous Materials, section 5-2: surfaces as control points, moved at rando
 neighbours
 """
 
+import warnings
 from dataclasses import dataclass
 from typing import Literal
 
@@ -97,8 +98,8 @@ class ControlPoint:
     )
     contact: Literal["sdf", "points", "kdtree"] = parameter(
         "sdf",
-        doc="how grains are compared: control points in the signed distance of the other grain, or points with points, "
-        "found in cells or in trees",
+        doc="how grains are compared: control points with the signed distance of the other grain (sdf), or with its "
+        "control points in a KD-tree (kdtree; points is its old name)",
     )
     points: Literal["surface", "all"] = parameter(
         "surface", doc="where control points lie: on the surface, its edges and corners, or as densely inside as well"
@@ -146,6 +147,13 @@ class ControlPoint:
 
     def __post_init__(self) -> None:
         """Check the ranges, and what does not go together."""
+        if self.contact == "points":
+            warnings.warn(
+                "contact is 'points', the old name of 'kdtree', which gives the same packing: use contact='kdtree'",
+                DeprecationWarning,
+                stacklevel=3,
+            )
+            object.__setattr__(self, "contact", "kdtree")
         if as_positive(self.spacing, "spacing") > 1.0:
             raise InputError(
                 f"spacing is {self.spacing:g} diameters of a grain: points wider apart than the grain do not tell its "

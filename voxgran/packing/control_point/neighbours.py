@@ -4,10 +4,10 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran.packing.control_point.point_contact import meets, recall
-from voxgran.packing.control_point.records import SDF, Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
+from voxgran.packing.control_point.point_contact import overlaps_by_points, recall
+from voxgran.packing.control_point.records import Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
 from voxgran.packing.control_point.relative_poses import row_of_pair, take_row
-from voxgran.packing.control_point.sdf_contact import meets_field, recall_field
+from voxgran.packing.control_point.sdf_contact import overlaps_by_sdf, recall_field
 from voxgran.packing.control_point.separating_planes import TRIES, find_plane
 from voxgran.packing.control_point.verlet_lists import list_close, strayed
 
@@ -37,7 +37,7 @@ def meets_own_image(
                     dx = ix * (walls.upper[0] - walls.lower[0])
                     dy = iy * (walls.upper[1] - walls.lower[1])
                     dz = iz * (walls.upper[2] - walls.lower[2])
-                    if compare(bed, bodies, memory, scratch, g, g, rules.gap, dx, dy, dz, moved):
+                    if overlaps(bed, bodies, bodies.contact, memory, scratch, g, g, rules.gap, dx, dy, dz, moved):
                         return True
     return False
 
@@ -88,15 +88,16 @@ def meets_any(
         dx = scratch.place[0] - position[j, 0] - pending[k, 1] * (walls.upper[0] - walls.lower[0])
         dy = scratch.place[1] - position[j, 1] - pending[k, 2] * (walls.upper[1] - walls.lower[1])
         dz = scratch.place[2] - position[j, 2] - pending[k, 3] * (walls.upper[2] - walls.lower[2])
-        if compare(bed, bodies, memory, scratch, g, j, rules.gap, dx, dy, dz, moved):
+        if overlaps(bed, bodies, bodies.contact, memory, scratch, g, j, rules.gap, dx, dy, dz, moved):
             return True
     return count < 0
 
 
 @inlined_kernel
-def compare(
+def overlaps(
     bed: Bed,
     bodies: Bodies,
+    contact: int | None,
     memory: Memory,
     scratch: Scratch,
     g: int,
@@ -107,10 +108,10 @@ def compare(
     dz: float,
     moved: float,
 ) -> bool:
-    """Tell by the test of contact whether two grains meet."""
-    if bodies.contact == SDF:
-        return meets_field(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
-    return meets(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
+    """Return whether two grains overlap by the test of contact, `bodies.contact`."""
+    if contact is None:
+        return overlaps_by_sdf(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
+    return overlaps_by_points(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
 
 
 @bare_kernel
@@ -171,7 +172,7 @@ def _sift(  # type: ignore[no-untyped-def]
             if dx * dx + dy * dy + dz * dz < apart * apart:
                 return -1
             continue
-        low = gap + (max(extent[g, 5], extent[j, 5]) if contact == SDF else extent[g, 5] + extent[j, 5])
+        low = gap + (max(extent[g, 5], extent[j, 5]) if contact is None else extent[g, 5] + extent[j, 5])
         near = extent[g, 0] + extent[j, 0] + low
         if dx * dx + dy * dy + dz * dz > near * near:
             continue
@@ -217,7 +218,7 @@ def _recall(  # type: ignore[no-untyped-def]
             *(reaches, shape[g], diameter[g], turn, shape[j], diameter[j], orientation[j], way, dx, dy, dz, wide, 1)
         ):
             return 0
-    if contact == SDF:
+    if contact is None:
         answer = recall_field(
             *(orientation, diameter, extent, shape, pairs, poses, points, field_head, field_rows, field_values),
             *(turn, relative, shift, g, j, gap, dx, dy, dz),

@@ -8,9 +8,8 @@ convex hull of a grain; the mesh of a closed container is sampled like a grain.
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.packing.control_point.point_grids import list_near_in_cells
 from voxgran.packing.control_point.point_trees import list_near, point_distance
-from voxgran.packing.control_point.records import POINTS, Bed, Bodies, Memory, Scratch
+from voxgran.packing.control_point.records import Bed, Bodies, Memory, Scratch
 from voxgran.packing.control_point.relative_poses import invert, moved_since, relate, row_of_pair, take_row
 
 #: how much farther than needed points are listed, in diameters
@@ -39,7 +38,7 @@ def recall(
     dz: float,
     moved: float,
 ) -> int:
-    """Tell from memory whether grain g meets grain j as in `meets`: 0 no, 1 yes, 2 unknown.
+    """Tell from memory whether grain g meets grain j as in `overlaps_by_points`: 0 no, 1 yes, 2 unknown.
 
     Where no point has moved by the slack since the grains were compared, only the points that were listed then can be
     too near. The answers are those that comparing the grains again would give.
@@ -64,7 +63,7 @@ def recall(
 
 
 @bare_kernel
-def meets(
+def overlaps_by_points(
     bed: Bed,
     bodies: Bodies,
     memory: Memory,
@@ -113,10 +112,6 @@ def list_points(
 ) -> tuple[int, float]:
     """List the near control points of two shapes in the relative pose at hand."""
     trees = bodies.trees
-    if bodies.contact == POINTS:
-        return list_near_in_cells(
-            *(trees, bodies.cells, a, b, scratch.relative, scratch.shift, low, high, scratch.found)
-        )
     return list_near(
         *(trees.points, trees.start, trees.spheres, trees.first, trees.depth, a, b, scratch.relative, scratch.shift),
         *(scale, low, high, scratch.stack, scratch.found),

@@ -12,14 +12,12 @@ from voxgran._base.seeds import philox_key
 from voxgran.containers.model import boundary_of
 from voxgran.packing.control_point.attempts import link_all, span_all
 from voxgran.packing.control_point.distance_fields import MARGIN, Fields, make_fields
-from voxgran.packing.control_point.point_grids import make_cells, no_cells
 from voxgran.packing.control_point.point_trees import make_trees, stack_room
 from voxgran.packing.control_point.records import (
     BALL,
     FLAT,
     KDTREE,
     MESH,
-    POINTS,
     ROUND,
     SDF,
     Bed,
@@ -44,7 +42,7 @@ if TYPE_CHECKING:
     from voxgran.packing.control_point.method import ControlPoint
 
 #: numbers of the tests of contact
-TESTS = {"sdf": SDF, "points": POINTS, "kdtree": KDTREE}
+TESTS = {"sdf": SDF, "kdtree": KDTREE}
 #: edges of a cell of a lattice of distances in a spacing: its error is then small beside that of the points
 CELLS_IN_SPACING = 3.0
 #: longest edge of a cell, in diameters: distances on wide cells tell little of places between
@@ -239,7 +237,6 @@ def _bodies(problem: Problem) -> Bodies:
         settings.ways == "both",
         trees,
         fields,
-        make_cells(trees, np.array(spacing)) if settings.contact == "points" else no_cells(),
         no_reaches() if spheres else make_reaches(list(problem.shapes), known, fields),
         np.array([solid.bounding_radius for solid in solids]),
         np.array(spacing),
@@ -303,7 +300,8 @@ def _walls(problem: Problem) -> Walls:
         kind, offset = MESH, np.array(boundary.solid.offset)
     elif boundary.round_axes > 0:
         kind, offset = {2: ROUND, 3: BALL}[boundary.round_axes], (lower + upper) / 2
-    return Walls(kind, lower, upper, walled, periodic, radius, offset, bool(problem.parameters.lid))
+    mesh = True if kind == MESH else None
+    return Walls(kind, lower, upper, walled, periodic, radius, offset, bool(problem.parameters.lid), mesh)
 
 
 def _cells(problem: Problem, extent: Floats) -> Cells:

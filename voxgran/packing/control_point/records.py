@@ -4,30 +4,28 @@ from typing import NamedTuple
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran.packing.control_point.distance_fields import Fields
-from voxgran.packing.control_point.point_grids import PointCells
 from voxgran.packing.control_point.point_trees import Trees
 from voxgran.packing.control_point.support_tables import Reaches
 from voxgran.packing.control_point.verlet_lists import CloseLists
 
 #: kinds of walls
 FLAT, ROUND, MESH, BALL = 0, 1, 2, 3
-#: tests of contact
-SDF, POINTS, KDTREE = 0, 1, 2
+#: tests of contact; with None numba leaves out what the other test calls
+SDF, KDTREE = None, 1
 
 
 class Bodies(NamedTuple):
     """The shapes at unit diameter; with a mesh container, the last tree and the last triangles are its own.
 
     `spacing` is twice the covering radius of the control points. The points `hull` with room `margin` around each hold
-    the solid in their convex hull. `contact` is the test of contact, `both` whether signed distances are asked both
-    ways; `cells` are those of the points, for the test that needs them; `reaches` tell how far shapes reach.
+    the solid in their convex hull. `contact` is the test of contact, `both` whether the control points of both grains
+    are tested against the signed distance of the other; `reaches` are the support functions of the shapes.
     """
 
-    contact: int
+    contact: int | None
     both: bool
     trees: Trees
     fields: Fields
-    cells: PointCells
     reaches: Reaches
     radius: Floats
     spacing: Floats
@@ -61,7 +59,8 @@ class Bed(NamedTuple):
 class Walls(NamedTuple):
     """The container: its bounds, which axes have walls and which are periodic, the radius of a round one.
 
-    Where there is a `lid`, it is the flat wall against gravity, and the bounds tell where it is now.
+    Where there is a `lid`, it is the flat wall against gravity, and the bounds tell where it is now. `mesh` is None
+    unless the kind is MESH, so that numba leaves out the kernels of meshes.
     """
 
     kind: int
@@ -72,6 +71,7 @@ class Walls(NamedTuple):
     radius: float
     offset: Floats
     lid: bool
+    mesh: bool | None
 
 
 class Memory(NamedTuple):

@@ -162,7 +162,7 @@ def recall_field(
     dy: float,
     dz: float,
 ) -> int:
-    """Tell from memory whether grain g meets grain j as in `meets_field`: 0 no, 1 yes, 2 unknown.
+    """Tell from memory whether grain g meets grain j as in `overlaps_by_sdf`: 0 no, 1 yes, 2 unknown.
 
     The answers are those that comparing the grains again would give.
     """
@@ -190,7 +190,7 @@ def recall_field(
 
 
 @inlined_kernel
-def meets_field(
+def overlaps_by_sdf(
     bed: Bed,
     bodies: Bodies,
     memory: Memory,

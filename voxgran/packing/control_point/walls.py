@@ -9,7 +9,7 @@ import numpy as np
 from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.control_point.point_contact import holds, list_points
-from voxgran.packing.control_point.records import BALL, MESH, ROUND, Bed, Bodies, Scratch, Walls
+from voxgran.packing.control_point.records import BALL, ROUND, Bed, Bodies, Scratch, Walls
 from voxgran.packing.control_point.relative_poses import write_matrix
 
 #: how far from the top wall a grain enters, and from a grain the lid stops, in median diameters: more than rounding
@@ -19,9 +19,14 @@ EXACT = 1e-12
 
 
 @inlined_kernel
-def is_outside(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, g: int, moved: float) -> bool:
-    """Return whether a grain in the tried pose reaches beyond a wall; `moved` bounds how far its points came."""
-    if walls.kind == MESH:
+def is_outside(
+    bed: Bed, bodies: Bodies, walls: Walls, mesh: bool | None, scratch: Scratch, g: int, moved: float
+) -> bool:
+    """Return whether a grain in the tried pose reaches beyond a wall; `moved` bounds how far its points came.
+
+    `mesh` is that of the walls: None unless the container is a mesh.
+    """
+    if mesh is not None:
         if _is_outside_mesh(bed, bodies, walls, scratch, g, moved):
             return True
         if not walls.lid:

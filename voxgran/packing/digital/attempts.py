@@ -36,13 +36,18 @@ from voxgran.packing.digital.sleeping import note_rest, sleeps
 from voxgran.packing.digital.stamping import sum_blocked
 
 
-@bare_kernel
 def put(field: Field, members: Members, grains: Grains, pairs: PairTables, g: int) -> None:
     """Write the bits of a grain that has entered, and stamp it; or note its cell where pairs have tables."""
-    m = grains.member[g]
     if len(pairs.at):
         enlist(field, pairs, g, grains.site[g])
-        return
+    else:
+        _put(field, members, grains, g)
+
+
+@bare_kernel
+def _put(field, members, grains, g):  # type: ignore[no-untyped-def]
+    """Write the bits of a grain that has entered, and stamp it."""
+    m = grains.member[g]
     grains.at[g] = _load(members, grains, g, m, grains.turn[g])
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
     stamp_images(field, grains.bits, grains.at[g], size, lowest_corner(field, grains.site[g], low))
@@ -76,7 +81,6 @@ def enter_near(
     return -1
 
 
-@bare_kernel
 def make_attempts(
     field: Field,
     members: Members,
@@ -97,9 +101,19 @@ def make_attempts(
     wait, the others have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in
     a row, slept through, rows of columns looked at, pairs looked up.
     """
+    # None takes the kernels of tables, guided moves and sleeping out of what is compiled
+    hint, slept = (array if len(array) else None for array in (turn.hint, turn.slept))
+    kept = turn._replace(hint=hint, slept=slept)  # type: ignore[arg-type]
+    tables = pairs if len(pairs.at) else None
+    return int(_make_attempts(field, members, grains, tables, rules, kept, queue, tally, key, first, last))
+
+
+@bare_kernel
+def _make_attempts(field, members, grains, pairs, rules, turn, queue, tally, key, first, last):  # type: ignore[no-untyped-def]
+    """Make attempts as `make_attempts`; `pairs`, `turn.hint` and `turn.slept` are None where they are not used."""
     feeding = rules.schedule[0] < 0
     # nothing but moves and turns, on a canvas
-    plain = not feeding and not len(pairs.at) and not len(turn.hint) and not len(turn.slept)
+    plain = not feeding and pairs is None and turn.hint is None and turn.slept is None
     attempt = first - 1
     while attempt + 1 < last:
         attempt += 1
@@ -122,7 +136,7 @@ def make_attempts(
                 return attempt + 1
             continue
         g = pick_grain(queue, tally[0], turn.order, attempt, r0)
-        if len(turn.slept) and sleeps(field, members, grains, turn, g, cycle_start(rules, attempt)):
+        if _sleeps_on(field, members, grains, rules, turn, turn.slept, g, attempt):
             tally[7] += 1
             continue
         if unit_float(r3) < rules.shares[2]:
@@ -133,17 +147,38 @@ def make_attempts(
             tally[3] += _turn(field, members, grains, pairs, tally, g, pose)
         else:
             d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares, rules.schedule, attempt)
-            if len(turn.hint):
-                d = guided_direction(turn.hint[g], rules, d, r0, r3)
+            d = _guided(turn.hint, rules, g, d, r0, r3)
             step = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2])
             tally[2] += 1
             moved = _move(field, members, grains, pairs, tally, g, step)
             tally[1] += moved
-            if len(turn.hint):
-                _note_contact(field, members, grains, g, step, moved, turn.hint[g])
-        if len(turn.slept):
-            note_rest(field, members, grains, rules, turn, g, attempt)
+            _note_contact(field, members, grains, g, step, moved, turn.hint)
+        _note_rest(field, members, grains, rules, turn, turn.slept, g, attempt)
     return last
+
+
+@inlined_kernel
+def _sleeps_on(field, members, grains, rules, turn, slept, g, attempt):  # type: ignore[no-untyped-def]
+    """Return whether a grain sleeps on; where `slept` is None, no grain sleeps."""
+    if slept is None:
+        return False
+    return sleeps(field, members, grains, turn, g, cycle_start(rules, attempt))
+
+
+@inlined_kernel
+def _note_rest(field, members, grains, rules, turn, slept, g, attempt):  # type: ignore[no-untyped-def]
+    """Note whether a grain came to rest; where `slept` is None, no grain sleeps."""
+    if slept is None:
+        return
+    note_rest(field, members, grains, rules, turn, g, attempt)
+
+
+@inlined_kernel
+def _guided(hints, rules, g, d, pick, share):  # type: ignore[no-untyped-def]
+    """Return the direction of a move, d where `hints` is None and moves are not guided."""
+    if hints is None:
+        return d
+    return guided_direction(hints[g], rules, d, pick, share)
 
 
 @bare_kernel
@@ -174,8 +209,14 @@ def _load(members, grains, g, member, turn):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _note_contact(field, members, grains, g, step, moved, hint):  # type: ignore[no-untyped-def]
-    """Note the normal of the contact that refused a move: from the middle of the blocked voxels to the centroid."""
+def _note_contact(field, members, grains, g, step, moved, hints):  # type: ignore[no-untyped-def]
+    """Note the normal of the contact that refused a move: from the middle of the blocked voxels to the centroid.
+
+    Where `hints` is None, moves are not guided.
+    """
+    if hints is None:
+        return
+    hint = hints[g]
     hint[0], hint[1], hint[2] = 0, 0, 0
     if moved:
         return
@@ -213,7 +254,7 @@ def _move(field, members, grains, pairs, tally, g, step):  # type: ignore[no-unt
     old = lowest_corner(field, grains.site[g], low)
     new = stepped(field, old, step)
     at = grains.at[g]
-    if len(pairs.at):
+    if pairs is not None:
         return _move_in_cells(field, members, grains, pairs, tally, g, (m, t), (low, size, new))
     found = look_along_step(field, grains.bits, at, size, new, step)
     tally[8] += looked_at(found)
@@ -253,7 +294,7 @@ def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-unt
     old = lowest_corner(field, grains.site[g], low)
     new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
     new = lowest_corner(field, grains.site[g], new_low)
-    if len(pairs.at):
+    if pairs is not None:
         return _move_in_cells(field, members, grains, pairs, tally, g, (new_m, turn), (new_low, new_size, new))
     stamp_images(field, grains.bits, at, size, old)
     if len(members.at):
@@ -310,7 +351,7 @@ def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word
 def _enter(field, members, grains, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
     """Let a grain enter where it finds room; return whether it does."""
     low, size, corner = box
-    if len(pairs.at):
+    if pairs is not None:
         return _move_in_cells(field, members, grains, pairs, tally, g, pose, box) == 1
     grains.at[g] = _load(members, grains, g, pose[0], pose[1])
     found = look_anywhere(field, grains.bits, grains.at[g], size, corner)
