@@ -20,7 +20,7 @@ from voxgran.packing.pack import prepare_task
 VARIANTS = {
     "control_point, points": {"contact": "points"},
     "control_point, kdtree": {"contact": "kdtree"},
-    "control_point, one way": {"ways": "one"},
+    "control_point, one way": {"tested_points": "one"},
     "control_point, open surfaces": {"contact": "points"},
 }
 METHODS = [*vg.packing_methods(), *VARIANTS]

@@ -29,7 +29,7 @@ from voxgran.packing.asked import check_asked, check_drive, warn_of_units
 from voxgran.packing.draw import Grains, draw_grains, size_distance
 from voxgran.packing.driver import Drive, Recorder, drive
 from voxgran.packing.memory import check_memory, packing_memory
-from voxgran.packing.method import PackingMethod, State, method_registry
+from voxgran.packing.method import PackingMethod, RunState, method_registry
 from voxgran.packing.model import Packing
 from voxgran.packing.one_unit import in_one_unit
 from voxgran.packing.problem import Problem
@@ -324,7 +324,7 @@ def _problem(
     )
 
 
-def with_provenance(task: Task, state: State, packing: Packing, *, seconds: float) -> Packing:
+def with_provenance(task: Task, state: RunState, packing: Packing, *, seconds: float) -> Packing:
     """Return the packing with the record of what was asked, done and missed, and the target that ended it."""
     problem = task.problem
     libraries = ("numpy", "scipy", "numba", "open3d", "vtk", "manifold3d")

@@ -5,7 +5,7 @@ import pytest
 
 import voxgran as vg
 from voxgran.packing.digital import precompute as digital_setting
-from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.packing.digital.walk_method import registration as digital
 from voxgran.packing.pack import prepare_task
 
@@ -34,7 +34,7 @@ def walked(case, attempts=(30_000,)):
         state = digital.advance(task.problem, state, many)
         # as after a checkpoint
         state.derived.clear()
-    setting_of(task.problem, state)
+    precomputed_of(task.problem, state)
     return state
 
 
@@ -81,7 +81,7 @@ def test_columns_are_kept_where_tables_do_not_do(container, options, monkeypatch
         weights_by="number", seed=0, parameters={"voxel_size": 0.125, **options},
     )  # fmt: skip
     state = digital.prepare(task.problem)
-    setting_of(task.problem, state)
+    precomputed_of(task.problem, state)
     assert not len(state.derived["pairs"].at)
 
 
