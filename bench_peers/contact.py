@@ -16,7 +16,7 @@ from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran._base.rotation import product, rotation_matrices
 from voxgran.packing.control_point.attempts import DECAY, GROWTH
-from voxgran.packing.control_point.method import SHORTEST_STEP
+from voxgran.packing.control_point.parameters import SHORTEST_STEP
 
 #: grain, way, axis and half the angle of each attempt, for steps of 1, to the number of accepted ones
 Moves = Callable[[Integers, Floats, Floats, Floats], int]

@@ -7,7 +7,6 @@ import pytest
 
 from voxgran.containers.box import Box
 from voxgran.containers.cylinder import Cylinder
-from voxgran.measure import cylinders, region, window
 from voxgran.measures import cylinders, region, window
 from voxgran.measures.region import Regions
 from voxgran.measures.window import Solids

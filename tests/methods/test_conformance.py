@@ -15,7 +15,7 @@ from voxgran.testing.packing_methods import bits_of
 #: methods, and what else of a method has to keep it all, by name
 VARIANTS = {
     "control_point, kdtree": {"contact": "kdtree"},
-    "control_point, one way": {"ways": "one"},
+    "control_point, one way": {"tested_points": "one"},
     "control_point, open surfaces": {"contact": "kdtree"},
 }
 #: what else goes on after a stop

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.packing.digital.walk_method import registration as digital
 
 LARGE = """
@@ -41,10 +41,10 @@ def test_occupancy_after_a_million_moves_is_that_of_the_poses(shape, container, 
     wanted = 1_000_000 if voxel_size > 0.05 else 20_000
     while state.counters["moves_accepted"] < wanted:
         state = digital.advance(task.problem, state, 100_000)
-    setting, words = setting_of(task.problem, state), state.derived["words"].copy()
+    setting, words = precomputed_of(task.problem, state), state.derived["words"].copy()
     assert not len(state.derived["pairs"].at)
     state.derived.clear()
-    setting_of(task.problem, state)
+    precomputed_of(task.problem, state)
     assert np.array_equal(state.derived["words"], words)
     taken = setting.canvas.occupied(words).sum()
     assert taken == setting.bank.voxels[state.arrays["member"][state.arrays["member"] >= 0]].sum()

@@ -22,7 +22,7 @@ from voxgran._base.kernels import telling_of_compilation
 from voxgran._base.lock import locked_file
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals, Stopped, stopping_when
-from voxgran.packing.method import PackingMethod, State
+from voxgran.packing.method import PackingMethod, RunState
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
@@ -76,7 +76,7 @@ class Drive:
     started: float = field(default_factory=time.monotonic)
 
 
-def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
+def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
     """Run a method until it stops.
 
     Parameters
@@ -90,7 +90,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
 
     Returns
     -------
-    State
+    RunState
         With `stop_reason` set.
 
     Raises
@@ -125,8 +125,8 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> State:
 
 
 def _make_attempts(
-    method: PackingMethod, problem: Problem, state: State, how: Drive, keeper: "_Keeper", signals: Signals
-) -> State:
+    method: PackingMethod, problem: Problem, state: RunState, how: Drive, keeper: "_Keeper", signals: Signals
+) -> RunState:
     """Return the state after all attempts, or those that were made before the run was asked to stop."""
     chunk, begin, moved = how.chunk or FIRST_CHUNK, state.done, False
 
@@ -160,7 +160,7 @@ class _Keeper:
         if path is not None:
             remove_drafts(path)
 
-    def keep(self, state: State, *, at_once: bool) -> None:
+    def keep(self, state: RunState, *, at_once: bool) -> None:
         """Write a checkpoint if it is due."""
         began = time.monotonic()
         if self.path is None or not (began > self.next or (at_once and self.done < state.done)):
@@ -194,7 +194,7 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
     return digest.hexdigest()
 
 
-def _save(problem: Problem, state: State, path: str | os.PathLike[str], mark: str) -> None:
+def _save(problem: Problem, state: RunState, path: str | os.PathLike[str], mark: str) -> None:
     """Write a checkpoint."""
     header: dict[str, Any] = {
         "fingerprint": mark,
@@ -208,7 +208,7 @@ def _save(problem: Problem, state: State, path: str | os.PathLike[str], mark: st
     log.info("checkpoint after %d attempts: %s", state.done, path)
 
 
-def _restore(problem: Problem, state: State, path: str | os.PathLike[str], mark: str) -> None:
+def _restore(problem: Problem, state: RunState, path: str | os.PathLike[str], mark: str) -> None:
     """Load a checkpoint into a newly prepared state, and its counted representations into the problem."""
     header, arrays = load_checkpoint(path)
     if header.get("fingerprint") != mark:
@@ -218,15 +218,14 @@ def _restore(problem: Problem, state: State, path: str | os.PathLike[str], mark:
         )
     for name in problem.made:
         problem.made[name] |= set(arrays.pop(name).tolist())
-    state.arrays = arrays
-    state.counters = dict(header["counters"])
+    state.restore(arrays, dict(header["counters"]))
     state.done, state.total = int(header["done"]), int(header["total"])
     state.stop_reason = str(header["stop_reason"])
     state.derived = {}
     log.info("resumed after %d attempts from %s", state.done, path)
 
 
-def _tell(how: Drive, state: State) -> None:
+def _tell(how: Drive, state: RunState) -> None:
     """Report progress."""
     if how.on_step is not None:
         text = ", ".join(f"{name} {value}" for name, value in list(state.counters.items())[:2])
@@ -239,7 +238,7 @@ def _tell_of_kernels(how: Drive) -> None:
         how.on_step(Step(stage="compiling", done=0, total=0, text="kernels (once per machine)"))
 
 
-def _farewell(how: Drive, state: State) -> str:
+def _farewell(how: Drive, state: RunState) -> str:
     """Return the message of a stopped run, with the way to resume it."""
     ended = bool(state.stop_reason)
     made = f"all {state.done} attempts" if ended else f"{state.done} of {state.total} attempts"

@@ -1,16 +1,18 @@
 """Packing methods: three functions over plain arrays, their cost, and the registry of methods.
 
 Checkpoints, signals, clocks and progress are handled by :mod:`voxgran.packing.driver` for all methods. The state of a
-method is therefore arrays and counters only, and attempt number k depends on the state and k alone, so that results do
-not depend on the number of attempts per call. A call with 0 attempts computes the derived data and changes nothing
-else. If an attempt may take more than half a second, the method calls
-:func:`voxgran._base.stopping.stop_if_asked` in between, with arrays and counters as after the last attempt.
+method is therefore arrays and counters only (:class:`State`, or a dataclass whose fields are these,
+:class:`TypedState`), and attempt number k depends on the state and k alone, so that results do not depend on the number
+of attempts per call. A call with 0 attempts computes the derived data and changes nothing else. If an attempt may take
+more than half a second, the method calls :func:`voxgran._base.stopping.stop_if_asked` in between, with arrays and
+counters as after the last attempt.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol, TypeAlias
 
+import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.errors import TooLargeError
@@ -47,9 +49,29 @@ class Cost:
     sampled_shapes: int = 0
 
 
+class RunState(Protocol):
+    """What the driver needs of the state of a run: see :class:`State`."""
+
+    done: int
+    total: int
+    stop_reason: str
+    derived: dict[str, Any]
+
+    @property
+    def arrays(self) -> Mapping[str, Array]:
+        """Arrays that a checkpoint holds."""
+
+    @property
+    def counters(self) -> Mapping[str, int | None]:
+        """Counters that a checkpoint holds."""
+
+    def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
+        """Take over the arrays and counters of a checkpoint."""
+
+
 @dataclass(slots=True)
 class State:
-    """State of a run.
+    """State of a run, with arrays and counters by name.
 
     Attributes
     ----------
@@ -71,6 +93,55 @@ class State:
     total: int = 0
     stop_reason: str = ""
     derived: dict[str, Any] = field(default_factory=dict)
+
+    def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
+        """Take over the arrays and counters of a checkpoint."""
+        self.arrays, self.counters = arrays, counters
+
+
+@dataclass(slots=True, kw_only=True)
+class TypedState:
+    """Where a run stands, with typed fields, from which its arrays and counters derive.
+
+    The fields that a subclass adds are arrays, floats, integers, or None for a number that is not known yet. A
+    checkpoint holds arrays and floats as arrays, and the rest as counters.
+
+    Attributes
+    ----------
+    done, total : int
+        Attempts made, and attempts after which the method stops at the latest.
+    stop_reason : str
+        Empty while there is more to do.
+    derived : dict of str to object
+        What follows from the problem and the rest and is made again when it is missing; never saved.
+    """
+
+    done: int = 0
+    total: int = 0
+    stop_reason: str = ""
+    derived: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def arrays(self) -> dict[str, Array]:
+        """Arrays and floats, which a checkpoint holds."""
+        return {name: np.asarray(value) for name, value in self._added() if isinstance(value, np.ndarray | float)}
+
+    @property
+    def counters(self) -> dict[str, int | None]:
+        """Integers, which a checkpoint holds."""
+        return {name: value for name, value in self._added() if not isinstance(value, np.ndarray | float)}
+
+    def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
+        """Take over the arrays and counters of a checkpoint."""
+        for name, array in arrays.items():
+            setattr(self, name, array if array.ndim else float(array))
+        for name, count in counters.items():
+            setattr(self, name, count)
+
+    def _added(self) -> list[tuple[str, Any]]:
+        """Return names and values of the fields that a subclass adds."""
+        base = {entry.name for entry in fields(TypedState)}
+        return [(entry.name, getattr(self, entry.name)) for entry in fields(self) if entry.name not in base]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,9 +179,9 @@ class PackingMethod:
     summary: str
     source: str
     parameters: type
-    prepare: Callable[[Problem], State]
-    advance: Callable[[Problem, State, int], State]
-    finish: Callable[[Problem, State], Packing]
+    prepare: Callable[[Problem], RunState]
+    advance: Callable[[Problem, Any, int], RunState]
+    finish: Callable[[Problem, Any], Packing]
     cost: Callable[[Problem], Cost]
     dimensions: tuple[int, ...] = (3,)
     libraries: tuple[str, ...] = ("numba",)

@@ -25,7 +25,7 @@ from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_cont
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.draw import DrawnGrains, draw_grains
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
-from voxgran.packing.method import PackingMethod, State, check_memory, method_registry, packing_memory
+from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem, warn_of_units
 from voxgran.packing.start import Start, check_start
@@ -341,7 +341,7 @@ def _problem(
     )
 
 
-def with_provenance(task: Task, state: State, packing: Packing, *, seconds: float) -> Packing:
+def with_provenance(task: Task, state: RunState, packing: Packing, *, seconds: float) -> Packing:
     """Return the packing with the record of what was asked, done and missed, and the target that ended it."""
     problem = task.problem
     libraries = ("numpy", "scipy", "numba", "open3d", "vtk", "manifold3d")

@@ -1,4 +1,4 @@
-"""Where grains touch each other and walls, or nearly do: the contacts that settling keeps open."""
+"""Points at which grains touch, or nearly touch, each other and walls."""
 
 from dataclasses import dataclass
 
@@ -13,15 +13,15 @@ from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.containers.model import boundary_of
 from voxgran.shapes.mesh import Mesh
 
-#: corners of a mesh up to which they are looked at; a mesh of more is so round that one place does
+#: largest number of corners of a mesh that are tested; for a mesh of more, which is round, one point suffices
 CORNERS = 512
 #: corners of a grain that may touch a flat wall at once
 WALL_CORNERS = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Touching:
-    """Contacts and near walls of grains; a wall has the partner -1.
+class ContactPoints:
+    """Contact points of grains; the partner at a wall is -1.
 
     Attributes
     ----------
@@ -43,20 +43,22 @@ class Touching:
     arm_j: Floats
 
 
-def find_touching(assembly: Assembly, reach: float) -> Touching:
+def find_contact_points(assembly: Assembly, reach: float) -> ContactPoints:
     """Return where grains are within a reach of each other or of walls.
 
-    Where surfaces are nearest is one place; faces and edges touch at several, so that corners near the other grain are
-    places too.
+    The nearest points of two surfaces are one contact point; faces and edges touch at several, so that corners near the
+    other grain are contact points too.
     """
     pairs = grain_pairs(assembly, reach)
     gap, normal, point = gaps_of_pairs(assembly, pairs, reach)
     kept = gap <= reach
-    nearest = Touching(pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept])
+    nearest = ContactPoints(
+        pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept]
+    )
     return joined([nearest, *near_corners(assembly, pairs, reach), near_walls(assembly, reach)])
 
 
-def near_corners(assembly: Assembly, pairs: Pairs, reach: float) -> list[Touching]:
+def near_corners(assembly: Assembly, pairs: Pairs, reach: float) -> list[ContactPoints]:
     """Return where corners of meshes are near the surfaces of others.
 
     Parameters
@@ -84,7 +86,7 @@ def near_corners(assembly: Assembly, pairs: Pairs, reach: float) -> list[Touchin
 
 def _corners_near(
     assembly: Assembly, face: Mesh, corner: Mesh, grain: Integers, partner: Integers, offset: Floats, reach: float
-) -> Touching:
+) -> ContactPoints:
     """Return where corners of one mesh, moved to each partner, are near the surface of another."""
     stop_if_asked()
     turn, scale = assembly.matrices, assembly.scale
@@ -100,10 +102,10 @@ def _corners_near(
     k, v, gap = k[kept], v[kept], gap[kept]
     normal = np.einsum("kij,kj->ki", turn[grain[k]], (points - nearest)[kept]) * (scale[grain[k]] / gap)[:, None]
     arm_j = arm[k, v]
-    return Touching(grain[k], partner[k], normal, gap, arm_j + offset[k] - gap[:, None] * normal, arm_j)
+    return ContactPoints(grain[k], partner[k], normal, gap, arm_j + offset[k] - gap[:, None] * normal, arm_j)
 
 
-def places_of(assembly: Assembly, pairs: Pairs, reach: float) -> Touching:
+def places_of(assembly: Assembly, pairs: Pairs, reach: float) -> ContactPoints:
     """Return where some pairs are nearest, of those that are apart."""
     closed = np.array([is_closed_surface(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)
     surfaces = closed[assembly.shape_id[pairs.i]] & closed[assembly.shape_id[pairs.j]]
@@ -117,10 +119,12 @@ def places_of(assembly: Assembly, pairs: Pairs, reach: float) -> Touching:
             assembly, pairs.where(~surfaces), reach, deepest=False
         )
     kept = gap <= reach
-    return Touching(pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept])
+    return ContactPoints(
+        pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept]
+    )
 
 
-def near_walls(assembly: Assembly, reach: float) -> Touching:
+def near_walls(assembly: Assembly, reach: float) -> ContactPoints:
     """Return where grains are near walls, and near a lid.
 
     Spheres touch at one place. Of other grains each side of flat walls counts by itself, with the corners that are
@@ -133,7 +137,7 @@ def near_walls(assembly: Assembly, reach: float) -> Touching:
     return joined([found, _near_side(assembly, sphere, lid.normal, lid.level - assembly.position @ lid.normal, reach)])
 
 
-def _near_container(assembly: Assembly, sphere: Booleans, reach: float) -> Touching:
+def _near_container(assembly: Assembly, sphere: Booleans, reach: float) -> ContactPoints:
     """Return where grains are near the walls of their container."""
     container = assembly.container
     if boundary_of(container).is_flat:
@@ -154,7 +158,7 @@ def _near_container(assembly: Assembly, sphere: Booleans, reach: float) -> Touch
     )
 
 
-def _near_side(assembly: Assembly, sphere: Booleans, normal: Floats, room: Floats, reach: float) -> Touching:
+def _near_side(assembly: Assembly, sphere: Booleans, normal: Floats, room: Floats, reach: float) -> ContactPoints:
     """Return where grains are near a flat side, which lies so far from their centroids along a normal."""
     radius = assembly.bounding_radii
     near = room - radius <= reach
@@ -175,7 +179,7 @@ def _near_side(assembly: Assembly, sphere: Booleans, normal: Floats, room: Float
     return joined(parts)
 
 
-def _near_round(assembly: Assembly, grain: int, reach: float, *, sphere: bool) -> Touching:
+def _near_round(assembly: Assembly, grain: int, reach: float, *, sphere: bool) -> ContactPoints:
     """Return where a grain is nearest to walls that are not flat."""
     stop_if_asked()
     container, position = assembly.container, assembly.position[grain]
@@ -193,25 +197,25 @@ def _near_round(assembly: Assembly, grain: int, reach: float, *, sphere: bool) -
     return _at_wall(np.array([grain]), normal[None], np.array([gap]), arm[None])
 
 
-def _at_wall(grain: Integers, normal: Floats, gap: Floats, arm: Floats) -> Touching:
+def _at_wall(grain: Integers, normal: Floats, gap: Floats, arm: Floats) -> ContactPoints:
     """Return places at walls, which have no partner."""
-    return Touching(grain, np.full(len(grain), -1), normal, gap, arm, np.zeros_like(arm))
+    return ContactPoints(grain, np.full(len(grain), -1), normal, gap, arm, np.zeros_like(arm))
 
 
-def _no_places() -> Touching:
+def _no_places() -> ContactPoints:
     """Return no places."""
     return _at_wall(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)))
 
 
-def closing_of(touching: Touching, slide: Floats, spin: Floats) -> Floats:
+def closing_of(contacts: ContactPoints, translation: Floats, rotation: Floats) -> Floats:
     """Return by how much a motion closes the gaps, along their normals."""
-    here = slide[touching.i] + np.cross(spin[touching.i], touching.arm_i)
-    there = slide[touching.j] + np.cross(spin[touching.j], touching.arm_j)
-    there[touching.j < 0] = 0.0
-    return np.asarray(((here - there) * touching.normal).sum(axis=1))
+    here = translation[contacts.i] + np.cross(rotation[contacts.i], contacts.arm_i)
+    there = translation[contacts.j] + np.cross(rotation[contacts.j], contacts.arm_j)
+    there[contacts.j < 0] = 0.0
+    return np.asarray(((here - there) * contacts.normal).sum(axis=1))
 
 
-def joined(parts: list[Touching]) -> Touching:
+def joined(parts: list[ContactPoints]) -> ContactPoints:
     """Return all places of several lists."""
     names = ("i", "j", "normal", "gap", "arm_i", "arm_j")
-    return Touching(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    return ContactPoints(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))

@@ -1,4 +1,4 @@
-"""The projection of settling: motions nearest to a fall that close no gap further than its limit.
+"""Projected Gauss-Seidel solver of settling: motions nearest to a free fall that close no gap beyond its limit.
 
 References
 ----------
@@ -19,13 +19,13 @@ def project(
     gap: Floats,
     arm_one: Floats,
     arm_other: Floats,
-    light: Floats,
-    easy: Floats,
+    inverse_mass: Floats,
+    inverse_inertia: Floats,
     friction: float,
-    slide: Floats,
-    spin: Floats,
-    push: Floats,
-    drag: Floats,
+    translation: Floats,
+    rotation: Floats,
+    normal_impulse: Floats,
+    tangential_impulse: Floats,
     order: Integers,
     weight: Floats,
     rest: Floats,
@@ -34,46 +34,47 @@ def project(
     close: float,
     flat: bool,
 ) -> bool:
-    """Change slides and spins until no gap closes further than its limit: projected Gauss-Seidel over the contacts.
+    """Change translations and rotations until no gap closes beyond its limit; return whether they converged.
 
-    Iterations `first` ... `last` - 1 are made, of which number 0 begins; return whether that was enough.
+    Iterations `first` to `last` - 1 are made, of which number 0 initializes.
 
-    light, easy: reciprocal masses and moments of inertia.  push: accumulated impulses along the normals.  drag: those
-    of friction across them, no larger than `friction` times the push; both may be those of an earlier projection.
-    order: whose turn it is, to and fro; along the fall, a push runs through the bed at once.  weight, rest: a number
-    for each contact, kept from the beginning on, and three more to work with.
+    normal_impulse, tangential_impulse: accumulated impulses, the latter of friction and no larger than `friction` times
+    the former; both may be those of an earlier projection.  order: order of the contacts, reversed in every other
+    iteration; along the fall, an impulse then propagates through the whole bed at once.  weight: inverse effective mass
+    of each contact, kept from the first iteration on.  rest: three numbers to work with.  close: largest change at
+    which the iteration ends.
     """
+    grains = (translation, rotation, inverse_mass, inverse_inertia)
     for k in range(len(one) if first == 0 else 0):
-        weight[k] = light[one[k]] + easy[one[k]] * _square_across(arm_one[k], normal[k], flat)
-        if other[k] >= 0:
-            weight[k] += light[other[k]] + easy[other[k]] * _square_across(arm_other[k], normal[k], flat)
+        i, j = one[k], other[k]
+        weight[k] = inverse_mass[i] + inverse_inertia[i] * _square_across(arm_one[k], normal[k], flat)
+        if j >= 0:
+            weight[k] += inverse_mass[j] + inverse_inertia[j] * _square_across(arm_other[k], normal[k], flat)
         for c in range(3):
-            rest[c] = push[k] * normal[k, c] + drag[k, c]
-        _press(slide, spin, one[k], other[k], arm_one[k], arm_other[k], light, easy, rest, flat)
+            rest[c] = normal_impulse[k] * normal[k, c] + tangential_impulse[k, c]
+        _apply_impulse(grains, i, j, arm_one[k], arm_other[k], rest, flat)
     many = len(one)
-    for turn in range(first, last):
+    for iteration in range(first, last):
         most = 0.0
         for place in range(many):
-            k = order[place if turn % 2 == 0 else many - 1 - place]
+            k = order[place if iteration % 2 == 0 else many - 1 - place]
             i, j = one[k], other[k]
-            n = normal[k]
+            n, tangential = normal[k], tangential_impulse[k]
             if weight[k] == 0.0:
                 continue
-            _approach(slide, spin, i, j, arm_one[k], arm_other[k], rest)
+            _write_velocity(grains, i, j, arm_one[k], arm_other[k], rest)
             closing = n[0] * rest[0] + n[1] * rest[1] + n[2] * rest[2]
-            before = push[k]
-            push[k] = max(before + (closing - gap[k]) / weight[k], 0.0)
-            change = push[k] - before
+            before = normal_impulse[k]
+            normal_impulse[k] = max(before + (closing - gap[k]) / weight[k], 0.0)
+            change = normal_impulse[k] - before
             most = max(most, abs(change) * weight[k])
             if change != 0.0:
                 rest[0], rest[1], rest[2] = change * n[0], change * n[1], change * n[2]
-                _press(slide, spin, i, j, arm_one[k], arm_other[k], light, easy, rest, flat)
-            if friction > 0.0 and (push[k] > 0.0 or drag[k, 0] != 0.0 or drag[k, 1] != 0.0 or drag[k, 2] != 0.0):
-                most = max(
-                    most,
-                    _drag(i, j, n, arm_one[k], arm_other[k], light, easy, friction * push[k], slide, spin, drag[k],
-                          rest, flat),
-                )  # fmt: skip
+                _apply_impulse(grains, i, j, arm_one[k], arm_other[k], rest, flat)
+            rubs = normal_impulse[k] > 0.0 or tangential[0] != 0.0 or tangential[1] != 0.0 or tangential[2] != 0.0
+            if friction > 0.0 and rubs:
+                limit = friction * normal_impulse[k]
+                most = max(most, _rub(grains, i, j, n, arm_one[k], arm_other[k], limit, tangential, rest, flat))
         if most < close:
             return True
     return False
@@ -87,48 +88,51 @@ def _square_across(arm, n, flat):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _approach(slide, spin, i, j, arm, partner, rest):  # type: ignore[no-untyped-def]
-    """Write how the place of contact of one grain moves as seen from the other; j below 0 is a wall."""
+def _write_velocity(grains, i, j, arm, partner, rest):  # type: ignore[no-untyped-def]
+    """Write the motion of the point of contact of one grain relative to the other; j below 0 is a wall."""
+    translation, rotation, _, _ = grains
     for c in range(3):
         a, b = (c + 1) % 3, (c + 2) % 3
-        rest[c] = slide[i, c] + spin[i, a] * arm[b] - spin[i, b] * arm[a]
+        rest[c] = translation[i, c] + rotation[i, a] * arm[b] - rotation[i, b] * arm[a]
         if j >= 0:
-            rest[c] -= slide[j, c] + spin[j, a] * partner[b] - spin[j, b] * partner[a]
+            rest[c] -= translation[j, c] + rotation[j, a] * partner[b] - rotation[j, b] * partner[a]
 
 
 @bare_kernel
-def _press(slide, spin, i, j, arm, partner, light, easy, impulse, flat):  # type: ignore[no-untyped-def]
-    """Let an impulse push two grains apart."""
+def _apply_impulse(grains, i, j, arm, partner, impulse, flat):  # type: ignore[no-untyped-def]
+    """Change the motions of two grains by an impulse that separates them."""
+    translation, rotation, inverse_mass, inverse_inertia = grains
     for c in range(3):
         a, b = (c + 1) % 3, (c + 2) % 3
-        slide[i, c] -= light[i] * impulse[c]
+        translation[i, c] -= inverse_mass[i] * impulse[c]
         if not flat or c == 2:
-            spin[i, c] -= easy[i] * (arm[a] * impulse[b] - arm[b] * impulse[a])
+            rotation[i, c] -= inverse_inertia[i] * (arm[a] * impulse[b] - arm[b] * impulse[a])
         if j >= 0:
-            slide[j, c] += light[j] * impulse[c]
+            translation[j, c] += inverse_mass[j] * impulse[c]
             if not flat or c == 2:
-                spin[j, c] += easy[j] * (partner[a] * impulse[b] - partner[b] * impulse[a])
+                rotation[j, c] += inverse_inertia[j] * (partner[a] * impulse[b] - partner[b] * impulse[a])
 
 
 @bare_kernel
-def _drag(i, j, n, arm, partner, light, easy, limit, slide, spin, drag, rest, flat):  # type: ignore[no-untyped-def]
-    """Let friction hold back the sliding at a contact, up to a limit; return how much it changed."""
-    weight = light[i] + easy[i] * (arm[0] ** 2 + arm[1] ** 2 + arm[2] ** 2)
+def _rub(grains, i, j, n, arm, partner, limit, tangential, rest, flat):  # type: ignore[no-untyped-def]
+    """Apply friction at a contact, with an impulse up to a limit; return by how much it changed."""
+    _, _, inverse_mass, inverse_inertia = grains
+    weight = inverse_mass[i] + inverse_inertia[i] * (arm[0] ** 2 + arm[1] ** 2 + arm[2] ** 2)
     if j >= 0:
-        weight += light[j] + easy[j] * (partner[0] ** 2 + partner[1] ** 2 + partner[2] ** 2)
-    _approach(slide, spin, i, j, arm, partner, rest)
+        weight += inverse_mass[j] + inverse_inertia[j] * (partner[0] ** 2 + partner[1] ** 2 + partner[2] ** 2)
+    _write_velocity(grains, i, j, arm, partner, rest)
     closing = n[0] * rest[0] + n[1] * rest[1] + n[2] * rest[2]
     length = 0.0
     for c in range(3):
-        rest[c] = drag[c] + (rest[c] - closing * n[c]) / weight
+        rest[c] = tangential[c] + (rest[c] - closing * n[c]) / weight
         length += rest[c] * rest[c]
     length = math.sqrt(length)
     kept = min(1.0, limit / length) if length > 0.0 else 0.0
     most = 0.0
     for c in range(3):
         wanted = kept * rest[c]
-        rest[c] = wanted - drag[c]
-        drag[c] = wanted
+        rest[c] = wanted - tangential[c]
+        tangential[c] = wanted
         most = max(most, abs(rest[c]) * weight)
-    _press(slide, spin, i, j, arm, partner, light, easy, rest, flat)
+    _apply_impulse(grains, i, j, arm, partner, rest, flat)
     return most

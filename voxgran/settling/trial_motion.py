@@ -1,4 +1,4 @@
-"""What grains want to do in a sweep of settling: fall, or be shaken while they fall."""
+"""Trial motions of a settling sweep: free fall, optionally with random shaking."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,8 @@ from voxgran.contacts.assembly import Assembly
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
-    """Motions that grains would make if nothing held them back.
+class TrialMotion:
+    """Motions that grains would make without contacts.
 
     Attributes
     ----------
@@ -18,18 +18,18 @@ class Wish:
         Scale of the motions, a length.
     fall : (3,) ndarray of float
         Step along gravity.
-    slide, spin : (n, 3) ndarray of float
-        Of the centroids, and rotation vectors.
+    translation, rotation : (n, 3) ndarray of float
+        Displacements of the centroids, and rotation vectors.
     """
 
     step: float
     fall: Floats
-    slide: Floats
-    spin: Floats
+    translation: Floats
+    rotation: Floats
 
 
-def falling(assembly: Assembly, fall: Floats) -> Wish:
-    """Return the wish of all grains to fall by a step.
+def free_fall(assembly: Assembly, fall: Floats) -> TrialMotion:
+    """Return the fall of all grains by a step.
 
     Parameters
     ----------
@@ -39,11 +39,11 @@ def falling(assembly: Assembly, fall: Floats) -> Wish:
         The step.
     """
     none = np.zeros((assembly.count, 3))
-    return Wish(float(np.linalg.norm(fall)), fall, none + fall, none)
+    return TrialMotion(float(np.linalg.norm(fall)), fall, none + fall, none)
 
 
-def shaken(assembly: Assembly, fall: Floats, strength: float, generator: np.random.Generator) -> Wish:
-    """Return the wish to fall while every grain is pulled and turned in a direction of its own.
+def shaken_fall(assembly: Assembly, fall: Floats, strength: float, generator: np.random.Generator) -> TrialMotion:
+    """Return a fall during which every grain is also displaced and rotated at random.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def shaken(assembly: Assembly, fall: Floats, strength: float, generator: np.rand
     fall : (3,) ndarray of float
         The step.
     strength : float
-        Of the shaking, in gravities.
+        Amplitude of the shaking, in gravitational accelerations.
     generator : Generator
         Draws the directions.
     """
@@ -60,10 +60,10 @@ def shaken(assembly: Assembly, fall: Floats, strength: float, generator: np.rand
     pull, turn = generator.normal(size=(2, many, 3))
     if flat:
         pull[:, 2], turn[:, :2] = 0.0, 0.0
-    # nobody is to go further than the step, which keeps what the projection leaves out small
+    # no motion exceeds the step, which keeps second-order errors small
     part = 1.0 / max(1.0, strength)
     far = strength * part * step * _at_most_one(turn) / assembly.bounding_radii[:, None]
-    return Wish(step, fall, part * (fall + strength * step * _at_most_one(pull)), far)
+    return TrialMotion(step, fall, part * (fall + strength * step * _at_most_one(pull)), far)
 
 
 def _at_most_one(vectors: Floats) -> Floats:

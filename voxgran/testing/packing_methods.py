@@ -17,7 +17,7 @@ from voxgran.containers.box import Box
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.driver import Drive, drive
-from voxgran.packing.method import State
+from voxgran.packing.method import RunState
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import Task, pack, prepare_task
 from voxgran.shapes.family import make_shape
@@ -240,7 +240,7 @@ def bits_of(packing: Packing) -> bytes:
     return b"".join(array.tobytes() for array in parts)
 
 
-def contents_of(state: State) -> tuple[Any, ...]:
+def contents_of(state: RunState) -> tuple[Any, ...]:
     """Return all that a checkpoint holds."""
     arrays = {name: (array.dtype, array.shape, array.tobytes()) for name, array in state.arrays.items()}
     return arrays, dict(state.counters), state.done, state.total, state.stop_reason
@@ -251,7 +251,7 @@ def _packed(task: Task, how: Drive) -> Packing:
     return task.method.finish(task.problem, drive(task.method, task.problem, how))
 
 
-def _often_stopped(task: Task) -> tuple[State, int]:
+def _often_stopped(task: Task) -> tuple[RunState, int]:
     """Return the last state of a run that was interrupted again and again, and how often it was."""
     looks, stops, wait = 0, 0, 1
 

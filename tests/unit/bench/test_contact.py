@@ -12,7 +12,7 @@ from voxgran.packing.control_point.first_contact import Encounter
 def test_peers_accept_the_same_attempts():
     """Both programs move the same grains to the same places."""
     problem, state = contact.moving_task(vg.make_shape("box", lengths=(1.1, 0.9, 0.7)), 0.3, "kdtree", count=20)
-    setting = contact.setting_of(problem, state)
+    setting = contact.precomputed_of(problem, state)
     arrays = [state.arrays[name] for name in ("position", "orientation", "step")]
     lower, upper = (np.array(corner, dtype=float) for corner in problem.container.bounds)
     rest = {"lower": lower, "upper": upper, "distance": 2 * float(setting.extent[0, 1]), "longest": 0.05}

@@ -2,7 +2,7 @@ import numpy as np
 
 from voxgran.bench.model import peers_of
 from voxgran.bench.tradeoffs.digital import measure_beds, measure_bodies, measure_spheres, walking_task
-from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.shapes.family import make_shape
 
 
@@ -35,7 +35,7 @@ def test_rates_of_a_small_lattice():
 
 def test_grains_stand_apart_and_keep_their_places():
     problem, state = walking_task(make_shape("sphere"), 12, 64)
-    setting = setting_of(problem, state)
+    setting = precomputed_of(problem, state)
     placed = state.counters["placed"]
     assert placed > 20
     # all are of one kind, whose voxels they share

@@ -23,11 +23,11 @@ def test_lists_hold_all_who_are_near(periodic):
     problem = problem_of([vg.make_shape("box", aspect=(1.2, 1.0, 0.9))], vg.Box((7.5, 7.5, 8), periodic), spacing=0.4)
     state, looked = control_point.prepare(problem), 0
     lengths = np.where(periodic, problem.container.bounds[1] - problem.container.bounds[0], np.inf)
-    while state.counters["fed_at"] < 0:
+    while state.feeding_ended_at is None:
         state = control_point.advance(problem, state, 1000)
     for _ in range(20):
         state = control_point.advance(problem, state, 500)
-        setting = state.derived["setting"]
+        setting = state.derived["precomputed"]
         lists, position = setting.cells.lists, state.arrays["position"]
         assert len(lists.near) == 50
         if lists.state[0] != 0:
@@ -49,9 +49,9 @@ def test_a_run_without_lists_gives_the_same_bits(monkeypatch):
         monkeypatch.setattr(close_lists, "MOST_GRAINS", most)
         problem = problem_of([vg.make_shape("sphere"), vg.make_shape("cone")], vg.Box((7.5, 7.5, 8), "xy"), spacing=0.4)
         state = control_point.prepare(problem)
-        while state.counters["fed_at"] < 0:
+        while state.feeding_ended_at is None:
             state = control_point.advance(problem, state, 1000)
         state = control_point.advance(problem, state, 20_000)
-        assert (len(state.derived["setting"].cells.lists.near) > 0) == (most == 50)
+        assert (len(state.derived["precomputed"].cells.lists.near) > 0) == (most == 50)
         made.append(state.arrays["position"].tobytes())
     assert made[0] == made[1]

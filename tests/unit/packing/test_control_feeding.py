@@ -9,8 +9,8 @@ import voxgran as vg
 from voxgran._base.errors import GrainTooLargeError, InputError
 from voxgran._base.seeds import philox_key
 from voxgran.packing.control_point.attempts import GROWTH
+from voxgran.packing.control_point.method import LID_STEP
 from voxgran.packing.control_point.method import registration as control_point
-from voxgran.packing.control_point.schedule import LID_STEP
 from voxgran.packing.walking.feeding import LAYER_REFUSALS
 
 BOX = vg.Box((4, 4, 6))
@@ -78,7 +78,7 @@ def test_every_way_works_in_the_plane(way):
 
 
 def test_gravity_in_any_direction_piles_grains_up_there():
-    packing = run(task_of(vg.make_shape("sphere"), vg.Box((5, 5, 5)), gravity=(1.0, 0.0, -1.0), up=0.0))[1]
+    packing = run(task_of(vg.make_shape("sphere"), vg.Box((5, 5, 5)), gravity=(1.0, 0.0, -1.0), vibration_up=0.0))[1]
     along = (packing.position - 2.5) @ np.array([1.0, 0.0, -1.0])
     assert along.min() > -0.5
     assert along.mean() > 1.5
@@ -102,11 +102,11 @@ def test_grains_enter_a_cylinder_that_lies(gravity):
 def test_a_free_grain_falls_as_a_plain_program_says():
     """One grain far from all walls: gravity as a vector, cycles by their period, and what they keep by decay."""
     gravity, sweeps, period, decay, up, tilt = np.array([0.6, 0.0, -0.8]), 120, 30, 0.6, 0.9, 0.5
-    told = {"gravity": (1.5, 0.0, -2.0), "period": period, "decay": decay, "up": up, "tilt": tilt}
-    told |= {"feed": "at_once", "turns": 0.0, "sweeps": sweeps}
+    told = {"gravity": (1.5, 0.0, -2.0), "period": period, "decay": decay, "vibration_up": up, "gravity_bias": tilt}
+    told |= {"feed": "at_once", "rotation_share": 0.0, "sweeps": sweeps}
     problem = task_of(vg.make_shape("sphere"), vg.Box((60, 60, 60)), count=1, seed=5, **told).problem
     state = control_point.advance(problem, control_point.prepare(problem), 1)
-    assert state.counters["fed_at"] == 1
+    assert state.feeding_ended_at == 1
     state.arrays["position"][:] = 30.0
     # cells are made anew
     state.derived = {}
@@ -141,20 +141,20 @@ def test_the_rate_is_the_share_of_attempts_that_feed(rate):
 def test_layers_enter_at_once_and_then_sink():
     problem = task_of(vg.make_shape("sphere"), vg.Box((4, 4, 9)), count=30, feed="layers", layer_sweeps=25).problem
     state, layers, before = control_point.prepare(problem), [], 0
-    while state.counters["fed_at"] < 0:
-        while state.counters["layer_ends"] < 0 and state.counters["fed_at"] < 0:
+    while state.feeding_ended_at is None:
+        while state.layer_ends is None and state.feeding_ended_at is None:
             state = control_point.advance(problem, state, 1)
         placed, moves = state.counters["placed"], state.counters["moves_tried"]
         layers.append(placed - before)
         # a layer enters while nothing moves
         assert moves == 25 * sum(np.cumsum(layers)[:-1])
-        if state.counters["fed_at"] < 0:
+        if state.feeding_ended_at is None:
             assert state.counters["feeds_refused_in_a_row"] == LAYER_REFUSALS
             top = 9 - state.arrays["position"][state.arrays["entered"] == 1, 2].max()
             assert top == pytest.approx(0.5, abs=0.02)
             state = control_point.advance(problem, state, 25 * placed)
             assert state.counters["placed"] == placed
-            assert state.counters["layer_ends"] == -1
+            assert state.layer_ends is None
         before = placed
     assert len(layers) >= 3
     assert sum(layers) == 30
@@ -191,12 +191,12 @@ def test_a_lid_lies_on_the_bed_and_is_recorded(shape):
 def test_a_lid_comes_down_by_small_steps_from_any_side():
     problem = task_of(vg.make_shape("cone"), vg.Box((5, 4, 4)), count=10, gravity=(1.0, 0.2, 0.0), lid=True).problem
     state = control_point.prepare(problem)
-    while state.counters["fed_at"] < 0:
+    while state.feeding_ended_at is None:
         state = control_point.advance(problem, state, 1)
     before, ways = 0.0, []
     for _ in range(150):
         state = control_point.advance(problem, state, 10)
-        lowered = state.arrays["lid"][0]
+        lowered = state.lid_lowered
         left = control_point.finish(problem, state)
         nearest = min(left.world_vertices(g)[:, 0].min() for g in range(10)) / problem.unit_length
         # no grain is in its way
@@ -236,7 +236,7 @@ def test_a_lid_in_any_container(kind):
 def test_a_lid_closes_a_bed_that_was_there_from_the_beginning():
     shape, told = vg.make_shape("cone"), {"method": "control_point", "spacing": 0.25, "sweeps": 100, "cycles": 1}
     bed = vg.pack(shape, BOX, count=15, **told)
-    closed = vg.pack([], BOX, start=bed, lid=True, up=0.0, **told)
+    closed = vg.pack([], BOX, start=bed, lid=True, vibration_up=0.0, **told)
     assert bed.provenance["lid_lowered"] == 0
     assert in_the_room_left(closed, vg.Box((4, 4, 6 - closed.provenance["lid_lowered"])))
     assert closed.provenance["lid_lowered"] > 2.0

@@ -16,8 +16,8 @@ from voxgran._base.rotation import product, rotation_matrices
 from voxgran._base.seeds import philox_key
 from voxgran.packing.control_point.attempts import DECAY, GROWTH
 from voxgran.packing.control_point.distance_fields import PLANES
-from voxgran.packing.control_point.method import SHORTEST_STEP
 from voxgran.packing.control_point.method import registration as control_point
+from voxgran.packing.control_point.parameters import SHORTEST_STEP
 from voxgran.packing.control_point.point_contact import is_within, overlaps_by_points
 from voxgran.packing.control_point.records import Bed
 from voxgran.packing.control_point.relative_poses import write_matrix
@@ -40,18 +40,18 @@ class PlainWalk:
     def __init__(self, problem, state):
         settings, shapes = problem.parameters, problem.shapes
         self.key = philox_key(problem.seed, "control_point")
-        self.order = state.arrays["queue"].tolist()
+        self.order = state.waiting.tolist()
         self.position = state.arrays["position"].copy()
         self.orientation = state.arrays["orientation"].copy()
         self.step = state.arrays["step"].copy()
-        self.size, self.shape, self.turns = problem.diameter, problem.shape_id, settings.turns
+        self.size, self.shape, self.turns = problem.diameter, problem.shape_id, settings.rotation_share
         samples = [problem.points(k, settings.spacing) for k in range(len(shapes))]
         self.points = [np.asarray(points) for points in samples]
         if settings.points == "all":
             inner = [inner_points(shape, spacing=settings.spacing) for shape in shapes]
             self.points = [np.concatenate(pair) for pair in zip(self.points, inner, strict=True)]
         self.half = [s.spacing / 2 + shape.tessellation_error for s, shape in zip(samples, shapes, strict=True)]
-        self.contact, self.fields = settings.contact, state.derived["setting"].bodies.fields
+        self.contact, self.fields = settings.contact, state.derived["precomputed"].bodies.fields
         self.bend = [0.0 if k is None else k for k in (largest_curvature(shape.geometry) for shape in shapes)]
         self.thick = [shape.volume / shape.surface_area for shape in shapes]
         self.hulls = [shape.vertices[ConvexHull(shape.vertices).vertices] for shape in shapes]
@@ -151,7 +151,7 @@ def test_walk_is_that_of_a_plain_program(contact, points):
         points=points,
     )
     state = control_point.prepare(task.problem)
-    while state.counters["fed_at"] < 0:
+    while state.feeding_ended_at is None:
         state = control_point.advance(task.problem, state, 1)
     assert state.counters["placed"] == 7
     twin, begin, before = PlainWalk(task.problem, state), state.done, state.counters["moves_accepted"]
@@ -169,8 +169,8 @@ def test_walk_is_that_of_a_plain_program(contact, points):
 @pytest.mark.parametrize(
     "options",
     [
-        {"contact": "sdf"}, {"contact": "sdf", "ways": "one", "spacing": 0.4}, {"contact": "sdf", "overlap": 0.1},
-        {"contact": "sdf", "distance": 0.05}, {"contact": "kdtree"},
+        {"contact": "sdf"}, {"contact": "sdf", "tested_points": "one", "spacing": 0.4},
+        {"contact": "sdf", "overlap": 0.1}, {"contact": "sdf", "distance": 0.05}, {"contact": "kdtree"},
     ],
     ids=str,
 )  # fmt: skip
@@ -239,7 +239,7 @@ def test_gravity_points_where_it_is_told(gravity, axis, sign):
         spacing=0.3,
         sweeps=400,
         cycles=1,
-        up=0.0,
+        vibration_up=0.0,
     )
     along = (packing.position[:, axis] - 2.5) * sign
     assert along.min() > 0.4
@@ -279,7 +279,7 @@ def test_containment_is_seen_from_both_sides():
     for diameter in ([8.0, 1.0], [1.0, 8.0]):
         problem = dataclasses.replace(task.problem, diameter=np.array(diameter))
         state = control_point.advance(problem, control_point.prepare(problem), 1)
-        kept, rules = state.derived["setting"], (0.0, 0.1, 0.2, 0.3)
+        kept, rules = state.derived["precomputed"], (0.0, 0.1, 0.2, 0.3)
         bed = Bed(
             *(state.arrays[name] for name in ("position", "orientation", "entered", "step")), *kept_of(problem, kept)
         )
@@ -299,7 +299,7 @@ def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
             problem = task_of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), **keywords).problem
             problem = dataclasses.replace(problem, diameter=np.array([8.0, 1.0]))
             state = control_point.advance(problem, control_point.prepare(problem), 1)
-            kept = state.derived["setting"]
+            kept = state.derived["precomputed"]
             bed = Bed(
                 *(state.arrays[name] for name in ("position", "orientation", "entered", "step")),
                 *kept_of(problem, kept),
@@ -316,11 +316,13 @@ def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
 
 @pytest.mark.parametrize("ways", ["both", "one"])
 def test_signed_distances_see_containment_both_ways(ways):
-    task = task_of([vg.make_shape("sphere"), vg.make_shape("cone")], vg.Box((9, 9, 9)), count=2, spacing=0.2, ways=ways)
+    task = task_of(
+        [vg.make_shape("sphere"), vg.make_shape("cone")], vg.Box((9, 9, 9)), count=2, spacing=0.2, tested_points=ways
+    )
     for diameter in ([8.0, 1.0], [1.0, 8.0]):
         problem = dataclasses.replace(task.problem, diameter=np.array(diameter))
         state = control_point.advance(problem, control_point.prepare(problem), 1)
-        kept = state.derived["setting"]
+        kept = state.derived["precomputed"]
         bed = Bed(
             *(state.arrays[name] for name in ("position", "orientation", "entered", "step")), *kept_of(problem, kept)
         )
@@ -433,8 +435,8 @@ def test_attempts_are_within_the_cost():
     state = drive(control_point, task.problem, Drive())
     assert state.stop_reason in {"settled", "steps"}
     assert state.done <= state.total
-    assert state.done - state.counters["fed_at"] <= cost.attempts
-    kept = state.derived["setting"]
+    assert state.done - state.feeding_ended_at <= cost.attempts
+    kept = state.derived["precomputed"]
     arrays = [*kept.bodies.trees, kept.bodies.hull, kept.bodies.triangles, *kept.memory, kept.cells.head]
     assert sum(array.nbytes for array in arrays) < cost.memory
 
@@ -446,14 +448,14 @@ def test_attempts_are_within_the_cost():
         ({"spacing": -0.1}, InputError, "spacing is -0.1"),
         ({"distance": -1.0}, InputError, "distance is -1"),
         ({"gravity": "down"}, InputError, "gravity"),
-        ({"up": 1.7}, InputError, "up is 1.7"),
-        ({"turns": 1.5}, InputError, "turns is 1.5"),
+        ({"vibration_up": 1.7}, InputError, "vibration_up is 1.7"),
+        ({"rotation_share": 1.5}, InputError, "rotation_share is 1.5"),
         ({"cycles": 0}, InputError, "cycles is 0"),
         ({"step": 0.0}, InputError, "step is 0"),
-        ({"spacing": 1.5}, InputError, "spacing is 1.5 diameters"),
+        ({"spacing": 1.5}, InputError, "spacing is 1.5: it must be finite and above 0 and at most 1"),
         ({"distance": 9.0}, InputError, "distance is 9"),
         ({"contact": "sdff"}, InputError, "sdf"),
-        ({"ways": "one", "contact": "kdtree"}, InputError, "ways is 'one'"),
+        ({"tested_points": "one", "contact": "kdtree"}, InputError, "tested_points is 'one'"),
         ({"overlap": -0.1}, InputError, "overlap is -0.1"),
         ({"overlap": 0.1, "contact": "kdtree"}, InputError, "overlap is 0.1"),
         ({"overlap": 0.1, "settling": 10}, InputError, "settling"),

@@ -46,24 +46,24 @@ def test_walk_is_that_of_a_plain_program():
         count=6,
         voxel_size=0.125,
         gravity="none",
-        turns=0.0,
+        rotation_share=0.0,
         orientations=1,
         sweeps=10_000,
         feed="at_once",
     )
     problem = task.problem
     state = digital.prepare(problem)
-    while state.counters["fed_at"] < 0:
+    while state.feeding_ended_at is None:
         state = digital.advance(problem, state, 1)
     assert state.counters["placed"] == 6
-    setting = state.derived["setting"]
+    setting = state.derived["precomputed"]
     masks = [problem.voxels(g, setting.base[g], setting.lattice.voxel_size, cover="touch") for g in range(6)]
     begin, sites = state.done, state.arrays["site"].copy()
     twin = plain_walk(
         masks,
         sites,
         setting.lattice.shape,
-        state.arrays["queue"].tolist(),
+        state.waiting.tolist(),
         key=philox_key(problem.seed, "digital"),
         first=begin,
         last=begin + 3000,
@@ -106,7 +106,7 @@ def test_gravity_points_where_it_is_told(gravity, axis, sign):
         gravity=gravity,
         sweeps=400,
         cycles=1,
-        up=0.0,
+        vibration_up=0.0,
     )
     along = (packing.position[:, axis] - 2.5) * sign
     assert along.min() > 0.4
@@ -167,9 +167,9 @@ def test_too_many_grains_stop_as_full():
         ({"voxel_sizee": 0.1}, UnknownNameError, "did you mean 'voxel_size'"),
         ({"voxel_size": -0.1}, InputError, "voxel_size is -0.1"),
         ({"gravity": "down"}, InputError, "gravity"),
-        ({"down": 0.7, "up": 0.7}, InputError, r"down \+ up is 1.4"),
+        ({"downward_share": 0.7, "vibration_up": 0.7}, InputError, r"downward_share \+ vibration_up is 1.4"),
         ({"voxel_size": 9.0}, InputError, "make the voxels smaller"),
-        ({"turns": 1.5}, InputError, "turns is 1.5"),
+        ({"rotation_share": 1.5}, InputError, "rotation_share is 1.5"),
     ],
 )
 def test_bad_parameters_are_named(parameters, error, words):

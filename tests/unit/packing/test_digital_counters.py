@@ -8,14 +8,14 @@ import voxgran as vg
 from voxgran._base.seeds import philox_key
 from voxgran.packing.digital import precompute as digital_setting
 from voxgran.packing.digital.bit_columns import pack_columns
-from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.packing.digital.walk_method import registration as digital
 
 
 def counted(many, cells, *, each=60, **options):
     """Return the counters of a bed after `each` attempts per grain; `many` grains on each side of its floor."""
     box = vg.Box((1.6 * many, 1.6 * many, 4), periodic=(True, True, False))
-    parameters = {"voxel_size": 1 / cells, "orientations": 1, "feed": "at_once", "turns": 0.0, **options}
+    parameters = {"voxel_size": 1 / cells, "orientations": 1, "feed": "at_once", "rotation_share": 0.0, **options}
     task = kit.task_of("digital", vg.make_shape("sphere"), box, count=2 * many * many, seed=1, **parameters)
     state = digital.prepare(task.problem)
     return digital.advance(task.problem, state, each * task.problem.count).counters
@@ -28,7 +28,8 @@ def attempts(counters):
 
 def test_sleeping_grains_look_at_nothing():
     awake, asleep = (
-        counted(3, 12, each=3000, up=0.0, feed="rain", schedule=schedule) for schedule in ("random", "sleeping")
+        counted(3, 12, each=3000, vibration_up=0.0, feed="rain", schedule=schedule)
+        for schedule in ("random", "sleeping")
     )
     assert awake["slept_through"] == 0
     assert attempts(asleep) + asleep["slept_through"] == attempts(awake)
@@ -57,11 +58,11 @@ def test_tables_are_read_of_near_pairs_and_no_more_in_a_larger_scene(monkeypatch
 
 def walking(*, tables=False, wide=4, **options):
     """Return a bed in its walk, with all grains in."""
-    parameters = {"voxel_size": 1 / 8, "sweeps": 400, "turns": 0.0, "rate": 0.5, "orientations": 1, **options}
+    parameters = {"voxel_size": 1 / 8, "sweeps": 400, "rotation_share": 0.0, "rate": 0.5, "orientations": 1, **options}
     shape, box = vg.make_shape("box", lengths=(1.0, 0.8, 0.6)), vg.Box((wide, wide, wide + 1))
     task = kit.task_of("digital", shape, box, count=30, seed=2, **parameters)
     state = digital.prepare(task.problem)
-    while state.counters["fed_at"] < 0:
+    while state.feeding_ended_at is None:
         state = digital.advance(task.problem, state, 1)
     assert state.counters["placed"] == 30
     assert tables == (len(state.derived["pairs"].at) > 0)
@@ -72,7 +73,7 @@ def next_grain(problem, state):
     """Return whose turn the next attempt is."""
     word = np.random.Philox(key=philox_key(problem.seed, "digital"), counter=[state.done - 1, 0, 0, 0]).random_raw(4)[0]
     placed = state.counters["placed"]
-    return int(state.arrays["queue"][len(state.arrays["queue"]) - 1 - ((int(word) >> 32) * placed >> 32)])
+    return int(state.waiting[len(state.waiting) - 1 - ((int(word) >> 32) * placed >> 32)])
 
 
 def far_from(problem, state, grain, canvas, parts):
@@ -89,7 +90,7 @@ def far_from(problem, state, grain, canvas, parts):
 def test_a_move_hangs_on_nothing_but_the_shell_of_its_grain():
     """All other bits of the canvas (far away, inside of grains, the grain's own) are random at each attempt."""
     (problem, state), (_, twin) = walking(), walking()
-    setting, random, parts = setting_of(problem, state), np.random.default_rng(0), []
+    setting, random, parts = precomputed_of(problem, state), np.random.default_rng(0), []
     for member in state.arrays["member"].tolist():
         mask = np.pad(setting.mask_of(member), 1)
         near, core = binary_dilation(mask, np.ones((3, 3, 3))), binary_erosion(mask, np.ones((3, 3, 3)))

@@ -10,7 +10,7 @@ from kit import run
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import philox_key
-from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.packing.digital.walk_method import registration as digital
 
 BOX = vg.Box((4, 4, 6))
@@ -23,7 +23,7 @@ def task_of(shapes, container=BOX, *, count=30, **parameters):
 
 def occupied_again(problem, state):
     """Return the occupancy made from the poses alone, and that which the walk kept."""
-    setting = setting_of(problem, state)
+    setting = precomputed_of(problem, state)
     total = np.zeros(setting.lattice.shape, dtype=int)
     for grain in np.flatnonzero(state.arrays["member"] >= 0):
         member, turn = int(state.arrays["member"][grain]), int(state.arrays["turn"][grain])
@@ -72,7 +72,9 @@ def test_every_way_keeps_its_promises(way):
 
 
 def test_gravity_in_any_direction_piles_grains_up_there():
-    packing = run(task_of(vg.make_shape("sphere"), vg.Box((5, 5, 5)), count=20, gravity=(1.0, 0.0, -1.0), up=0.0))[1]
+    packing = run(
+        task_of(vg.make_shape("sphere"), vg.Box((5, 5, 5)), count=20, gravity=(1.0, 0.0, -1.0), vibration_up=0.0)
+    )[1]
     along = (packing.position - 2.5) @ np.array([1.0, 0.0, -1.0])
     assert along.min() > -0.5
     assert along.mean() > 1.5
@@ -119,7 +121,7 @@ def plain_attempts(problem, state, setting, first, last, *, order=None, patience
     for g in range(n):
         grid[tuple((masks[g] - half[g] + sites[g]).T)] = g
     calm, deepest, slept, sunk_at, skipped = np.zeros(n, int), np.full(n, -(2**40)), np.full(n, -1), {}, 0
-    fed, attempts = state.counters["fed_at"], settings.sweeps * n
+    fed, attempts = state.feeding_ended_at, settings.sweeps * n
     edge, cells = state.arrays["cells"][3], state.arrays["cells"][:3]
 
     def boxes(g):
@@ -132,7 +134,7 @@ def plain_attempts(problem, state, setting, first, last, *, order=None, patience
     for attempt in range(first, last):
         r0, r1, r2, _ = (int(w) for w in np.random.Philox(key=key, counter=[attempt - 1, 0, 0, 0]).random_raw(4))
         if order is None:
-            g = int(state.arrays["queue"][n - 1 - ((r0 >> 32) * n >> 32)])
+            g = int(state.waiting[n - 1 - ((r0 >> 32) * n >> 32)])
         else:
             start = attempt // 512 % -(-n // 64) * 64
             g = int(order[start + ((r0 >> 32) * min(64, n - start) >> 32)])
@@ -147,9 +149,13 @@ def plain_attempts(problem, state, setting, first, last, *, order=None, patience
             slept[g], calm[g], deepest[g] = -1, 0, -(2**40)
         along = (attempt - fed) / attempts * settings.cycles
         cycle = np.floor(along)
-        up = settings.up * (1 - cycle / settings.cycles) * (1 - (along - cycle)) if attempt - fed < attempts else 0.0
+        up = (
+            settings.vibration_up * (1 - cycle / settings.cycles) * (1 - (along - cycle))
+            if attempt - fed < attempts
+            else 0.0
+        )
         share = (r1 >> 11) / 2.0**53
-        which = 0 if share < settings.down else 2 if share < settings.down + up else 1
+        which = 0 if share < settings.downward_share else 2 if share < settings.downward_share + up else 1
         low, count = int(classes[which]), int(classes[which + 1] - classes[which])
         step = steps[low + ((r2 >> 32) * count >> 32)]
         there = masks[g] - half[g] + sites[g] + step
@@ -175,12 +181,12 @@ def plain_attempts(problem, state, setting, first, last, *, order=None, patience
 def test_schedules_are_those_of_a_plain_program(schedule):
     """Bit for bit the same trajectory over some thousand attempts under gravity."""
     box, shape = vg.Box((3, 3, 4)), vg.make_shape("ellipsoid")
-    task = task_of(shape, box, count=12, schedule=schedule, turns=0.0, orientations=1, sweeps=300)
+    task = task_of(shape, box, count=12, schedule=schedule, rotation_share=0.0, orientations=1, sweeps=300)
     problem = task.problem
     state = digital.prepare(problem)
-    while state.counters["fed_at"] < 0:
+    while state.feeding_ended_at is None:
         state = digital.advance(problem, state, 1)
-    setting = setting_of(problem, state)
+    setting = precomputed_of(problem, state)
     begin, many = state.done, 9000 if schedule != "sorted" else 16 * 12 - 1
     order = state.arrays["order"].copy() if schedule == "sorted" else None
     for name, value in (("calm", 0), ("depth", -(2**40)), ("slept", -1), ("stirred", -1)):
@@ -217,8 +223,8 @@ def test_a_lid_compacts_and_is_recorded():
 
 def test_sleeping_grains_are_passed_over_and_the_bed_is_as_dense():
     shape = vg.make_shape("sphere")
-    plain = run(task_of(shape, count=40, sweeps=1500, cycles=4, up=0.0))
-    sleeping = run(task_of(shape, count=40, sweeps=1500, cycles=4, up=0.0, schedule="sleeping"))
+    plain = run(task_of(shape, count=40, sweeps=1500, cycles=4, vibration_up=0.0))
+    sleeping = run(task_of(shape, count=40, sweeps=1500, cycles=4, vibration_up=0.0, schedule="sleeping"))
     counters = sleeping[0].counters
     # most attempts are slept through once the bed has settled
     assert counters["slept_through"] > 0.3 * sleeping[0].done

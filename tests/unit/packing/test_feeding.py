@@ -53,10 +53,10 @@ def test_a_full_bed_has_come_to_rest(method, feed):
     voxel = {"voxel_size": 1 / 16} if method is digital else {}
     task = task_of(method.name, vg.Box((3, 3, 3)), count=40, feed=feed, sweeps=0, **voxel)
     state, heights = method.prepare(task.problem), []
-    while state.counters["fed_at"] < 0:
-        begins = state.counters["layer_ends"]
+    while state.feeding_ended_at is None:
+        begins = state.layer_ends
         state = method.advance(task.problem, state, 1)
-        if begins < 0 <= state.counters["layer_ends"]:
+        if begins is None and state.layer_ends is not None:
             rested = state.counters["placed"]
             tried, begun = state.counters["feeds_tried"], state.done
             heights = [method.finish(task.problem, state).position[:, 2].sum()]
@@ -75,9 +75,9 @@ def test_rests_depend_on_neither_chunks_nor_stops(method):
         task = task_of(method.name, vg.Box((3, 3, 6)), **told)
         state, rests = method.prepare(task.problem), 0
         while not state.stop_reason:
-            begins = state.counters["layer_ends"]
+            begins = state.layer_ends
             state = method.advance(task.problem, state, chunk)
-            rests += begins < 0 <= state.counters["layer_ends"]
+            rests += begins is None and state.layer_ends is not None
             if chunk == 3001:
                 # what a checkpoint does not hold
                 state.derived = {}
@@ -92,7 +92,7 @@ def test_nothing_waits_without_gravity_or_all_at_once():
         task = task_of("digital", vg.Box((3, 3, 3)), count=40, voxel_size=1 / 16, sweeps=1, **parameters)
         state = drive(task.method, task.problem, Drive())
         assert state.stop_reason == "full"
-        assert state.counters["layer_ends"] == -1
+        assert state.layer_ends is None
         # the last in a row
         assert state.counters["feeds_refused_in_a_row"] == 2000
-        assert state.counters["moves_tried"] + state.counters["turns_tried"] == state.done - state.counters["fed_at"]
+        assert state.counters["moves_tried"] + state.counters["turns_tried"] == state.done - state.feeding_ended_at

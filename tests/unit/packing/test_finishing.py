@@ -10,13 +10,14 @@ from voxgran._base.errors import InputError
 from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.walls import beyond_lid, escape_depths
-from voxgran.packing.method import State
-from voxgran.packing.walking.finishing import COUNTERS, Finishing, end_walk, finish_some
+from voxgran.packing.walking.finishing import Finishing, end_walk, finish_some
+from voxgran.packing.walking.parameters import Settling
+from voxgran.packing.walking.state import WalkState
 from voxgran.settling.contact_points import near_walls
 from voxgran.settling.settle import follow
-from voxgran.settling.trial_motion import falling
+from voxgran.settling.trial_motion import free_fall
 
-DIGITAL = {"method": "digital", "voxel_size": 1 / 12, "sweeps": 100, "up": 0.0, "settling": 150, "seed": 2}
+DIGITAL = {"method": "digital", "voxel_size": 1 / 12, "sweeps": 100, "vibration_up": 0.0, "settling": 150, "seed": 2}
 CONTROL = {"method": "control_point", "spacing": 0.2, "sweeps": 100, "settling": 60, "seed": 2}
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -49,7 +50,7 @@ def test_grains_do_not_rise_through_a_lid():
         one = Assembly.of([vg.make_shape("sphere")], vg.Box((3, 3, 6)), position=[[1.5, 1.5, 3.0]])
         one = replace(one, lid=Lid(sign * UP, sign * (3.0 + sign * 0.8)))
         for _ in range(30):
-            one = follow(one, falling(one, sign * 0.02 * UP))[0]
+            one = follow(one, free_fall(one, sign * 0.02 * UP))[0]
         assert beyond_lid(one)[0] <= 0.0
         assert beyond_lid(one)[0] == pytest.approx(0.0, abs=4e-3)
 
@@ -132,15 +133,12 @@ def test_a_sweep_that_is_given_up_is_not_counted(settles):
     box = vg.Box((3, 3, 4))
     places = np.array([[1, 1, 1.0], [1, 1, 1.9]])
     assembly = Assembly.of((vg.make_shape("sphere"),), box, position=places)
-    finishing = Finishing(
-        parts=not settles, distance=0.0, settling=9, shaking=0, acceleration=0.8, friction=0.0, step=0.1,
-        gravity=-UP, seed=0,
-    )  # fmt: skip
-    state = State({}, dict(COUNTERS), done=50)
-    end_walk(state, finishing, assembly, placed=np.arange(2), reason="settled")
+    finishing = Finishing(Settling(settling=9), -UP, 0, parts=not settles, step=0.1)
+    state = WalkState(done=50, placed=2, waiting=np.arange(2))
+    end_walk(state, finishing, assembly, "settled")
     before = state.done, dict(state.counters), state.arrays["position"].tobytes()
     with stopping_when(lambda: True), pytest.raises(Stopped):
-        finish_some(state, finishing, assembly, last=90, entered=True)
+        finish_some(state, finishing, assembly, 90)
     assert (state.done, state.counters, state.arrays["position"].tobytes()) == before
-    finish_some(state, finishing, assembly, last=90, entered=True)
+    finish_some(state, finishing, assembly, 90)
     assert state.done == 52

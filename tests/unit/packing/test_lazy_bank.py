@@ -24,20 +24,20 @@ def test_the_walk_is_the_same(monkeypatch):
     for attempts in ((20_000,), (3, 9_997, 10_000)):
         _, lazy = walked(96, attempts)
         assert lazy.counters == eager.counters
-        for name in ("site", "member", "turn", "queue"):
+        for name in ("site", "member", "turn", "waiting"):
             assert np.array_equal(lazy.arrays[name], eager.arrays[name])
     assert eager.counters["turns_accepted"] > 100
 
 
 def test_only_what_is_needed_is_voxelized():
     problem, state = walked(24 * 1000, (300,))
-    bank = state.derived["setting"].bank
+    bank = state.derived["precomputed"].bank
     assert len(bank.size) == 16 * 1000
     made = int((bank.start[:, 0] >= 0).sum())
     assert made == problem.counters["voxelized_shapes"]
     # each feed and each turn needs one at most
     assert 0 < made <= state.counters["feeds_tried"] + state.counters["turns_tried"] + 1
-    occupied = state.derived["setting"].canvas.occupied(state.derived["words"])
+    occupied = state.derived["precomputed"].canvas.occupied(state.derived["words"])
     placed = state.arrays["member"] >= 0
     assert occupied.sum() == bank.voxels[state.arrays["member"][placed]].sum()
 

@@ -6,7 +6,7 @@ import pytest
 
 import voxgran as vg
 from voxgran.packing.digital import precompute as digital_setting
-from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.packing.digital.walk_method import registration as digital
 
 CASES = {
@@ -32,7 +32,7 @@ def walked(case, attempts=(12_000,)):
         state = digital.advance(task.problem, state, many)
         # as after a checkpoint
         state.derived.clear()
-    setting_of(task.problem, state)
+    precomputed_of(task.problem, state)
     return state
 
 
@@ -77,7 +77,7 @@ def test_columns_are_kept_where_tables_do_not_do(container, options, monkeypatch
     asked = {"voxel_size": 0.125, **options}
     task = kit.task_of("digital", vg.make_shape("sphere"), container, count=5, **asked)
     state = digital.prepare(task.problem)
-    setting_of(task.problem, state)
+    precomputed_of(task.problem, state)
     assert not len(state.derived["pairs"].at)
 
 

@@ -9,9 +9,9 @@ from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import grain_pairs
-from voxgran.settling.contact_points import find_touching, joined, near_corners
+from voxgran.settling.contact_points import find_contact_points, joined, near_corners
 from voxgran.settling.settle import follow
-from voxgran.settling.trial_motion import falling, shaken
+from voxgran.settling.trial_motion import free_fall, shaken_fall
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -20,7 +20,7 @@ def settled(assembly, sweeps, step=0.02):
     """Settle with steps that are halved when little is gained."""
     for _ in range(sweeps):
         before = assembly.position[:, 2].mean()
-        assembly = follow(assembly, falling(assembly, step * DOWN))[0]
+        assembly = follow(assembly, free_fall(assembly, step * DOWN))[0]
         if before - assembly.position[:, 2].mean() < 0.03 * step:
             step = max(step / 2, 2e-5)
     return assembly
@@ -51,7 +51,7 @@ def test_a_sphere_rolls_into_the_pocket_of_two():
     three = Assembly.of([vg.make_shape("sphere")], trough, position=[[0.5, 0.5, 0.5], [0.5, 1.5, 0.5], [0.5, 0.8, 1.5]])
     found = settled(three, 300)
     assert found.position[2] == pytest.approx([0.5, 1.0, 0.5 + np.sqrt(0.75)], abs=2e-3)
-    assert find_touching(found, 2e-3).gap.min() >= 0
+    assert find_contact_points(found, 2e-3).gap.min() >= 0
     assert vg.verify(packing_of(found)).ok
 
 
@@ -120,7 +120,7 @@ def test_random_motion_never_makes_an_overlap():
     )
     for _ in range(30):
         fall = generator.normal(size=3)
-        assembly = follow(assembly, falling(assembly, 0.05 * fall / np.linalg.norm(fall)))[0]
+        assembly = follow(assembly, free_fall(assembly, 0.05 * fall / np.linalg.norm(fall)))[0]
         proof = vg.verify(packing_of(assembly))
         assert proof.ok
 
@@ -165,7 +165,7 @@ def test_friction_holds_a_bed_up():
         "count": 40,
         "voxel_size": 1 / 12,
         "sweeps": 100,
-        "up": 0.0,
+        "vibration_up": 0.0,
         "settling": 60,
         "seed": 2,
     }
@@ -176,7 +176,7 @@ def test_friction_holds_a_bed_up():
     assert rough.provenance["settling"]["density_gain"] < 0.9 * smooth.provenance["settling"]["density_gain"]
 
 
-BED = {"method": "digital", "voxel_size": 1 / 12, "sweeps": 100, "up": 0.0, "settling": 150, "seed": 2}
+BED = {"method": "digital", "voxel_size": 1 / 12, "sweeps": 100, "vibration_up": 0.0, "settling": 150, "seed": 2}
 
 
 @pytest.mark.parametrize(
@@ -207,7 +207,7 @@ def test_shaking_pulls_nobody_further_than_its_step():
     """Slides add up to gravity and a pull of at most the strength, all within the step."""
     many = Assembly.of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), position=np.full((4000, 3), 4.0))
     for strength in (0.25, 1.0, 4.0):
-        wish = shaken(many, 0.05 * DOWN, strength, stream(1, "test"))
+        wish = shaken_fall(many, 0.05 * DOWN, strength, stream(1, "test"))
         part = 0.05 / max(1.0, strength)
         pull = np.linalg.norm(wish.slide - part * DOWN, axis=1)
         assert pull.max() == pytest.approx(part * strength, rel=1e-9)
@@ -229,4 +229,4 @@ def test_corners_near_a_face_are_found():
     expected = {0: [2 + edge / 2, 2 + edge / 2, 2 + edge / 2], 1: [2.1 - edge / 2, 2.05 - edge / 2, 2.01 + edge / 2]}
     assert corners == pytest.approx(np.array([expected[j] for j in places.j.tolist()]), abs=1e-12)
     # and the places where the surfaces are nearest
-    assert len(find_touching(two, 0.02).i) == 3
+    assert len(find_contact_points(two, 0.02).i) == 3

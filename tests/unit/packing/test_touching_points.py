@@ -133,7 +133,7 @@ def task_of(count, **parameters):
 
 def test_a_million_moves_leave_no_drift():
     """Turns stay of length 1, and what the walk takes for free is what verify takes for free."""
-    task = task_of(150, spacing=0.3, sweeps=10**6, up=1.0, decay=1.0, tilt=0.1)
+    task = task_of(150, spacing=0.3, sweeps=10**6, vibration_up=1.0, decay=1.0, gravity_bias=0.1)
     method = method_registry().get("control_point")
     state = method.prepare(task.problem)
     while state.counters["moves_accepted"] < 1_000_000:
@@ -154,7 +154,7 @@ def test_ten_thousand_grains_of_five_hundred_points_fit_in_memory():
     method = method_registry().get("control_point")
     assert method.cost(task.problem).memory < 4e9
     state = method.advance(task.problem, method.prepare(task.problem), 200_000)
-    kept = state.derived["setting"]
+    kept = state.derived["precomputed"]
     assert len(kept.bodies.trees.points) >= 500
     held = [*kept.memory, *kept.scratch, kept.cells.head, kept.extent, *state.arrays.values()]
     assert sum(array.nbytes for array in held) < 4e8

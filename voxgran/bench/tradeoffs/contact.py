@@ -25,8 +25,9 @@ from voxgran.bench.model import TradeOff, calibration, peers_of
 from voxgran.containers.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.control_point.first_contact import Encounter
-from voxgran.packing.control_point.precompute import setting_of
-from voxgran.packing.method import State, method_registry
+from voxgran.packing.control_point.precompute import precomputed_of
+from voxgran.packing.control_point.state import ControlState
+from voxgran.packing.method import method_registry
 from voxgran.packing.pack import pack, prepare_task
 from voxgran.packing.problem import Problem
 from voxgran.shapes.family import make_shape
@@ -57,14 +58,14 @@ GRAINS, SOLID, MIXING = 150, 0.3, 400
 BED = 420
 BEDS: dict[str, dict[str, Any]] = {
     "walk": {},
-    "walk shaken to the end": {"tilt": 0.0, "up": 1.0, "decay": 1.0},
+    "walk shaken to the end": {"gravity_bias": 0.0, "vibration_up": 1.0, "decay": 1.0},
     "walk and settling": {"settling": 200},
 }
 #: least seconds that a program is timed, and approaches of two grains
 SECONDS, APPROACHES = 0.6, 24
 
 
-def moving_task(shape: Shape, spacing: float, test: str, *, count: int = GRAINS) -> tuple[Problem, State]:
+def moving_task(shape: Shape, spacing: float, test: str, *, count: int = GRAINS) -> tuple[Problem, ControlState]:
     """Return grains in a box, mixed and ready to move.
 
     Parameters
@@ -85,35 +86,37 @@ def moving_task(shape: Shape, spacing: float, test: str, *, count: int = GRAINS)
         unit, Box((edge,) * 3), method="control_point", count=count, solid_fraction=None, sizes=None, weights=None,
         weights_by="number", seed=0,
         parameters={
-            "spacing": spacing, "contact": contact, "ways": ways, "gravity": "none", "feed": "at_once", "sweeps": 10**7,
+            "spacing": spacing, "contact": contact, "tested_points": ways, "gravity": "none", "feed": "at_once",
+            "sweeps": 10**7,
         },
     )  # fmt: skip
     advance = method_registry().get("control_point").advance
-    state = method_registry().get("control_point").prepare(task.problem)
-    while state.counters["fed_at"] < 0:
-        state = advance(task.problem, state, 10_000)
-    return task.problem, advance(task.problem, state, MIXING * count)
+    state: Any = method_registry().get("control_point").prepare(task.problem)
+    while state.feeding_ended_at is None:
+        advance(task.problem, state, 10_000)
+    advance(task.problem, state, MIXING * count)
+    return task.problem, state
 
 
-def rate_of_test(problem: Problem, state: State) -> tuple[float, float]:
+def rate_of_test(problem: Problem, state: ControlState) -> tuple[float, float]:
     """Return attempts per second of voxgran's walk, and the share of accepted ones."""
     advance, best, attempts = method_registry().get("control_point").advance, 0.0, 4000
-    before, tried = state.counters["moves_accepted"], state.counters["moves_tried"]
+    before, tried = state.moves_accepted, state.moves_tried
     began = time.perf_counter()
     while time.perf_counter() - began < SECONDS:
         start = time.process_time()
-        state = advance(problem, state, attempts)
+        advance(problem, state, attempts)
         best = max(best, attempts / (time.process_time() - start))
-    moves = state.counters["moves_tried"] - tried
-    return best, (state.counters["moves_accepted"] - before) / moves
+    moves = state.moves_tried - tried
+    return best, (state.moves_accepted - before) / moves
 
 
 def rate_of_peer(
-    peers: ModuleType, program: Callable[..., Any], problem: Problem, state: State, *, attempts: int
+    peers: ModuleType, program: Callable[..., Any], problem: Problem, state: ControlState, *, attempts: int
 ) -> tuple[float, float]:
     """Return attempts per second of another program from the same places, and the share of accepted ones."""
-    setting = setting_of(problem, state)
-    inside = state.arrays["entered"] == 1
+    setting = precomputed_of(problem, state)
+    inside = state.entered == 1
     lower, upper = (np.array(corner, dtype=np.float64) for corner in problem.container.bounds)
     points = problem.points(0, problem.parameters.spacing)
     grains = peers.Grains(

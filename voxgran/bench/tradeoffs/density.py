@@ -79,8 +79,8 @@ def measure_spheres(cells: tuple[int, ...] = CELLS, seeds: tuple[int, ...] = SEE
         for n in cells:
             for seed in seeds:
                 packing, seconds = bed(
-                    make_shape("sphere"), box, count, voxel_size=1 / n, seed=seed, orientations=1, sweeps=1500, up=0.0,
-                    shaking=SHAKING if vibrated else 0,
+                    make_shape("sphere"), box, count, voxel_size=1 / n, seed=seed, orientations=1, sweeps=1500,
+                    vibration_up=0.0, shaking=SHAKING if vibrated else 0,
                 )  # fmt: skip
                 many.append((1 / n, float(bulk_solid_fraction(packing))))
                 rows.append((f"sphere, seed {seed}", n, vibrated, seconds, many[-1][1], 0.0))

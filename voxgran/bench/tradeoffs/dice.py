@@ -37,8 +37,8 @@ PUBLISHED = {
 TREATMENTS = (0.15, 0.5, 3.0, None)
 #: how each method walks before the true shapes settle, without vibration
 WALKS: dict[str, dict[str, Any]] = {
-    "digital": {"voxel_size": 1 / 20, "sweeps": 60, "up": 0.0, "down": 0.7},
-    "control_point": {"spacing": 0.1, "sweeps": 400, "up": 0.0},
+    "digital": {"voxel_size": 1 / 20, "sweeps": 60, "vibration_up": 0.0, "downward_share": 0.7},
+    "control_point": {"spacing": 0.1, "sweeps": 400, "vibration_up": 0.0},
 }
 #: sweeps of shaking, and its strength in gravities
 SHAKING, ACCELERATION = 200, 0.8

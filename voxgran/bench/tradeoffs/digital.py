@@ -10,7 +10,7 @@ diameter and against the seconds that it took, after the walk and after settling
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,10 @@ from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration, peers_of
 from voxgran.containers.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
-from voxgran.packing.digital.precompute import setting_of
+from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.packing.digital.schedule import SORT_SWEEPS
-from voxgran.packing.method import State, method_registry
+from voxgran.packing.digital.state import DigitalState
+from voxgran.packing.method import method_registry
 from voxgran.packing.pack import pack, prepare_task
 from voxgran.packing.problem import Problem
 from voxgran.shapes.family import make_shape
@@ -50,7 +51,9 @@ BEDS = (12, 20, 32)
 SWEEPS = (250, 1000, 4000)
 
 
-def walking_task(shape: Shape, cells: int, edge: int = EDGE, *, schedule: str = "random") -> tuple[Problem, State]:
+def walking_task(
+    shape: Shape, cells: int, edge: int = EDGE, *, schedule: str = "random"
+) -> tuple[Problem, DigitalState]:
     """Return grains at random places on a lattice, ready to walk in all directions alike.
 
     Parameters
@@ -70,45 +73,49 @@ def walking_task(shape: Shape, cells: int, edge: int = EDGE, *, schedule: str = 
         shape.scaled(1 / shape.diameter), box, method="digital", count=count, solid_fraction=None, sizes=None,
         weights=None, weights_by="number", seed=0,
         parameters={
-            "voxel_size": 1 / cells, "gravity": "none", "turns": 0.0, "orientations": 1, "sweeps": 10**9,
+            "voxel_size": 1 / cells, "gravity": "none", "rotation_share": 0.0, "orientations": 1, "sweeps": 10**9,
             "feed": "at_once", "schedule": schedule,
         },
     )  # fmt: skip
     method = method_registry().get("digital")
-    state = method.prepare(task.problem)
-    while state.counters["fed_at"] < 0:
-        state = method.advance(task.problem, state, 10_000)
+    state: Any = method.prepare(task.problem)
+    while state.feeding_ended_at is None:
+        method.advance(task.problem, state, 10_000)
     return task.problem, state
 
 
-def rate_of_walk(problem: Problem, state: State) -> tuple[float, float]:
+def rate_of_walk(problem: Problem, state: DigitalState) -> tuple[float, float]:
     """Return attempts per second and the share of accepted moves of voxgran's walk."""
     advance = method_registry().get("digital").advance
-    state = advance(problem, state, 2000)
-    before, tried = state.counters["moves_accepted"], state.counters["moves_tried"]
+    advance(problem, state, 2000)
+    before, tried = state.moves_accepted, state.moves_tried
     # in the order of space, all that comes between two sortings
-    attempts = SORT_SWEEPS * state.counters["placed"] if len(state.arrays["order"]) else 20_000
+    attempts = SORT_SWEEPS * state.placed if len(state.order) else 20_000
     best = 0.0
     began = time.perf_counter()
     while time.perf_counter() - began < SECONDS:
         start = time.perf_counter()
-        state = advance(problem, state, attempts)
+        advance(problem, state, attempts)
         best = max(best, attempts / (time.perf_counter() - start))
-    moves = state.counters["moves_tried"] - tried
-    return best, (state.counters["moves_accepted"] - before) / moves
+    moves = state.moves_tried - tried
+    return best, (state.moves_accepted - before) / moves
 
 
 def rate_of_peer(
-    walk: Callable[..., int], occupied: Callable[..., NDArray[np.int8]], problem: Problem, state: State, attempts: int
+    walk: Callable[..., int],
+    occupied: Callable[..., NDArray[np.int8]],
+    problem: Problem,
+    state: DigitalState,
+    attempts: int,
 ) -> tuple[float, float]:
     """Return attempts per second and the share of accepted moves of another program, from the same places."""
-    setting = setting_of(problem, state)
+    setting = precomputed_of(problem, state)
     mask = problem.voxels(0, setting.base[0], setting.lattice.voxel_size, cover="touch")
     half = np.array(mask.shape) // 2
     filled = [np.flatnonzero(mask.any(axis=tuple(k for k in range(3) if k != axis))) for axis in range(3)]
     low = np.array([line[0] for line in filled])
     box = mask[tuple(slice(line[0], line[-1] + 1) for line in filled)]
-    sites = state.arrays["site"][state.arrays["member"] >= 0] - half + low + 1
+    sites = state.site[state.member >= 0] - half + low + 1
     grid = occupied(setting.lattice.shape + 2, box, sites)
     generator, best, moved, tried = stream(1, "bench picks"), 0.0, 0, 0
     began = time.perf_counter()
@@ -141,7 +148,7 @@ def measure_spheres(diameters: tuple[int, ...] = DIAMETERS, edge: int = EDGE) ->
     steps = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)], dtype=np.int64) - 1
     for cells in diameters:
         problem, state = walking_task(make_shape("sphere"), cells, edge)
-        setting = setting_of(problem, state)
+        setting = precomputed_of(problem, state)
         mask = problem.voxels(0, setting.base[0], setting.lattice.voxel_size, cover="touch")
         box = mask[np.ix_(*(mask.any(axis=tuple(k for k in range(3) if k != axis)) for axis in range(3)))]
         voxels = int(box.sum())
@@ -176,7 +183,7 @@ def measure_bodies(edge: int = EDGE) -> list[MoveRow]:
         bodies["bennu"] = load_shape(scan)
     for name, body in bodies.items():
         problem, state = walking_task(body, 20, edge)
-        mask = problem.voxels(0, setting_of(problem, state).base[0], 1 / 20, cover="touch")
+        mask = problem.voxels(0, precomputed_of(problem, state).base[0], 1 / 20, cover="touch")
         known = edge, f"{name}, {len(body.faces)} triangles", int(mask.sum())
         rows.append((*known, "voxgran", *rate_of_walk(problem, state)))
     return rows

@@ -12,9 +12,10 @@ from voxgran._base.errors import InputError
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.rotation import normalized
 from voxgran.containers.box import Box
-from voxgran.packing.control_point.method import ControlPoint, prepare
+from voxgran.packing.control_point.method import prepare
 from voxgran.packing.control_point.neighbours import overlaps
-from voxgran.packing.control_point.precompute import bed_of, setting_of
+from voxgran.packing.control_point.parameters import ControlPoint
+from voxgran.packing.control_point.precompute import bed_of, precomputed_of
 from voxgran.packing.control_point.records import SDF, Bed, Bodies, Memory, Scratch
 from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.sdf_contact import threshold
@@ -58,7 +59,7 @@ class Encounter:
             coming = coming.to_unit(standing.unit)
         self._unit = unit = max(standing.diameter, coming.diameter)
         wide = 8.0 * (standing.bounding_radius + coming.bounding_radius) / unit + 4.0
-        settings = ControlPoint(contact=contact, ways=ways, spacing=spacing, distance=distance)  # type: ignore[arg-type]
+        settings = ControlPoint(contact=contact, tested_points=ways, spacing=spacing, distance=distance)  # type: ignore[arg-type]
         problem = Problem(
             shapes=tuple(shape.scaled(1 / shape.diameter) for shape in (standing, coming)),
             shape_id=np.arange(2),
@@ -70,7 +71,7 @@ class Encounter:
             original=(standing, coming),
         )
         self._state, self._gap = prepare(problem), problem.length(distance)
-        self._setting = setting_of(problem, self._state)
+        self._setting = precomputed_of(problem, self._state)
         self._bed = bed_of(problem, self._state, self._setting)
 
     @property
@@ -112,7 +113,7 @@ class Encounter:
     def _turn(self, turns: ArrayLike) -> None:
         """Take over orientations."""
         quaternions = normalized(as_floats(turns, "turns", shape=(2, 4)))
-        self._state.arrays["orientation"][:] = quaternions
+        self._state.orientation[:] = quaternions
         write_matrix(quaternions[1], self._setting.scratch.turn)
 
     def first_contact(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from voxgran._base.seeds import philox_key
 from voxgran.containers.model import boundary_of
 from voxgran.packing.control_point.attempts import link_all, span_all
 from voxgran.packing.control_point.distance_fields import MARGIN, Fields, make_fields
+from voxgran.packing.control_point.parameters import ControlPoint
 from voxgran.packing.control_point.point_trees import make_trees, stack_room
 from voxgran.packing.control_point.records import (
     BALL,
@@ -27,19 +28,16 @@ from voxgran.packing.control_point.records import (
     Scratch,
     Walls,
 )
+from voxgran.packing.control_point.state import ControlState
 from voxgran.packing.control_point.support_tables import make_reaches, no_reaches
 from voxgran.packing.control_point.verlet_lists import MOST_GRAINS, ROOM, make_lists
 from voxgran.packing.gravity import gravity_vector, main_axis
-from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.points.control import inner_count, inner_points, sample_controls
 from voxgran.shapes.descriptors import largest_curvature
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.surface import Surface
-
-if TYPE_CHECKING:
-    from voxgran.packing.control_point.method import ControlPoint
 
 #: numbers of the tests of contact
 TESTS = {"sdf": SDF, "kdtree": KDTREE}
@@ -58,8 +56,20 @@ FLAT_SHARE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
-    """What follows from the problem."""
+class Precomputed:
+    """What follows from the problem, and the cells and walls where the grains are linked.
+
+    Attributes
+    ----------
+    bodies : Bodies
+        Samples of the shapes.
+    extent, span : ndarray of float
+        As in :class:`Bed`.
+    walls, cells, memory, scratch : NamedTuple
+        As the kernels take them.
+    key : ndarray of uint64
+        Key of the random numbers.
+    """
 
     bodies: Bodies
     extent: Floats
@@ -71,35 +81,34 @@ class Setting:
     key: Any
 
 
-def setting_of(problem: Problem, state: State) -> Setting:
-    """Return the setting, made again where the state was just made or read from a checkpoint."""
-    if "setting" not in state.derived:
+def precomputed_of(problem: Problem, state: ControlState) -> Precomputed:
+    """Return what follows from the problem, made again where the state is new or was read from a checkpoint."""
+    if "precomputed" not in state.derived:
         bodies = _bodies(problem)
         key = philox_key(problem.seed, "control_point")
         extent = _extent(problem, bodies)
         cells = _cells(problem, extent)
         scratch = _scratch(problem, bodies, cells)
         span = np.zeros((problem.count if len(bodies.reaches.values) else 0, 6))
-        made = Setting(bodies, extent, span, _walls(problem), cells, _memory(problem), scratch, key)
-        put_lid(problem, made.walls, float(state.arrays["lid"][0]))
-        link_all(bed_of(problem, state, made), made.cells)
-        span_all(bed_of(problem, state, made), bodies, scratch)
-        state.derived["setting"] = made
-    kept: Setting = state.derived["setting"]
+        made = Precomputed(bodies, extent, span, _walls(problem), cells, _memory(problem), scratch, key)
+        put_lid(problem, made.walls, state.lid_lowered)
+        bed = bed_of(problem, state, made)
+        link_all(bed, made.cells)
+        span_all(bed, bodies, scratch)
+        state.derived["precomputed"] = made
+    kept: Precomputed = state.derived["precomputed"]
     return kept
 
 
-def bed_of(problem: Problem, state: State, setting: Setting) -> Bed:
+def bed_of(problem: Problem, state: ControlState, known: Precomputed) -> Bed:
     """Return the arrays of the state as the kernels take them."""
-    arrays = state.arrays
-    poses = (arrays["position"], arrays["orientation"], arrays["entered"], arrays["step"])
-    return Bed(
-        *poses, problem.shape_id.astype(np.int64), problem.diameter.astype(np.float64), setting.extent, setting.span
-    )
+    poses = (state.position, state.orientation, state.entered, state.step)
+    kinds = (problem.shape_id.astype(np.int64), problem.diameter.astype(np.float64))
+    return Bed(*poses, *kinds, known.extent, known.span)
 
 
 def put_lid(problem: Problem, walls: Walls, lowered: float) -> None:
-    """Put the lid, the wall against gravity, so far below the place where it was made."""
+    """Move the lid, the wall opposite to gravity, to a distance below its first position."""
     down = main_axis(gravity_vector(problem))
     lower, upper = problem.container.bounds
     walls.lower[:] = lower + lowered * np.maximum(down, 0)
@@ -148,16 +157,8 @@ def _scratch(problem: Problem, bodies: Bodies, cells: Cells) -> Scratch:
     lengths = (cells.width * cells.count)[list(problem.container.periodic)]
     images = int(np.prod(2 * np.ceil(2 * cells.reach / lengths) + 1))
     return Scratch(
-        *(
-            np.zeros(3),
-            np.zeros(4),
-            np.zeros((3, 3)),
-            np.zeros(6),
-            np.zeros(7),
-            np.zeros(4),
-            np.zeros((3, 3)),
-            np.zeros(3),
-        ),
+        *(np.zeros(3), np.zeros(4), np.zeros((3, 3)), np.zeros(6)),
+        *(np.zeros(7), np.zeros(4), np.zeros((3, 3)), np.zeros(3)),
         *(np.zeros((room, 2), dtype=np.int64), np.zeros((LISTED, 2), dtype=np.int64)),
         np.zeros((images * problem.count, 4), dtype=np.int64),
     )
@@ -234,7 +235,7 @@ def _bodies(problem: Problem) -> Bodies:
     spheres = all(shape.is_sphere for shape in problem.shapes)
     return Bodies(
         TESTS[settings.contact],
-        settings.ways == "both",
+        settings.tested_points == "both",
         trees,
         fields,
         no_reaches() if spheres else make_reaches(list(problem.shapes), known, fields),

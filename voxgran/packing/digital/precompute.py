@@ -27,8 +27,9 @@ from voxgran.packing.digital.bit_columns import (
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, free_voxels
 from voxgran.packing.digital.no_fit_tables import make_tables, no_tables, table_bytes
 from voxgran.packing.digital.records import Grains, Members
+from voxgran.packing.digital.stamping import close_layer
+from voxgran.packing.digital.state import DigitalState
 from voxgran.packing.gravity import gravity_vector, main_axis
-from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.shapes.model import Shape
 
@@ -41,7 +42,7 @@ SHARED = 2**21
 
 
 @dataclass(frozen=True, slots=True)
-class Setting:
+class Precomputed:
     """What follows from the problem.
 
     Attributes
@@ -98,45 +99,51 @@ class Setting:
     shared: tuple[Words, Integers]
     key: Any
 
+    @property
+    def axis(self) -> int:
+        """The axis along which gravity is strongest."""
+        return int(np.argmax(np.abs(self.down)))
 
-def setting_of(problem: Problem, state: State) -> Setting:
-    """Return the setting, made again with canvas and bits where the state was just made or read from a checkpoint."""
-    if "setting" not in state.derived:
-        setting = _make(problem)
-        state.derived["setting"] = setting
-        bank, turns, shape = setting.bank, len(setting.turns), setting.lattice.shape
-        known = len(bank.size) > 0 and not (bank.start < 0).any()
-        tables = known and tables_pay(
-            problem, shape, size=bank.size, low=bank.low, voxels=float(bank.voxels.mean()), turns=turns
+
+def precomputed_of(problem: Problem, state: DigitalState) -> Precomputed:
+    """Return what follows from the problem, made again where the state is new or was read from a checkpoint.
+
+    The canvas, with grains and lid, and the bits of the grains are then made again too.
+    """
+    if "precomputed" not in state.derived:
+        known = _make(problem)
+        derived, bank, shape = state.derived, known.bank, known.lattice.shape
+        full = len(bank.size) > 0 and not (bank.start < 0).any()
+        tables = full and tables_pay(
+            problem, shape, size=bank.size, low=bank.low, voxels=float(bank.voxels.mean()), turns=len(known.turns)
         )
-        state.derived["pairs"] = (
-            make_tables(setting.bank, setting.rotations, setting.turns, setting.lattice.shape, problem.count)
-            if tables
-            else no_tables()
-        )
-        nothing = np.zeros(0, dtype=np.uint64)
-        state.derived["words"] = (
-            nothing if tables else setting.canvas.words(free_voxels(problem.container, setting.lattice))
-        )
-        bits, alone = setting.shared[0], not len(setting.shared[1])
-        longest = int(np.diff(setting.own).max(initial=0)) if alone else _most_words(setting.bank.size)
-        state.derived["bits"] = aligned_words(max(int(setting.own[-1]), setting.zeros)) if alone else bits
-        state.derived["scratch"] = aligned_words(setting.zeros + longest)
-        state.derived["at"] = setting.own[:-1].copy()
-        there = np.flatnonzero(state.arrays["member"] >= 0)
-        for member in np.unique(state.arrays["member"][there]).tolist():
-            need_member(setting, member)
-        field, members, grains = records(state, setting)
+        walls = None if tables else free_voxels(problem.container, known.lattice)
+        bits, alone = known.shared[0], not len(known.shared[1])
+        longest = int(np.diff(known.own).max(initial=0)) if alone else _most_words(bank.size)
+        derived |= {
+            "precomputed": known,
+            "pairs": make_tables(bank, known.rotations, known.turns, shape, problem.count) if tables else no_tables(),
+            "words": np.zeros(0, dtype=np.uint64) if tables else known.canvas.words(walls),
+            "bits": aligned_words(max(int(known.own[-1]), known.zeros)) if alone else bits,
+            "scratch": aligned_words(known.zeros + longest),
+            "at": known.own[:-1].copy(),
+        }
+        there = np.flatnonzero(state.member >= 0)
+        for member in np.unique(state.member[there]).tolist():
+            need_member(known, member)
+        field, members, grains = records(state, known)
         for grain in there.tolist():
-            put(field, members, grains, state.derived["pairs"], grain)
-    made: Setting = state.derived["setting"]
+            put(field, members, grains, derived["pairs"], grain)
+        for lowered in range(state.lid_layers):
+            close_layer(field, known.axis, layer_of_lid(known, lowered))
+    made: Precomputed = state.derived["precomputed"]
     return made
 
 
-def need_member(setting: Setting, member: int) -> None:
+def need_member(known: Precomputed, member: int) -> None:
     """Voxelize a member of the bank where that was not yet done."""
-    if setting.bank.start[member, 0] < 0:
-        setting.bank.add(member, setting.mask_of(member))
+    if known.bank.start[member, 0] < 0:
+        known.bank.add(member, known.mask_of(member))
 
 
 def tables_pay(problem: Problem, shape: Integers, *, size: Integers, low: Integers, voxels: float, turns: int) -> bool:
@@ -171,16 +178,15 @@ def tables_pay(problem: Problem, shape: Integers, *, size: Integers, low: Intege
     return bool((shape >= around)[np.array(problem.container.periodic)].all())
 
 
-def records(state: State, setting: Setting) -> tuple[Field, Members, Grains]:
+def records(state: DigitalState, known: Precomputed) -> tuple[Field, Members, Grains]:
     """Return canvas, bank and grains as the kernels take them."""
-    _, words, deep = setting.canvas.word_shape
-    canvas, bank, arrays = setting.canvas, setting.bank, state.arrays
-    field = Field(state.derived["words"], words * deep, deep, canvas.shape, canvas.margin, canvas.periodic)
-    own = setting.turns, setting.bases, setting.kind, setting.shared[1]
+    _, words, deep = known.canvas.word_shape
+    canvas, bank, derived = known.canvas, known.bank, state.derived
+    field = Field(derived["words"], words * deep, deep, canvas.shape, canvas.margin, canvas.periodic)
+    own = known.turns, known.bases, known.kind, known.shared[1]
     members = Members(bank.words, bank.start, bank.low, bank.size, *own)
-    where = (arrays["site"], arrays["member"], arrays["turn"])
-    derived = state.derived
-    return field, members, Grains(*where, derived["bits"], derived["at"], setting.own, derived["scratch"])
+    bits = (derived["bits"], derived["at"], known.own, derived["scratch"])
+    return field, members, Grains(state.site, state.member, state.turn, *bits)
 
 
 def voxel_size_of(problem: Problem) -> float:
@@ -226,7 +232,7 @@ def mean_width(shape: Shape) -> float:
     return float(np.ptp(along, axis=0).mean())
 
 
-def _make(problem: Problem) -> Setting:
+def _make(problem: Problem) -> Precomputed:
     """Voxelize the grains and lay out the canvas."""
     lattice = container_lattice(problem, voxel_size_of(problem))
     rotations = lattice_rotations()
@@ -260,7 +266,7 @@ def _make(problem: Problem) -> Setting:
     alone = rows[kind] if not len(shared[1]) else np.zeros(problem.count, dtype=np.int64)
     own = first + np.concatenate([[0], np.cumsum(alone)]).astype(np.int64)
     canvas, key = Canvas(lattice.shape, margin, periodic), philox_key(problem.seed, "digital")
-    return Setting(
+    return Precomputed(
         lattice, canvas, kind, bank, mask_of, first, base, bases, rotations, turns, directions, classes, gravity,
         main_axis(gravity), own, shared, key,
     )  # fmt: skip
@@ -323,14 +329,12 @@ def _directions(problem: Problem) -> tuple[Integers, Integers, Floats]:
     return steps[order], bounds, gravity
 
 
-def layer_of_lid(setting: Setting, lowered: int) -> int:
-    """Return which layer the lid takes next after it was lowered so often."""
-    axis = int(np.argmax(np.abs(setting.down)))
-    return int(setting.lattice.shape[axis]) - 1 - lowered if setting.down[axis] < 0 else lowered
+def layer_of_lid(known: Precomputed, lowered: int) -> int:
+    """Return the layer of voxels that the lid takes next, after it has taken some."""
+    return int(known.lattice.shape[known.axis]) - 1 - lowered if known.down[known.axis] < 0 else lowered
 
 
-def walls_of_layers(setting: Setting, words: Words) -> Integers:
+def walls_of_layers(problem: Problem, known: Precomputed) -> Integers:
     """Return how many voxels of each layer across gravity are taken by the walls alone."""
-    taken = setting.canvas.occupied(words)
-    axis = int(np.argmax(np.abs(setting.down)))
-    return np.asarray(taken.sum(axis=tuple(k for k in range(3) if k != axis)), dtype=np.int64)
+    taken = known.canvas.occupied(known.canvas.words(free_voxels(problem.container, known.lattice)))
+    return np.asarray(taken.sum(axis=tuple(k for k in range(3) if k != known.axis)), dtype=np.int64)

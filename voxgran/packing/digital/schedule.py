@@ -1,71 +1,49 @@
-"""What comes between the attempts of digital packing: whose turn it is, and the lid."""
+"""Work between the attempts of digital packing: the order in which grains are moved, and the lid."""
 
 import numpy as np
 
-from voxgran._base.arrays import Integers
 from voxgran.lattice.morton import morton_order
-from voxgran.packing.digital.container_lattice import container_lattice, free_voxels
-from voxgran.packing.digital.precompute import Setting, layer_of_lid, records, voxel_size_of, walls_of_layers
+from voxgran.packing.digital.container_lattice import container_lattice
+from voxgran.packing.digital.precompute import layer_of_lid, precomputed_of, records, voxel_size_of, walls_of_layers
 from voxgran.packing.digital.stamping import close_layer, count_layer
-from voxgran.packing.method import State
+from voxgran.packing.digital.state import DigitalState
 from voxgran.packing.problem import Problem
 
-#: sweeps after which grains are put in the order of space anew
+#: sweeps after which grains are sorted along the space-filling curve again
 SORT_SWEEPS = 16
 
 
-def turn_arrays(problem: Problem) -> dict[str, Integers]:
-    """Return what the schedule and guided moves keep, empty where they are not asked for."""
-    settings, n, nothing = problem.parameters, problem.count, np.zeros(0, dtype=np.int64)
-    sleeps = settings.schedule == "sleeping"
-    cells = np.ones(4, dtype=np.int64)
-    if sleeps:
+def begin_schedule(problem: Problem, state: DigitalState) -> None:
+    """Make the arrays of the state that guided moves and the schedule "sleeping" need."""
+    n = problem.count
+    if problem.parameters.guided > 0:
+        state.hint = np.zeros((n, 3), dtype=np.int64)
+    if problem.parameters.schedule == "sleeping":
         lattice = container_lattice(problem, voxel_size_of(problem))
         edge = max(4, int(np.ceil(0.5 / lattice.voxel_size)))
-        cells = np.append(-(-lattice.shape // edge) + 1, edge).astype(np.int64)
-    return {
-        "order": nothing,
-        "hint": np.zeros((n if settings.guided > 0 else 0, 3), dtype=np.int64),
-        "calm": np.zeros(n if sleeps else 0, dtype=np.int64),
-        "depth": np.full(n if sleeps else 0, -(2**40)),
-        "slept": np.full(n if sleeps else 0, -1, dtype=np.int64),
-        "stirred": np.full(int(np.prod(cells[:3])) if sleeps else 0, -1, dtype=np.int64),
-        "cells": cells,
-    }
+        state.cells = np.append(-(-lattice.shape // edge) + 1, edge).astype(np.int64)
+        state.stirred = np.full(int(np.prod(state.cells[:3])), -1, dtype=np.int64)
+        state.calm, state.depth, state.slept = np.zeros(n, dtype=np.int64), np.full(n, -(2**40)), np.full(n, -1)
 
 
-def look_at_turns(problem: Problem, state: State, setting: Setting) -> None:
-    """Lower the lid by a voxel where it finds room, and put the grains in the order of space."""
-    placed = max(state.counters["placed"], 1)
-    if problem.parameters.lid:
-        if "walls" not in state.derived:
-            state.derived["walls"] = _walls(problem, setting)
-        axis, field = int(np.argmax(np.abs(setting.down))), records(state, setting)[0]
-        level = layer_of_lid(setting, state.counters["lid_lowered"])
-        inside = state.counters["lid_lowered"] < int(setting.lattice.shape[axis])
-        if inside and int(count_layer(field, axis, level)) == int(state.derived["walls"][level]):
-            close_layer(field, axis, level)
-            state.counters["lid_lowered"] += 1
-            state.derived["lid"] = True
-    if (state.done - state.counters["fed_at"]) % (SORT_SWEEPS * placed) == 0:
-        sort_grains(problem, state)
+def lower_lid(problem: Problem, state: DigitalState) -> None:
+    """Lower the lid by one voxel if the next layer is free of grains."""
+    known = precomputed_of(problem, state)
+    if "walls" not in state.derived:
+        state.derived["walls"] = walls_of_layers(problem, known)
+    axis, field, lattice = known.axis, records(state, known)[0], known.lattice
+    level = layer_of_lid(known, state.lid_layers)
+    if state.lid_layers >= lattice.shape[axis] or int(count_layer(field, axis, level)) != state.derived["walls"][level]:
+        return
+    close_layer(field, axis, level)
+    state.lid_layers += 1
+    lower, upper = problem.container.bounds
+    low = lattice.corner[axis] + state.lid_layers * lattice.voxel_size
+    high = lattice.corner[axis] + (lattice.shape[axis] - state.lid_layers) * lattice.voxel_size
+    state.lid_lowered = max(0.0, float(upper[axis] - high if known.down[axis] < 0 else low - lower[axis]))
 
 
-def _walls(problem: Problem, setting: Setting) -> Integers:
-    """Return how many voxels of each layer the walls take."""
-    return walls_of_layers(setting, setting.canvas.words(free_voxels(problem.container, setting.lattice)))
-
-
-def lower_lid_again(problem: Problem, state: State, setting: Setting) -> None:
-    """Close the layers that the lid had taken, after the state was read from a checkpoint."""
-    axis, field = int(np.argmax(np.abs(setting.down))), records(state, setting)[0]
-    for lowered in range(state.counters["lid_lowered"]):
-        close_layer(field, axis, layer_of_lid(setting, lowered))
-    state.derived["lid"] = True
-
-
-def sort_grains(problem: Problem, state: State) -> None:
-    """Put the grains that have entered in the order of space, where the schedule asks for it."""
-    if problem.parameters.schedule == "sorted":
-        placed = np.flatnonzero(state.arrays["member"] >= 0)
-        state.arrays["order"] = placed[morton_order(state.arrays["site"][placed])]
+def sort_grains(state: DigitalState) -> None:
+    """Sort the grains that have entered along a space-filling curve."""
+    placed = np.flatnonzero(state.member >= 0)
+    state.order = placed[morton_order(state.site[placed])]

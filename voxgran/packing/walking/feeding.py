@@ -1,34 +1,31 @@
-"""How grains enter while others walk, by rain, in layers or all at once, when feeding ends, and the cycles after it.
+"""Feeding of the walking methods: as rain, in layers or everywhere, and the criterion by which it ends.
 
-Digital and control-point packing feed alike. Grains that are refused too often in a row do not yet tell that the
-container is full: those below the entry may still be sinking. So nothing enters for some sweeps, and only where those
-hardly sink meanwhile has feeding ended. While grains are fed none of them moves upward, so this does not go on forever.
+Many refusals in a row do not prove that the container is full: grains below the entry may still be sinking. Feeding is
+then interrupted for some sweeps, and ends if those grains hardly sink meanwhile. During feeding no grain moves upward,
+so feeding ends after a finite number of attempts.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_count
-from voxgran._base.errors import InputError
+from voxgran._base.arrays import Floats, Integers
 from voxgran.containers.model import boundary_of
 from voxgran.packing.gravity import gravity_vector, main_axis
-from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
+from voxgran.packing.walking.state import WalkState
 
-#: sweeps between two looks at whether the bed still sinks
+#: sweeps between two examinations of whether the bed still sinks
 SETTLE_SWEEPS = 200
-#: looks at the most after the last cycle
+#: largest number of examinations after the last cycle
 SETTLE_LOOKS = 40
-#: attempts per grain that are asked for at the most: those of all grains are still numbers of 64 bits
-MOST_SWEEPS = 10**9
 #: refusals in a row after which a layer is full
 LAYER_REFUSALS = 300
-#: sweeps in which grains are watched sinking after too many refusals
+#: sweeps for which feeding is interrupted after too many refusals
 SINK_SWEEPS = 40
 #: mean sinking in median diameters of a grain below the entry in these sweeps, below which the container is full
 SINK_DEPTH = 0.001
-#: share of attempts that let a grain enter, at which a container counts as full after the usual number of refusals
+#: fraction of attempts that insert a grain, up to which the usual number of refusals counts as full
 USUAL_RATE = 0.05
 
 
@@ -43,109 +40,94 @@ def entry_of(problem: Problem, gravity: Floats) -> Integers:
     return down if stands and problem.parameters.feed != "at_once" else np.zeros(3, dtype=np.int64)
 
 
-def feed_share(problem: Problem, state: State) -> float:
-    """Return the share of attempts that let a grain enter."""
+def feed_share(problem: Problem, state: WalkState) -> float:
+    """Return the fraction of the attempts that insert a grain."""
     settings = problem.parameters
     if settings.feed == "at_once":
         return 1.0
-    if state.counters["layer_ends"] >= 0:
-        # those that have entered sink
+    if state.layer_ends is not None:
+        # the grains that have entered sink
         return 0.0
     return 1.0 if settings.feed == "layers" else float(settings.rate)
 
 
 def patience(problem: Problem) -> int:
-    """Return after how many refusals in a row the container, or a layer, counts as full."""
+    """Return the number of refusals in a row after which the container, or a layer, counts as full."""
     if problem.parameters.feed == "layers":
         return LAYER_REFUSALS
-    # grains that enter often are refused often, while those before them sink
+    # at a high rate grains are refused often while those before them sink
     return int(max(2000, 20 * problem.count) * max(1.0, problem.parameters.rate / USUAL_RATE))
 
 
 def most_attempts(problem: Problem, grains: int) -> int:
-    """Return after how many attempts the bed of so many grains is given up."""
+    """Return the largest number of attempts of a walk of so many grains after feeding."""
     sweeps: int = problem.parameters.sweeps
     return grains * (sweeps + SETTLE_LOOKS * SETTLE_SWEEPS)
 
 
-def check_cycles(cycles: int | None, period: int | None) -> None:
-    """Check the cycles of vibration, given by their number or by their period.
+def examine_feeding(problem: Problem, state: WalkState, due: int, positions: Callable[[], Floats]) -> None:
+    """End feeding when all grains have entered or none enters any more; interrupt it while a layer sinks.
 
-    Raises
-    ------
-    InputError
-        If one is below 1 or above a billion, or both are given.
+    After too many refusals feeding is interrupted as well, and resumed if the grains below the entry have sunk.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem.
+    state : WalkState
+        The state, which is changed.
+    due : int
+        Attempt at which the interruption ends.
+    positions : callable
+        Returns the centroids of the grains that have entered.
     """
-    for name, value in (("cycles", cycles), ("period", period)):
-        if value is not None:
-            as_count(value, name, at_least=1, at_most=MOST_SWEEPS)
-    if cycles is not None and period is not None:
-        raise InputError(f"cycles is {cycles} and period {period}: each makes the number of cycles; leave one out")
-
-
-def cycles_of(problem: Problem, usual: int) -> int:
-    """Return the number of cycles of vibration, the usual one where neither it nor a period is given."""
-    settings = problem.parameters
-    if settings.period is not None:
-        return max(1, round(settings.sweeps / settings.period))
-    return usual if settings.cycles is None else int(settings.cycles)
-
-
-def look_at_queue(problem: Problem, state: State, due: int, places: Callable[[], Floats]) -> None:
-    """End feeding when all have entered, or when nothing enters any more; let grains sink between layers.
-
-    They also sink where too many were refused, and feeding goes on after that if those below the entry have sunk.
-
-    due: at which attempt they have sunk.  places: gives the centroids of the grains that have entered.
-    """
-    counters = state.counters
-    layer = problem.parameters.feed == "layers" and counters["placed"] > counters["layer_placed"]
-    if counters["placed"] == problem.count:
+    layer = problem.parameters.feed == "layers" and state.placed > state.layer_placed
+    if state.placed == problem.count:
         _end_feeding(problem, state)
-    elif counters["layer_ends"] >= 0:
+    elif state.layer_ends is not None:
         if state.done < due:
             return
-        if layer or _have_sunk(problem, state, places()):
-            counters.update(layer_ends=-1, layer_placed=counters["placed"], feeds_refused_in_a_row=0)
+        if layer or _have_sunk(problem, state, positions()):
+            state.layer_ends, state.layer_placed, state.feeds_refused_in_a_row = None, state.placed, 0
         else:
             _end_feeding(problem, state)
-    elif counters["feeds_refused_in_a_row"] >= patience(problem):
+    elif state.feeds_refused_in_a_row >= patience(problem):
         if layer or _may_sink(problem, state):
             sweeps = problem.parameters.layer_sweeps if layer else SINK_SWEEPS
-            counters["layer_ends"] = state.done + sweeps * counters["placed"]
-            state.arrays["brim"][:] = _brim(problem, places())
+            state.layer_ends = state.done + sweeps * state.placed
+            state.surface_height, state.surface_grains = _surface_height(problem, positions())
         else:
             _end_feeding(problem, state)
 
 
-def _end_feeding(problem: Problem, state: State) -> None:
-    """Note when feeding ended, and how long the bed may take."""
-    placed = state.counters["placed"]
-    state.counters.update(fed_at=state.done, layer_ends=-1)
-    state.total = state.done + most_attempts(problem, placed)
-    if placed == 0:
+def _end_feeding(problem: Problem, state: WalkState) -> None:
+    """Record when feeding ended, and the largest number of attempts of the walk."""
+    state.feeding_ended_at, state.layer_ends = state.done, None
+    state.total = state.done + most_attempts(problem, state.placed)
+    if state.placed == 0:
         state.stop_reason = "full"
 
 
-def _may_sink(problem: Problem, state: State) -> bool:
-    """Return whether grains that sink could make room for others."""
+def _may_sink(problem: Problem, state: WalkState) -> bool:
+    """Return whether sinking grains could make room for others."""
     falls = bool(gravity_vector(problem).any())
-    return falls and state.counters["placed"] > 0 and problem.parameters.feed != "at_once"
+    return falls and state.placed > 0 and problem.parameters.feed != "at_once"
 
 
-def _have_sunk(problem: Problem, state: State, places: Floats) -> bool:
-    """Return whether the grains that were below the entry have sunk while nothing entered."""
-    before, many = state.arrays["brim"]
-    return bool(before - _brim(problem, places)[0] > SINK_DEPTH * many)
+def _have_sunk(problem: Problem, state: WalkState, positions: Floats) -> bool:
+    """Return whether the grains below the entry have sunk while feeding was interrupted."""
+    sunk = state.surface_height - _surface_height(problem, positions)[0]
+    return bool(sunk > SINK_DEPTH * state.surface_grains)
 
 
-def _brim(problem: Problem, places: Floats) -> tuple[float, int]:
-    """Return the sum of the heights of grains that may be in the way of one that enters, and their number.
+def _surface_height(problem: Problem, positions: Floats) -> tuple[float, int]:
+    """Return the sum of the heights of grains that could obstruct one that enters, and their number.
 
-    Heights begin so far below the entry that none of those below is in the way; where grains enter anywhere, all count.
+    Heights are measured from so far below the entry that no grain below that level can obstruct it; where grains enter
+    anywhere, all grains count.
     """
     gravity = gravity_vector(problem)
-    height, entry = -(places @ main_axis(gravity)), entry_of(problem, gravity)
+    height, entry = -(positions @ main_axis(gravity)), entry_of(problem, gravity)
     if entry.any():
         radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
         top = float(np.max(-(np.array(problem.container.bounds) @ entry)))

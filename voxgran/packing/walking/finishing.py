@@ -9,15 +9,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.walls import beyond_lid
 from voxgran.packing.gravity import main_axis
-from voxgran.packing.method import State
+from voxgran.packing.walking.parameters import Settling
+from voxgran.packing.walking.state import WalkState
 from voxgran.settling.settle import CALM, follow, part_once
-from voxgran.settling.trial_motion import falling, shaken
+from voxgran.settling.trial_motion import free_fall, shaken_fall
 
 #: sweeps at the most in which overlapping grains are parted
 PART_SWEEPS = 100
@@ -27,116 +28,75 @@ ENDS = ("settled", "full", "steps")
 SMALLEST = 1e-3
 #: step of shaking, in median diameters, and sweeps for which a grain is pulled in one direction
 SHAKE_STEP, SHAKE_SWEEPS = 0.05, 3
-#: what the state counts from the end of the walk on
-COUNTERS = {
-    "ended": -1,
-    "walked": 0,
-    "parting_sweeps": 0,
-    "left_overlapping": 0,
-    "settling_at": -1,
-    "settling_sweeps": 0,
-}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Finishing:
-    """What is asked for after the walk.
+    """What follows the walk.
 
     Attributes
     ----------
+    settings : Settling
+        Parameters of the method.
+    gravity : (3,) ndarray of float
+        Unit vector, zero where there is no gravity.
+    seed : int
+        Seed of the run.
     parts : bool
         Whether grains may overlap, or be too near, and have to be parted.
-    distance : float
-        That surfaces have to keep, in median diameters, where grains are parted and do not settle.
-    settling, shaking : int
-        Most sweeps of settling, and sweeps of shaking before it.
-    acceleration : float
-        Strength of the shaking at its start, in gravities.
-    friction : float
-        Coefficient of friction.
     step : float
-        First step of the fall, in median diameters.
-    gravity : (3,) ndarray of float
-        Direction of the fall; zero where there is none.
-    seed : int
-        Of the run.
+        First step of settling, in median diameters.
+    distance : float
+        Distance that surfaces have to keep, in median diameters, where grains are parted and do not settle.
     """
 
-    parts: bool
-    distance: float
-    settling: int
-    shaking: int
-    acceleration: float
-    friction: float
-    step: float
+    settings: Settling
     gravity: Floats
     seed: int
+    parts: bool
+    step: float
+    distance: float = 0.0
 
     @property
     def sweeps(self) -> int:
         """The most sweeps that it takes."""
-        return (PART_SWEEPS if self.parts else 0) + (self.shaking + self.settling if self.settling else 0)
+        settings = self.settings
+        return PART_SWEEPS * self.parts + (settings.shaking + settings.settling if settings.settling else 0)
 
 
-def end_walk(state: State, finishing: Finishing, assembly: Assembly, *, placed: Integers, reason: str) -> None:
-    """End the walk, and go on with the true shapes where that is asked for or needed.
+def end_walk(state: WalkState, finishing: Finishing, assembly: Assembly, reason: str) -> None:
+    """End the walk for a reason, one of `ENDS`, and go on with the true shapes where that is asked for or needed.
 
-    Parameters
-    ----------
-    state : State
-        Of the method; holds the poses of the placed grains alone from now on.
-    finishing : Finishing
-        What is asked for.
-    assembly : Assembly
-        The grains that have entered, in the normalized frame.
-    placed : (n,) ndarray of int
-        Which grains of the problem they are.
-    reason : str
-        Why the walk ended, one of `ENDS`.
+    From then on the state has the poses of the grains that have entered, those of the assembly, only.
     """
     if not finishing.sweeps:
         state.stop_reason = reason
         return
-    state.counters.update(ended=ENDS.index(reason), walked=state.done)
-    state.arrays["grains"] = placed
+    state.walk_end, state.walked = ENDS.index(reason), state.done
     _keep(state, assembly)
-    state.total = state.done + finishing.sweeps * max(len(placed), 1)
+    state.total = state.done + finishing.sweeps * state.sweep
     if not finishing.parts:
         _end_parting(state, finishing, assembly)
 
 
-def finish_some(state: State, finishing: Finishing, assembly: Assembly, *, last: int, entered: bool) -> None:
-    """Make the next sweep if it is due: one for as many attempts as there are grains.
-
-    Parameters
-    ----------
-    state : State
-        Of the method.
-    finishing : Finishing
-        What is asked for.
-    assembly : Assembly
-        The grains where the state has them.
-    last : int
-        The attempt before which to stop.
-    entered : bool
-        Whether all grains of the problem have entered.
+def finish_some(state: WalkState, finishing: Finishing, assembly: Assembly, last: int) -> None:
+    """Make the next sweep if it is due before attempt `last`: a sweep counts as many attempts as there are grains.
 
     Raises
     ------
     Stopped
         If the run was asked to stop; the sweep is then not made.
     """
-    counters, grains = state.counters, max(assembly.count, 1)
-    settles = counters["settling_at"] >= 0
-    begin, sweep = ("settling_at", "settling_sweeps") if settles else ("walked", "parting_sweeps")
-    due = counters[begin] + (counters[sweep] + 1) * grains
+    settles = state.settling_at >= 0
+    begin, sweep = (state.settling_at, state.settling_sweeps) if settles else (state.walked, state.parting_sweeps)
+    due = begin + (sweep + 1) * state.sweep
     if last < due:
         state.done = last
         return
     before, state.done = state.done, due
     try:
         if settles:
-            _settle(state, finishing, under_lid(state, finishing, assembly), entered=entered)
+            _settle(state, finishing, under_lid(state, finishing, assembly))
         else:
             _part(state, finishing, assembly)
     except Stopped:
@@ -145,125 +105,99 @@ def finish_some(state: State, finishing: Finishing, assembly: Assembly, *, last:
         raise
 
 
-def finishing_report(state: State, assembly: Assembly, gravity: Floats) -> dict[str, dict[str, float]]:
-    """Return what came of parting and settling, for the provenance.
+def finishing_report(state: WalkState, assembly: Assembly, gravity: Floats) -> dict[str, dict[str, float]]:
+    """Return the record of parting and settling for the provenance.
 
-    Parameters
-    ----------
-    state : State
-        Of the method.
-    assembly : Assembly
-        The grains where the state has them.
-    gravity : (3,) ndarray of float
-        Direction of the fall.
-
-    Returns
-    -------
-    dict
-        `parting`: sweeps, and pairs too near and grains beyond walls that are left. `settling`: sweeps, mean sinking in
-        median diameters, and how much denser the bed is.
+    `parting`: sweeps, and the number of pairs too near and of grains beyond walls that are left. `settling`: sweeps,
+    mean sinking in median diameters, and the relative gain in density.
     """
-    counters = state.counters
     report: dict[str, dict[str, float]] = {}
-    if counters["parting_sweeps"]:
-        report["parting"] = {"sweeps": counters["parting_sweeps"], "overlapping": counters["left_overlapping"]}
-    if counters["settling_at"] >= 0:
-        before, after = float(state.arrays["settling"][1]), _height(assembly, gravity)
+    if state.parting_sweeps:
+        report["parting"] = {"sweeps": state.parting_sweeps, "overlapping": state.left_overlapping}
+    if state.settling_at >= 0:
+        before, after = float(state.settling[1]), _height(assembly, gravity)
         report["settling"] = {
-            "sweeps": counters["settling_sweeps"],
+            "sweeps": state.settling_sweeps,
             "mean_sinking": before - after,
             "density_gain": before / after - 1.0 if after > 0 else 0.0,
         }
     return report
 
 
-def under_lid(state: State, finishing: Finishing, assembly: Assembly) -> Assembly:
-    """Return the grains with the lid over them, if one has come down.
-
-    Parameters
-    ----------
-    state : State
-        Of the method; its array `lid` begins with the way of the lid in median diameters, 0 where there is none.
-    finishing : Finishing
-        What is asked for.
-    assembly : Assembly
-        The grains.
-    """
-    lowered = float(state.arrays["lid"][0]) if "lid" in state.arrays else 0.0
-    if lowered <= 0.0:
+def under_lid(state: WalkState, finishing: Finishing, assembly: Assembly) -> Assembly:
+    """Return the grains with the lid over them, if it has been lowered."""
+    if state.lid_lowered <= 0.0:
         return assembly
     up = -main_axis(finishing.gravity)
     axis = int(np.argmax(np.abs(up)))
     lower, upper = assembly.container.bounds
-    level = upper[axis] - lowered if up[axis] > 0 else -(lower[axis] + lowered)
+    level = upper[axis] - state.lid_lowered if up[axis] > 0 else -(lower[axis] + state.lid_lowered)
     return replace(assembly, lid=Lid(up.astype(np.float64), float(level)))
 
 
-def _part(state: State, finishing: Finishing, assembly: Assembly) -> None:
+def _part(state: WalkState, finishing: Finishing, assembly: Assembly) -> None:
     """Make a sweep of parting."""
-    sweep = state.counters["parting_sweeps"]
-    after, state.counters["left_overlapping"] = part_once(
-        assembly, finishing.gravity, sweep, distance=finishing.distance
-    )  # fmt: skip
+    sweep = state.parting_sweeps
+    after, state.left_overlapping = part_once(assembly, finishing.gravity, sweep, distance=finishing.distance)
     _keep(state, after)
-    state.counters["parting_sweeps"] += 1
-    if not state.counters["left_overlapping"] or state.counters["parting_sweeps"] == PART_SWEEPS:
+    state.parting_sweeps += 1
+    if not state.left_overlapping or state.parting_sweeps == PART_SWEEPS:
         _rest_lid(state, finishing, after)
         _end_parting(state, finishing, after)
 
 
-def _end_parting(state: State, finishing: Finishing, assembly: Assembly) -> None:
+def _end_parting(state: WalkState, finishing: Finishing, assembly: Assembly) -> None:
     """Stop, or let the true shapes settle; grains that could not be parted stay as they are."""
-    if not finishing.settling or state.counters["left_overlapping"]:
-        state.stop_reason = ENDS[state.counters["ended"]]
+    if not finishing.settings.settling or state.left_overlapping:
+        state.stop_reason = ENDS[state.walk_end or 0]
         return
-    state.arrays["settling"] = np.array([finishing.step, _height(assembly, finishing.gravity), finishing.step])
-    state.counters.update(settling_at=state.done, settling_sweeps=0)
+    state.settling = np.array([finishing.step, _height(assembly, finishing.gravity), finishing.step])
+    state.settling_at, state.settling_sweeps = state.done, 0
 
 
-def _settle(state: State, finishing: Finishing, assembly: Assembly, *, entered: bool) -> None:
+def _settle(state: WalkState, finishing: Finishing, assembly: Assembly) -> None:
     """Make a sweep of shaking or settling."""
-    sweep = state.counters["settling_sweeps"]
-    after, rests = (_shake if sweep < finishing.shaking else _fall)(state, finishing, assembly)
+    sweep = state.settling_sweeps
+    after, rests = (_shake if sweep < finishing.settings.shaking else _fall)(state, finishing, assembly)
     _keep(state, after)
     _rest_lid(state, finishing, after)
-    state.counters["settling_sweeps"] += 1
-    if rests or sweep + 1 >= finishing.shaking + finishing.settling:
+    state.settling_sweeps += 1
+    if rests or sweep + 1 >= finishing.settings.shaking + finishing.settings.settling:
         reason = "settled" if rests else "steps"
-        state.stop_reason = reason if entered else "full"
+        state.stop_reason = reason if state.has_all else "full"
 
 
-def _shake(state: State, finishing: Finishing, assembly: Assembly) -> tuple[Assembly, bool]:
+def _shake(state: WalkState, finishing: Finishing, assembly: Assembly) -> tuple[Assembly, bool]:
     """Return the grains after a sweep in which each is pulled and turned its own way; they do not rest yet."""
-    sweep = state.counters["settling_sweeps"]
-    strength = finishing.acceleration * (1.0 - sweep / finishing.shaking)
+    sweep = state.settling_sweeps
+    strength = finishing.settings.acceleration * (1.0 - sweep / finishing.settings.shaking)
     draws = stream(finishing.seed, "shaking", sweep // SHAKE_SWEEPS)
-    wish = shaken(assembly, SHAKE_STEP * finishing.gravity, strength, draws)
-    return follow(assembly, wish, finishing.friction)[0], False
+    motion = shaken_fall(assembly, SHAKE_STEP * finishing.gravity, strength, draws)
+    return follow(assembly, motion, finishing.settings.friction)[0], False
 
 
-def _fall(state: State, finishing: Finishing, assembly: Assembly) -> tuple[Assembly, bool]:
+def _fall(state: WalkState, finishing: Finishing, assembly: Assembly) -> tuple[Assembly, bool]:
     """Return the grains after a sweep of settling, and whether they have come to rest."""
-    step, _, first = state.arrays["settling"].tolist()
-    after, back = follow(assembly, falling(assembly, step * finishing.gravity), finishing.friction)
+    step, _, first = state.settling.tolist()
+    after, back = follow(assembly, free_fall(assembly, step * finishing.gravity), finishing.settings.friction)
     sunk = float(((after.position - assembly.position) @ finishing.gravity).mean())
     if sunk < CALM * step:
-        state.arrays["settling"][0] = step / 2
+        state.settling[0] = step / 2
     elif not back:
-        state.arrays["settling"][0] = min(first, 1.5 * step)
-    return after, bool(state.arrays["settling"][0] < SMALLEST)
+        state.settling[0] = min(first, 1.5 * step)
+    return after, bool(state.settling[0] < SMALLEST)
 
 
-def _keep(state: State, assembly: Assembly) -> None:
+def _keep(state: WalkState, assembly: Assembly) -> None:
     """Note in the state where the grains are."""
-    state.arrays["position"], state.arrays["orientation"] = assembly.position.copy(), assembly.orientation.copy()
+    state.position, state.orientation = assembly.position.copy(), assembly.orientation.copy()
 
 
-def _rest_lid(state: State, finishing: Finishing, assembly: Assembly) -> None:
+def _rest_lid(state: WalkState, finishing: Finishing, assembly: Assembly) -> None:
     """Let the lid, if one has come down, lie on the highest grain."""
     lidded = under_lid(state, finishing, assembly)
     if lidded.lid is not None and lidded.count:
-        state.arrays["lid"][0] = max(0.0, float(state.arrays["lid"][0] - beyond_lid(lidded).max()))
+        state.lid_lowered = max(0.0, float(state.lid_lowered - beyond_lid(lidded).max()))
 
 
 def _height(assembly: Assembly, gravity: Floats) -> float:

@@ -1,0 +1,107 @@
+"""Parameters of control-point packing."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from voxgran._base.config import parameter
+from voxgran._base.deprecation import warn_former
+from voxgran._base.errors import InputError
+from voxgran.packing.walking.parameters import MOST_SWEEPS, Walking
+
+#: shortest step, in diameters of the grain
+SHORTEST_STEP = 0.002
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlPoint(Walking):
+    """Parameters of control-point packing.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, or parameters do not go together.
+    """
+
+    usual_cycles: ClassVar[int] = 8
+
+    spacing: float = parameter(
+        0.12,
+        doc="spacing of the control points on a grain; touching grains stay apart by up to this distance",
+        unit="diameters of the grain",
+        above=0.0,
+        at_most=1.0,
+    )
+    contact: Literal["sdf", "points", "kdtree"] = parameter(
+        "sdf",
+        doc="contact test: control points of one grain in the signed-distance field of the other (sdf), or distances "
+        "between the control points of both, found with k-d trees (kdtree; points is its former name)",
+    )
+    points: Literal["surface", "all"] = parameter(
+        "surface",
+        doc="where control points lie: on the surface with its edges and corners, or in the interior as well",
+    )
+    tested_points: Literal["both", "one"] = parameter(
+        "both",
+        doc="which control points are tested against the other grain's signed distance: those of both grains, or only "
+        "those of the finer-sampled one",
+        former="ways",
+    )
+    distance: float = parameter(
+        0.0, doc="distance that the surfaces of grains keep at least", unit="length", at_least=0.0
+    )
+    overlap: float = parameter(
+        0.0,
+        doc="depth up to which grains may overlap, as a model of deformable grains; with contact 'sdf' only",
+        unit="length",
+        at_least=0.0,
+    )
+    sweeps: int = parameter(
+        4000,
+        doc="number of attempts per grain after feeding has ended",
+        unit="attempts per grain",
+        at_least=0,
+        at_most=MOST_SWEEPS,
+    )
+    gravity_bias: float = parameter(
+        0.5,
+        doc="length of the vector along gravity that is added to the random unit vector of each step",
+        former="tilt",
+        at_least=0.0,
+    )
+    vibration_up: float = parameter(
+        0.8,
+        doc="fraction of the steps that may go upward at the beginning of the first vibration cycle",
+        former="up",
+        at_least=0.0,
+        at_most=1.0,
+    )
+    rotation_share: float = parameter(
+        0.7, doc="fraction of the attempts that also rotate the grain", former="turns", at_least=0.0, at_most=1.0
+    )
+    step: float = parameter(
+        0.1,
+        doc="largest step length; steps are never longer than half the ratio of volume to surface area of the grain",
+        unit="diameters of the grain",
+        at_least=SHORTEST_STEP,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that the parameters go together."""
+        super().__post_init__()
+        if self.contact == "points":
+            warn_former("contact is 'points', the former name of 'kdtree': use contact='kdtree'")
+            object.__setattr__(self, "contact", "kdtree")
+        if self.distance and self.settling:
+            raise InputError(
+                f"distance is {self.distance:g} and settling {self.settling}: settling brings true shapes together; "
+                "use one of them"
+            )
+        if self.overlap and (self.contact != "sdf" or self.distance or self.settling):
+            raise InputError(
+                f"overlap is {self.overlap:g} with contact {self.contact!r}, distance {self.distance:g} and settling "
+                f"{self.settling}: grains may overlap with contact 'sdf' only, without distance and settling"
+            )
+        if self.tested_points == "one" and self.contact != "sdf":
+            raise InputError(
+                f"tested_points is 'one' with contact {self.contact!r}: points are compared with points; use 'both'"
+            )

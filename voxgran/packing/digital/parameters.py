@@ -1,0 +1,82 @@
+"""Parameters of digital packing."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from voxgran._base.config import parameter
+from voxgran._base.errors import InputError
+from voxgran.packing.digital.container_lattice import MOST_ORIENTATIONS
+from voxgran.packing.walking.parameters import Walking
+
+
+@dataclass(frozen=True, kw_only=True)
+class Digital(Walking):
+    """Parameters of digital packing.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, `downward_share` and `vibration_up` exceed 1 together, or parameters do not go
+        together.
+    """
+
+    voxel_size: float | None = parameter(
+        None, doc="edge length of a voxel; if omitted, 1/32 of the median diameter", unit="length", above=0.0
+    )
+    cover: Literal["touch", "center"] = parameter(
+        "touch",
+        doc="voxels that represent a grain: all that it touches, so that grains never overlap, or those whose center "
+        "lies in it",
+    )
+    downward_share: float = parameter(
+        0.42, doc="fraction of the moves that go downward, with gravity", former="down", at_least=0.0, at_most=1.0
+    )
+    vibration_up: float = parameter(
+        0.42,
+        doc="fraction of the moves that go upward at the beginning of the first vibration cycle",
+        former="up",
+        at_least=0.0,
+        at_most=1.0,
+    )
+    rotation_share: float = parameter(
+        0.15,
+        doc="fraction of the attempts that rotate a grain instead of moving it",
+        former="turns",
+        at_least=0.0,
+        at_most=1.0,
+    )
+    orientations: int = parameter(
+        96,
+        doc="number of orientations that a grain can take, rounded up to a multiple of the number of lattice "
+        "rotations; 1 for no rotation",
+        at_least=1,
+        at_most=MOST_ORIENTATIONS,
+    )
+    guided: float = parameter(
+        0.0,
+        doc="fraction of the moves following a refused move that lead away from the contact that caused the refusal",
+        at_least=0.0,
+        at_most=1.0,
+    )
+    schedule: Literal["random", "sorted", "sleeping"] = parameter(
+        "random",
+        doc="order in which grains are moved: at random, in groups that are neighbors in space, which is faster in "
+        "large beds, or at random without the grains that have come to rest",
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that the parameters go together."""
+        super().__post_init__()
+        total = self.downward_share + self.vibration_up
+        if total > 1.0:
+            raise InputError(
+                f"downward_share + vibration_up is {total:g}: fractions must not exceed 1; lower one of them"
+            )
+
+    def needs_gravity(self) -> dict[str, bool]:
+        """Return what needs a direction of gravity, as errors name it, and whether it is set."""
+        return {
+            "lid is true": self.lid,
+            "schedule is 'sleeping'": self.schedule == "sleeping",
+            f"settling is {self.settling}": self.settling > 0,
+        }

@@ -1,0 +1,151 @@
+"""Parameters that the walking methods share: gravity, feeding, vibration, settling and the lid.
+
+The groups are dataclasses that a method inherits from, so that the keys of a scene and the keywords of
+:func:`voxgran.pack` stay flat. A method may declare a parameter again to give it another default.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from voxgran._base.config import check_bounds, parameter
+from voxgran._base.errors import InputError
+
+#: largest number of sweeps: with any number of grains the number of attempts is then a 64-bit integer
+MOST_SWEEPS = 10**9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Feeding:
+    """How grains enter the container."""
+
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | tuple[float, float, float] | None = parameter(
+        None,
+        doc="direction of gravity, as an axis or as a vector of any length; if omitted, '-z', and '-y' in two "
+        "dimensions",
+    )
+    feed: Literal["rain", "layers", "at_once"] = parameter(
+        "rain",
+        doc="how grains are inserted: one by one at the top while those below move, in layers, each of which sinks "
+        "before the next is inserted, or at random places in the whole container",
+    )
+    rate: float = parameter(
+        0.05, doc="fraction of the attempts that insert a grain, with feed 'rain'", above=0.0, at_most=1.0
+    )
+    layer_sweeps: int = parameter(
+        40,
+        doc="number of sweeps in which a layer sinks before the next is inserted, with feed 'layers'",
+        unit="attempts per grain",
+        at_least=1,
+        at_most=MOST_SWEEPS,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vibration:
+    """How long grains move after all have entered, and how the bed is vibrated meanwhile."""
+
+    usual_cycles: ClassVar[int] = 24
+
+    sweeps: int = parameter(
+        12000,
+        doc="number of attempts per grain after feeding has ended",
+        unit="attempts per grain",
+        at_least=0,
+        at_most=MOST_SWEEPS,
+    )
+    cycles: int | None = parameter(
+        None,
+        doc="number of vibration cycles within the sweeps; if neither it nor the period is given, 24 with method "
+        "'digital' and 8 with 'control_point'",
+        at_least=1,
+        at_most=MOST_SWEEPS,
+    )
+    period: int | None = parameter(
+        None,
+        doc="number of sweeps in a vibration cycle; an alternative to the number of cycles",
+        unit="attempts per grain",
+        at_least=1,
+        at_most=MOST_SWEEPS,
+    )
+    decay: float | None = parameter(
+        None,
+        doc="ratio of the vibration amplitude of a cycle to that of the previous one; if omitted, the amplitude falls "
+        "linearly to zero over all cycles",
+        at_least=0.0,
+        at_most=1.0,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settling:
+    """How the true shapes settle after the walk."""
+
+    settling: int = parameter(
+        0,
+        doc="largest number of sweeps in which the true shapes settle under gravity after the walk, which closes the "
+        "gaps that voxels or control points leave; 0 for none",
+        at_least=0,
+        at_most=MOST_SWEEPS,
+    )
+    friction: float = parameter(
+        0.0, doc="Coulomb coefficient of friction between grains and at walls during settling", at_least=0.0
+    )
+    shaking: int = parameter(
+        0,
+        doc="number of sweeps, before those of settling, in which each grain is also displaced and rotated at random",
+        at_least=0,
+        at_most=MOST_SWEEPS,
+    )
+    acceleration: float = parameter(
+        0.8,
+        doc="amplitude of the shaking in its first sweep; it falls linearly to zero",
+        unit="gravitational accelerations",
+        above=0.0,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walking(Feeding, Vibration, Settling):
+    """All parameters that the walking methods share.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, or parameters do not go together.
+    """
+
+    lid: bool = parameter(
+        False,
+        doc="whether a lid is lowered onto the bed after feeding, by one voxel or 1/32 of the median diameter at a "
+        "time, where no grain is in the way",
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that the parameters go together."""
+        check_bounds(self)
+        if self.cycles is not None and self.period is not None:
+            raise InputError(
+                f"cycles is {self.cycles} and period {self.period}: each makes the number of cycles; leave one out"
+            )
+        if self.friction and not self.settling:
+            raise InputError(
+                f"friction is {self.friction:g} and settling 0: it acts while grains settle; set settling, such as 200"
+            )
+        if self.shaking and not self.settling:
+            raise InputError(
+                f"shaking is {self.shaking} and settling 0: shaken grains have to settle; set settling, such as 200"
+            )
+        for name, asked in self.needs_gravity().items():
+            if asked and self.gravity == "none":
+                raise InputError(f"{name} and gravity 'none': it needs a direction of gravity; choose one")
+
+    def needs_gravity(self) -> dict[str, bool]:
+        """Return what needs a direction of gravity, as errors name it, and whether it is set."""
+        return {"lid is true": self.lid}
+
+    @property
+    def number_of_cycles(self) -> int:
+        """Number of vibration cycles, from the period where that is given."""
+        if self.period is not None:
+            return max(1, round(self.sweeps / self.period))
+        return self.usual_cycles if self.cycles is None else self.cycles
