@@ -52,7 +52,7 @@ def test_walk_is_that_by_columns(case, monkeypatch):
         assert len(tables.derived["pairs"].at)
         assert not len(tables.derived["words"])
         assert {**tables.counters, **READ} == {**columns.counters, **READ}
-        for name in ("site", "member", "turn", "queue"):
+        for name in ("site", "member", "turn", "waiting"):
             assert np.array_equal(tables.arrays[name], columns.arrays[name])
         pairs_read.add(tables.counters["pairs_read"])
     # whether the cells were made again or not
