@@ -74,7 +74,7 @@ RANDOM = {"seed", "RandomState", "default_rng"}
 PLUGIN = "io/pyvista_accessor.py"
 #: what subclasses numba, loaded by `lazy.load` when the first kernel is compiled
 COMPILER = {"_base/compiling/kernel_files.py", "_base/compiling/linking.py"}
-#: the nouns whose methods may call public functions of rooms above their own, by `_base.names.public`
+#: the nouns whose methods may call public functions of rooms above their own, by `_base.public`
 NOUNS = {"packing/model.py", "shapes/model.py"}
 LONGEST_FUNCTION = 60  # lines, without the docstring
 LONGEST_FILE = 450
@@ -371,7 +371,7 @@ def full_folders(names: list[str]) -> list[str]:
 def upward_calls(tree, name):
     """Find what reaches the rooms above by the public names, elsewhere than in a method of a noun."""
     found = []
-    if room_of(name) in OPEN or name == "_base/names.py":
+    if room_of(name) in OPEN or name == "_base/__init__.py":
         return found
     methods = {
         id(inner)

@@ -6,7 +6,7 @@ this file is their table.
 
 from typing import Any
 
-from voxgran._base.names import lazy_names
+from voxgran._base import lazy_names
 
 __version__ = "0.1.0"
 

@@ -1,4 +1,4 @@
-"""Public names: the table that `voxgran._base.names.lazy_names` reads, and the types that users get."""
+"""Public names: the table that `voxgran._base.lazy_names` reads, and the types that users get."""
 
 import os
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from voxgran import clumps as clumps
 from voxgran import containers as containers
 from voxgran import shapes as shapes
-from voxgran._base.chosen import Parameters
+from voxgran._base.calls import Parameters
 from voxgran._base.errors import VoxgranError as VoxgranError
 from voxgran._base.progress import OnStep
 from voxgran.clumps.fit import clump_methods as clump_methods

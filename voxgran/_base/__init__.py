@@ -1,1 +1,63 @@
-"""What every room may use and what knows nothing about grains."""
+"""What every room may use and what knows nothing about grains.
+
+Public names that are imported on first use (PEP 562), and the one door from a room to the rooms above it.
+
+The stub beside an ``__init__.py`` is the only table of its public names: type checkers and editors read it, and so does
+:func:`lazy_names`. Each of its imports is one line ``from place import name as name``.
+"""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+
+def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package by its stub.
+
+    Parameters
+    ----------
+    package, file : str
+        ``__name__`` and ``__file__`` of the package.
+
+    Raises
+    ------
+    AttributeError
+        Later, by ``__getattr__`` for a name that the stub has not.
+    """
+    with open(file.removesuffix(".py") + ".pyi", encoding="utf-8") as stub:
+        # a name whose signature the stub spells out has its import as a comment
+        lines = [line.removeprefix("# ").split() for line in stub if "from voxgran" in line]
+    places = {words[5]: (words[1], words[3]) for words in lines if len(words) > 5}
+
+    def find(name: str) -> Any:
+        """Import a public name on first use."""
+        if name not in places:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        place, stored = places[name]
+        # a module of a package, such as voxgran.shapes.sizes, is no attribute of it before it is imported
+        found = None if place == package else getattr(import_module(place), stored, None)
+        if found is None:
+            return import_module(f"{place}.{stored}")
+        if hasattr(found, "__dataclass_fields__"):
+            from voxgran._base.calls import document
+
+            document(found)
+        return found
+
+    names = sorted(places)
+    return find, lambda: names, names
+
+
+def public(name: str) -> Any:
+    """Return a public name of voxgran.
+
+    Only methods of Packing and Shape whose work is done in a room above their own, such as ``Packing.measure``, may use
+    it: the arrows between rooms are those of imports, and a method that users expect on a noun is no reason to turn one
+    around.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``"measure"``.
+    """
+    return getattr(import_module("voxgran"), name)

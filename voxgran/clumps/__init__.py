@@ -1,5 +1,5 @@
 """Shapes as clumps of spheres."""
 
-from voxgran._base.names import lazy_names
+from voxgran._base import lazy_names
 
 __getattr__, __dir__, __all__ = lazy_names(__name__, __file__)

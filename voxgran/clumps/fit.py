@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import as_count, as_number, check_type
-from voxgran._base.chosen import Parameters, chosen
+from voxgran._base.calls import Parameters, chosen
 from voxgran._base.errors import InputError
 from voxgran.clumps.errors import clump_errors
 from voxgran.clumps.method import Wanted, clump_methods, clump_registry

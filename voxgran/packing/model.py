@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import public
 from voxgran._base.arrays import Integers, as_choice, as_number, as_positive, check_type
 from voxgran._base.errors import InputError, shown
-from voxgran._base.names import public
 from voxgran._base.units import as_unit, unit_factor
 from voxgran.contacts.assembly import checked_arrays
 from voxgran.contacts.find import find_contacts

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import as_count, as_number, as_positive, check_lengths
-from voxgran._base.calls import explained
-from voxgran._base.chosen import Parameters, chosen
+from voxgran._base.calls import Parameters, chosen, explained
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep

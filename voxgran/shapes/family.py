@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import as_positive, check_lengths
-from voxgran._base.chosen import Parameters, chosen, document
+from voxgran._base.calls import Parameters, chosen, document
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.registry import Registry

@@ -10,10 +10,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import public
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_points, as_positive, as_quaternions, read_only
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
-from voxgran._base.names import public
 from voxgran._base.rotation import rotation_matrices
 from voxgran._base.tree import TriangleTree, grow_tree
 from voxgran._base.units import as_unit, stated_unit, unit_factor
