@@ -24,7 +24,7 @@ packing = vg.pack(
     [*surfaces, *solids],
     box,
     method="control_point",
-    contact="points",
+    contact="kdtree",
     count=60,
     seed=1,
     spacing=0.1,

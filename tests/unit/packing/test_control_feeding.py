@@ -297,6 +297,7 @@ class Other:
     """A container of a kind that voxgran does not have."""
 
     kind = "other"
+    boundary = None
 
     def __init__(self, box):
         self.box = box

@@ -213,7 +213,7 @@ def test_files_measures_and_reports_of_surfaces_alone(tmp_path):
 @pytest.mark.parametrize(
     ("parameters", "words"),
     [
-        ({"contact": "sdf"}, "'sheet' is an open surface and contact 'sdf': .* use contact 'points'$"),
+        ({"contact": "sdf"}, "'sheet' is an open surface and contact 'sdf': .* use contact 'kdtree'$"),
         ({"settling": 10}, "'sheet' is an open surface and settling 10: .* set settling to 0$"),
         ({"spacing": 0.01}, "spacing is 0.01 and shape 'sheet' an open surface: it must be at least 0.02"),
         ({"count": None}, "count is None and all shapes are open surfaces"),
@@ -229,7 +229,7 @@ def test_what_surfaces_cannot_do_is_refused(parameters, words):
 def test_a_plan_refuses_signed_distances_of_surfaces():
     shape, box, packing = {"family": "sheet"}, {"kind": "box", "lengths": [3, 3, 3]}, {"method": "control_point"}
     scene = vg.Scene.from_mapping({"shape": [shape], "container": box, "packing": packing | {"count": 3}})
-    with pytest.raises(InputError, match="use contact 'points'"):
+    with pytest.raises(InputError, match="use contact 'kdtree'"):
         scene.plan()
 
 

@@ -338,7 +338,7 @@ def test_signed_distances_see_containment_both_ways(ways):
 def test_the_old_name_of_the_test_by_points_gives_the_same_bits():
     cone, box = vg.make_shape("cone"), vg.Box((4, 4, 8), periodic=(True, True, False))
     how = {"method": "control_point", "count": 6, "spacing": 0.3, "sweeps": 50}
-    with pytest.warns(DeprecationWarning, match="contact is 'points', the old name of 'kdtree'"):
+    with pytest.warns(DeprecationWarning, match="contact is 'points', the former name of 'kdtree'"):
         old = vg.pack(cone, box, **how, contact="points")
     new = vg.pack(cone, box, **how, contact="kdtree")
     assert old.position.tobytes() == new.position.tobytes()

@@ -128,7 +128,7 @@ def rate_of_peer(
     best, moved, tried = 0.0, 0, 0
     began = time.perf_counter()
     while tried < 2 * attempts or time.perf_counter() - began < SECONDS:
-        drawn = _draw_moves(generator, len(grains.step), problem.parameters.turns, grains.radius, attempts)
+        drawn = _draw_moves(generator, len(grains.step), problem.parameters.rotation_share, grains.radius, attempts)
         start = time.process_time()
         accepted = moves(*drawn)
         best = max(best, attempts / (time.process_time() - start))
