@@ -48,34 +48,16 @@ _READY = b"ready\n"
 
 
 def read_guarded(reader: Callable[..., Content], path: Path, **options: Any) -> Content:
-    """Run a reader in a process of its own.
+    """Return the facts and arrays that a reader, a public function of path and options, finds, run in its own process.
 
-    Parameters
-    ----------
-    reader : callable
-        Public function of a module, called with the path and the options. What it raises that is no VoxgranError is
-        raised here as FileFormatError.
-    path : Path
-        The file.
-    **options
-        JSON-able values.
-
-    Returns
-    -------
-    facts : dict
-        JSON-able values.
-    arrays : dict of str to ndarray
-        Arrays of numbers.
+    Its errors that are not VoxgranErrors are raised as FileFormatError, as is an end without an answer, or more time or
+    memory than the size of the file explains. Options are JSON-able. MissingLibraryError: the process cannot be
+    started.
 
     Raises
     ------
     FileFormatError
-        If the reader refuses the file, ends without an answer, or takes more time or memory than the size of the file
-        explains.
-    TooLargeError
-        If the content does not fit in memory.
-    MissingLibraryError
-        If the process cannot be started or a library is missing.
+        If the file is damaged.
     """
     size = path.stat().st_size
     seconds, memory = SECONDS + SECONDS_PER_BYTE * size, MEMORY + MEMORY_PER_BYTE * size
@@ -106,12 +88,7 @@ def read_guarded(reader: Callable[..., Content], path: Path, **options: Any) -> 
 
 @contextlib.contextmanager
 def refused(path: Path) -> Iterator[None]:
-    """Turn any exception of a library that reads a file into a FileFormatError, and show no warning (context manager).
-
-    Parameters
-    ----------
-    path : Path
-        The file, for the message.
+    """Raise exceptions of libraries that read a file as FileFormatError, and suppress warnings (context manager).
 
     Raises
     ------
@@ -142,13 +119,7 @@ def reason_of(error: BaseException, *, most: int = 100) -> str:
 
 
 def serve(request: str) -> None:
-    """Read one file and write what it holds to the standard output: what the process does that `read_guarded` starts.
-
-    Parameters
-    ----------
-    request : str
-        JSON that names reader, file, options and limits.
-    """
+    """Read the file of a request of `read_guarded` (JSON: reader, file, options, limits) to the standard output."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     # what libraries print goes where the standard error goes, which is nowhere
     channel = os.fdopen(os.dup(1), "wb")

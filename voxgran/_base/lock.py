@@ -30,17 +30,7 @@ _UNKNOWN = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL, errno.E
 def locked_folder(folder: str | os.PathLike[str]) -> Iterator[None]:
     """Keep other processes from writing into a folder, which is made if needed (context manager).
 
-    Parameters
-    ----------
-    folder : path-like
-        The folder.
-
-    Raises
-    ------
-    InUseError
-        If another process holds it.
-    OutputError
-        If nothing can be written there.
+    An InUseError is raised if another process holds it, an OutputError if nothing can be written there.
     """
     with _locked(Path(folder) / FOLDER_LOCK, Path(folder)):
         yield
@@ -48,20 +38,9 @@ def locked_folder(folder: str | os.PathLike[str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def locked_file(path: str | os.PathLike[str] | None) -> Iterator[None]:
-    """Keep other processes from writing a file, which need not be there (context manager).
+    """Keep other processes from writing a file, which need not exist (context manager); its lock lies beside it.
 
-    Parameters
-    ----------
-    path : path-like or None
-        The file; whatever its name, the lock beside it has a short one. Nothing is done without a path, and for what
-        is no regular file.
-
-    Raises
-    ------
-    InUseError
-        If another process holds it.
-    OutputError
-        If nothing can be written beside it.
+    Nothing is done for None and for what is not a regular file. Errors are those of :func:`locked_folder`.
     """
     target = None if path is None else Path(os.path.realpath(path))
     if target is None or (os.path.exists(target) and not os.path.isfile(target)):

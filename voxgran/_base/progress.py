@@ -9,22 +9,12 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """How far a piece of work is.
+    """Progress of a piece of work."""
 
-    Attributes
-    ----------
-    stage : str
-        What is being done, such as ``"packing"``.
-    done, total : int
-        Units of work done and in all; `total` is 0 where it is not known.
-    text : str
-        One short line for a person, such as the solid fraction so far.
-    """
-
-    stage: str
-    done: int
-    total: int
-    text: str = ""
+    stage: str  # such as ``"packing"``
+    done: int  # units of work done
+    total: int  # units of work in all; 0 if not known
+    text: str = ""  # short line for a person, such as the solid fraction so far
 
 
 class OnStep(Protocol):

@@ -17,7 +17,7 @@ class Stopped(BaseException):
 
 
 def stop_if_asked() -> None:
-    """Give up the work where it was asked to stop, by :func:`stopping_when`; it costs less than a microsecond.
+    """Raise `Stopped` if :func:`stopping_when` requests it; the check takes less than a microsecond.
 
     Raises
     ------
@@ -30,13 +30,7 @@ def stop_if_asked() -> None:
 
 @contextlib.contextmanager
 def stopping_when(asked: Callable[[], bool]) -> Iterator[None]:
-    """Let work stop as soon as a function returns true (context manager); that of this thread alone.
-
-    Parameters
-    ----------
-    asked : callable
-        Returns whether to stop.
-    """
+    """Let the work of this thread stop as soon as a function returns true (context manager)."""
     token = _asked.set(asked)
     try:
         yield
@@ -45,14 +39,10 @@ def stopping_when(asked: Callable[[], bool]) -> Iterator[None]:
 
 
 class Signals:
-    """SIGINT and SIGTERM, noted instead of obeyed (context manager); in the main thread only.
+    """Record SIGINT and SIGTERM instead of ending at once (context manager); in the main thread only.
 
-    Attributes
-    ----------
-    number : int
-        The first signal that came; 0: none.
-    patient : bool
-        Whether the first one is only noted. A second one ends the work at once, and so does the first one where false.
+    `number` is the first signal received, 0 for none. The first one is only recorded if `patient`; a second one always
+    ends the work at once.
     """
 
     def __init__(self) -> None:

@@ -100,17 +100,11 @@ def distance_transform(
 
 
 def inside_distance(mask: Booleans, voxel_size: float) -> Floats:
-    """Return the distance of each occupied voxel's center from the nearest free voxel, minus half a voxel.
+    """Return the distance of each occupied voxel's center from the nearest free voxel, minus half a voxel; 0 for free
+    voxels.
 
     This is the radius of the largest sphere about the center inside the occupied voxels, within half a voxel's
-    diagonal; it is 0 for free voxels. The exterior of the lattice counts as free.
-
-    Parameters
-    ----------
-    mask : (nx, ny, nz) ndarray of bool
-        Mask of the occupied voxels.
-    voxel_size : float
-        Edge of a voxel, in the unit of lengths.
+    diagonal, in the unit of the voxel size. The exterior of the lattice counts as free.
     """
     squares = distance_transform(np.pad(mask, 1), squared=True)[1:-1, 1:-1, 1:-1]
     return np.asarray(np.maximum(np.sqrt(squares.astype(np.float64)) - 0.5, 0.0) * voxel_size)

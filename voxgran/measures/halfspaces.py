@@ -37,24 +37,11 @@ def cut_spheres(
     upper: Floats,
     planes: tuple[Integers, Floats, Floats] | None = None,
 ) -> Floats:
-    """Return the volume of each sphere inside a box and inside half-spaces of its own.
+    """Return the volume (n,) of each sphere inside a box and inside half-spaces of its own, to about 1e-15 of its
+    volume.
 
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers.
-    radii : (n,) ndarray of float
-        Radii.
-    lower, upper : (3,) ndarray of float
-        Corners of the box; infinite on open sides.
-    planes : tuple of ndarray, optional
-        For sphere i the half-spaces ``normals[k] @ (x - centers[i]) <= offsets[k]`` with k from ``start[i]`` to
-        ``start[i + 1]``, as (start, normals, offsets); normals of length 1.
-
-    Returns
-    -------
-    (n,) ndarray of float
-        Volumes, to about 1e-15 of the volume of the sphere.
+    The box is infinite on open sides. The half-spaces of sphere i are ``normals[k] @ (x - centers[i]) <= offsets[k]``
+    with k from ``start[i]`` to ``start[i + 1]``, and `planes` is (start, normals, offsets); normals have length 1.
     """
     start, normals, offsets = _none(len(radii), 3) if planes is None else planes
     most = 6 + int(np.diff(start).max(initial=0))

@@ -43,13 +43,7 @@ class Region(Protocol):
 
 
 class Regions:
-    """Regions of a packing, by their distance from the walls.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    """
+    """Regions of a packing, by their distance from the walls."""
 
     def __init__(self, packing: Packing) -> None:
         self.packing = packing
@@ -159,29 +153,15 @@ class CylinderRegion:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Points of equal weight in each grain and in the container, with their distances from the walls.
+    """Points of equal weight in each grain and in the container, with their distances from the walls."""
 
-    Attributes
-    ----------
-    points, depths : ndarray of float
-        Points (m, 3) in the grains, and their distances (m,) inside the walls.
-    grain : (m,) ndarray of int
-        Grain of each point.
-    volumes : (n,) ndarray of float
-        Volumes of the grains.
-    around, around_depths : ndarray of float
-        Points (k, 3) in the bounds of the container, and their distances (k,) inside the walls.
-    span : float
-        Volume of the bounds.
-    """
-
-    points: Floats
-    depths: Floats
-    grain: Integers
-    volumes: Floats
-    around: Floats
-    around_depths: Floats
-    span: float
+    points: Floats  # (m, 3) points in the grains
+    depths: Floats  # (m,) their distances inside the walls
+    grain: Integers  # (m,) grain of each point
+    volumes: Floats  # (n,) volumes of the grains
+    around: Floats  # (k, 3) points in the bounds of the container
+    around_depths: Floats  # (k,) their distances inside the walls
+    span: float  # volume of the bounds
 
     @classmethod
     def of(cls, packing: Packing) -> "Samples":
@@ -264,16 +244,9 @@ def gravity_of(packing: Packing) -> tuple[int, int] | None:
 
 
 def held_height(solids: Solids, axis: int, sign: int) -> float:
-    """Return the coordinate up to which the share HELD of the solid volume lies, from the bottom of the bed.
+    """Return the coordinate along gravity below which the share HELD of the volume of the grains, at least one, lies.
 
-    Parameters
-    ----------
-    solids : Solids
-        The grains, at least one.
-    axis : int
-        Axis of gravity.
-    sign : int
-        -1 if gravity points to low coordinates, 1 if to high ones.
+    The sign is -1 if gravity points to low coordinates, 1 if to high ones.
     """
     packing = solids.packing
     wanted = HELD * float(packing.volumes.sum())

@@ -57,28 +57,15 @@ class Estimate(float):
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """The grains of a packing as solids for cutting.
-
-    Attributes
-    ----------
-    packing : Packing
-        The packing; intermediate results are cached.
-    """
+    """The grains of a packing as solids for cutting; intermediate results are cached."""
 
     packing: Packing
 
     def volume(self, lower: Floats, upper: Floats) -> Estimate:
         """Return the volume (in 2D area) of the union of all grains and their periodic images inside a box.
 
-        Parameters
-        ----------
-        lower, upper : (2,) or (3,) ndarray of float
-            Corners; infinite on open sides. On an open periodic axis each grain is counted once.
-
-        Raises
-        ------
-        DirtyMeshError
-            If grains overlap and one of them is not a closed surface.
+        The box is infinite on open sides; on an open periodic axis each grain is counted once. Overlapping grains that
+        are not closed surfaces are refused.
         """
         if self.spheres is not None:
             return Estimate(self._sphere_volume(self.spheres, lower, upper))
@@ -94,16 +81,8 @@ class Solids:
     def cut_grains(
         self, grain: Integers, lower: Floats, upper: Floats, *, shift: Floats | None = None
     ) -> tuple[Floats, Floats]:
-        """Return the volume of each given grain inside a box, and bounds of the errors.
-
-        Parameters
-        ----------
-        grain : (k,) ndarray of int
-            Indices of the grains.
-        lower, upper : (2,) or (3,) ndarray of float
-            Corners; infinite on open sides.
-        shift : (k, 3) ndarray of float, optional
-            Translation of each grain. Default: none.
+        """Return the volumes (k,) of given grains, each with a translation in `shift` (k, 3), inside a box, and error
+        bounds (k,).
         """
         packing, d = self.packing, self.packing.dimension
         centers = packing.position[grain] + (0.0 if shift is None else shift)
@@ -160,23 +139,10 @@ class Solids:
 def images(
     centers: Floats, radii: Floats, lower: Floats, upper: Floats, container: Container
 ) -> tuple[Integers, Floats]:
-    """Return the spheres that reach into a box, once per periodic image, and their translations.
+    """Return the indices (m,) of the spheres that reach into a box, once per periodic image, and their translations (m,
+    3).
 
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers.
-    radii : (n,) ndarray of float
-        Radii.
-    lower, upper : (2,) or (3,) ndarray of float
-        Corners; an open periodic axis gives no images.
-    container : Container
-        Container that defines the periodic axes and lengths.
-
-    Returns
-    -------
-    index : (m,) ndarray of int
-    shift : (m, 3) ndarray of float
+    An open periodic axis gives no images.
     """
     lengths = container.bounds[1] - container.bounds[0]
     index, shift = np.arange(len(centers)), np.zeros((len(centers), 3))
@@ -212,24 +178,9 @@ def flat_spheres(packing: Packing) -> tuple[Floats, Floats]:
 
 
 def power_planes(centers: Floats, radii: Floats, container: Container | None = None) -> Planes:
-    """Return for each sphere the planes of equal power with the spheres that it overlaps.
+    """Return (start, normals, offsets) of the planes of equal power of each sphere with the spheres that it overlaps.
 
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers.
-    radii : (n,) ndarray of float
-        Radii.
-    container : Container, optional
-        Container that defines the periodic axes. Default: none.
-
-    Returns
-    -------
-    start : (n + 1,) ndarray of int
-    normals : (m, 3) ndarray of float
-    offsets : (m,) ndarray of float
-        The planes of sphere i have the indices from ``start[i]`` to ``start[i + 1]``; offsets are relative to its
-        center.
+    The planes of sphere i have the indices from ``start[i]`` to ``start[i + 1]``; offsets are relative to its center.
     """
     slack = -NO_DEPTH * float(radii.mean()) if len(radii) else 0.0
     periodic, lower, lengths = (False, False, False), np.zeros(3), np.ones(3)

@@ -146,38 +146,10 @@ def occupy(
     backend: str | None = None,
     cover: str = "center",
 ) -> Booleans:
-    """Return the voxels of a given lattice that a solid takes where it lies.
+    """Return the (nx, ny, nz) mask of the voxels of a lattice that are in a shape at a given scale and pose.
 
-    Parameters
-    ----------
-    shape : Shape
-        What is voxelized.
-    grid : Grid
-        The lattice; what lies beyond it is left out.
-    scale : float
-        Factor on the lengths of the shape.
-    rotation : (4,) array_like of float, optional
-        Unit quaternion (w, x, y, z).
-    offset : (3,) array_like of float, optional
-        Position of the centroid.
-    backend : str, optional
-        As :func:`voxelize`.
-    cover : {"center", "touch", "surface"}
-        As :func:`voxelize`; ``"surface"`` takes the voxels that the surface of a mesh touches.
-
-    Returns
-    -------
-    (nx, ny, nz) ndarray of bool
-
-    Raises
-    ------
-    InputError
-        If the cover is unknown, the scale is not above 0, the rotation is not a unit quaternion, a value is not
-        finite, or the shape is an open surface.
-    UnknownNameError
-        If the backend is unknown.
-    MissingLibraryError
-        If the library of the backend cannot be loaded.
+    Rotation is a unit quaternion (w, x, y, z), and offset the position (3,) of the centroid. Backend and cover are
+    those of :func:`voxelize`; the cover "surface" takes the voxels that the surface of a mesh touches.
     """
     return _occupied(
         shape, grid, scale=scale, rotation=rotation, offset=offset, backend=backend, cover=cover
@@ -218,7 +190,7 @@ def _occupied(
 
 
 def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, margin: int = 1) -> Grid:
-    """Return the lattice that was given, or one around the shape with some empty layers.
+    """Return the given lattice, or one around the shape with some empty layers.
 
     Raises
     ------

@@ -23,24 +23,15 @@ FEWEST = 50
 
 
 def bulk_solid_fraction(packing: Packing) -> Estimate:
-    """Return the solid fraction away from the walls and from the free surface.
+    """Return the solid fraction away from the walls and from the free surface, with its error.
 
     The bulk lies at least 1.5 median diameters from each wall and, with gravity, below the height up to which 85 % of
     the volume of the grains lies. Grains are cut exactly, and overlapping volume counts once.
 
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-
-    Returns
-    -------
-    Estimate
-        A float with the attribute `error`: 0 for spheres, clumps, ellipsoids, boxes and meshes in boxes, and for disks
-        and polygons in rectangles; a bound for cylinders and cones there; the error of the quadrature for spheres and
-        clumps in cylinders; a standard error for other grains in cylinders and for all grains in closed meshes, where
-        overlapping volume counts for each grain. NaN, with a `PackingWarning`, if fewer than 50 grains have their
-        centroids in the bulk.
+    The error is 0 for spheres, clumps, ellipsoids, boxes and meshes in boxes, and for disks and polygons in rectangles;
+    a bound for cylinders and cones there; the error of the quadrature for spheres and clumps in cylinders; a standard
+    error for other grains in cylinders and for all grains in closed meshes, where overlapping volume counts for each
+    grain. The result is NaN, with a `PackingWarning`, if fewer than 50 grains have their centroids in the bulk.
     """
     return _bulk(packing)[0]
 

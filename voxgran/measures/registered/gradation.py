@@ -28,45 +28,18 @@ BASES: tuple[Basis, Basis] = ("number", "volume")
 
 @dataclass(frozen=True, eq=False)
 class Gradation:
-    """Cumulative curves over the size.
+    """Cumulative curves over the size, by ``"number"`` and by ``"volume"``."""
 
-    Attributes
-    ----------
-    sizes : (k,) ndarray of float
-        Sizes, evenly spaced in their logarithm, in the unit of lengths.
-    placed : dict of str to ndarray
-        Share of the placed grains with equivalent diameters up to each size, by ``"number"`` and by ``"volume"``.
-    placed_by_axis : dict of str to ndarray
-        The same with intermediate axes in place of equivalent diameters.
-    asked : dict of str to ndarray
-        Requested share; empty without a requested distribution.
-    distance : dict of str to float
-        Kolmogorov-Smirnov distance between requested and placed; empty without a requested distribution.
-    by_axis : bool
-        Whether the requested sizes are intermediate axes.
-    """
-
-    sizes: Floats
-    placed: dict[Basis, Floats]
-    placed_by_axis: dict[Basis, Floats]
-    asked: dict[Basis, Floats]
-    distance: dict[Basis, float]
-    by_axis: bool
+    sizes: Floats  # (k,) sizes, evenly spaced in their logarithm, in the unit of lengths
+    placed: dict[Basis, Floats]  # share of the placed grains with equivalent diameters up to each size
+    placed_by_axis: dict[Basis, Floats]  # the same for intermediate axes
+    asked: dict[Basis, Floats]  # requested share; empty without a requested distribution
+    distance: dict[Basis, float]  # Kolmogorov-Smirnov distance between requested and placed; likewise
+    by_axis: bool  # whether the requested sizes are intermediate axes
 
 
 def gradation(packing: Packing) -> Gradation:
-    """Return the placed sizes beside the requested ones.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing, with the requested distribution.
-
-    Returns
-    -------
-    Gradation
-        Cumulative curves; without points if there are no grains.
-    """
+    """Return the placed sizes beside the requested ones; curves without points if there are no grains."""
     asked = packing.asked_sizes
     by_axis = asked is not None and asked.by_intermediate_axis
     diameters, axes = packing.diameters, intermediate_axes(packing)

@@ -15,13 +15,7 @@ if TYPE_CHECKING:
 
 
 def intermediate_axes(packing: Packing) -> "Floats":
-    """Return the intermediate axis (n,) of each grain, by which it passes a sieve, in the unit of lengths.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    """
+    """Return the intermediate axis (n,) of each grain, by which it passes a sieve, in the unit of lengths."""
     middle = np.array([principal_extents(shape)[1] for shape in packing.shapes])
     return middle[packing.shape_id] * packing.scale if packing.count else np.zeros(0)
 

@@ -28,22 +28,12 @@ FAR, STEP = 5.0, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Solid fraction in bins.
+    """Solid fraction in bins."""
 
-    Attributes
-    ----------
-    edges : (k + 1,) ndarray of float
-        Edges of the bins, in the unit of lengths.
-    solid_fraction : (k,) ndarray of float
-        Ratio of the volume of the union of the grains to the volume of the container in each bin; NaN if the latter is
-        0.
-    error : (k,) ndarray of float
-        Bound or standard error; 0 if exact.
-    """
-
-    edges: Floats
+    edges: Floats  # (k + 1,) edges of the bins, in the unit of lengths
+    # (k,) volume of the union of the grains over that of the container in each bin; NaN if the latter is 0
     solid_fraction: Floats
-    error: Floats
+    error: Floats  # (k,) bound or standard error; 0 if exact
 
     @property
     def middle(self) -> Floats:
@@ -52,26 +42,11 @@ class Profile:
 
 
 def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) -> Profile:
-    """Return the solid fraction in slices across an axis.
+    """Return the solid fraction in slices across an axis, exact except for cylinders and cones, with a bound of the
+    error.
 
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    axis : {"x", "y", "z"}
-        The axis; in 2D ``"x"`` or ``"y"``.
-    bins : int, optional
-        Number of slices of equal width. Default: slices of about a quarter of the mean diameter, at most 100.
-
-    Returns
-    -------
-    Profile
-        Exact except for cylinders and cones, for which `error` is a bound.
-
-    Raises
-    ------
-    InputError
-        If there is no such axis or the number of bins is below 1.
+    By default the slices are about a quarter of the mean diameter thick, at most 100. Unknown axes and numbers of
+    slices below 1 are refused.
     """
     k = "xyz".index(as_choice(axis, "axis", "xyz"[: packing.dimension]))
     container = packing.container
@@ -89,20 +64,10 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
 def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     """Return the solid fraction as a function of the distance from the nearest wall.
 
-    With gravity only the part below the height up to which 85 % of the volume lies is included.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    step : float, optional
-        Width of the bins, in the unit of lengths. Default: a tenth of the mean diameter.
-
-    Returns
-    -------
-    Profile
-        Values up to five mean diameters, or up to the largest distance in the container. Exact in boxes and rectangles
-        except for cylinders and cones; by quadrature for spheres in cylinders; sampled otherwise. `error` is given.
+    The width of the bins is by default a tenth of the mean diameter. Distances are up to five mean diameters, or to the
+    largest one in the container. With gravity only the part below the height up to which 85 % of the volume lies is
+    included. Exact in boxes and rectangles except for cylinders and cones; by quadrature for spheres in cylinders;
+    sampled otherwise.
 
     Raises
     ------

@@ -16,18 +16,7 @@ NOT_HASHED = ("timing", "wall_seconds")
 
 
 def content_hash(packing: Packing) -> str:
-    """Return the SHA-256 hash of the record and of the arrays of a packing, without times.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
+    """Return the SHA-256 hash, 64 hexadecimal digits, of the record and of the arrays of a packing, without times."""
     return hashlib.sha256(json_text(_record(packing)).encode()).hexdigest()
 
 

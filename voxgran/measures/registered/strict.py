@@ -18,16 +18,7 @@ PRECISION = 2.0**-20
 def strict_solid_fraction(packing: Packing) -> float:
     """Return the solid fraction with all grains shrunk in place, by one factor, until `verify` is ok.
 
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-
-    Returns
-    -------
-    float
-        The solid fraction of the packing if `verify` is ok; otherwise a smaller one, with the factor on the lengths
-        found by bisection to 2**-20, rounded down. 0 if no factor suffices.
+    The factor on the lengths is found by bisection to 2**-20, rounded down; 0 if no factor suffices.
     """
     if not packing.count or verify(packing).ok:
         return packing.solid_fraction
