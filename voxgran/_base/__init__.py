@@ -1,4 +1,4 @@
-"""What every room may use and what knows nothing about grains.
+"""Foundations that every room may use and that do not depend on grains.
 
 Public names that are imported on first use (PEP 562), and the one door from a room to the rooms above it.
 

@@ -157,12 +157,7 @@ def as_quaternions(value: ArrayLike, name: str = "orientation") -> Floats:
 
 
 def as_number(
-    value: Any,
-    name: str,
-    *,
-    above: float = -math.inf,
-    at_least: float = -math.inf,
-    at_most: float = math.inf,
+    value: Any, name: str, *, above: float = -math.inf, at_least: float = -math.inf, at_most: float = math.inf
 ) -> float:
     """Return `value` as a finite float within bounds: exclusive below, inclusive below, inclusive above.
 

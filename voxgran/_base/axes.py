@@ -1,4 +1,4 @@
-"""Which axes are periodic: what a caller may say, and the one check of it."""
+"""Periodic axes: the accepted notations and their check."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -9,7 +9,7 @@ from voxgran._base.errors import InputError, shown
 
 #: a flag for each of the axes x, y and z
 Flags = tuple[bool, bool, bool]
-#: what a caller may say: names of axes, a flag for each axis, or one flag for all of them
+#: accepted notations: names of axes, a flag for each axis, or one flag for all of them
 Periodic = str | bool | Iterable[str] | Iterable[bool]
 
 

@@ -137,7 +137,7 @@ def chosen(
     for name in registry.names():
         entry = registry.get(name)
         if type(given) is entry.parameters:
-            # a constructor does not look at types
+            # a constructor does not check types
             return name, entry, from_mapping(entry.parameters, to_mapping(given), type(given).__name__)
     known = ", ".join(registry.names())
     raise InputError(

@@ -7,13 +7,7 @@ from voxgran._base.kernels import kernel
 
 
 def near_pairs(
-    centers: Floats,
-    radii: Floats,
-    gap: float,
-    *,
-    lower: Floats,
-    lengths: Floats,
-    periodic: tuple[bool, bool, bool],
+    centers: Floats, radii: Floats, gap: float, *, lower: Floats, lengths: Floats, periodic: tuple[bool, bool, bool]
 ) -> tuple[Integers, Integers, Integers]:
     """Return each pair of spheres with ``distance - r_i - r_j <= gap``, once per periodic image.
 

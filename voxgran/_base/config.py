@@ -28,8 +28,8 @@ class Parameter:
     """One field of a parameter class, as help texts show it."""
 
     name: str
-    doc: str
-    unit: str  # "" if there is none
+    doc: str = ""
+    unit: str = ""  # "" if there is none
     type: Any  # type annotation, resolved
     default: Any  # `dataclasses.MISSING` if it must be given
     former: str = ""  # former name, accepted with a DeprecationWarning
@@ -37,7 +37,7 @@ class Parameter:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The name, and the former name where there is one."""
+        """The name, and the former name if there is one."""
         return (self.name, self.former) if self.former else (self.name,)
 
     @property
@@ -75,15 +75,7 @@ def parameters_of(cls: type) -> tuple[Parameter, ...]:
     """Return the fields of a parameter class in their order."""
     hints = typing.get_type_hints(cls)
     return tuple(
-        Parameter(
-            name=field.name,
-            doc=field.metadata.get("doc", ""),
-            unit=field.metadata.get("unit", ""),
-            type=hints[field.name],
-            default=field.default,
-            former=field.metadata.get("former", ""),
-            bounds=field.metadata.get("bounds", {}),
-        )
+        Parameter(name=field.name, type=hints[field.name], default=field.default, **field.metadata)
         for field in dataclasses.fields(cls)
         if field.init
     )
@@ -161,7 +153,7 @@ def _plain(value: Any) -> Any:
 
 
 def _convert(value: Any, wanted: Any, where: str) -> Any:
-    """Return the value as the annotation asks, or raise."""
+    """Return the value converted to the annotated type, or raise."""
     origin, arguments = typing.get_origin(wanted), typing.get_args(wanted)
     value = value.tolist() if getattr(value, "ndim", 0) and hasattr(value, "tolist") else unwrapped(value)
     if wanted is Any or (wanted is type(None) and value is None):

@@ -108,4 +108,4 @@ class DirtyMeshWarning(UserWarning):
 
 
 class PackingWarning(UserWarning):
-    """A packing that misses something that was asked, or a measure of it that is not meaningful."""
+    """A packing that misses a requested property, or a measure of it that is not meaningful."""

@@ -144,7 +144,7 @@ def remove_drafts(path: str | os.PathLike[str]) -> None:
 
 
 def _kind(path: Path) -> int | None:
-    """Return what lies at a path or at the end of its links, as the ``stat.S_IF`` numbers say; None for nothing."""
+    """Return the ``stat.S_IF`` number of the file at a path, links followed; None if there is none."""
     if str(path) in STREAMS:
         return stat.S_IFCHR
     try:
@@ -154,7 +154,7 @@ def _kind(path: Path) -> int | None:
 
 
 def _draft_name(place: Path, token: str) -> str:
-    """Return the name of a draft: short, whatever the name of the file, and of this file alone."""
+    """Return the name of a draft: short for any name of the file, and unique to it."""
     mark = hashlib.sha256(os.fsencode(place.name)).hexdigest()[:8]
     suffix = place.suffix if len(os.fsencode(place.suffix)) <= LONGEST_SUFFIX else ""
     return f".{mark}.{token}{suffix}"
@@ -184,7 +184,7 @@ def _send(whole: Path, target: Path) -> None:
     if kind not in (stat.S_IFCHR, stat.S_IFIFO):
         raise OutputError(f"{target} is neither a file nor a stream: it is not written to; name a file")
     stream = STREAMS.get(str(target))
-    # a pipe that nobody reads would wait for ever: without blocking it is an error
+    # opening a pipe without a reader would block for ever; without blocking it is an error
     number = os.dup(stream) if stream else os.open(target, os.O_WRONLY | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(number, "wb") as out, whole.open("rb") as source:
         os.set_blocking(number, True)

@@ -19,7 +19,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,7 +105,7 @@ def refused(path: Path) -> Iterator[None]:
         raise
     except MemoryError as error:
         raise TooLargeError(_too_large(path)) from error
-    # each library has exceptions of its own for what it cannot read; meshio also exits
+    # each library has its own exceptions for files that it cannot read; meshio also exits
     except (Exception, SystemExit) as error:
         raise FileFormatError(
             f"{path} cannot be read as a {path.suffix} file ({reason_of(error)}): it is cut or damaged; write it again"
@@ -113,7 +113,7 @@ def refused(path: Path) -> Iterator[None]:
 
 
 def reason_of(error: BaseException, *, most: int = 100) -> str:
-    """Return what an exception says, on one line of at most so many characters, or its class where it says nothing."""
+    """Return the message of an exception, or its class if empty, on one line of at most `most` characters."""
     text = " ".join(str(error)[: 10 * most].split()) or type(error).__name__
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
@@ -207,20 +207,10 @@ def _answer(process: subprocess.Popen[bytes], path: Path, seconds: float) -> Con
             arrays[key] = np.empty(shape, dtype=kind)
         except MemoryError as error:
             raise TooLargeError(_too_large(path)) from error
-        if not _filled(arrays[key], stream):
+        octets = arrays[key].reshape(-1).view(np.uint8).data
+        if stream.readinto(octets) < len(octets):  # type: ignore[attr-defined]
             raise _ended(process, path, seconds)
     return answer["facts"], arrays
-
-
-def _filled(array: NDArray[Any], stream: IO[bytes]) -> bool:
-    """Fill an array from a stream; return whether there was enough."""
-    rest = array.reshape(-1).view(np.uint8).data
-    while len(rest):
-        count = stream.readinto(rest)  # type: ignore[attr-defined]
-        if not count:
-            return False
-        rest = rest[count:]
-    return True
 
 
 def _ended(process: subprocess.Popen[bytes], path: Path, seconds: float) -> FileFormatError:

@@ -1,4 +1,4 @@
-"""Locks: two processes do not write the same output, and what a dead one left is taken over.
+"""Locks, which keep two processes from writing the same output; that of a dead process is taken over.
 
 The operating system holds a lock for as long as its process lives (``flock``). Where a file system has no such locks,
 the file tells which process holds it, and that is asked for.
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 #: the file that locks a folder
 FOLDER_LOCK = ".voxgran.lock"
-#: what `flock` raises where there is no such thing
+#: errors of `flock` on file systems without locks
 _UNKNOWN = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOLCK)
 
 
@@ -52,7 +52,7 @@ def locked_file(path: str | os.PathLike[str] | None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _locked(path: Path, target: Path) -> Iterator[None]:
-    """Hold a lock file while work goes on, and remove it at the end."""
+    """Hold a lock file (context manager)."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         file = _taken(path, target)
@@ -64,7 +64,7 @@ def _locked(path: Path, target: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        # whoever waits for this file finds it gone and makes a new one
+        # a waiting process then makes a new file
         with contextlib.suppress(OSError):
             path.unlink()
         os.close(file)
@@ -88,7 +88,7 @@ def _taken(path: Path, target: Path) -> int:
 
 
 def _take(file: int, path: Path, target: Path) -> None:
-    """Lock an open file, or say who holds it."""
+    """Lock an open file, or raise an error that names the process that holds it."""
     import fcntl
 
     known = _read(file)
@@ -116,7 +116,7 @@ def _is_same(file: int, path: Path) -> bool:
 
 
 def _this_process() -> dict[str, Any]:
-    """Return what tells this process from all others."""
+    """Return a record that identifies this process."""
     pid = os.getpid()
     since = time.strftime("%Y-%m-%d %H:%M:%S")
     return {"pid": pid, "host": socket.gethostname(), "since": since, "began": _began(pid)}
@@ -132,7 +132,7 @@ def _read(file: int) -> dict[str, Any]:
 
 
 def _named(known: dict[str, Any]) -> str:
-    """Return a process in words."""
+    """Return a process as text."""
     if not known:
         return "another process"
     return f"process {known.get('pid')} on {known.get('host')} since {known.get('since')}"

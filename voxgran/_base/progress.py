@@ -1,4 +1,4 @@
-"""How long work tells how far it is: a callback, nothing else.
+"""Progress of long work, reported through a callback.
 
 Whoever runs it shows it (the command line with rich) or leaves it.
 """
@@ -18,7 +18,7 @@ class Step:
 
 
 class OnStep(Protocol):
-    """A function that is told of each step."""
+    """A function that is called at each step."""
 
     def __call__(self, step: Step, /) -> None:
         """Take note of a step."""

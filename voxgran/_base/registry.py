@@ -106,7 +106,7 @@ def unknown(kind: str, name: object, known: Iterable[str], *, beside: Iterable[s
 
 
 def nearest(name: object, known: Iterable[str]) -> str | None:
-    """Return the known name that was most likely meant, whatever the case: itself, a synonym, or one spelt alike."""
+    """Return the known name that was most likely meant, in any case: itself, a synonym, or one spelt alike."""
     given = name.casefold() if isinstance(name, str) else ""
     by_case = {entry.casefold(): entry for entry in known}
     alike = difflib.get_close_matches(given, by_case, n=1, cutoff=0.5)

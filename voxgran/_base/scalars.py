@@ -39,7 +39,7 @@ def float_of(number: Any) -> float:
 
 
 def unwrapped(value: Any) -> Any:
-    """Return the number or flag that a NumPy scalar or an array without axes holds, and anything else as it is."""
+    """Return the number or flag in a NumPy scalar or an array without axes, and any other value unchanged."""
     if getattr(value, "ndim", None) == 0:
         with contextlib.suppress(AttributeError, TypeError, ValueError):
             return value.item()

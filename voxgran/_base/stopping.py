@@ -1,4 +1,4 @@
-"""Stopping long work: signals are noted, and the work looks for them where nothing is left half done."""
+"""Stopping long work: signals are recorded, and the work checks for them where its state is consistent."""
 
 import contextlib
 import signal
@@ -13,7 +13,7 @@ _asked: ContextVar[Callable[[], bool]] = ContextVar("asked", default=lambda: Fal
 
 
 class Stopped(BaseException):
-    """Work that was given up because it was asked to stop; whoever asked catches it."""
+    """Work was stopped on request; caught by the caller that requested it."""
 
 
 def stop_if_asked() -> None:
@@ -51,21 +51,21 @@ class Signals:
         self._before: dict[int, Callable[[int, FrameType | None], object] | int | None] = {}
 
     def __enter__(self) -> "Signals":
-        """Take over the signals."""
+        """Install the handlers."""
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._before[number] = signal.signal(number, self._note)
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Give the signals back."""
+        """Restore the former handlers."""
         for number, handler in self._before.items():
-            # None: whoever took the signal did so outside of Python, and cannot be put back
+            # None: the former handler was not installed by Python and cannot be restored
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
         self._before = {}
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        """Note a signal, or end the work."""
+        """Record a signal, or end the work."""
         del frame
         first, self.number = not self.number, self.number or number
         if not (first and self.patient):

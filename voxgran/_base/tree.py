@@ -205,7 +205,7 @@ def search_triangles(
             left = 2 * node + 1
             one = square_to_box(low, high, left, x, y, z)
             two = square_to_box(low, high, left + 1, x, y, z)
-            # the nearer child is looked at first
+            # the nearer child is visited first
             stack[depth] = left + 1 if one <= two else left
             stack[depth + 1] = left if one <= two else left + 1
             depth += 2

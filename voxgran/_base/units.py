@@ -50,7 +50,7 @@ def stated_unit(value: object, name: str = "unit") -> str | None:
 
 
 def known_unit(told: object) -> str | None:
-    """Return the unit of length that a file tells, as it is written throughout; None where it tells no known one."""
+    """Return the usual name of the unit of length stated in a file; None if it is missing or unknown."""
     text = told.strip() if isinstance(told, str) else NO_UNIT
     found = _SPELLINGS.get(text, text)
     return found if found in _METRES else None

@@ -6,7 +6,7 @@ Each measure is one file of the folder ``registered`` with a line ``registration
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,8 @@ from voxgran.packing.model import Packing, check_packing
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
+#: datasets by group of the tree
+Groups: TypeAlias = "Mapping[str, Dataset]"
 #: always measured, so that numbers keep their provenance
 ALWAYS = ("provenance",)
 
@@ -36,7 +38,7 @@ class Measure:
     name: str
     summary: str  # description in one line
     groups: tuple[str, ...]  # groups of the tree that it adds variables to
-    compute: "Callable[[Packing], Mapping[str, Dataset]]"
+    compute: Callable[[Packing], Groups]
     applies: Callable[[Packing], bool] = _always  # whether it applies to a packing, if all measures are requested
 
 

@@ -8,7 +8,6 @@ random in each voxel of its shape, and the standard error is given.
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -26,20 +25,6 @@ from voxgran.voxels.occupy import voxelize
 HELD = 0.85
 #: points for all grains together, for one grain, and for the container
 POINTS, MOST_POINTS, CONTAINER_POINTS = 60_000, 1000, 60_000
-
-
-class Region(Protocol):
-    """A part of a container."""
-
-    @property
-    def volume(self) -> Estimate:
-        """Volume (area in 2D); 0 if the region is empty."""
-
-    def grains(self, packing: Packing) -> Booleans:
-        """Return the mask of the grains with their centroids in the region."""
-
-    def solid(self, solids: Solids) -> Estimate:
-        """Return the volume of the union of the grains inside the region."""
 
 
 class Regions:
@@ -69,7 +54,7 @@ class Regions:
         """Whether a side of the container is not periodic."""
         return not all(self.packing.container.periodic[: self.packing.dimension])
 
-    def at(self, inset: float) -> Region:
+    def at(self, inset: float) -> "BoxRegion | CylinderRegion | SampledRegion":
         """Return the part that lies at least `inset` from each wall and below the height."""
         container, d = self.packing.container, self.packing.dimension
         boundary = boundary_of(container)

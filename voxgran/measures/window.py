@@ -103,7 +103,7 @@ class Solids:
     def spheres(self) -> tuple[Floats, Floats, Planes] | None:
         """Centers, radii and planes of equal power of all spheres of all grains; None unless all grains are spheres."""
         used = [self.packing.shapes[k] for k in np.unique(self.packing.shape_id)]
-        if not all(_is_spheres(shape) for shape in used):
+        if any(_body_spheres(shape) is None for shape in used):
             return None
         centers, radii = flat_spheres(self.packing)
         return centers, radii, power_planes(centers, radii, self.packing.container)
@@ -167,7 +167,9 @@ def flat_spheres(packing: Packing) -> tuple[Floats, Floats]:
     centers, radii, owner = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, np.int64)]
     for k in np.unique(packing.shape_id):
         grain = np.flatnonzero(packing.shape_id == k)
-        body, sizes = _body_spheres(packing.shapes[k])
+        found = _body_spheres(packing.shapes[k])
+        assert found is not None
+        body, sizes = found
         stretched = body[None] * packing.scale[grain, None, None]
         turned = np.einsum("gij,gbj->gbi", packing.matrices[grain], stretched) if body.any() else stretched
         centers.append((turned + packing.position[grain, None]).reshape(-1, 3))
@@ -213,21 +215,16 @@ def _chosen(planes: Planes, sphere: Integers) -> Planes:
     return ends, normals[index], offsets[index]
 
 
-def _is_spheres(shape: Shape) -> bool:
-    """Return whether a shape is a sphere, a union of spheres or a disk."""
-    geometry = shape.geometry
-    kind = geometry.kind if isinstance(geometry, Primitive | Outline) else ""
-    return isinstance(geometry, Spheres) or kind in ("sphere", "disk")
-
-
-def _body_spheres(shape: Shape) -> tuple[Floats, Floats]:
-    """Return the spheres of a shape in its frame."""
+def _body_spheres(shape: Shape) -> tuple[Floats, Floats] | None:
+    """Return centers and radii of a sphere, a union of spheres or a disk in its frame; None for other shapes."""
     geometry = shape.geometry
     if isinstance(geometry, Spheres):
         return geometry.centers, geometry.radii
-    if isinstance(geometry, Outline):
+    if isinstance(geometry, Outline) and geometry.kind == "disk":
         return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
-    return np.zeros((1, 3)), np.array([shape.bounding_radius])
+    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
+        return np.zeros((1, 3)), np.array([shape.bounding_radius])
+    return None
 
 
 def _periods(container: Container) -> Floats:

@@ -15,7 +15,7 @@ TRIANGLES = 200_000
 
 
 def covering_radius(points: Floats, vertices: Floats, faces: Integers, *, accuracy: float = 0.01) -> float:
-    """Return an upper bound of the covering radius of points on a surface of triangles, with a given relative accuracy."""
+    """Return an upper bound of the covering radius of points on a surface of triangles, to a relative accuracy."""
     tree = load("scipy.spatial").cKDTree(points)
     least = float(tree.query(vertices)[0].max())
     waiting = [vertices[faces]]

@@ -94,7 +94,7 @@ def touched_round(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
 
 
 def outline_mask(outline: Outline, grid: Grid, *, cover: str) -> Booleans:
-    """Return the pixels of an outline, (nx, ny, 1); the z of the lattice is not looked at."""
+    """Return the pixels of an outline, (nx, ny, 1), whatever the z of the lattice."""
     if outline.kind == "disk":
         flat = Grid((grid.origin[0], grid.origin[1], -grid.voxel_size / 2), grid.voxel_size, (*grid.shape[:2], 1))
         center, radius = np.array([[*outline.center, 0.0]]), np.array([outline.radius])

@@ -48,7 +48,7 @@ def _nearest_square(middle: Floats, edges: Floats) -> Floats:
 
 
 def _between(corners: Floats, low: float, high: float) -> Floats:
-    """Return the corners (n, 32, 3) of cubes cut by two levels of t; NaN where there is none."""
+    """Return the corners (n, 32, 3) of cubes cut by two levels of t; NaN if there is none."""
     a, b = corners[:, _EDGES[:, 0]], corners[:, _EDGES[:, 1]]
     found = [np.where(((corners[:, :, 2] >= low) & (corners[:, :, 2] <= high))[:, :, None], corners, np.nan)]
     for level in (low, high):

@@ -17,7 +17,7 @@ from voxgran.lattice.packed import PackedMask
 
 #: pieces of triangles that are in memory at a time: bounds the memory beside the result
 PIECES = 2**18
-#: voxels that are unpacked at a time where runs are looked for
+#: voxels that are unpacked at a time in the search for runs
 SLAB = 2**20
 #: error of the shares of a mesh, from round-off
 ERROR = 1e-12
@@ -108,7 +108,7 @@ def _all_pieces(
     column, level = np.empty(PIECES, np.int64), np.empty(PIECES, np.int32)
     shadow, below = np.empty(PIECES), np.empty(PIECES)
     while not found or face < len(faces):
-        # a triangle may have more pieces than there is room: it is gone through again without those that are noted
+        # a triangle with more pieces than fit is divided again, without the pieces that are recorded
         face, skip, many = _cut_triangles(vertices, faces, limit, face, skip, column, level, shadow, below)
         found.append((column[:many].copy(), level[:many].copy(), shadow[:many].copy(), below[:many].copy()))
     columns, levels, shadows, belows = zip(*found, strict=True)
@@ -204,15 +204,8 @@ def _cut_triangles(vertices, faces, counts, face, skip, column, level, shadow, b
     nx, ny, nz = counts[0], counts[1], counts[2]
     spare = np.empty((2, 12, 3))
     work = np.empty((7, 12, 3))
-    rest, plane, plane_rest, row, row_rest, piece, piece_rest = (
-        work[0],
-        work[1],
-        work[2],
-        work[3],
-        work[4],
-        work[5],
-        work[6],
-    )
+    rest, plane, plane_rest = work[0], work[1], work[2]
+    row, row_rest, piece, piece_rest = work[3], work[4], work[5], work[6]
     noted = 0
     for f in range(face, len(faces)):
         seen = 0
@@ -258,7 +251,7 @@ def _cut_triangles(vertices, faces, counts, face, skip, column, level, shadow, b
 
 @kernel
 def _sum_columns(level, shadow, below, bounds, ny, nz, cut, share, runs):  # type: ignore[no-untyped-def]
-    """Sum the pieces of each column from the top; count cut voxels and runs, and note them where there is room."""
+    """Sum the pieces of each column from the top; count cut voxels and runs, and record those that fit."""
     area, moment = np.zeros(nz + 1), np.zeros(nz + 1)
     cuts, whole = 0, 0
     for column in range(len(bounds) - 1):

@@ -5,7 +5,6 @@ a tolerance. The coordination number is meaningful where its curve over the gap 
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +12,8 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_floats, as_number
 from voxgran._base.errors import InputError
 from voxgran.contacts.model import Contacts
-from voxgran.measures.model import Measure, dataset, variable
+from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: smallest reference gap for the neighbours of a single grain, and largest gap of the curve, in mean diameters
 REFERENCE_GAP = 0.01
@@ -94,7 +90,7 @@ def _of_grains(packing: Packing, found: Contacts, reach: float) -> Integers:
     return counts.astype(np.int64)
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the curve, and the coordination numbers of the grains."""
     found = coordination_number(packing)
     where = f"at a gap of at most {found.reference_gap:g} mean diameters"

@@ -2,20 +2,16 @@
 
 import math
 import warnings
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
 from voxgran.measures.slices import as_window
 from voxgran.measures.window import Estimate, Solids
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: distance of the bulk from the walls, in median diameters, and smallest number of grains in it
 INSET = 1.5
@@ -96,7 +92,7 @@ def _bulk(packing: Packing) -> tuple[Estimate, int, float]:
     return Estimate(solid / room, error), count, float(room)
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the numbers of the whole packing."""
     bulk, bulk_count, room = _bulk(packing)
     d, unit = packing.dimension, length_unit(packing)

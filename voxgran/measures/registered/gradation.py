@@ -6,18 +6,15 @@ the cumulative curves.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.registered.grains import intermediate_axes
 from voxgran.packing.model import Packing
 from voxgran.shapes.size_laws import Basis, SizeDistribution
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: points of the curves
 POINTS = 201
@@ -87,7 +84,7 @@ def _distance(packing: Packing, asked: SizeDistribution, sizes: Floats, weights:
     return float(np.abs(np.concatenate(differences)).max())
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the curves and the distances."""
     found, unit, row = gradation(packing), length_unit(packing), ("size",)
     values: dict[str, Any] = {}

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,15 +10,12 @@ from voxgran._base.arrays import Floats, as_choice, as_count, as_length
 from voxgran._base.errors import InputError
 from voxgran.containers.model import Container, boundary_of
 from voxgran.measures.halfspaces import cut_disks
-from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
 from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.slices import cut_mesh
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: width of the bins along an axis, in mean diameters, and largest number of bins
 BIN, MOST_BINS = 0.25, 100
@@ -87,12 +84,7 @@ def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     kept = max(2, int(np.count_nonzero(room > 1e-9 * room[0])) + 1)
     solid = [region.solid(regions.solids) for region in found[:kept]]
     errors: Floats = np.array([part.error for part in solid])
-    return _profile(
-        edges[:kept],
-        -np.diff(np.array(solid)),
-        np.hypot(errors[1:], errors[:-1]),
-        -np.diff(room[:kept]),
-    )
+    return _profile(edges[:kept], -np.diff(np.array(solid)), np.hypot(errors[1:], errors[:-1]), -np.diff(room[:kept]))
 
 
 def _profile(edges: Floats, solid: Floats, error: Floats, room: Floats) -> Profile:
@@ -142,7 +134,7 @@ def _columns(
     return values, {coordinate: variable(row, profile.middle, unit, f"{meaning}, middle of the bin")}
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the profiles along all axes and, if there are walls, with the distance from them."""
     unit = length_unit(packing)
     values: dict[str, Any] = {}

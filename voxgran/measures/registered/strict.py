@@ -1,15 +1,11 @@
 """Strict solid fraction: that of the packing with its grains shrunk in place until nothing overlaps."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from voxgran.contacts.verify import verify
-from voxgran.measures.model import Measure, dataset, variable
+from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.measures.window import NO_DEPTH
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: precision of the factor on all lengths
 PRECISION = 2.0**-20
@@ -45,7 +41,7 @@ def _overlaps(packing: Packing) -> bool:
     return bool(gap.min(initial=0.0) < -NO_DEPTH * packing.diameters.mean())
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the strict solid fraction."""
     label = "solid fraction with all grains shrunk in place until none overlap"
     return {"/": dataset({"strict_solid_fraction": variable((), strict_solid_fraction(packing), "1", label)})}
