@@ -1,4 +1,4 @@
-"""What every room may use and what knows nothing about grains.
+"""Foundations that every room may use and that do not depend on grains.
 
 Public names that are imported on first use (PEP 562), and the one door from a room to the rooms above it.
 
@@ -12,17 +12,13 @@ from typing import Any
 
 
 def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package by its stub.
-
-    Parameters
-    ----------
-    package, file : str
-        ``__name__`` and ``__file__`` of the package.
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package with this ``__name__`` and ``__file__`` by its
+    stub.
 
     Raises
     ------
     AttributeError
-        Later, by ``__getattr__`` for a name that the stub has not.
+        By the returned ``__getattr__``, for a name that is not in the stub.
     """
     with open(file.removesuffix(".py") + ".pyi", encoding="utf-8") as stub:
         # a name whose signature the stub spells out has its import as a comment
@@ -49,15 +45,9 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
 
 
 def public(name: str) -> Any:
-    """Return a public name of voxgran.
+    """Return the public object of voxgran with this name.
 
     Only methods of Packing and Shape whose work is done in a room above their own, such as ``Packing.measure``, may use
-    it: the arrows between rooms are those of imports, and a method that users expect on a noun is no reason to turn one
-    around.
-
-    Parameters
-    ----------
-    name : str
-        Such as ``"measure"``.
+    it: rooms import only from rooms below them.
     """
     return getattr(import_module("voxgran"), name)

@@ -29,9 +29,8 @@ MOST = 2**63 - 1
 
 
 def float_array(value: Any) -> Floats | None:
-    """Return what was given as a contiguous float64 array of any shape; None where it holds what is no number.
-
-    Numbers are those of :func:`voxgran._base.scalars.number_of`; they may not be finite.
+    """Return array-like numbers as a contiguous float64 array of any shape, possibly not finite; None if a value is no
+    number.
     """
     try:
         # a list may hold what NumPy would take for a number: text, True, None
@@ -55,25 +54,12 @@ def float_array(value: Any) -> Floats | None:
 
 
 def as_floats(value: ArrayLike, name: str, *, shape: tuple[int | None, ...]) -> Floats:
-    """Return `value` as a contiguous finite float64 array of the given shape.
-
-    Parameters
-    ----------
-    value : array_like
-        What was given.
-    name : str
-        What the message calls it.
-    shape : tuple of int or None
-        Wanted shape; None stands for any length.
-
-    Returns
-    -------
-    ndarray of float64
+    """Return `value` as a contiguous finite float64 array of the given shape, in which None stands for any length.
 
     Raises
     ------
     InputError
-        If it holds what is no number, such as text or True, has another shape, or holds NaN or infinity.
+        If a value is not a number, such as text or True, or not finite, or the shape differs.
     """
     array = float_array(value)
     if array is None or (array.ndim == 0 and len(shape) > 0):
@@ -90,26 +76,14 @@ def as_floats(value: ArrayLike, name: str, *, shape: tuple[int | None, ...]) -> 
 
 
 def as_points(value: ArrayLike, name: str = "points", *, dimension: int = 3) -> Floats:
-    """Return `value` as (n, dimension) finite float64 points.
-
-    Raises
-    ------
-    InputError
-        As :func:`as_floats`, or if a coordinate is beyond 1e60.
-    """
+    """Return `value` as (n, dimension) finite float64 points with coordinates of at most 1e60."""
     points = as_floats(value, name, shape=(None, dimension))
     check_coordinates(points, name)
     return points
 
 
 def as_vector(value: ArrayLike, name: str, *, length: int = 3) -> Floats:
-    """Return `value` as a finite float64 vector of the given length.
-
-    Raises
-    ------
-    InputError
-        As :func:`as_floats`.
-    """
+    """Return `value` as a finite float64 vector of the given length."""
     return as_floats(value, name, shape=(length,))
 
 
@@ -183,27 +157,9 @@ def as_quaternions(value: ArrayLike, name: str = "orientation") -> Floats:
 
 
 def as_number(
-    value: Any,
-    name: str,
-    *,
-    above: float = -math.inf,
-    at_least: float = -math.inf,
-    at_most: float = math.inf,
+    value: Any, name: str, *, above: float = -math.inf, at_least: float = -math.inf, at_most: float = math.inf
 ) -> float:
-    """Return `value` as a finite float within bounds.
-
-    Parameters
-    ----------
-    value : float
-        What was given.
-    name : str
-        What the message calls it.
-    above, at_least, at_most : float
-        Bounds: exclusive below, inclusive below, inclusive above.
-
-    Returns
-    -------
-    float
+    """Return `value` as a finite float within bounds: exclusive below, inclusive below, inclusive above.
 
     Raises
     ------
@@ -227,49 +183,31 @@ def as_number(
 
 
 def as_positive(value: Any, name: str) -> float:
-    """Return `value` as a finite float above zero.
-
-    Raises
-    ------
-    InputError
-        As :func:`as_number`.
-    """
+    """Return `value` as a finite float above zero."""
     return as_number(value, name, above=0.0)
 
 
 def as_length(value: Any, name: str) -> float:
-    """Return `value` as a float above zero of which volumes and their second moments are numbers too.
-
-    Raises
-    ------
-    InputError
-        As :func:`as_number`, or if it is not between 1e-60 and 1e60.
-    """
+    """Return `value` as a length between 1e-60 and 1e60, so that volumes and second moments are finite."""
     length = as_positive(value, name)
     check_lengths(length, name)
     return length
 
 
 def as_place(value: ArrayLike, name: str, *, length: int = 3) -> Floats:
-    """Return `value` as a vector of coordinates, none of them beyond the largest lengths.
-
-    Raises
-    ------
-    InputError
-        As :func:`as_floats`, or if a coordinate is beyond 1e60.
-    """
+    """Return `value` as a vector of coordinates of at most 1e60."""
     place = as_vector(value, name, length=length)
     check_lengths(np.maximum(np.abs(place), SHORTEST), name)
     return place
 
 
 def check_lengths(values: ArrayLike, name: str) -> None:
-    """Refuse lengths so small or large that volumes and their second moments are no numbers any more; 0 is none.
+    """Check that lengths are between 1e-60 and 1e60, so that volumes and second moments are finite; 0 is allowed.
 
     Raises
     ------
     InputError
-        If one is no number, not finite, or not between 1e-60 and 1e60.
+        If a value is not a number, or not between these bounds.
     """
     numbers = float_array(values)
     if numbers is None:
@@ -283,7 +221,7 @@ def check_lengths(values: ArrayLike, name: str) -> None:
 
 
 def check_coordinates(points: Floats, name: str) -> None:
-    """Refuse finite coordinates so large that volumes and their second moments are no numbers any more.
+    """Check that finite coordinates are at most 1e60, so that volumes and second moments are finite.
 
     Raises
     ------
@@ -299,7 +237,7 @@ def check_coordinates(points: Floats, name: str) -> None:
 
 
 def as_count(value: Any, name: str, *, at_least: int = 0, at_most: int | None = MOST) -> int:
-    """Return `value` as an int not below `at_least` and not above `at_most`, where None stands for any.
+    """Return `value` as an int from `at_least` to `at_most`; None for no upper bound.
 
     Raises
     ------
@@ -328,35 +266,25 @@ def as_choice(value: Any, name: str, choices: Sequence[str]) -> str:
 
 
 def check_type(value: object, wanted: type | tuple[type, ...], name: str, rule: str) -> None:
-    """Refuse what is of another type.
-
-    Parameters
-    ----------
-    value : object
-        What was given.
-    wanted : type or tuple of type
-        What it must be an instance of.
-    name : str
-        What the message calls it.
-    rule : str
-        What it must be, and where to get it, such as ``"a Shape; make_shape and load_shape make one"``.
+    """Check the type of a value; `rule` completes the message, such as ``"a Shape; make_shape and load_shape make
+    one"``.
 
     Raises
     ------
     InputError
-        If it is none.
+        If it is of another type.
     """
     if not isinstance(value, wanted):
         raise InputError(f"{name} is {shown(value)}: it must be {rule}")
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """Return the array with its write flag off, so that frozen types stay frozen."""
+    """Return the array with its write flag off."""
     array.setflags(write=False)
     return array
 
 
 def _text(shape: tuple[int | None, ...]) -> str:
-    """Write a wanted shape as a person would: (n, 3)."""
+    """Return a shape as text, such as ``(n, 3)``."""
     inner = ", ".join("n" if length is None else str(length) for length in shape)
     return f"({inner},)" if len(shape) == 1 else f"({inner})"

@@ -1,4 +1,4 @@
-"""Which axes are periodic: what a caller may say, and the one check of it."""
+"""Periodic axes: the accepted notations and their check."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -9,29 +9,15 @@ from voxgran._base.errors import InputError, shown
 
 #: a flag for each of the axes x, y and z
 Flags = tuple[bool, bool, bool]
-#: what a caller may say: names of axes, a flag for each axis, or one flag for all of them
+#: accepted notations: names of axes, a flag for each axis, or one flag for all of them
 Periodic = str | bool | Iterable[str] | Iterable[bool]
 
 
 def as_periodic(value: Any, dimension: int = 3) -> Flags:
     """Return the flags of the axes x, y and z; those beyond the dimension are not periodic.
 
-    Parameters
-    ----------
-    value : str, bool or sequence
-        Names of axes as ``"xy"`` or ``["x", "y"]``; ``"none"``, ``""`` or ``[]`` for no axis; a flag for each axis; one
-        flag for all axes.
-    dimension : int
-        2 or 3.
-
-    Returns
-    -------
-    tuple of bool
-
-    Raises
-    ------
-    InputError
-        If it is none of these, names an axis twice, or names one beyond the dimension.
+    The value is a string or sequence of names of axes, such as ``"xy"`` or ``["x", "y"]``; ``"none"``, ``""`` or ``[]``
+    for no axis; a flag for each axis; or one flag for all axes. All other values are refused.
     """
     names = "xyz"[:dimension]
     chosen = [bool(value)] * dimension if isinstance(value, bool | np.bool_) else _flags(value, names)

@@ -17,17 +17,14 @@ T = TypeVar("T")
 
 
 def explained(*, hint: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Raise a `CallError` in place of Python's bare TypeError where a call does not fit the signature (decorator).
+    """Raise a `CallError` in place of Python's TypeError if a call does not fit the signature (decorator).
 
-    Parameters
-    ----------
-    hint : str
-        A call that is right, such as ``"Box((4, 4, 6))"``.
+    The message ends with the hint, a correct call such as ``"Box((4, 4, 6))"``.
 
     Raises
     ------
     CallError
-        Later, by the decorated function.
+        By the decorated function.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
@@ -47,17 +44,13 @@ def explained(*, hint: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def renamed(**former: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Accept former names of keyword arguments, with a DeprecationWarning (decorator).
-
-    Parameters
-    ----------
-    **former
-        The present name for each former one, such as ``largest_hole="max_hole"``.
+    """Accept former names of keyword arguments, as in ``largest_hole="max_hole"``, with a DeprecationWarning
+    (decorator).
 
     Raises
     ------
     CallError
-        Later, by the decorated function, where both names are given.
+        By the decorated function, if both names are given.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
@@ -117,27 +110,16 @@ def chosen(
     where: str,
     beside: Iterable[str] = (),
 ) -> tuple[str, T, Any]:
-    """Return name, entry and checked parameters of what was chosen.
+    """Return name, entry and checked parameters of the entry of a registry given by name or by an object of its
+    parameters.
 
-    Parameters
-    ----------
-    registry : Registry
-        Its entries have a parameter class each, ``parameters``.
-    given : str or parameter object
-        Name of an entry, or an object of its parameter class.
-    keywords : mapping
-        Parameters, for a name only.
-    where : str
-        What messages call the choice, such as ``"method"``.
-    beside : iterable of str
-        Other names that are known at this place.
+    `keywords` are the parameters, only for a name; `where` is the name of the choice in messages, such as ``"method"``;
+    `beside` are other names to suggest. Unknown names and parameters of the wrong type are refused.
 
     Raises
     ------
-    UnknownNameError
-        If the name, or a parameter, is unknown.
     InputError
-        If a parameter has the wrong type, keywords are given beside an object, or an object is of no entry.
+        If keywords are given beside an object, or an object belongs to no entry.
     """
     if not dataclasses.is_dataclass(given):
         entry: Any = registry.get(given)  # type: ignore[arg-type]
@@ -155,7 +137,7 @@ def chosen(
     for name in registry.names():
         entry = registry.get(name)
         if type(given) is entry.parameters:
-            # a constructor does not look at types
+            # a constructor does not check types
             return name, entry, from_mapping(entry.parameters, to_mapping(given), type(given).__name__)
     known = ", ".join(registry.names())
     raise InputError(

@@ -7,35 +7,13 @@ from voxgran._base.kernels import kernel
 
 
 def near_pairs(
-    centers: Floats,
-    radii: Floats,
-    gap: float,
-    *,
-    lower: Floats,
-    lengths: Floats,
-    periodic: tuple[bool, bool, bool],
+    centers: Floats, radii: Floats, gap: float, *, lower: Floats, lengths: Floats, periodic: tuple[bool, bool, bool]
 ) -> tuple[Integers, Integers, Integers]:
     """Return each pair of spheres with ``distance - r_i - r_j <= gap``, once per periodic image.
 
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers; on periodic axes anywhere, they are wrapped.
-    radii : (n,) ndarray of float
-        Bounding radii, in the same unit.
-    gap : float
-        Largest distance between the surfaces.
-    lower, lengths : (3,) ndarray of float
-        Corner and lengths of the box; used on periodic axes only.
-    periodic : tuple of bool
-        Which axes are periodic.
-
-    Returns
-    -------
-    i, j : (m,) ndarray of int
-        Pairs in lexical order, i <= j; i == j stands for a sphere and its own image.
-    image : (m, 3) ndarray of int
-        The pair is (center i, center j + image * lengths), with the centers as given.
+    The pairs (i, j), (m,), are in lexical order with i <= j; i == j stands for a sphere and its own image. A pair is
+    (center i, center j + image * lengths) with the (n, 3) centers as given, anywhere on periodic axes, and `image` (m,
+    3). The box is used on periodic axes only.
     """
     n = len(centers)
     if n == 0:

@@ -24,21 +24,8 @@ _MAGIC = b"voxgran checkpoint 1"
 def save_checkpoint(
     path: str | os.PathLike[str], header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
 ) -> None:
-    """Write a checkpoint in place of the one before.
-
-    Parameters
-    ----------
-    path : path-like
-        File to write; the old one stays until the new one is complete.
-    header : mapping
-        JSON-able values.
-    arrays : mapping of str to ndarray
-        Arrays to keep, bit for bit.
-
-    Raises
-    ------
-    OutputError
-        If it cannot be written; the checkpoint before is then untouched.
+    """Write a checkpoint of JSON-able values and arrays (bit for bit), which replaces the previous one once it is
+    complete.
     """
     buffer = io.BytesIO()
     text = np.frombuffer(json.dumps(dict(header), sort_keys=True).encode(), dtype=np.uint8)
@@ -51,22 +38,10 @@ def save_checkpoint(
 
 
 def load_checkpoint(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Read a checkpoint.
-
-    Parameters
-    ----------
-    path : path-like
-        File to read.
-
-    Returns
-    -------
-    header : dict
-    arrays : dict of str to ndarray
+    """Return header and arrays of a checkpoint.
 
     Raises
     ------
-    MissingFileError
-        If there is none.
     CheckpointError
         If it is damaged or not a checkpoint.
     """

@@ -25,33 +25,19 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One field of a parameter class, as help texts show it.
-
-    Attributes
-    ----------
-    name, doc, unit : str
-        Name, meaning and unit ("" where there is none).
-    type : object
-        Type annotation, resolved.
-    default : object
-        Default value; `dataclasses.MISSING` where it must be given.
-    former : str
-        Former name, accepted with a DeprecationWarning; "" where there is none.
-    bounds : dict of str to float
-        Some of `above`, `at_least` and `at_most`.
-    """
+    """One field of a parameter class, as help texts show it."""
 
     name: str
-    doc: str
-    unit: str
-    type: Any
-    default: Any
-    former: str = ""
-    bounds: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    doc: str = ""
+    unit: str = ""  # "" if there is none
+    type: Any  # type annotation, resolved
+    default: Any  # `dataclasses.MISSING` if it must be given
+    former: str = ""  # former name, accepted with a DeprecationWarning
+    bounds: Mapping[str, float] = dataclasses.field(default_factory=dict)  # some of `above`, `at_least` and `at_most`
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The name, and the former name where there is one."""
+        """The name, and the former name if there is one."""
         return (self.name, self.former) if self.former else (self.name,)
 
     @property
@@ -75,20 +61,10 @@ def parameter(
     at_least: float | None = None,
     at_most: float | None = None,
 ) -> Any:
-    """Return a dataclass field with its meaning, unit and bounds.
+    """Return a dataclass field with its meaning, unit and bounds; without a default the parameter must be given.
 
-    Parameters
-    ----------
-    default : object, optional
-        Default value; without one the parameter must be given.
-    doc : str
-        What it means, in a few words.
-    unit : str
-        Its unit, such as ``"length"``, ``"voxels"``, ``"radian"``.
-    former : str
-        Former name, accepted by :func:`from_mapping` with a DeprecationWarning for one release.
-    above, at_least, at_most : float, optional
-        Bounds of the value, or of each entry of a list: exclusive below, inclusive below, inclusive above.
+    The unit is such as ``"length"``, ``"voxels"``, ``"radian"``; the former name is accepted with a DeprecationWarning.
+    The bounds, exclusive below, inclusive below and inclusive above, hold for the value or for each entry of a list.
     """
     given = {"above": above, "at_least": at_least, "at_most": at_most}
     bounds = {rule: bound for rule, bound in given.items() if bound is not None}
@@ -99,28 +75,14 @@ def parameters_of(cls: type) -> tuple[Parameter, ...]:
     """Return the fields of a parameter class in their order."""
     hints = typing.get_type_hints(cls)
     return tuple(
-        Parameter(
-            name=field.name,
-            doc=field.metadata.get("doc", ""),
-            unit=field.metadata.get("unit", ""),
-            type=hints[field.name],
-            default=field.default,
-            former=field.metadata.get("former", ""),
-            bounds=field.metadata.get("bounds", {}),
-        )
+        Parameter(name=field.name, type=hints[field.name], default=field.default, **field.metadata)
         for field in dataclasses.fields(cls)
         if field.init
     )
 
 
 def check_bounds(instance: Any) -> None:
-    """Check the parameters of an object against their bounds; for the ``__post_init__`` of a parameter class.
-
-    Raises
-    ------
-    InputError
-        If a value is out of bounds, not finite, or a length beyond those of which volumes are numbers.
-    """
+    """Check the parameters of an object against their bounds, in the ``__post_init__`` of its class."""
     for entry in parameters_of(type(instance)):
         value = getattr(instance, entry.name)
         if value is None or not entry.bounds:
@@ -136,22 +98,10 @@ def check_bounds(instance: Any) -> None:
 
 
 def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside: Iterable[str] = ()) -> T:
-    """Make a parameter object from a plain mapping.
+    """Return an object of a parameter class from keys and values, as TOML, JSON or keyword arguments give them.
 
-    Parameters
-    ----------
-    cls : type
-        Parameter class.
-    mapping : mapping
-        Keys and values, as TOML, JSON or keyword arguments give them.
-    where : str
-        How messages name the place, such as ``"[packing]"``.
-    beside : iterable of str
-        Names that are known at this place too and are no parameters of the class; they may be suggested.
-
-    Returns
-    -------
-    cls
+    `where` is the name of the place in messages, such as ``"[packing]"``; `beside` are other names known there, which
+    may be suggested for an unknown key.
 
     Raises
     ------
@@ -203,7 +153,7 @@ def _plain(value: Any) -> Any:
 
 
 def _convert(value: Any, wanted: Any, where: str) -> Any:
-    """Return the value as the annotation asks, or raise."""
+    """Return the value converted to the annotated type, or raise."""
     origin, arguments = typing.get_origin(wanted), typing.get_args(wanted)
     value = value.tolist() if getattr(value, "ndim", 0) and hasattr(value, "tolist") else unwrapped(value)
     if wanted is Any or (wanted is type(None) and value is None):

@@ -5,13 +5,7 @@ import warnings
 
 
 def warn_former(text: str) -> None:
-    """Issue a DeprecationWarning that points at the first caller outside of voxgran.
-
-    Parameters
-    ----------
-    text : str
-        One sentence with the former name and the present one.
-    """
+    """Issue a DeprecationWarning of one sentence that points at the first caller outside of voxgran."""
     level, frame = 1, sys._getframe()
     while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] == "voxgran":
         level, frame = level + 1, frame.f_back

@@ -92,14 +92,9 @@ class TooLargeError(VoxgranError, MemoryError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """A run that was asked to stop, by SIGINT or SIGTERM: a request and no error, which ``except Exception`` lets pass.
+    """A run stopped by SIGINT or SIGTERM; no error, so that ``except Exception`` does not catch it.
 
-    Attributes
-    ----------
-    signal_number : int
-        The signal.
-    exit_code : int
-        What the command line returns: 130 or 143.
+    The exit code is 130 or 143.
     """
 
     def __init__(self, message: str, signal_number: int) -> None:
@@ -113,4 +108,4 @@ class DirtyMeshWarning(UserWarning):
 
 
 class PackingWarning(UserWarning):
-    """A packing that misses something that was asked, or a measure of it that is not meaningful."""
+    """A packing that misses a requested property, or a measure of it that is not meaningful."""

@@ -26,14 +26,14 @@ LONGEST_SUFFIX = 32
 
 
 def as_path(path: str | os.PathLike[str]) -> Path:
-    """Return what was given as a path.
+    """Return a text or path object as a path.
 
     Raises
     ------
     InputError
-        If it is neither text nor a path, holds a NUL, or is too long for the file system.
+        If it is neither, contains a NUL, or is too long for the file system.
     OutputError
-        If it leads through a folder that may not be entered, or through links in a circle.
+        If it leads through a folder without access, or through links in a circle.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path is {shown(path)}: it must be the path of a file, as text or a Path; change it")
@@ -74,12 +74,8 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
 
 
 def refuse_to_replace(*paths: str | os.PathLike[str]) -> None:
-    """Refuse to write where a file or a folder is, before anything is written.
-
-    Parameters
-    ----------
-    *paths : path-like
-        Where shall be written; devices and pipes lose nothing.
+    """Check, before anything is written, that there are no files or folders at these paths; devices and pipes are
+    allowed.
 
     Raises
     ------
@@ -96,20 +92,9 @@ def refuse_to_replace(*paths: str | os.PathLike[str]) -> None:
 
 @contextlib.contextmanager
 def written_whole(path: str | os.PathLike[str], *, overwrite: bool = True) -> Iterator[Path]:
-    """Give a path to write to, and move what was written to its place at the end (context manager).
+    """Yield a path with the same suffix to write to, and move the result to its place at the end (context manager).
 
-    Parameters
-    ----------
-    path : path-like
-        Where the file (or the folder) shall end up; links are followed. What was written is sent to a character
-        device or a pipe as it is.
-    overwrite : bool
-        Whether a file or a folder that is there may be replaced.
-
-    Yields
-    ------
-    Path
-        A path with the same suffix that does not exist yet.
+    Links are followed; for a character device or a pipe the result is copied to it.
 
     Raises
     ------
@@ -146,34 +131,20 @@ def written_whole(path: str | os.PathLike[str], *, overwrite: bool = True) -> It
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = True) -> None:
-    """Write a text file whole or not at all.
-
-    Raises
-    ------
-    OutputExistsError
-        If something is there and `overwrite` is false.
-    OutputError
-        If it cannot be written.
-    """
+    """Write a text file completely or not at all."""
     with written_whole(path, overwrite=overwrite) as draft:
         draft.write_text(text, encoding="utf-8")
 
 
 def remove_drafts(path: str | os.PathLike[str]) -> None:
-    """Remove what a process that was killed while it wrote a file left beside it.
-
-    Parameters
-    ----------
-    path : path-like
-        The file; no other process may be writing it.
-    """
+    """Remove drafts that killed processes left beside a file; no other process may be writing it."""
     place = Path(os.path.realpath(as_path(path)))
     for draft in place.parent.glob(glob.escape(_draft_name(place, "TOKEN")).replace("TOKEN", "?" * 8, 1)):
         _remove(draft)
 
 
 def _kind(path: Path) -> int | None:
-    """Return what lies at a path or at the end of its links, as the ``stat.S_IF`` numbers say; None for nothing."""
+    """Return the ``stat.S_IF`` number of the file at a path, links followed; None if there is none."""
     if str(path) in STREAMS:
         return stat.S_IFCHR
     try:
@@ -183,7 +154,7 @@ def _kind(path: Path) -> int | None:
 
 
 def _draft_name(place: Path, token: str) -> str:
-    """Return the name of a draft: short, whatever the name of the file, and of this file alone."""
+    """Return the name of a draft: short for any name of the file, and unique to it."""
     mark = hashlib.sha256(os.fsencode(place.name)).hexdigest()[:8]
     suffix = place.suffix if len(os.fsencode(place.suffix)) <= LONGEST_SUFFIX else ""
     return f".{mark}.{token}{suffix}"
@@ -213,7 +184,7 @@ def _send(whole: Path, target: Path) -> None:
     if kind not in (stat.S_IFCHR, stat.S_IFIFO):
         raise OutputError(f"{target} is neither a file nor a stream: it is not written to; name a file")
     stream = STREAMS.get(str(target))
-    # a pipe that nobody reads would wait for ever: without blocking it is an error
+    # opening a pipe without a reader would block for ever; without blocking it is an error
     number = os.dup(stream) if stream else os.open(target, os.O_WRONLY | getattr(os, "O_NONBLOCK", 0))
     with os.fdopen(number, "wb") as out, whole.open("rb") as source:
         os.set_blocking(number, True)

@@ -19,7 +19,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,34 +48,16 @@ _READY = b"ready\n"
 
 
 def read_guarded(reader: Callable[..., Content], path: Path, **options: Any) -> Content:
-    """Run a reader in a process of its own.
+    """Return the facts and arrays that a reader, a public function of path and options, finds, run in its own process.
 
-    Parameters
-    ----------
-    reader : callable
-        Public function of a module, called with the path and the options. What it raises that is no VoxgranError is
-        raised here as FileFormatError.
-    path : Path
-        The file.
-    **options
-        JSON-able values.
-
-    Returns
-    -------
-    facts : dict
-        JSON-able values.
-    arrays : dict of str to ndarray
-        Arrays of numbers.
+    Its errors that are not VoxgranErrors are raised as FileFormatError, as is an end without an answer, or more time or
+    memory than the size of the file explains. Options are JSON-able. MissingLibraryError: the process cannot be
+    started.
 
     Raises
     ------
     FileFormatError
-        If the reader refuses the file, ends without an answer, or takes more time or memory than the size of the file
-        explains.
-    TooLargeError
-        If the content does not fit in memory.
-    MissingLibraryError
-        If the process cannot be started or a library is missing.
+        If the file is damaged.
     """
     size = path.stat().st_size
     seconds, memory = SECONDS + SECONDS_PER_BYTE * size, MEMORY + MEMORY_PER_BYTE * size
@@ -106,12 +88,7 @@ def read_guarded(reader: Callable[..., Content], path: Path, **options: Any) -> 
 
 @contextlib.contextmanager
 def refused(path: Path) -> Iterator[None]:
-    """Turn any exception of a library that reads a file into a FileFormatError, and show no warning (context manager).
-
-    Parameters
-    ----------
-    path : Path
-        The file, for the message.
+    """Raise exceptions of libraries that read a file as FileFormatError, and suppress warnings (context manager).
 
     Raises
     ------
@@ -128,7 +105,7 @@ def refused(path: Path) -> Iterator[None]:
         raise
     except MemoryError as error:
         raise TooLargeError(_too_large(path)) from error
-    # each library has exceptions of its own for what it cannot read; meshio also exits
+    # each library has its own exceptions for files that it cannot read; meshio also exits
     except (Exception, SystemExit) as error:
         raise FileFormatError(
             f"{path} cannot be read as a {path.suffix} file ({reason_of(error)}): it is cut or damaged; write it again"
@@ -136,19 +113,13 @@ def refused(path: Path) -> Iterator[None]:
 
 
 def reason_of(error: BaseException, *, most: int = 100) -> str:
-    """Return what an exception says, on one line of at most so many characters, or its class where it says nothing."""
+    """Return the message of an exception, or its class if empty, on one line of at most `most` characters."""
     text = " ".join(str(error)[: 10 * most].split()) or type(error).__name__
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def serve(request: str) -> None:
-    """Read one file and write what it holds to the standard output: what the process does that `read_guarded` starts.
-
-    Parameters
-    ----------
-    request : str
-        JSON that names reader, file, options and limits.
-    """
+    """Read the file of a request of `read_guarded` (JSON: reader, file, options, limits) to the standard output."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     # what libraries print goes where the standard error goes, which is nowhere
     channel = os.fdopen(os.dup(1), "wb")
@@ -236,20 +207,10 @@ def _answer(process: subprocess.Popen[bytes], path: Path, seconds: float) -> Con
             arrays[key] = np.empty(shape, dtype=kind)
         except MemoryError as error:
             raise TooLargeError(_too_large(path)) from error
-        if not _filled(arrays[key], stream):
+        octets = arrays[key].reshape(-1).view(np.uint8).data
+        if stream.readinto(octets) < len(octets):  # type: ignore[attr-defined]
             raise _ended(process, path, seconds)
     return answer["facts"], arrays
-
-
-def _filled(array: NDArray[Any], stream: IO[bytes]) -> bool:
-    """Fill an array from a stream; return whether there was enough."""
-    rest = array.reshape(-1).view(np.uint8).data
-    while len(rest):
-        count = stream.readinto(rest)  # type: ignore[attr-defined]
-        if not count:
-            return False
-        rest = rest[count:]
-    return True
 
 
 def _ended(process: subprocess.Popen[bytes], path: Path, seconds: float) -> FileFormatError:

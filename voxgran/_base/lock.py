@@ -1,4 +1,4 @@
-"""Locks: two processes do not write the same output, and what a dead one left is taken over.
+"""Locks, which keep two processes from writing the same output; that of a dead process is taken over.
 
 The operating system holds a lock for as long as its process lives (``flock``). Where a file system has no such locks,
 the file tells which process holds it, and that is asked for.
@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 #: the file that locks a folder
 FOLDER_LOCK = ".voxgran.lock"
-#: what `flock` raises where there is no such thing
+#: errors of `flock` on file systems without locks
 _UNKNOWN = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL, errno.ENOLCK)
 
 
@@ -30,17 +30,7 @@ _UNKNOWN = (errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EINVAL, errno.E
 def locked_folder(folder: str | os.PathLike[str]) -> Iterator[None]:
     """Keep other processes from writing into a folder, which is made if needed (context manager).
 
-    Parameters
-    ----------
-    folder : path-like
-        The folder.
-
-    Raises
-    ------
-    InUseError
-        If another process holds it.
-    OutputError
-        If nothing can be written there.
+    An InUseError is raised if another process holds it, an OutputError if nothing can be written there.
     """
     with _locked(Path(folder) / FOLDER_LOCK, Path(folder)):
         yield
@@ -48,20 +38,9 @@ def locked_folder(folder: str | os.PathLike[str]) -> Iterator[None]:
 
 @contextlib.contextmanager
 def locked_file(path: str | os.PathLike[str] | None) -> Iterator[None]:
-    """Keep other processes from writing a file, which need not be there (context manager).
+    """Keep other processes from writing a file, which need not exist (context manager); its lock lies beside it.
 
-    Parameters
-    ----------
-    path : path-like or None
-        The file; whatever its name, the lock beside it has a short one. Nothing is done without a path, and for what
-        is no regular file.
-
-    Raises
-    ------
-    InUseError
-        If another process holds it.
-    OutputError
-        If nothing can be written beside it.
+    Nothing is done for None and for what is not a regular file. Errors are those of :func:`locked_folder`.
     """
     target = None if path is None else Path(os.path.realpath(path))
     if target is None or (os.path.exists(target) and not os.path.isfile(target)):
@@ -73,7 +52,7 @@ def locked_file(path: str | os.PathLike[str] | None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _locked(path: Path, target: Path) -> Iterator[None]:
-    """Hold a lock file while work goes on, and remove it at the end."""
+    """Hold a lock file (context manager)."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         file = _taken(path, target)
@@ -85,7 +64,7 @@ def _locked(path: Path, target: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        # whoever waits for this file finds it gone and makes a new one
+        # a waiting process then makes a new file
         with contextlib.suppress(OSError):
             path.unlink()
         os.close(file)
@@ -109,7 +88,7 @@ def _taken(path: Path, target: Path) -> int:
 
 
 def _take(file: int, path: Path, target: Path) -> None:
-    """Lock an open file, or say who holds it."""
+    """Lock an open file, or raise an error that names the process that holds it."""
     import fcntl
 
     known = _read(file)
@@ -137,7 +116,7 @@ def _is_same(file: int, path: Path) -> bool:
 
 
 def _this_process() -> dict[str, Any]:
-    """Return what tells this process from all others."""
+    """Return a record that identifies this process."""
     pid = os.getpid()
     since = time.strftime("%Y-%m-%d %H:%M:%S")
     return {"pid": pid, "host": socket.gethostname(), "since": since, "began": _began(pid)}
@@ -153,7 +132,7 @@ def _read(file: int) -> dict[str, Any]:
 
 
 def _named(known: dict[str, Any]) -> str:
-    """Return a process in words."""
+    """Return a process as text."""
     if not known:
         return "another process"
     return f"process {known.get('pid')} on {known.get('host')} since {known.get('since')}"

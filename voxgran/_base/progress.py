@@ -1,4 +1,4 @@
-"""How long work tells how far it is: a callback, nothing else.
+"""Progress of long work, reported through a callback.
 
 Whoever runs it shows it (the command line with rich) or leaves it.
 """
@@ -9,26 +9,16 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
-    """How far a piece of work is.
+    """Progress of a piece of work."""
 
-    Attributes
-    ----------
-    stage : str
-        What is being done, such as ``"packing"``.
-    done, total : int
-        Units of work done and in all; `total` is 0 where it is not known.
-    text : str
-        One short line for a person, such as the solid fraction so far.
-    """
-
-    stage: str
-    done: int
-    total: int
-    text: str = ""
+    stage: str  # such as ``"packing"``
+    done: int  # units of work done
+    total: int  # units of work in all; 0 if not known
+    text: str = ""  # short line for a person, such as the solid fraction so far
 
 
 class OnStep(Protocol):
-    """A function that is told of each step."""
+    """A function that is called at each step."""
 
     def __call__(self, step: Step, /) -> None:
         """Take note of a step."""

@@ -18,18 +18,9 @@ T = TypeVar("T")
 
 
 class Registry(Generic[T]):
-    """The entries of one kind.
+    """Entries of one kind: of the files of a package and of an entry-point group; each is an instance of `entry`.
 
-    Parameters
-    ----------
-    kind : str
-        What the messages call an entry, such as ``"packing method"``.
-    package : str
-        Package whose files are the entries.
-    entry : type
-        Class that each registration must be an instance of.
-    group : str
-        Entry-point group of third parties.
+    In messages an entry is called `kind`, such as ``"packing method"``.
     """
 
     def __init__(self, kind: str, package: str, entry: type[T], *, group: str) -> None:
@@ -104,18 +95,9 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
 
 
 def unknown(kind: str, name: object, known: Iterable[str], *, beside: Iterable[str] = ()) -> str:
-    """Return the sentence that says a name is unknown, with the name that was most likely meant.
+    """Return the message for an unknown name, with all known names and the one that was most likely meant.
 
-    Parameters
-    ----------
-    kind : str
-        What the name should be one of, such as ``"packing method"``.
-    name : object
-        What was given.
-    known : iterable of str
-        The known names, all of which the sentence lists.
-    beside : iterable of str
-        Names that belong elsewhere at the same place; they may be suggested and are not listed.
+    `kind` is such as ``"packing method"``; names of `beside` may be suggested but are not listed.
     """
     names = sorted(known)
     meant = nearest(name, (*names, *beside))
@@ -124,7 +106,7 @@ def unknown(kind: str, name: object, known: Iterable[str], *, beside: Iterable[s
 
 
 def nearest(name: object, known: Iterable[str]) -> str | None:
-    """Return the known name that was most likely meant, whatever the case: itself, a synonym, or one spelt alike."""
+    """Return the known name that was most likely meant, in any case: itself, a synonym, or one spelt alike."""
     given = name.casefold() if isinstance(name, str) else ""
     by_case = {entry.casefold(): entry for entry in known}
     alike = difflib.get_close_matches(given, by_case, n=1, cutoff=0.5)

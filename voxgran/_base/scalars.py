@@ -8,18 +8,10 @@ from typing import Any
 
 
 def number_of(value: Any) -> int | float | None:
-    """Return what was given as a number of Python; None where it is none.
+    """Return a number of Python or NumPy, array without axes, Decimal or Fraction as an int or float; None for anything
+    else.
 
-    Parameters
-    ----------
-    value : object
-        Numbers are those of Python and NumPy, arrays without axes, Decimal and Fraction; neither text nor True and
-        False.
-
-    Returns
-    -------
-    int, float or None
-        A whole number of a whole-number type as it is; another number as a float, infinite where it is beyond them.
+    Text, True and False are not numbers. A float is infinite if the number is too large for it.
     """
     plain = unwrapped(value)
     if isinstance(plain, bool) or not isinstance(plain, Real | Decimal):
@@ -47,7 +39,7 @@ def float_of(number: Any) -> float:
 
 
 def unwrapped(value: Any) -> Any:
-    """Return the number or flag that a NumPy scalar or an array without axes holds, and anything else as it is."""
+    """Return the number or flag in a NumPy scalar or an array without axes, and any other value unchanged."""
     if getattr(value, "ndim", None) == 0:
         with contextlib.suppress(AttributeError, TypeError, ValueError):
             return value.item()

@@ -18,38 +18,15 @@ from voxgran._base.lazy import load
 
 
 def stream(seed: int, stage: str, *index: int) -> np.random.Generator:
-    """Return the generator of one stage of one run.
+    """Return the generator of one stage, such as ``"sizes"``, of a run, independent of those of all other keys.
 
-    Parameters
-    ----------
-    seed : int
-        Seed of the run, not negative.
-    stage : str
-        What the numbers are for, such as ``"sizes"``.
-    *index : int
-        Further keys: grain, chunk, ...
-
-    Returns
-    -------
-    numpy.random.Generator
-        Independent of the generators of all other keys.
-
-    Raises
-    ------
-    InputError
-        If the seed is not a whole number of at least 0.
+    Further keys are grain, chunk and so on; all keys are whole numbers of at least 0.
     """
     return np.random.Generator(np.random.Philox(_sequence(seed, stage, *index)))
 
 
 def philox_key(seed: int, stage: str) -> NDArray[np.uint64]:
-    """Return the (2,) uint64 key under which kernels draw the blocks of a stage.
-
-    Raises
-    ------
-    InputError
-        If the seed is not a whole number of at least 0.
-    """
+    """Return the (2,) uint64 key under which kernels draw the blocks of a stage."""
     return _sequence(seed, stage).generate_state(2, np.uint64).astype(np.uint64)
 
 

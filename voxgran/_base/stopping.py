@@ -1,4 +1,4 @@
-"""Stopping long work: signals are noted, and the work looks for them where nothing is left half done."""
+"""Stopping long work: signals are recorded, and the work checks for them where its state is consistent."""
 
 import contextlib
 import signal
@@ -13,11 +13,11 @@ _asked: ContextVar[Callable[[], bool]] = ContextVar("asked", default=lambda: Fal
 
 
 class Stopped(BaseException):
-    """Work that was given up because it was asked to stop; whoever asked catches it."""
+    """Work was stopped on request; caught by the caller that requested it."""
 
 
 def stop_if_asked() -> None:
-    """Give up the work where it was asked to stop, by :func:`stopping_when`; it costs less than a microsecond.
+    """Raise `Stopped` if :func:`stopping_when` requests it; the check takes less than a microsecond.
 
     Raises
     ------
@@ -30,13 +30,7 @@ def stop_if_asked() -> None:
 
 @contextlib.contextmanager
 def stopping_when(asked: Callable[[], bool]) -> Iterator[None]:
-    """Let work stop as soon as a function returns true (context manager); that of this thread alone.
-
-    Parameters
-    ----------
-    asked : callable
-        Returns whether to stop.
-    """
+    """Let the work of this thread stop as soon as a function returns true (context manager)."""
     token = _asked.set(asked)
     try:
         yield
@@ -45,14 +39,10 @@ def stopping_when(asked: Callable[[], bool]) -> Iterator[None]:
 
 
 class Signals:
-    """SIGINT and SIGTERM, noted instead of obeyed (context manager); in the main thread only.
+    """Record SIGINT and SIGTERM instead of ending at once (context manager); in the main thread only.
 
-    Attributes
-    ----------
-    number : int
-        The first signal that came; 0: none.
-    patient : bool
-        Whether the first one is only noted. A second one ends the work at once, and so does the first one where false.
+    `number` is the first signal received, 0 for none. The first one is only recorded if `patient`; a second one always
+    ends the work at once.
     """
 
     def __init__(self) -> None:
@@ -61,21 +51,21 @@ class Signals:
         self._before: dict[int, Callable[[int, FrameType | None], object] | int | None] = {}
 
     def __enter__(self) -> "Signals":
-        """Take over the signals."""
+        """Install the handlers."""
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._before[number] = signal.signal(number, self._note)
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Give the signals back."""
+        """Restore the former handlers."""
         for number, handler in self._before.items():
-            # None: whoever took the signal did so outside of Python, and cannot be put back
+            # None: the former handler was not installed by Python and cannot be restored
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
         self._before = {}
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        """Note a signal, or end the work."""
+        """Record a signal, or end the work."""
         del frame
         first, self.number = not self.number, self.number or number
         if not (first and self.patient):

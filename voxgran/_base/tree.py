@@ -39,28 +39,14 @@ def enclosed_volume(vertices: Floats, faces: Integers) -> float:
 
 @dataclass(frozen=True, eq=False)
 class TriangleTree:
-    """A tree of boxes over triangles.
+    """A tree of boxes over triangles."""
 
-    Attributes
-    ----------
-    corners : (m, 3, 3) ndarray of float
-        Corner points of the triangles in the order of the tree.
-    normals : (m, 7, 3) ndarray of float
-        Pseudo-normals of face, edges ab, bc, ca and corners a, b, c; of any length.
-    low, high : (k, 3) ndarray of float
-        Corners of the boxes, the whole first.
-    start : (k, 2) ndarray of int
-        First triangle of each box and the one after its last.
-    face : (m,) ndarray of int
-        Number of each triangle in the mesh.
-    """
-
-    corners: Floats
-    normals: Floats
-    low: Floats
-    high: Floats
-    start: Integers
-    face: Integers
+    corners: Floats  # (m, 3, 3) triangles in the order of the tree
+    normals: Floats  # (m, 7, 3) pseudo-normals of face, edges ab, bc, ca and corners a, b, c; of any length
+    low: Floats  # (k, 3) lower corners of the boxes, the whole first
+    high: Floats  # (k, 3) upper corners
+    start: Integers  # (k, 2) first triangle of each box and the one after its last
+    face: Integers  # (m,) number of each triangle in the mesh
 
     @property
     def arrays(self) -> tuple[Floats, Floats, Floats, Integers]:
@@ -73,23 +59,10 @@ class TriangleTree:
         return float(np.linalg.norm(self.high[0] - self.low[0]))
 
     def nearest(self, points: Floats, *, reach: float = math.inf) -> tuple[Floats, Floats, Integers]:
-        """Find the nearest surface point of each point.
+        """Return for (n, 3) points the distances from the surface, negative inside, nearest points and triangles of the
+        tree.
 
-        Parameters
-        ----------
-        points : (n, 3) ndarray of float
-            Where to look from, in the unit of lengths.
-        reach : float
-            How far to look.
-
-        Returns
-        -------
-        distance : (n,) ndarray of float
-            Distance from the surface, negative inside; infinite where nothing is within reach.
-        nearest : (n, 3) ndarray of float
-            The surface points; the points themselves where nothing is within reach.
-        triangle : (n,) ndarray of int
-            Triangles in the order of the tree; -1 where nothing is within reach.
+        Beyond `reach` the distance is infinite, the nearest point is the point itself and the triangle is -1.
         """
         queries = np.ascontiguousarray(points, dtype=np.float64)
         distance = np.full(len(queries), np.inf)
@@ -103,19 +76,7 @@ class TriangleTree:
 
 
 def grow_tree(vertices: Floats, faces: Integers) -> TriangleTree:
-    """Make the tree of a closed mesh whose coincident vertices are merged.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points.
-    faces : (m, 3) ndarray of int
-        Triangles, counterclockwise seen from outside.
-
-    Returns
-    -------
-    TriangleTree
-    """
+    """Return the tree of a closed mesh whose coincident vertices are merged and whose triangles are outward."""
     corners = np.ascontiguousarray(vertices[faces], dtype=np.float64)
     count = len(corners)
     depth = max(0, math.ceil(math.log2(max(count, 1) / LEAF)))
@@ -244,7 +205,7 @@ def search_triangles(
             left = 2 * node + 1
             one = square_to_box(low, high, left, x, y, z)
             two = square_to_box(low, high, left + 1, x, y, z)
-            # the nearer child is looked at first
+            # the nearer child is visited first
             stack[depth] = left + 1 if one <= two else left
             stack[depth + 1] = left if one <= two else left + 1
             depth += 2

@@ -21,24 +21,15 @@ _SPELLINGS = {"in": "inch", "\u00b5m": "um", "\u03bcm": "um", "\u00c5": "angstro
 
 
 def as_unit(value: object, name: str = "unit") -> str:
-    """Return a unit of length as it is written throughout, ``"1"`` where none is given.
+    """Return a unit of length by its usual name, ``"1"`` for None or ``"1"``.
 
-    Parameters
-    ----------
-    value : str or None
-        ``"km"``, ``"m"``, ``"dm"``, ``"cm"``, ``"mm"``, ``"um"`` or ``"µm"``, ``"nm"``, ``"pm"``, ``"inch"`` or
-        ``"in"``, ``"angstrom"``; ``"1"`` or None for none.
-    name : str
-        What the message calls it.
-
-    Returns
-    -------
-    str
+    Known are ``"km"``, ``"m"``, ``"dm"``, ``"cm"``, ``"mm"``, ``"um"`` or ``"µm"``, ``"nm"``, ``"pm"``, ``"inch"`` or
+    ``"in"``, and ``"angstrom"``.
 
     Raises
     ------
     InputError
-        If it is no text.
+        If it is not text.
     UnknownNameError
         If the unit is unknown; the message gives the nearest one.
     """
@@ -53,43 +44,26 @@ def as_unit(value: object, name: str = "unit") -> str:
 
 
 def stated_unit(value: object, name: str = "unit") -> str | None:
-    """Return a unit of length as :func:`as_unit` does, but None where none is given.
-
-    Raises
-    ------
-    InputError
-        If it is no text.
-    UnknownNameError
-        If the unit is unknown; the message gives the nearest one.
-    """
+    """Return a unit of length as :func:`as_unit` does, but None if none is given."""
     unit = as_unit(value, name)
     return None if unit == NO_UNIT else unit
 
 
 def known_unit(told: object) -> str | None:
-    """Return the unit of length that a file tells, as it is written throughout; None where it tells no known one."""
+    """Return the usual name of the unit of length stated in a file; None if it is missing or unknown."""
     text = told.strip() if isinstance(told, str) else NO_UNIT
     found = _SPELLINGS.get(text, text)
     return found if found in _METRES else None
 
 
 def unit_factor(source: str, target: str) -> float:
-    """Return by what lengths in one unit are multiplied to be lengths in another.
-
-    Parameters
-    ----------
-    source, target : str
-        As :func:`as_unit` returns them.
+    """Return the factor that converts lengths between units as :func:`as_unit` returns them: 1000.0 from ``"m"`` to
+    ``"mm"``.
 
     Raises
     ------
     InputError
         If one of them has no unit and the other has.
-
-    Examples
-    --------
-    >>> unit_factor("m", "mm"), unit_factor("inch", "mm")
-    (1000.0, 25.4)
     """
     if source == target:
         return 1.0
@@ -100,21 +74,15 @@ def unit_factor(source: str, target: str) -> float:
 
 
 def common_unit(asked: str | None, units: Iterable[str | None], what: str) -> str:
-    """Return the unit that is asked for, or else the only one that is known, ``"1"`` where there is none.
+    """Return the requested unit, as :func:`as_unit` takes it, or else the only known one of `units`, ``"1"`` without
+    any.
 
-    Parameters
-    ----------
-    asked : str or None
-        As :func:`as_unit` takes it.
-    units : iterable of str or None
-        Units of what is put together.
-    what : str
-        What the message calls that.
+    `what` is the name of the objects with these units in messages.
 
     Raises
     ------
     InputError
-        If none is asked for and there are several.
+        If none is requested and several are known.
     """
     chosen = as_unit(asked)
     known = sorted({unit for unit in units if unit is not None} - {NO_UNIT})

@@ -64,16 +64,7 @@ def image_data(image: NDArray[Any], name: str, *, voxel_size: float, origin: tup
 
 
 def write_data(writer_name: str, data: Any, path: Path) -> None:
-    """Write one data set, compressed.
-
-    Parameters
-    ----------
-    writer_name : str
-        Class of ``vtkmodules.vtkIOXML``.
-    data : vtkDataSet
-        What to write.
-    path : Path
-        Where to.
+    """Write a data set, compressed, by a class of ``vtkmodules.vtkIOXML``.
 
     Raises
     ------

@@ -16,24 +16,9 @@ from voxgran._base.vtk_data import numpy_support, watched
 
 
 def vtk_points(path: Path) -> Content:
-    """Read the points of a ``.vtp`` or ``.vtu`` file, with their arrays and those of the field data.
+    """Return the points of a ``.vtp`` or ``.vtu`` file, with their arrays and those of the field data.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    facts : dict
-        ``texts``: texts of the field data by name.
-    arrays : dict of str to ndarray
-        ``points`` (n, 3); arrays of the points under ``point/NAME`` and of the field data under ``field/NAME``.
-
-    Raises
-    ------
-    FileFormatError
-        If VTK cannot read it.
+    Facts: ``texts``, texts of the field data by name. Arrays: ``points`` (n, 3), ``point/NAME`` and ``field/NAME``.
     """
     data = _read(path)
     points = np.zeros((0, 3))
@@ -45,19 +30,7 @@ def vtk_points(path: Path) -> Content:
 
 
 def vtk_triangles(path: Path) -> Content:
-    """Read the polygons of a ``.vtk``, ``.vtp`` or ``.vtu`` file, cut into triangles; of a volume mesh its outer faces.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    facts : dict
-        Empty.
-    arrays : dict of str to ndarray
-        ``points`` (n, 3) and ``faces`` (m, 3).
+    """Return points (n, 3) and faces (m, 3) of a ``.vtk``, ``.vtp`` or ``.vtu`` file; of a volume mesh its outer faces.
 
     Raises
     ------
@@ -81,21 +54,10 @@ def vtk_triangles(path: Path) -> Content:
 
 
 def vtk_image(path: Path, *, key: str | None) -> Content:
-    """Read one array of the cells, or else of the points, of a ``.vti`` file; a point stands for the voxel about it.
+    """Return one array of the cells, or else of the points, of a ``.vti`` file; a point stands for the voxel about it.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    key : str or None
-        Name of the array; None for the only one.
-
-    Returns
-    -------
-    facts : dict
-        ``shape``, ``spacing`` and ``origin`` of the voxels.
-    arrays : dict of str to ndarray
-        ``values``, flat, x running fastest.
+    `key` is the name of the array, None for the only one. Facts: ``shape``, ``spacing`` and ``origin`` of the voxels.
+    Arrays: ``values``, flat, x running fastest.
 
     Raises
     ------

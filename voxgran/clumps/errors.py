@@ -20,21 +20,9 @@ SPHERE_POINTS = 20_000
 
 
 def clump_errors(voxels: Voxels, shape: Shape, spheres: Spheres) -> ClumpErrors:
-    """Return the measured errors of a clump.
+    """Return the errors of a clump against a solid, given by voxel centers and continuous, in the same frame.
 
-    Parameters
-    ----------
-    voxels : Voxels
-        The solid, by voxel centers.
-    shape : Shape
-        The same solid, continuous.
-    spheres : Spheres
-        The clump in the same frame.
-
-    Returns
-    -------
-    ClumpErrors
-        Volume, centroid and inertia from exact integrals of both; overlap from voxels; distances from points.
+    Volume, centroid and inertia are from exact integrals; the overlap is from voxels; the distances are from points.
     """
     mask = spheres_bits(spheres.centers, spheres.radii, voxels.grid, cover="center").unpacked()
     both, either = int((mask & voxels.mask).sum()), int((mask | voxels.mask).sum())

@@ -11,43 +11,23 @@ from voxgran.voxels.model import Voxels
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """Stopping rules of a fit; it ends when one of them holds.
+    """Stopping rules of a fit; it ends when one of them holds."""
 
-    Attributes
-    ----------
-    max_spheres : int
-        Number of spheres that is not exceeded.
-    target : float
-        Intersection over union, by voxel centers, that is reached.
-    tolerance : float
-        Distance from the clump, in the unit of lengths, within which all voxel centers of the solid lie; 0 disables
-        the rule.
-    """
-
-    max_spheres: int
-    target: float
+    max_spheres: int  # largest number of spheres
+    target: float  # intersection over union, by voxel centers
+    # largest distance of voxel centers of the solid from the clump, in the unit of lengths; 0: no such rule
     tolerance: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClumpMethod:
-    """One registered clump method.
-
-    Attributes
-    ----------
-    name, summary, source : str
-        Name, summary in one line, and reference.
-    parameters : type
-        Parameter class.
-    fit : callable
-        Function of voxels, stopping rules and parameters that returns centers (n, 3) and radii (n,).
-    """
+    """One registered clump method."""
 
     name: str
-    summary: str
-    source: str
-    parameters: type
-    fit: Callable[[Voxels, Wanted, Any], tuple[Floats, Floats]]
+    summary: str  # one line
+    source: str  # reference
+    parameters: type  # parameter class
+    fit: Callable[[Voxels, Wanted, Any], tuple[Floats, Floats]]  # function that returns centers (n, 3) and radii (n,)
 
 
 def clump_registry() -> Registry[ClumpMethod]:

@@ -1,21 +1,102 @@
-"""A box with walls or periodic faces."""
+"""A box with walls or periodic faces, and what it shares with a rectangle."""
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive, as_vector
-from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.axes import Flags, Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran.containers.model import Boundary
 from voxgran.shapes.tessellate import unit_box
 
 
 @dataclass(frozen=True, init=False)
-class Box:
+class Block:
+    """A box along the axes in two or three dimensions: what :class:`Box` and :class:`Rectangle` share."""
+
+    lengths: tuple[float, ...]
+    periodic: Flags
+    origin: tuple[float, ...]
+    kind: ClassVar[str]
+    dimension: ClassVar[int]
+
+    def _set(self, lengths: ArrayLike, periodic: Periodic, origin: ArrayLike) -> None:
+        """Check and set the attributes."""
+        d = self.dimension
+        edges = tuple(
+            as_length(float(v), f"length of the {self.kind}") for v in as_vector(lengths, "lengths", length=d)
+        )
+        corner = tuple(float(value) for value in as_place(origin, "origin", length=d))
+        object.__setattr__(self, "lengths", edges)
+        object.__setattr__(self, "periodic", as_periodic(periodic, d))
+        object.__setattr__(self, "origin", corner)
+
+    @property
+    def volume(self) -> float:
+        """Volume, or area in 2D."""
+        return math.prod(self.lengths)
+
+    @property
+    def bounds(self) -> Floats:
+        """Lower and upper corner, (2, 3); z = 0 in 2D."""
+        low, span = (np.array([*vector, 0.0][:3]) for vector in (self.origin, self.lengths))
+        return np.array([low, low + span])
+
+    @property
+    def boundary(self) -> Boundary:
+        """The walls in closed form."""
+        return Boundary(flat=(not self.periodic[0], not self.periodic[1], self.dimension == 3 and not self.periodic[2]))
+
+    def scaled(self, factor: float) -> Self:
+        """Return the container with lengths and corner multiplied.
+
+        Raises
+        ------
+        InputError
+            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any longer.
+        """
+        times = as_positive(factor, "factor")
+        lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))
+        return self._with(lengths, self.periodic[: self.dimension], origin)
+
+    def with_periodic(self, periodic: Periodic) -> Self:
+        """Return the container with other periodic axes.
+
+        Raises
+        ------
+        InputError
+            If `periodic` names no axes.
+        """
+        return self._with(self.lengths, periodic, self.origin)
+
+    def _with(self, lengths: ArrayLike, periodic: Periodic, origin: ArrayLike) -> Self:
+        """Return a container of the same kind."""
+        made = object.__new__(type(self))
+        made._set(lengths, periodic, origin)
+        return made
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return kind and parameters as JSON-able values."""
+        flags = list(self.periodic[: self.dimension])
+        return {"kind": self.kind, "lengths": list(self.lengths), "periodic": flags, "origin": list(self.origin)}
+
+    def _distance(self, points: Floats) -> Floats:
+        """Return the distance of points (n, dimension) from the nearest wall, negative inside; -inf without walls."""
+        axes = [k for k in range(self.dimension) if not self.periodic[k]]
+        if not axes:
+            return np.full(len(points), -np.inf)
+        low, high = self.bounds[:, axes]
+        beyond = np.maximum(low - points[:, axes], points[:, axes] - high)
+        outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+        return np.where(outside > 0, outside, beyond.max(axis=1))
+
+
+@dataclass(frozen=True, init=False)
+class Box(Block):
     """A box along the axes.
 
     Parameters
@@ -36,41 +117,13 @@ class Box:
     """
 
     lengths: tuple[float, float, float]
-    periodic: tuple[bool, bool, bool]
     origin: tuple[float, float, float]
     kind: ClassVar[str] = "box"
     dimension: ClassVar[int] = 3
 
     @explained(hint='Box((4, 4, 6)) or Box((4, 4, 6), periodic="xy")')
-    def __init__(
-        self,
-        lengths: ArrayLike,
-        periodic: Periodic = False,
-        *,
-        origin: ArrayLike = (0.0, 0.0, 0.0),
-    ) -> None:
-        x, y, z = (as_length(float(value), "length of the box") for value in as_vector(lengths, "lengths"))
-        a, b, c = (float(value) for value in as_place(origin, "origin"))
-        object.__setattr__(self, "lengths", (x, y, z))
-        object.__setattr__(self, "periodic", as_periodic(periodic))
-        object.__setattr__(self, "origin", (a, b, c))
-
-    @property
-    def volume(self) -> float:
-        """Volume."""
-        return self.lengths[0] * self.lengths[1] * self.lengths[2]
-
-    @property
-    def bounds(self) -> Floats:
-        """Lower and upper corner, (2, 3)."""
-        low = np.array(self.origin)
-        return np.array([low, low + np.array(self.lengths)])
-
-    @property
-    def boundary(self) -> Boundary:
-        """The walls in closed form."""
-        x, y, z = self.periodic
-        return Boundary(flat=(not x, not y, not z))
+    def __init__(self, lengths: ArrayLike, periodic: Periodic = False, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        self._set(lengths, periodic, origin)
 
     def signed_distance(self, points: ArrayLike) -> Floats:
         """Return the distance of (n, 3) points from the nearest wall, negative inside.
@@ -80,50 +133,9 @@ class Box:
         InputError
             If the points are not an (n, 3) array of finite numbers.
         """
-        return box_distance(as_points(points), self.bounds, [k for k in range(3) if not self.periodic[k]])
+        return self._distance(as_points(points))
 
     def mesh(self) -> tuple[Floats, Integers]:
         """Return vertices and triangles of the boundary."""
         vertices, faces, _ = unit_box()
         return (vertices + 0.5) * np.array(self.lengths) + np.array(self.origin), faces
-
-    def scaled(self, factor: float) -> "Box":
-        """Return the box with lengths and corner multiplied.
-
-        Raises
-        ------
-        InputError
-            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any longer.
-        """
-        times = as_positive(factor, "factor")
-        lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))
-        return Box(lengths, self.periodic, origin=origin)
-
-    def with_periodic(self, periodic: Periodic) -> "Box":
-        """Return the box with other periodic axes.
-
-        Raises
-        ------
-        InputError
-            If `periodic` names no axes.
-        """
-        return Box(self.lengths, periodic, origin=self.origin)
-
-    def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values."""
-        return {
-            "kind": self.kind,
-            "lengths": list(self.lengths),
-            "periodic": list(self.periodic),
-            "origin": list(self.origin),
-        }
-
-
-def box_distance(points: Floats, bounds: Floats, walled: Sequence[int]) -> Floats:
-    """Return the signed distance of points from the walls of a box along the given axes; -inf without walls."""
-    if not walled:
-        return np.full(len(points), -np.inf)
-    axes = list(walled)
-    beyond = np.maximum(bounds[0, axes] - points[:, axes], points[:, axes] - bounds[1, axes])
-    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
-    return np.where(outside > 0, outside, beyond.max(axis=1))

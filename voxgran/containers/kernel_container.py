@@ -70,18 +70,10 @@ class KernelContainer(NamedTuple):
 def kernel_container(
     container: Container, *, from_corner: bool = False, slack: float | None = None, map_cell: float | None = None
 ) -> KernelContainer:
-    """Return a container as kernels take it.
+    """Return a container as kernels take it, with coordinates from the lower corner of the bounds if `from_corner`.
 
-    Parameters
-    ----------
-    container : Container
-        The container.
-    from_corner : bool
-        Whether coordinates are counted from the lower corner of the bounds.
-    slack : float, optional
-        Length up to which a sphere may reach beyond a wall; if omitted, the rounding error of its coordinates.
-    map_cell : float, optional
-        Edge of the cells of the map of clearances of a closed mesh; no map if omitted.
+    A sphere may reach beyond a wall by `slack`, by default the rounding error of its coordinates. With `map_cell`, the
+    edge of its cells, a closed mesh gets a map of clearances.
     """
     boundary = boundary_of(container)
     lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)

@@ -17,15 +17,6 @@ NEEDED = ("kind", "dimension", "periodic", "volume", "bounds", "signed_distance"
 class Container(Protocol):
     """A region of space in which grains are packed.
 
-    Attributes
-    ----------
-    kind : str
-        Name in scene files and packings, such as ``"box"``.
-    dimension : int
-        2 or 3.
-    periodic : tuple of bool
-        Whether each of the three axes is periodic.
-
     Notes
     -----
     A container may also have an attribute ``boundary``, its walls in closed form as a :class:`Boundary`. Without it the
@@ -34,7 +25,7 @@ class Container(Protocol):
 
     @property
     def kind(self) -> str:
-        """Name in scene files and packings."""
+        """Name in scene files and packings, such as ``"box"``."""
 
     @property
     def dimension(self) -> int:
@@ -67,26 +58,14 @@ class Container(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Boundary:
-    """The walls of a container in closed form.
+    """The walls of a container in closed form."""
 
-    Attributes
-    ----------
-    flat : tuple of bool
-        Across which axes there are two plane walls, at the bounds.
-    round_axes : int
-        0; 2 for a wall around the line along z through `center`; 3 for a wall around the point `center`.
-    radius : float
-        Radius of the round wall; 0 where there is none.
-    center : tuple of float
-        Center of a sphere, or a point of the axis of a cylinder.
-    solid : Shape or None
-        Shape of triangles whose surface is the wall, in its own frame; its ``offset`` places it.
-    """
-
-    flat: tuple[bool, bool, bool] = (False, False, False)
+    flat: tuple[bool, bool, bool] = (False, False, False)  # across which axes there are two plane walls, at the bounds
+    # 2: a wall around the line along z through `center`; 3: a wall around the point `center`; 0: none
     round_axes: int = 0
-    radius: float = 0.0
-    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    radius: float = 0.0  # of the round wall; 0 without one
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of a sphere, or a point of the axis of a cylinder
+    # shape of triangles whose surface is the wall, in its own frame; its ``offset`` places it
     solid: Shape | None = None
 
     @property

@@ -17,21 +17,8 @@ def in_one_unit(
 ) -> tuple[tuple[Shape, ...], Container, str]:
     """Return shapes and container with all lengths in one unit, and that unit.
 
-    Parameters
-    ----------
-    shapes : sequence of Shape
-        Of any units.
-    container : Container
-        Only a closed mesh has a unit of its own.
-    unit : str or None
-        Requested unit; if omitted or ``"1"``, the only one that is known.
-
-    Raises
-    ------
-    InputError
-        If no unit is requested and several are known.
-    UnknownNameError
-        If the requested unit is unknown; the message gives the nearest one.
+    It is the requested one or, if that is None or ``"1"``, the only one that is known; several known ones and unknown
+    names are refused. Of the containers only a closed mesh has a unit of its own.
     """
     solid = container.shape if isinstance(container, ClosedMesh) else None
     units = [shape.unit for shape in shapes] + ([] if solid is None else [solid.unit])
@@ -44,22 +31,7 @@ def in_one_unit(
 def converted(
     shapes: Sequence[Shape], container: Container, source: str, target: str
 ) -> tuple[tuple[Shape, ...], Container]:
-    """Return shapes and container of a packing with their lengths in another unit.
-
-    Parameters
-    ----------
-    shapes : sequence of Shape
-        In the first unit, also those without a unit.
-    container : Container
-        The same.
-    source, target : str
-        The units.
-
-    Raises
-    ------
-    InputError
-        If only one of them is a unit.
-    """
+    """Return shapes and container of a packing with their lengths converted from one unit to another."""
     factor = unit_factor(source, target)
     solids = tuple(replace(shape, unit=source).to_unit(target) for shape in shapes)
     if isinstance(container, ClosedMesh):

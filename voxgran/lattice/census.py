@@ -15,43 +15,18 @@ SLAB = 2**24
 
 @dataclass(frozen=True, slots=True)
 class Census:
-    """Properties of the labels of an image, except 0.
+    """Properties of the labels of an image, except 0."""
 
-    Attributes
-    ----------
-    label : (n,) ndarray of int
-        Labels in the image, increasing; they need not be consecutive.
-    count : (n,) ndarray of int
-        Voxels of each.
-    lower, upper : (n, 3) ndarray of int
-        Bounding box of each, from `lower` up to but not including `upper`.
-    middle : (n, 3) ndarray of float
-        Mean of the voxel centers, in voxels.
-    at_border : (n,) ndarray of bool
-        Whether each touches the border of the image.
-    """
-
-    label: Integers
-    count: Integers
-    lower: Integers
+    label: Integers  # (n,) labels in the image, increasing; not necessarily consecutive
+    count: Integers  # (n,) voxels of each
+    lower: Integers  # (n, 3) bounding box of each, from `lower` up to but not including `upper`
     upper: Integers
-    middle: Floats
-    at_border: Booleans
+    middle: Floats  # (n, 3) mean of the voxel centers, in voxels
+    at_border: Booleans  # (n,) whether each touches the border of the image
 
 
 def census(image: NDArray[Any], name: str = "the image") -> Census:
-    """Count the labels of an image.
-
-    Parameters
-    ----------
-    image : (nx, ny, nz) array_like of int
-        Labels, 0 for void; it may be a memory map larger than the memory.
-    name : str
-        Name of the image in messages.
-
-    Returns
-    -------
-    Census
+    """Return the census of an (nx, ny, nz) image of labels, 0 for void; it may be a memory map larger than the memory.
 
     Raises
     ------

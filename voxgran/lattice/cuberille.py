@@ -19,20 +19,12 @@ APART = 2.0**-10
 
 
 def voxel_surface(mask: Booleans) -> tuple[Floats, Integers]:
-    """Return the surface of voxels.
+    """Return vertices (n, 3) and triangles (m, 3) of the surface of an (nx, ny, nz) mask with at least one occupied
+    voxel.
 
-    Parameters
-    ----------
-    mask : (nx, ny, nz) ndarray of bool
-        Mask with at least one occupied voxel; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
-
-    Returns
-    -------
-    vertices : (n, 3) ndarray of float
-        Vertices in voxels: whole numbers, except where voxels share only an edge or a corner.
-    faces : (m, 3) ndarray of int
-        Triangles, outward; those of cavities inward. Each edge has two faces, and voxels without a common face are not
-        connected.
+    Voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1); vertices are whole numbers, except where voxels
+    share only an edge or a corner. Triangles are outward, those of cavities inward. Each edge has two faces, and voxels
+    without a common face are not connected.
     """
     faces, owner = _outer_faces(mask)
     corner = np.unique(faces)

@@ -100,17 +100,11 @@ def distance_transform(
 
 
 def inside_distance(mask: Booleans, voxel_size: float) -> Floats:
-    """Return the distance of each occupied voxel's center from the nearest free voxel, minus half a voxel.
+    """Return the distance of each occupied voxel's center from the nearest free voxel, minus half a voxel; 0 for free
+    voxels.
 
     This is the radius of the largest sphere about the center inside the occupied voxels, within half a voxel's
-    diagonal; it is 0 for free voxels. The exterior of the lattice counts as free.
-
-    Parameters
-    ----------
-    mask : (nx, ny, nz) ndarray of bool
-        Mask of the occupied voxels.
-    voxel_size : float
-        Edge of a voxel, in the unit of lengths.
+    diagonal, in the unit of the voxel size. The exterior of the lattice counts as free.
     """
     squares = distance_transform(np.pad(mask, 1), squared=True)[1:-1, 1:-1, 1:-1]
     return np.asarray(np.maximum(np.sqrt(squares.astype(np.float64)) - 0.5, 0.0) * voxel_size)
@@ -151,51 +145,46 @@ def _in_blocks(work: Any, count: int, threads: int, *arguments: Any) -> None:
 @kernel
 def _pass_planes(taken, squares, around_z, around_y, far, begin, end):  # type: ignore[no-untyped-def]
     """Fill planes across x with the squared distances within each plane."""
-    ny, nz = taken.shape[1], taken.shape[2]
+    ny = taken.shape[1]
     lines, found = np.empty((ny, 64), np.int32), np.empty((ny, 64), np.int32)
     height, place = np.empty(2 * ny + 2, np.int64), np.empty(2 * ny + 2, np.int64)
     for i in range(begin, end):
         for j in range(ny):
             _walk(taken[i, j], squares[i, j], around_z)
-        for first in range(0, nz, 64):
-            width = min(64, nz - first)
-            longest = np.int32(0)
-            for j in range(ny):
-                for t in range(width):
-                    lines[j, t] = squares[i, j, first + t]
-                    longest = max(longest, lines[j, t])
-                for t in range(width, 64):
-                    lines[j, t] = 0
-            if longest == 0:
-                continue
-            _find_lowest(lines, width, longest, found, height, place, around_y, far)
-            for j in range(ny):
-                for t in range(width):
-                    squares[i, j, first + t] = found[j, t]
+        _pass_plane(squares, False, i, lines, found, height, place, around_y, far)
 
 
 @kernel
 def _pass_columns(squares, around, far, begin, end):  # type: ignore[no-untyped-def]
     """Add the contribution along x, for planes across y."""
-    nx, nz = squares.shape[0], squares.shape[2]
+    nx = squares.shape[0]
     lines, found = np.empty((nx, 64), np.int32), np.empty((nx, 64), np.int32)
     height, place = np.empty(2 * nx + 2, np.int64), np.empty(2 * nx + 2, np.int64)
     for j in range(begin, end):
-        for first in range(0, nz, 64):
-            width = min(64, nz - first)
-            longest = np.int32(0)
-            for i in range(nx):
-                for t in range(width):
-                    lines[i, t] = squares[i, j, first + t]
-                    longest = max(longest, lines[i, t])
-                for t in range(width, 64):
-                    lines[i, t] = 0
-            if longest == 0:
-                continue
-            _find_lowest(lines, width, longest, found, height, place, around, far)
-            for i in range(nx):
-                for t in range(width):
-                    squares[i, j, first + t] = found[i, t]
+        _pass_plane(squares, True, j, lines, found, height, place, around, far)
+
+
+@kernel
+def _pass_plane(squares, across_y, at, lines, found, height, place, around, far):  # type: ignore[no-untyped-def]
+    """Add the contribution along x (of a plane across y) or y (of a plane across x), 64 lines at a time."""
+    n, nz = len(lines), squares.shape[2]
+    for first in range(0, nz, 64):
+        width = min(64, nz - first)
+        longest = np.int32(0)
+        for k in range(n):
+            i, j = (k, at) if across_y else (at, k)
+            for t in range(width):
+                lines[k, t] = squares[i, j, first + t]
+                longest = max(longest, lines[k, t])
+            for t in range(width, 64):
+                lines[k, t] = 0
+        if longest == 0:
+            continue
+        _find_lowest(lines, width, longest, found, height, place, around, far)
+        for k in range(n):
+            i, j = (k, at) if across_y else (at, k)
+            for t in range(width):
+                squares[i, j, first + t] = found[k, t]
 
 
 @kernel

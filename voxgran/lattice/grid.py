@@ -13,34 +13,17 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """A box of cubic voxels.
+    """A box of cubic voxels."""
 
-    Attributes
-    ----------
-    origin : tuple of float
-        Corner of voxel (0, 0, 0), in the unit of lengths.
-    voxel_size : float
-        Edge of a voxel, in the unit of lengths.
-    shape : tuple of int
-        Number of voxels along x, y, z.
-    """
-
-    origin: tuple[float, float, float]
-    voxel_size: float
-    shape: tuple[int, int, int]
+    origin: tuple[float, float, float]  # corner of voxel (0, 0, 0), in the unit of lengths
+    voxel_size: float  # edge of a voxel, in the unit of lengths
+    shape: tuple[int, int, int]  # number of voxels along x, y, z
 
     @classmethod
     def around(cls, lower: Floats, upper: Floats, voxel_size: float, *, margin: int = 1) -> "Grid":
-        """Return the grid with a voxel corner at the coordinates' origin that covers a box.
+        """Return the grid that covers the box from `lower` to `upper`, (3,), with `margin` empty voxels on each side.
 
-        Parameters
-        ----------
-        lower, upper : (3,) ndarray of float
-            Corners of the box, in the unit of lengths.
-        voxel_size : float
-            Edge of a voxel, in the unit of lengths.
-        margin : int
-            Empty voxels on each side.
+        The origin of the coordinates is a corner of its voxels.
         """
         low = np.floor(np.asarray(lower) / voxel_size).astype(int) - margin
         high = np.ceil(np.asarray(upper) / voxel_size).astype(int) + margin
@@ -72,16 +55,7 @@ class Grid:
 
 
 def check_voxel_size(voxel_size: float, extent: float, what: str) -> None:
-    """Check that a voxel is no larger than a given extent.
-
-    Parameters
-    ----------
-    voxel_size : float
-        Edge of a voxel.
-    extent : float
-        Largest allowed edge, in the same unit.
-    what : str
-        Name of the object of this extent in messages.
+    """Check that a voxel is no larger than the extent of an object, whose name for messages is `what`.
 
     Raises
     ------

@@ -35,26 +35,13 @@ TRIANGLES = {**_HALF, **{15 - case: [(c, b, a) for a, b, c in made] for case, ma
 
 
 def fitted_surface(labels: Integers, own: Booleans, beyond: Booleans, *, smoothing: float) -> tuple[Floats, Integers]:
-    """Return the surface of a grain, conforming to those of its neighbours.
+    """Return vertices (n, 3) and triangles (m, 3) of the surface of a grain, conforming to those of its neighbours.
 
-    Parameters
-    ----------
-    labels : (nx, ny, nz) ndarray of int
-        Labels around the grain, 0 for void, up to the range of the smoothing; mirrored beyond the border of the image.
-    own : (nx, ny, nz) ndarray of bool
-        Mask of the voxels of the grain; none in the outermost layer.
-    beyond : (nx, ny, nz) ndarray of bool
-        Mask of the voxels beyond the border of the image.
-    smoothing : float
-        Standard deviation of the Gaussian that rounds the steps, in voxels, above 0.
-
-    Returns
-    -------
-    vertices : (n, 3) ndarray of float
-        Vertices in voxels; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
-    faces : (m, 3) ndarray of int
-        Triangles, outward; those of cavities inward. The enclosed volume is the number of voxels, unless there is too
-        little void around the grain.
+    All images are (nx, ny, nz): `labels` around the grain, 0 for void, up to the range of the smoothing and mirrored
+    beyond the border of the image; `own`, the voxels of the grain, none in the outermost layer; `beyond`, the voxels
+    beyond the border. `smoothing` is the standard deviation of the Gaussian that rounds the steps, in voxels, above 0.
+    Vertices are in voxels; triangles are outward, those of cavities inward. The enclosed volume is the number of
+    voxels, unless there is too little void around the grain.
     """
     lower, upper, faces = _cut_edges(own)
     inside = own.ravel()[lower]

@@ -90,19 +90,9 @@ def _across(labels: NDArray[np.int32], axis: int, rank: int, periodic: tuple[boo
 
 
 def components(count: int, one: Integers, two: Integers) -> Integers:
-    """Return the connected component of each node of an undirected graph.
+    """Return the connected component (count,) of each node of a graph with undirected edges from `one` to `two`, (n,).
 
-    Parameters
-    ----------
-    count : int
-        Number of nodes.
-    one, two : (n,) ndarray of int
-        The two nodes of each edge.
-
-    Returns
-    -------
-    (count,) ndarray of int
-        Components are numbered from 0 in the order of their first nodes.
+    Components are numbered from 0 in the order of their first nodes.
     """
     links = load("scipy.sparse").coo_array((np.ones(len(one), dtype=bool), (one, two)), shape=(count, count))
     part: Integers = load("scipy.sparse.csgraph").connected_components(links, directed=False)[1].astype(np.int64)

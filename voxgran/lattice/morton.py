@@ -6,16 +6,10 @@ from voxgran._base.arrays import Integers
 
 
 def morton_order(sites: Integers) -> Integers:
-    """Return the order of sites along the curve that interleaves the bits of their coordinates.
+    """Return the order of sites (n, 3), with an extent below 2**21 along each axis, along the Morton curve.
 
-    Parameters
-    ----------
-    sites : (n, 3) ndarray of int
-        Sites, with an extent below 2**21 along each axis.
-
-    References
-    ----------
-    Morton 1966, A computer oriented geodetic data base and a new technique in file sequencing, IBM.
+    It interleaves the bits of their coordinates (Morton 1966, A computer oriented geodetic data base and a new
+    technique in file sequencing, IBM).
     """
     if not len(sites):
         return np.zeros(0, dtype=np.int64)

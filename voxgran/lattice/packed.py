@@ -29,18 +29,10 @@ _DIGITS = (
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PackedMask:
-    """Mask of the occupied voxels of a lattice, with one bit each.
+    """Mask of the occupied voxels of a lattice, with one bit each."""
 
-    Attributes
-    ----------
-    words : (nx, ny, ceil(nz / 64)) ndarray of uint64
-        Bit b of word q is voxel z = 64 q + b; bits beyond nz are 0.
-    shape : tuple of int
-        Number of voxels along x, y, z.
-    """
-
-    words: Words
-    shape: tuple[int, int, int]
+    words: Words  # (nx, ny, ceil(nz / 64)); bit b of word q is voxel z = 64 q + b; bits beyond nz are 0
+    shape: tuple[int, int, int]  # number of voxels along x, y, z
 
     @classmethod
     def empty(cls, shape: tuple[int, int, int]) -> "PackedMask":

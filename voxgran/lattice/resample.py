@@ -15,11 +15,7 @@ MOST_VOXELS = 2**32
 
 
 def resample(
-    image: ArrayLike,
-    *,
-    factor: float | None = None,
-    shape: tuple[int, int, int] | None = None,
-    method: str = "mean",
+    image: ArrayLike, *, factor: float | None = None, shape: tuple[int, int, int] | None = None, method: str = "mean"
 ) -> NDArray[Any]:
     """Return an image of the same box with another number of voxels.
 

@@ -86,21 +86,11 @@ def iso_surface(
 
 
 def smooth_surface(mask: Booleans, *, smoothing: float = 1.0) -> tuple[Floats, Integers]:
-    """Return a smooth closed surface around occupied voxels.
+    """Return vertices (n, 3) and triangles (m, 3) of a smooth closed surface around occupied voxels, at least one.
 
-    Parameters
-    ----------
-    mask : (nx, ny, nz) ndarray of bool
-        Mask with at least one occupied voxel; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1).
-    smoothing : float
-        Standard deviation of the Gaussian that rounds the steps, in voxels, above 0.
-
-    Returns
-    -------
-    vertices : (n, 3) ndarray of float
-        In voxels.
-    faces : (m, 3) ndarray of int
-        Triangles, outward; those of cavities inward. The enclosed volume is the number of voxels.
+    `smoothing` is the standard deviation of the Gaussian that rounds the steps, in voxels, above 0. Vertices are in
+    voxels; voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1). Triangles are outward, those of
+    cavities inward. The enclosed volume is the number of voxels.
     """
     ring = int(np.ceil(3 * smoothing)) + 1
     field = load("scipy.ndimage").gaussian_filter(np.pad(mask, ring).astype(np.float64), smoothing, truncate=3.0)

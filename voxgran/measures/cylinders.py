@@ -20,22 +20,8 @@ def cut_spheres_by_cylinder(
 ) -> tuple[Floats, Floats]:
     """Return the volume of each sphere inside the cylinder ``x**2 + y**2 <= radius**2``, ``lower <= z <= upper``.
 
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers.
-    radii : (n,) ndarray of float
-        Radii.
-    radius : float
-        Radius of the cylinder.
-    lower, upper : float
-        Lower and upper end of the cylinder.
-
-    Returns
-    -------
-    volumes : (n,) ndarray of float
-    errors : (n,) ndarray of float
-        Difference from a coarser quadrature.
+    Centers are (n, 3) and radii (n,). Returned are the volumes (n,) and their differences (n,) from a coarser
+    quadrature.
     """
     low, high = np.array([-np.inf, -np.inf, lower]), np.array([np.inf, np.inf, upper])
     volumes, errors = cut_spheres(centers, radii, lower=low, upper=high), np.zeros(len(radii))

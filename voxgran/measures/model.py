@@ -6,7 +6,7 @@ Each measure is one file of the folder ``registered`` with a line ``registration
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,8 @@ from voxgran.packing.model import Packing, check_packing
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
 
+#: datasets by group of the tree
+Groups: TypeAlias = "Mapping[str, Dataset]"
 #: always measured, so that numbers keep their provenance
 ALWAYS = ("provenance",)
 
@@ -31,25 +33,13 @@ def _always(packing: Packing) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measure:
-    """One registered measure.
-
-    Attributes
-    ----------
-    name, summary : str
-        Name, and description in one line.
-    groups : tuple of str
-        Groups of the tree that it adds variables to.
-    compute : callable
-        Function of a packing that returns a mapping of these groups to datasets.
-    applies : callable
-        Function that returns whether the measure applies to a packing; used only if all measures are requested.
-    """
+    """One registered measure."""
 
     name: str
-    summary: str
-    groups: tuple[str, ...]
-    compute: "Callable[[Packing], Mapping[str, Dataset]]"
-    applies: Callable[[Packing], bool] = _always
+    summary: str  # description in one line
+    groups: tuple[str, ...]  # groups of the tree that it adds variables to
+    compute: Callable[[Packing], Groups]
+    applies: Callable[[Packing], bool] = _always  # whether it applies to a packing, if all measures are requested
 
 
 def measure_registry() -> Registry[Measure]:
@@ -122,20 +112,9 @@ def dataset(variables: Mapping[str, Any], coordinates: Mapping[str, Any] | None 
 def variable(
     dims: tuple[str, ...], values: ArrayLike, units: str, long_name: str, *, error: float | None = None
 ) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
-    """Return dimensions, values and attributes as a variable of xarray.
+    """Return dimensions, values and attributes as a variable of xarray; the unit is ``"1"`` if there is none.
 
-    Parameters
-    ----------
-    dims : tuple of str
-        Names of the dimensions.
-    values : array_like
-        The values.
-    units : str
-        Unit, ``"1"`` if there is none.
-    long_name : str
-        Description in words.
-    error : float, optional
-        Bound or standard deviation of the error. Default: no such attribute.
+    `error` is a bound or the standard deviation; None for no such attribute.
     """
     attributes: dict[str, Any] = {"units": units, "long_name": long_name}
     if error is not None:

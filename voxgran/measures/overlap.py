@@ -29,25 +29,8 @@ def overlap_volume(
 ) -> float:
     """Return the volume (in 2D area) inside a box that is counted more than once in the sum over the grains.
 
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    pairs : tuple of ndarray
-        Pairs (i, j, image) of grains that overlap.
-    present : tuple of ndarray
-        Grains (m,) that reach into the box, with the image (m, 3) of each.
-    lower, upper : (2,) or (3,) ndarray of float
-        Corners; infinite on open sides.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    DirtyMeshError
-        If one of the grains is not a closed surface.
+    `pairs` are the overlapping grains (i, j, image), and `present` the grains (m,) that reach into the box with the
+    image (m, 3) of each. The box is infinite on open sides. Grains that are not closed surfaces are refused.
     """
     clusters = _clusters(pairs, present)
     return sum(_shared(packing, cluster, lower, upper) for cluster in clusters)

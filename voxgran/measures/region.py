@@ -8,7 +8,6 @@ random in each voxel of its shape, and the standard error is given.
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -28,28 +27,8 @@ HELD = 0.85
 POINTS, MOST_POINTS, CONTAINER_POINTS = 60_000, 1000, 60_000
 
 
-class Region(Protocol):
-    """A part of a container."""
-
-    @property
-    def volume(self) -> Estimate:
-        """Volume (area in 2D); 0 if the region is empty."""
-
-    def grains(self, packing: Packing) -> Booleans:
-        """Return the mask of the grains with their centroids in the region."""
-
-    def solid(self, solids: Solids) -> Estimate:
-        """Return the volume of the union of the grains inside the region."""
-
-
 class Regions:
-    """Regions of a packing, by their distance from the walls.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    """
+    """Regions of a packing, by their distance from the walls."""
 
     def __init__(self, packing: Packing) -> None:
         self.packing = packing
@@ -75,7 +54,7 @@ class Regions:
         """Whether a side of the container is not periodic."""
         return not all(self.packing.container.periodic[: self.packing.dimension])
 
-    def at(self, inset: float) -> Region:
+    def at(self, inset: float) -> "BoxRegion | CylinderRegion | SampledRegion":
         """Return the part that lies at least `inset` from each wall and below the height."""
         container, d = self.packing.container, self.packing.dimension
         boundary = boundary_of(container)
@@ -159,29 +138,15 @@ class CylinderRegion:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Points of equal weight in each grain and in the container, with their distances from the walls.
+    """Points of equal weight in each grain and in the container, with their distances from the walls."""
 
-    Attributes
-    ----------
-    points, depths : ndarray of float
-        Points (m, 3) in the grains, and their distances (m,) inside the walls.
-    grain : (m,) ndarray of int
-        Grain of each point.
-    volumes : (n,) ndarray of float
-        Volumes of the grains.
-    around, around_depths : ndarray of float
-        Points (k, 3) in the bounds of the container, and their distances (k,) inside the walls.
-    span : float
-        Volume of the bounds.
-    """
-
-    points: Floats
-    depths: Floats
-    grain: Integers
-    volumes: Floats
-    around: Floats
-    around_depths: Floats
-    span: float
+    points: Floats  # (m, 3) points in the grains
+    depths: Floats  # (m,) their distances inside the walls
+    grain: Integers  # (m,) grain of each point
+    volumes: Floats  # (n,) volumes of the grains
+    around: Floats  # (k, 3) points in the bounds of the container
+    around_depths: Floats  # (k,) their distances inside the walls
+    span: float  # volume of the bounds
 
     @classmethod
     def of(cls, packing: Packing) -> "Samples":
@@ -264,16 +229,9 @@ def gravity_of(packing: Packing) -> tuple[int, int] | None:
 
 
 def held_height(solids: Solids, axis: int, sign: int) -> float:
-    """Return the coordinate up to which the share HELD of the solid volume lies, from the bottom of the bed.
+    """Return the coordinate along gravity below which the share HELD of the volume of the grains, at least one, lies.
 
-    Parameters
-    ----------
-    solids : Solids
-        The grains, at least one.
-    axis : int
-        Axis of gravity.
-    sign : int
-        -1 if gravity points to low coordinates, 1 if to high ones.
+    The sign is -1 if gravity points to low coordinates, 1 if to high ones.
     """
     packing = solids.packing
     wanted = HELD * float(packing.volumes.sum())

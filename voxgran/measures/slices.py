@@ -16,14 +16,7 @@ from voxgran._base.kernels import kernel
 
 
 def as_window(lower: ArrayLike, upper: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
-    """Return the corners of a box, infinite on open sides.
-
-    Parameters
-    ----------
-    lower, upper : (dimension,) array_like of float
-        Corners; in 2D a third coordinate is ignored.
-    dimension : int
-        2 or 3.
+    """Return the corners of a box, infinite on open sides; in 2D a third coordinate is ignored.
 
     Raises
     ------
@@ -41,18 +34,10 @@ def as_window(lower: ArrayLike, upper: ArrayLike, dimension: int) -> tuple[Float
 
 
 def cut_mesh(triangles: Floats, maps: Floats, centers: Floats, *, lower: Floats, upper: Floats) -> Floats:
-    """Return the volume inside a box of each of k copies of a closed mesh.
+    """Return the volume (k,) inside a box of each of k copies of a closed mesh of triangles (m, 3, 3).
 
-    Parameters
-    ----------
-    triangles : (m, 3, 3) ndarray of float
-        Corner points of the triangles in the body frame.
-    maps : (k, 3, 3) ndarray of float
-        Linear map of each copy: rotation times scale.
-    centers : (k, 3) ndarray of float
-        Position of the origin of the body frame.
-    lower, upper : (3,) ndarray of float
-        Corners of the box; infinite on open sides.
+    A copy has a linear map (3, 3), rotation times scale, and a position of the origin (3,); the box is infinite on open
+    sides.
     """
     volumes = np.zeros(len(centers))
     work = np.zeros((2, 12, 3))
@@ -68,18 +53,10 @@ def cut_mesh(triangles: Floats, maps: Floats, centers: Floats, *, lower: Floats,
 
 
 def cut_polygon(vertices: Floats, maps: Floats, centers: Floats, *, lower: Floats, upper: Floats) -> Floats:
-    """Return the area inside a rectangle of each of k copies of a simple polygon.
+    """Return the area (k,) inside a rectangle of each of k copies of a simple, counterclockwise polygon with corners
+    (m, 2).
 
-    Parameters
-    ----------
-    vertices : (m, 2) ndarray of float
-        Corners in the body frame, counterclockwise.
-    maps : (k, 2, 2) ndarray of float
-        Linear map of each copy: rotation times scale.
-    centers : (k, 2) ndarray of float
-        Position of the origin of the body frame.
-    lower, upper : (2,) ndarray of float
-        Corners of the rectangle; infinite on open sides.
+    Maps, centers and rectangle are as for :func:`cut_mesh`, with two coordinates.
     """
     areas = np.zeros(len(centers))
     # a line cuts each edge of a polygon at most once, so that each of the four cuts at most doubles it

@@ -57,28 +57,15 @@ class Estimate(float):
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """The grains of a packing as solids for cutting.
-
-    Attributes
-    ----------
-    packing : Packing
-        The packing; intermediate results are cached.
-    """
+    """The grains of a packing as solids for cutting; intermediate results are cached."""
 
     packing: Packing
 
     def volume(self, lower: Floats, upper: Floats) -> Estimate:
         """Return the volume (in 2D area) of the union of all grains and their periodic images inside a box.
 
-        Parameters
-        ----------
-        lower, upper : (2,) or (3,) ndarray of float
-            Corners; infinite on open sides. On an open periodic axis each grain is counted once.
-
-        Raises
-        ------
-        DirtyMeshError
-            If grains overlap and one of them is not a closed surface.
+        The box is infinite on open sides; on an open periodic axis each grain is counted once. Overlapping grains that
+        are not closed surfaces are refused.
         """
         if self.spheres is not None:
             return Estimate(self._sphere_volume(self.spheres, lower, upper))
@@ -94,16 +81,8 @@ class Solids:
     def cut_grains(
         self, grain: Integers, lower: Floats, upper: Floats, *, shift: Floats | None = None
     ) -> tuple[Floats, Floats]:
-        """Return the volume of each given grain inside a box, and bounds of the errors.
-
-        Parameters
-        ----------
-        grain : (k,) ndarray of int
-            Indices of the grains.
-        lower, upper : (2,) or (3,) ndarray of float
-            Corners; infinite on open sides.
-        shift : (k, 3) ndarray of float, optional
-            Translation of each grain. Default: none.
+        """Return the volumes (k,) of given grains, each with a translation in `shift` (k, 3), inside a box, and error
+        bounds (k,).
         """
         packing, d = self.packing, self.packing.dimension
         centers = packing.position[grain] + (0.0 if shift is None else shift)
@@ -124,7 +103,7 @@ class Solids:
     def spheres(self) -> tuple[Floats, Floats, Planes] | None:
         """Centers, radii and planes of equal power of all spheres of all grains; None unless all grains are spheres."""
         used = [self.packing.shapes[k] for k in np.unique(self.packing.shape_id)]
-        if not all(_is_spheres(shape) for shape in used):
+        if any(_body_spheres(shape) is None for shape in used):
             return None
         centers, radii = flat_spheres(self.packing)
         return centers, radii, power_planes(centers, radii, self.packing.container)
@@ -160,23 +139,10 @@ class Solids:
 def images(
     centers: Floats, radii: Floats, lower: Floats, upper: Floats, container: Container
 ) -> tuple[Integers, Floats]:
-    """Return the spheres that reach into a box, once per periodic image, and their translations.
+    """Return the indices (m,) of the spheres that reach into a box, once per periodic image, and their translations (m,
+    3).
 
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers.
-    radii : (n,) ndarray of float
-        Radii.
-    lower, upper : (2,) or (3,) ndarray of float
-        Corners; an open periodic axis gives no images.
-    container : Container
-        Container that defines the periodic axes and lengths.
-
-    Returns
-    -------
-    index : (m,) ndarray of int
-    shift : (m, 3) ndarray of float
+    An open periodic axis gives no images.
     """
     lengths = container.bounds[1] - container.bounds[0]
     index, shift = np.arange(len(centers)), np.zeros((len(centers), 3))
@@ -201,7 +167,9 @@ def flat_spheres(packing: Packing) -> tuple[Floats, Floats]:
     centers, radii, owner = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, np.int64)]
     for k in np.unique(packing.shape_id):
         grain = np.flatnonzero(packing.shape_id == k)
-        body, sizes = _body_spheres(packing.shapes[k])
+        found = _body_spheres(packing.shapes[k])
+        assert found is not None
+        body, sizes = found
         stretched = body[None] * packing.scale[grain, None, None]
         turned = np.einsum("gij,gbj->gbi", packing.matrices[grain], stretched) if body.any() else stretched
         centers.append((turned + packing.position[grain, None]).reshape(-1, 3))
@@ -212,24 +180,9 @@ def flat_spheres(packing: Packing) -> tuple[Floats, Floats]:
 
 
 def power_planes(centers: Floats, radii: Floats, container: Container | None = None) -> Planes:
-    """Return for each sphere the planes of equal power with the spheres that it overlaps.
+    """Return (start, normals, offsets) of the planes of equal power of each sphere with the spheres that it overlaps.
 
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers.
-    radii : (n,) ndarray of float
-        Radii.
-    container : Container, optional
-        Container that defines the periodic axes. Default: none.
-
-    Returns
-    -------
-    start : (n + 1,) ndarray of int
-    normals : (m, 3) ndarray of float
-    offsets : (m,) ndarray of float
-        The planes of sphere i have the indices from ``start[i]`` to ``start[i + 1]``; offsets are relative to its
-        center.
+    The planes of sphere i have the indices from ``start[i]`` to ``start[i + 1]``; offsets are relative to its center.
     """
     slack = -NO_DEPTH * float(radii.mean()) if len(radii) else 0.0
     periodic, lower, lengths = (False, False, False), np.zeros(3), np.ones(3)
@@ -262,21 +215,16 @@ def _chosen(planes: Planes, sphere: Integers) -> Planes:
     return ends, normals[index], offsets[index]
 
 
-def _is_spheres(shape: Shape) -> bool:
-    """Return whether a shape is a sphere, a union of spheres or a disk."""
-    geometry = shape.geometry
-    kind = geometry.kind if isinstance(geometry, Primitive | Outline) else ""
-    return isinstance(geometry, Spheres) or kind in ("sphere", "disk")
-
-
-def _body_spheres(shape: Shape) -> tuple[Floats, Floats]:
-    """Return the spheres of a shape in its frame."""
+def _body_spheres(shape: Shape) -> tuple[Floats, Floats] | None:
+    """Return centers and radii of a sphere, a union of spheres or a disk in its frame; None for other shapes."""
     geometry = shape.geometry
     if isinstance(geometry, Spheres):
         return geometry.centers, geometry.radii
-    if isinstance(geometry, Outline):
+    if isinstance(geometry, Outline) and geometry.kind == "disk":
         return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
-    return np.zeros((1, 3)), np.array([shape.bounding_radius])
+    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
+        return np.zeros((1, 3)), np.array([shape.bounding_radius])
+    return None
 
 
 def _periods(container: Container) -> Floats:

@@ -11,36 +11,15 @@ from voxgran._base.lazy import load
 
 
 def seed_open3d(seed: int) -> None:
-    """Seed the generator of Open3D, which is global to the process.
-
-    Parameters
-    ----------
-    seed : int
-        Not negative.
-    """
+    """Seed the generator of Open3D, which is global to the process."""
     open3d = load("open3d")
     open3d.utility.random.seed(seed % 2**31)
 
 
 def sample_triangles(vertices: Floats, faces: Integers, count: int, *, seed: int, poisson: bool) -> Floats:
-    """Return points on a mesh.
+    """Return points (count, 3) on a mesh of a size of the order of 1; the generator of Open3D is seeded on each call.
 
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, of the order of 1.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    count : int
-        Number of points.
-    seed : int
-        Seed of the generator of Open3D, which is global to the process and is seeded on each call.
-    poisson : bool
-        Whether points keep a mutual distance (sample elimination, Yuksel 2015, doi:10.1111/cgf.12538) or are uniform.
-
-    Returns
-    -------
-    (count, 3) ndarray of float
+    Points keep a mutual distance if `poisson` (sample elimination, Yuksel 2015, doi:10.1111/cgf.12538), or are uniform.
     """
     open3d = load("open3d")
     mesh = open3d.geometry.TriangleMesh(

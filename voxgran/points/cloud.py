@@ -293,28 +293,14 @@ class Cloud:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """Frame in which points are centered and of unit size.
+    """Frame in which points are centered and of unit size."""
 
-    Attributes
-    ----------
-    center : (3,) ndarray of float
-        Origin of the frame.
-    size : float
-        Unit of length of the frame.
-    """
-
-    center: Floats
-    size: float
+    center: Floats  # (3,) origin of the frame
+    size: float  # unit of length of the frame
 
     @classmethod
     def around(cls, points: Floats) -> "Frame":
-        """Return the frame of given points.
-
-        Parameters
-        ----------
-        points : (n, 3) ndarray of float
-            The points.
-        """
+        """Return the frame of points (n, 3)."""
         if not len(points):
             return cls(np.zeros(3), 1.0)
         low, high = points.min(axis=0), points.max(axis=0)

@@ -6,16 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import (
-    Booleans,
-    Floats,
-    Integers,
-    as_choice,
-    as_count,
-    as_length,
-    as_number,
-    check_type,
-)
+from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_number, check_type
 from voxgran._base.calls import renamed
 from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.lazy import load
@@ -178,10 +169,13 @@ def _alpha(cloud: Cloud, frame: Frame, radius: float) -> tuple[Floats, Integers]
     # tetrahedra whose facets are all small
     size = np.maximum.reduce([_circumradii(corners[tetras[:, list(side)]]) for side in SIDES])
     wide = _circumradii(corners[facets.corners])
-    outside = _reached(facets, len(tetras), wide > radius)
-    _refuse_wafer(
-        cloud, frame, corners, tetras[~outside[:-1]], _widest(corners, facets, np.where(wide > radius, wide, 0.0))
-    )
+    # the tetrahedra, and at last the outside itself, that spheres reach through facets
+    through = wide > radius
+    body = components(len(tetras) + 1, facets.one[through], facets.other[through])
+    outside = np.asarray(body == body[-1])
+    widest = int(np.where(through, wide, 0.0).argmax())
+    hole = corners[facets.corners[widest]].mean(axis=0), float(wide[widest]) if through.any() else 0.0
+    _refuse_wafer(cloud, frame, corners, tetras[~outside[:-1]], hole)
     edges = _numbered(tetras[:, EDGES], len(corners))
     for turn in range(ROUNDS + 1):
         edge = outside[facets.one] != outside[facets.other]
@@ -206,12 +200,6 @@ class _Facets:
     other: Integers
 
 
-def _widest(corners: Floats, facets: _Facets, wide: Floats) -> tuple[Floats, float]:
-    """Return center and width of the widest of given facets."""
-    worst = int(wide.argmax())
-    return corners[facets.corners[worst]].mean(axis=0), float(wide[worst])
-
-
 def _refuse_wafer(cloud: Cloud, frame: Frame, corners: Floats, solid: Integers, hole: tuple[Floats, float]) -> None:
     """Refuse a skin thinner than two spacings, which remains if spheres enter the body through a hole."""
     edges = corners[solid[:, 1:]] - corners[solid[:, :1]]
@@ -234,12 +222,6 @@ def _facets(tetras: Integers) -> _Facets:
     new = np.r_[True, np.diff(which.ravel()[order]) != 0]
     first, last = order[new], order[np.r_[new[1:], True]]
     return _Facets(sides[first], first // 4, np.where(first == last, len(tetras), last // 4))
-
-
-def _reached(facets: _Facets, many: int, through: Booleans) -> Booleans:
-    """Return which of so many tetrahedra, and at last the outside itself, are reached through passable facets."""
-    body = components(many + 1, facets.one[through], facets.other[through])
-    return np.asarray(body == body[-1])
 
 
 def _numbered(edges: Integers, many: int) -> Integers:

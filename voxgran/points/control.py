@@ -23,27 +23,8 @@ POINTED = 0.3
 def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePoints:
     """Return control points: those of :func:`voxgran.sample_surface`, and points along edges and at corners.
 
-    Parameters
-    ----------
-    shape : Shape
-        Any shape. Points of a sphere, ellipsoid or disk lie on its surface, those of other curved shapes on the
-        tessellation.
-    spacing : float
-        Largest spacing on the surface and along edges, in the unit of lengths.
-    seed : int
-        Random seed.
-
-    Returns
-    -------
-    SurfacePoints
-        (n, 3) points with their spacing on the tessellation.
-
-    Raises
-    ------
-    InputError
-        If the spacing is not above 0 or needs more than half a million points.
-    MissingLibraryError
-        If Open3D cannot be loaded.
+    They have at most the given spacing on the surface and along edges. Points of a sphere, ellipsoid or disk lie on its
+    surface, those of other curved shapes on the tessellation.
     """
     wanted = as_length(spacing, "spacing")
     points = sample_surface(shape, spacing=wanted, seed=seed)
@@ -59,21 +40,10 @@ def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePo
 
 
 def inner_points(shape: Shape, *, spacing: float) -> Floats:
-    """Return points inside a shape on a body-centered lattice (in two dimensions, a triangular one).
+    """Return points (n, 3) inside a shape on a body-centered lattice (in two dimensions, a triangular one).
 
-    Every point of the shape is within half the spacing of a lattice point or of the surface.
-
-    Parameters
-    ----------
-    shape : Shape
-        Any shape.
-    spacing : float
-        Twice the covering radius of the lattice, in the unit of lengths.
-
-    Returns
-    -------
-    (n, 3) ndarray of float
-        Points; none if the shape is thin or an open surface.
+    Every point of the shape is within half the spacing of a lattice point or of the surface. There are none if the
+    shape is thin or an open surface.
 
     Raises
     ------
@@ -108,24 +78,10 @@ def inner_count(shape: Shape, *, spacing: float) -> float:
 
 
 def edge_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
-    """Return points along the convex edges of a closed mesh, or all sharp edges and the border of an open one.
+    """Return points (k, 3) along the convex edges of a closed mesh, or all sharp edges and the border of an open one.
 
-    Corners come first.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, in the unit of lengths.
-    faces : (m, 3) ndarray of int
-        Triangles, of a closed mesh counterclockwise seen from outside.
-    spacing : float
-        Largest distance of neighbours along an edge. On shorter edges points closer to each other than a quarter of it
-        are dropped.
-
-    Returns
-    -------
-    (k, 3) ndarray of float
-        Points; none if no edge is sharp.
+    Corners come first. Neighbours along an edge are at most the spacing apart; on shorter edges points closer to each
+    other than a quarter of it are dropped.
     """
     a, b = _sharp_edges(vertices, faces)
     parts = [vertices[_pointed(vertices, faces)], vertices[a], vertices[b]]

@@ -15,24 +15,7 @@ TRIANGLES = 200_000
 
 
 def covering_radius(points: Floats, vertices: Floats, faces: Integers, *, accuracy: float = 0.01) -> float:
-    """Return an upper bound of the covering radius of points on a surface.
-
-    Parameters
-    ----------
-    points : (n, 3) ndarray of float
-        Points, in the unit of lengths.
-    vertices : (k, 3) ndarray of float
-        Corner points of the surface.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    accuracy : float
-        Largest relative excess of the bound.
-
-    Returns
-    -------
-    float
-        In the unit of lengths.
-    """
+    """Return an upper bound of the covering radius of points on a surface of triangles, to a relative accuracy."""
     tree = load("scipy.spatial").cKDTree(points)
     least = float(tree.query(vertices)[0].max())
     waiting = [vertices[faces]]

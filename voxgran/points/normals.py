@@ -15,23 +15,8 @@ LIGHTEST = 1e-9
 def turned_alike(points: Floats, normals: Floats, neighbours: int) -> Floats:
     """Return normals with signs such that neighbours agree and the normal of the outermost point is outward.
 
-    Parameters
-    ----------
-    points : (n, 3) ndarray of float
-        The points.
-    normals : (n, 3) ndarray of float
-        Unit vectors, of any sign.
-    neighbours : int
-        Number of neighbours of each point.
-
-    Returns
-    -------
-    (n, 3) ndarray of float
-
-    References
-    ----------
-    Hoppe, DeRose, Duchamp, McDonald & Stuetzle 1992, Surface reconstruction from unorganized points,
-    doi:10.1145/133994.134011.
+    Each point has the given number of neighbours (Hoppe, DeRose, Duchamp, McDonald & Stuetzle 1992, Surface
+    reconstruction from unorganized points, doi:10.1145/133994.134011).
     """
     if len(points) < 2:
         return normals

@@ -21,22 +21,10 @@ _REACH = {"center": 0.0, "touch": -0.5, "whole": 0.5}
 
 
 def spheres_bits(centers: Floats, radii: Floats, grid: Grid, *, cover: str) -> PackedMask:
-    """Return the voxels of a union of spheres.
+    """Return the voxels of a union of spheres with centers (n, 3) and radii (n,).
 
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers, in the unit of lengths.
-    radii : (n,) ndarray of float
-        Radii.
-    grid : Grid
-        Lattice.
-    cover : {"center", "touch", "whole"}
-        Whether the center of a voxel must lie in a closed sphere, the closed cube meet one, or one hold the whole cube.
-
-    Returns
-    -------
-    PackedMask
+    Of a voxel the center must lie in a closed sphere (`cover` "center"), the closed cube meet one ("touch"), or one
+    contain the whole cube ("whole").
     """
     bits = PackedMask.empty(grid.shape)
     inner = (np.asarray(centers) - np.array(grid.origin)) / grid.voxel_size - 0.5
@@ -55,14 +43,9 @@ def round_bits(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
 
 
 def profile(solid: Primitive) -> tuple[Floats, Floats]:
-    """Return the squared radius of a round solid along its axis and where it ends.
+    """Return the profile of a round solid along its axis, (3,), and the lowest and highest height, (2,).
 
-    Returns
-    -------
-    curve : (3,) ndarray of float
-        Coefficients c of r^2 = c0 + c1 t + c2 t^2, where t is the height along the axis; ellipsoids as unit spheres.
-    ends : (2,) ndarray of float
-        Lowest and highest t.
+    The profile are the coefficients c of r^2 = c0 + c1 t + c2 t^2 at the height t; ellipsoids are unit spheres.
     """
     d = solid.dimensions
     if solid.kind in ("sphere", "ellipsoid"):
@@ -111,7 +94,7 @@ def touched_round(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
 
 
 def outline_mask(outline: Outline, grid: Grid, *, cover: str) -> Booleans:
-    """Return the pixels of an outline, (nx, ny, 1); the z of the lattice is not looked at."""
+    """Return the pixels of an outline, (nx, ny, 1), whatever the z of the lattice."""
     if outline.kind == "disk":
         flat = Grid((grid.origin[0], grid.origin[1], -grid.voxel_size / 2), grid.voxel_size, (*grid.shape[:2], 1))
         center, radius = np.array([[*outline.center, 0.0]]), np.array([outline.radius])

@@ -19,24 +19,9 @@ _EDGES = np.array([(a, b) for a, b in itertools.combinations(range(8), 2) if bin
 
 
 def meets_cubes(middles: Floats, stretch: Floats, curve: Floats, ends: Floats, kind: str) -> Booleans:
-    """Tell which unit cubes meet a solid of revolution.
+    """Return whether unit cubes with centers (n, 3), from the centroid in voxels, meet a solid of revolution, (n,).
 
-    Parameters
-    ----------
-    middles : (n, 3) ndarray of float
-        Centers of the cubes from the centroid of the solid, in voxels.
-    stretch : (3, 3) ndarray of float
-        Matrix to the frame of the axis.
-    curve : (3,) ndarray of float
-        Squared radius along the axis, c0 + c1 t + c2 t^2.
-    ends : (2,) ndarray of float
-        Lowest and highest t.
-    kind : str
-        Kind of the solid.
-
-    Returns
-    -------
-    (n,) ndarray of bool
+    Arguments are as for :func:`voxgran.voxels.round_shares.round_shares`.
     """
     if kind in ("sphere", "ellipsoid"):
         return _nearest_square(middles @ stretch.T, stretch) <= (1.0 + CLOSED) ** 2
@@ -63,7 +48,7 @@ def _nearest_square(middle: Floats, edges: Floats) -> Floats:
 
 
 def _between(corners: Floats, low: float, high: float) -> Floats:
-    """Return the corners (n, 32, 3) of cubes cut by two levels of t; NaN where there is none."""
+    """Return the corners (n, 32, 3) of cubes cut by two levels of t; NaN if there is none."""
     a, b = corners[:, _EDGES[:, 0]], corners[:, _EDGES[:, 1]]
     found = [np.where(((corners[:, :, 2] >= low) & (corners[:, :, 2] <= high))[:, :, None], corners, np.nan)]
     for level in (low, high):

@@ -19,20 +19,8 @@ UNION_ERROR = 5e-4
 
 
 def voxel_shares(geometry: Geometry, grid: Grid, offset: Floats) -> Shares:
-    """Return the share of each voxel that is solid.
-
-    Parameters
-    ----------
-    geometry : Mesh or Primitive or Spheres or Outline
-        True geometry.
-    grid : Grid
-        Lattice.
-    offset : (3,) ndarray of float
-        Where the origin of the geometry lies.
-
-    Returns
-    -------
-    Shares
+    """Return the share of each voxel that is solid, for a geometry (no open surface) with its origin at an offset,
+    (3,).
     """
     start = np.array(grid.origin)
     if isinstance(geometry, Mesh):

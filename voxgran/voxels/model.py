@@ -56,7 +56,7 @@ class Voxels:
 
     @cached_property
     def fraction(self) -> Floats | None:
-        """Share of each voxel that is solid, (nx, ny, nz), eight bytes each; None where it was not asked."""
+        """Share of each voxel that is solid, (nx, ny, nz), eight bytes each; None if not requested."""
         return None if self.shares is None else self.shares.dense()
 
     @property

@@ -6,6 +6,7 @@ single precision, decides only the centers that are not near the surface. Both b
 """
 
 import os
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -129,62 +130,19 @@ def voxelize(
     if out is not None and not isinstance(out, np.ndarray):
         _check_file(out, overwrite=overwrite)
     lattice = lattice_of(shape, voxel_size, grid)
-    bits = _occupied(shape, lattice, backend=backend, cover=cover)
+    bits = occupied(shape, lattice, backend=backend, cover=cover)
     shares = voxel_shares(shape.geometry, lattice, np.zeros(3)) if fraction else None
     taken = bits if out is None else _written(bits, out, overwrite=overwrite)
     origin = np.array(lattice.origin)
     return Voxels(taken, origin, lattice.voxel_size, cover, shares, dimension=shape.dimension)
 
 
-def occupy(
-    shape: Shape,
-    grid: Grid,
-    *,
-    scale: float = 1.0,
-    rotation: ArrayLike | None = None,
-    offset: ArrayLike | None = None,
-    backend: str | None = None,
-    cover: str = "center",
-) -> Booleans:
-    """Return the voxels of a given lattice that a solid takes where it lies.
-
-    Parameters
-    ----------
-    shape : Shape
-        What is voxelized.
-    grid : Grid
-        The lattice; what lies beyond it is left out.
-    scale : float
-        Factor on the lengths of the shape.
-    rotation : (4,) array_like of float, optional
-        Unit quaternion (w, x, y, z).
-    offset : (3,) array_like of float, optional
-        Position of the centroid.
-    backend : str, optional
-        As :func:`voxelize`.
-    cover : {"center", "touch", "surface"}
-        As :func:`voxelize`; ``"surface"`` takes the voxels that the surface of a mesh touches.
-
-    Returns
-    -------
-    (nx, ny, nz) ndarray of bool
-
-    Raises
-    ------
-    InputError
-        If the cover is unknown, the scale is not above 0, the rotation is not a unit quaternion, a value is not
-        finite, or the shape is an open surface.
-    UnknownNameError
-        If the backend is unknown.
-    MissingLibraryError
-        If the library of the backend cannot be loaded.
-    """
-    return _occupied(
-        shape, grid, scale=scale, rotation=rotation, offset=offset, backend=backend, cover=cover
-    ).unpacked()  # fmt: skip
+def occupy(shape: Shape, grid: Grid, **options: Any) -> Booleans:
+    """Return what :func:`occupied` does as an (nx, ny, nz) mask."""
+    return occupied(shape, grid, **options).unpacked()
 
 
-def _occupied(
+def occupied(
     shape: Shape,
     grid: Grid,
     *,
@@ -194,7 +152,16 @@ def _occupied(
     backend: str | None = None,
     cover: str = "center",
 ) -> PackedMask:
-    """Return the bits of what :func:`occupy` returns."""
+    """Return the voxels of a lattice that are in a shape at a given scale and pose.
+
+    Rotation is a unit quaternion (w, x, y, z), offset the position (3,) of the centroid. Backend and cover are those of
+    :func:`voxelize`; the cover "surface" takes the voxels that the surface of a mesh touches.
+
+    Raises
+    ------
+    UnknownNameError
+        If the backend is unknown.
+    """
     as_choice(cover, "cover", COVERS)
     if backend not in (None, *BACKENDS):
         raise UnknownNameError(unknown("voxelization backend", backend, BACKENDS))
@@ -218,7 +185,7 @@ def _occupied(
 
 
 def lattice_of(shape: Shape, voxel_size: float | None, grid: Grid | None, *, margin: int = 1) -> Grid:
-    """Return the lattice that was given, or one around the shape with some empty layers.
+    """Return the given lattice, or one around the shape with some empty layers.
 
     Raises
     ------

@@ -18,22 +18,11 @@ COLUMNS = 32
 
 
 def round_shares(middles: Floats, stretch: Floats, curve: Floats, ends: Floats) -> Floats:
-    """Return the shares of voxels that lie in a solid of revolution.
+    """Return the shares (n,) of voxels with centers (n, 3), from the centroid in voxels, that are in a solid of
+    revolution.
 
-    Parameters
-    ----------
-    middles : (n, 3) ndarray of float
-        Centers of the voxels from the centroid of the solid, in voxels.
-    stretch : (3, 3) ndarray of float
-        Matrix to the frame of the axis.
-    curve : (3,) ndarray of float
-        Squared radius along the axis, c0 + c1 t + c2 t^2.
-    ends : (2,) ndarray of float
-        Lowest and highest t.
-
-    Returns
-    -------
-    (n,) ndarray of float
+    `stretch` (3, 3) maps voxels to the frame of the axis, in which the squared radius at the height t is c0 + c1 t + c2
+    t^2 with c in `curve` (3,), between the lowest and highest t in `ends` (2,).
     """
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     angle = np.pi / 2 * (nodes + 1)
@@ -52,23 +41,11 @@ def disk_shares(middles: Floats, radius: float) -> Floats:
 
 
 def union_shares(middles: Floats, bounds: Integers, centers: Floats, radii: Floats) -> Floats:
-    """Return the shares of voxels that several spheres touch, from columns along which the length inside is exact.
+    """Return the shares (n,) of voxels with centers (n, 3) that several spheres touch, from columns of exact lengths
+    inside.
 
-    Parameters
-    ----------
-    middles : (n, 3) ndarray of float
-        Centers of the voxels.
-    bounds : (n + 1,) ndarray of int
-        Where the spheres of each voxel begin and end in the next two.
-    centers : (m, 3) ndarray of float
-        Centers of the spheres of one voxel after the other.
-    radii : (m,) ndarray of float
-        Radii.
-
-    Returns
-    -------
-    (n,) ndarray of float
-        Root mean square error below 5e-4 (measured).
+    `centers` (m, 3) and `radii` (m,) list the spheres of one voxel after the other, and `bounds` (n + 1,) where those
+    of each voxel begin and end. The root mean square error is below 5e-4 (measured).
     """
     share = np.zeros(len(middles))
     widest = int(np.diff(bounds).max(initial=1))

@@ -44,23 +44,10 @@ def scanline_inside(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask
 
 
 def centers_inside(vertices: Floats, faces: Integers, counts: tuple[int, int, int]) -> tuple[PackedMask, int]:
-    """Return the voxels whose center a surface holds, by parity.
+    """Return the voxels whose center is inside a closed surface, by parity, and the number of open columns.
 
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, in voxels from the corner of the lattice.
-    faces : (m, 3) ndarray of int
-        Triangles, closed, in any orientation.
-    counts : tuple of int
-        Number of voxels along each axis; what lies beyond is left out.
-
-    Returns
-    -------
-    bits : PackedMask
-    open_columns : int
-        Columns that cross the surface an odd number of times from below the lattice to its top; for a closed surface
-        that ends below the top there is none.
+    Vertices are in voxels from the corner of a lattice of `counts` voxels, and triangles have any orientation. Open
+    columns cross the surface an odd number of times from below the lattice to its top.
     """
     bits = PackedMask.empty(counts)
     above = np.zeros(counts[:2], dtype=np.bool_)
@@ -71,21 +58,11 @@ def centers_inside(vertices: Floats, faces: Integers, counts: tuple[int, int, in
 def winding_slabs(
     vertices: Floats, faces: Integers, counts: tuple[int, int, int]
 ) -> Iterator[tuple[int, NDArray[np.int32], NDArray[np.int32]]]:
-    """Yield the winding numbers of triangles about voxel centers, slab by slab.
+    """Yield the winding numbers of oriented triangles about voxel centers, slab by slab; arguments as
+    :func:`centers_inside`.
 
-    Parameters
-    ----------
-    vertices, faces, counts
-        As :func:`centers_inside`; the orientation of the triangles counts.
-
-    Yields
-    ------
-    begin : int
-        First plane of the slab.
-    numbers : (thick, ny, nz) ndarray of int32
-        Crossings below each center: those into the solid less those out of it.
-    total : (thick, ny) ndarray of int32
-        Crossings of each column as a whole; not 0 where the surface is open.
+    Yielded are the first plane of the slab; the (thick, ny, nz) crossings below each center, those into the solid minus
+    those out of it; and the (thick, ny) crossings of each column as a whole, not 0 where the surface is open.
     """
     inner = _settled(vertices)
     spans = inner[:, 0][faces]

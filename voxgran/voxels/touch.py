@@ -18,43 +18,16 @@ BAND = 1e-6
 
 
 def touched_voxels(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
-    """Return the voxels whose closed cube meets the surface.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, in the unit of lengths.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    grid : Grid
-        Lattice; what lies beyond it is left out.
-
-    Returns
-    -------
-    PackedMask
-    """
+    """Return the voxels of a lattice whose closed cube meets a surface of triangles, in the unit of lengths."""
     bits = PackedMask.empty(grid.shape)
     _mark_touched((vertices - np.array(grid.origin)) / grid.voxel_size, faces, bits.words, np.array(grid.shape))
     return bits
 
 
 def near_centers(vertices: Floats, faces: Integers, grid: Grid, band: float) -> tuple[Integers, Floats]:
-    """Return the voxels whose center lies within a band around the surface.
+    """Return indices (k, 3) of voxels with centers within a band around a surface, and their distances (k,), in voxels.
 
-    Parameters
-    ----------
-    vertices, faces : ndarray
-        Surface, in the unit of lengths.
-    grid : Grid
-        Lattice.
-    band : float
-        Half width of the band, in voxels.
-
-    Returns
-    -------
-    indices : (k, 3) ndarray of int
-    distance : (k,) ndarray of float
-        Distance of the center from the surface, in voxels.
+    The surface is in the unit of lengths, the half width of the band in voxels.
     """
     inner = (vertices - np.array(grid.origin)) / grid.voxel_size - 0.5
     found = np.zeros((_note_near(inner, faces, band, grid.shape, np.zeros((0, 3), np.int64), np.zeros(0)), 3), np.int64)

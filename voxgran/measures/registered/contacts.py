@@ -1,16 +1,11 @@
 """Contacts of grains, one row per pair."""
 
-from typing import TYPE_CHECKING
-
-from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.registered.coordination import ROUND_OFF, mean_diameter, near_contacts, usual_gap
 from voxgran.packing.model import Packing
 
-if TYPE_CHECKING:
-    from xarray import Dataset
 
-
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return one row per pair within the contact gap."""
     unit, row = length_unit(packing), ("contact",)
     reach, found = usual_gap(packing) * mean_diameter(packing), near_contacts(packing)

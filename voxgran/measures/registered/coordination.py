@@ -5,7 +5,6 @@ a tolerance. The coordination number is meaningful where its curve over the gap 
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,11 +12,8 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_floats, as_number
 from voxgran._base.errors import InputError
 from voxgran.contacts.model import Contacts
-from voxgran.measures.model import Measure, dataset, variable
+from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: smallest reference gap for the neighbours of a single grain, and largest gap of the curve, in mean diameters
 REFERENCE_GAP = 0.01
@@ -28,44 +24,21 @@ ROUND_OFF = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Coordination:
-    """Numbers of neighbours.
+    """Numbers of neighbours; gaps are in mean diameters."""
 
-    Attributes
-    ----------
-    gaps : (k,) ndarray of float
-        Gaps, in mean diameters.
-    mean : (k,) ndarray of float
-        Mean number of neighbours with at most that gap; NaN without grains.
-    of_grain : (n,) ndarray of int
-        Number of neighbours of each grain at the reference gap.
-    reference_gap : float
-        Gap of `of_grain`, in mean diameters.
-    """
-
-    gaps: Floats
-    mean: Floats
-    of_grain: Integers
+    gaps: Floats  # (k,)
+    mean: Floats  # (k,) mean number of neighbours with at most that gap; NaN without grains
+    of_grain: Integers  # (n,) number of neighbours of each grain at the reference gap
     reference_gap: float
 
 
 def coordination_number(
     packing: Packing, gaps: ArrayLike | None = None, *, reference_gap: float | None = None
 ) -> Coordination:
-    """Return the coordination number as a function of the gap, and that of each grain.
+    """Return the coordination number as a function of the gap, and that of each grain at the reference gap.
 
-    Parameters
-    ----------
-    packing : Packing
-        The packing; contacts are found once, at the largest gap.
-    gaps : (k,) array_like of float, optional
-        Largest distances of the surfaces, in mean diameters, not negative. Default: 0 and values from 1e-6 to 0.1.
-    reference_gap : float, optional
-        Gap at which the neighbours of each grain are counted, in mean diameters. Default: :func:`usual_gap`.
-
-    Returns
-    -------
-    Coordination
-        Curve and numbers; a pair within the gap across several periodic images counts once for each.
+    Gaps are largest distances of the surfaces in mean diameters, by default 0 and values from 1e-6 to 0.1, and
+    :func:`usual_gap`. A pair within the gap across several periodic images counts once for each.
 
     Raises
     ------
@@ -90,47 +63,23 @@ def coordination_number(
 def usual_gap(packing: Packing) -> float:
     """Return the gap up to which grains of a packing count as touching, in mean diameters.
 
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-
-    Returns
-    -------
-    float
-        The contact gap of the packing, such as one voxel or the spacing of the control points; at least 0.01.
+    It is the contact gap of the packing, such as one voxel or the spacing of the control points; at least 0.01.
     """
     return max(REFERENCE_GAP, packing.contact_gap / mean_diameter(packing)) if packing.count else REFERENCE_GAP
 
 
 def near_contacts(packing: Packing, gap: float | None = None) -> Contacts:
-    """Return the contacts up to a gap.
+    """Return the contacts, which are cached, up to a gap in mean diameters.
 
-    Parameters
-    ----------
-    packing : Packing
-        The packing; the contacts are cached.
-    gap : float, optional
-        Largest distance of the surfaces, in mean diameters. Default: the larger of the gaps that the curve of the
-        coordination number and :func:`usual_gap` need, so that contacts are found once for all measures.
-
-    Raises
-    ------
-    InputError
-        If the gap is negative or not finite.
+    By default it is the largest gap of the curve of the coordination number and :func:`usual_gap`, so that contacts are
+    found once for all measures.
     """
     wanted = max(WIDEST_GAP, usual_gap(packing)) if gap is None else as_number(gap, "gap", at_least=0.0)
     return packing.contacts((wanted + ROUND_OFF) * mean_diameter(packing))
 
 
 def mean_diameter(packing: Packing) -> float:
-    """Return the mean equivalent diameter of the grains, 0 without grains.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    """
+    """Return the mean equivalent diameter of the grains, 0 without grains."""
     return float(packing.diameters.mean()) if packing.count else 0.0
 
 
@@ -141,7 +90,7 @@ def _of_grains(packing: Packing, found: Contacts, reach: float) -> Integers:
     return counts.astype(np.int64)
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the curve, and the coordination numbers of the grains."""
     found = coordination_number(packing)
     where = f"at a gap of at most {found.reference_gap:g} mean diameters"

@@ -2,20 +2,16 @@
 
 import math
 import warnings
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
 from voxgran.measures.slices import as_window
 from voxgran.measures.window import Estimate, Solids
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: distance of the bulk from the walls, in median diameters, and smallest number of grains in it
 INSET = 1.5
@@ -23,24 +19,15 @@ FEWEST = 50
 
 
 def bulk_solid_fraction(packing: Packing) -> Estimate:
-    """Return the solid fraction away from the walls and from the free surface.
+    """Return the solid fraction away from the walls and from the free surface, with its error.
 
     The bulk lies at least 1.5 median diameters from each wall and, with gravity, below the height up to which 85 % of
     the volume of the grains lies. Grains are cut exactly, and overlapping volume counts once.
 
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-
-    Returns
-    -------
-    Estimate
-        A float with the attribute `error`: 0 for spheres, clumps, ellipsoids, boxes and meshes in boxes, and for disks
-        and polygons in rectangles; a bound for cylinders and cones there; the error of the quadrature for spheres and
-        clumps in cylinders; a standard error for other grains in cylinders and for all grains in closed meshes, where
-        overlapping volume counts for each grain. NaN, with a `PackingWarning`, if fewer than 50 grains have their
-        centroids in the bulk.
+    The error is 0 for spheres, clumps, ellipsoids, boxes and meshes in boxes, and for disks and polygons in rectangles;
+    a bound for cylinders and cones there; the error of the quadrature for spheres and clumps in cylinders; a standard
+    error for other grains in cylinders and for all grains in closed meshes, where overlapping volume counts for each
+    grain. The result is NaN, with a `PackingWarning`, if fewer than 50 grains have their centroids in the bulk.
     """
     return _bulk(packing)[0]
 
@@ -105,7 +92,7 @@ def _bulk(packing: Packing) -> tuple[Estimate, int, float]:
     return Estimate(solid / room, error), count, float(room)
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the numbers of the whole packing."""
     bulk, bulk_count, room = _bulk(packing)
     d, unit = packing.dimension, length_unit(packing)

@@ -6,18 +6,15 @@ the cumulative curves.
 """
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.registered.grains import intermediate_axes
 from voxgran.packing.model import Packing
 from voxgran.shapes.size_laws import Basis, SizeDistribution
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: points of the curves
 POINTS = 201
@@ -28,45 +25,18 @@ BASES: tuple[Basis, Basis] = ("number", "volume")
 
 @dataclass(frozen=True, eq=False)
 class Gradation:
-    """Cumulative curves over the size.
+    """Cumulative curves over the size, by ``"number"`` and by ``"volume"``."""
 
-    Attributes
-    ----------
-    sizes : (k,) ndarray of float
-        Sizes, evenly spaced in their logarithm, in the unit of lengths.
-    placed : dict of str to ndarray
-        Share of the placed grains with equivalent diameters up to each size, by ``"number"`` and by ``"volume"``.
-    placed_by_axis : dict of str to ndarray
-        The same with intermediate axes in place of equivalent diameters.
-    asked : dict of str to ndarray
-        Requested share; empty without a requested distribution.
-    distance : dict of str to float
-        Kolmogorov-Smirnov distance between requested and placed; empty without a requested distribution.
-    by_axis : bool
-        Whether the requested sizes are intermediate axes.
-    """
-
-    sizes: Floats
-    placed: dict[Basis, Floats]
-    placed_by_axis: dict[Basis, Floats]
-    asked: dict[Basis, Floats]
-    distance: dict[Basis, float]
-    by_axis: bool
+    sizes: Floats  # (k,) sizes, evenly spaced in their logarithm, in the unit of lengths
+    placed: dict[Basis, Floats]  # share of the placed grains with equivalent diameters up to each size
+    placed_by_axis: dict[Basis, Floats]  # the same for intermediate axes
+    asked: dict[Basis, Floats]  # requested share; empty without a requested distribution
+    distance: dict[Basis, float]  # Kolmogorov-Smirnov distance between requested and placed; likewise
+    by_axis: bool  # whether the requested sizes are intermediate axes
 
 
 def gradation(packing: Packing) -> Gradation:
-    """Return the placed sizes beside the requested ones.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing, with the requested distribution.
-
-    Returns
-    -------
-    Gradation
-        Cumulative curves; without points if there are no grains.
-    """
+    """Return the placed sizes beside the requested ones; curves without points if there are no grains."""
     asked = packing.asked_sizes
     by_axis = asked is not None and asked.by_intermediate_axis
     diameters, axes = packing.diameters, intermediate_axes(packing)
@@ -114,7 +84,7 @@ def _distance(packing: Packing, asked: SizeDistribution, sizes: Floats, weights:
     return float(np.abs(np.concatenate(differences)).max())
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the curves and the distances."""
     found, unit, row = gradation(packing), length_unit(packing), ("size",)
     values: dict[str, Any] = {}

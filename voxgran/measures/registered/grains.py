@@ -1,32 +1,20 @@
 """Positions, orientations and sizes, one row per grain."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran._base.arrays import Floats
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.packing.model import Packing
 from voxgran.shapes.descriptors import principal_extents
 
-if TYPE_CHECKING:
-    from xarray import Dataset
 
-    from voxgran._base.arrays import Floats
-
-
-def intermediate_axes(packing: Packing) -> "Floats":
-    """Return the intermediate axis (n,) of each grain, by which it passes a sieve, in the unit of lengths.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    """
+def intermediate_axes(packing: Packing) -> Floats:
+    """Return the intermediate axis (n,) of each grain, by which it passes a sieve, in the unit of lengths."""
     middle = np.array([principal_extents(shape)[1] for shape in packing.shapes])
     return middle[packing.shape_id] * packing.scale if packing.count else np.zeros(0)
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return one row per grain."""
     unit, size = length_unit(packing), length_unit(packing, power=packing.dimension)
     row = ("grain",)
@@ -48,8 +36,5 @@ def _compute(packing: Packing) -> "dict[str, Dataset]":
 
 
 registration = Measure(
-    name="grains",
-    summary="position, size and orientation of each grain",
-    groups=("/grains",),
-    compute=_compute,
+    name="grains", summary="position, size and orientation of each grain", groups=("/grains",), compute=_compute
 )

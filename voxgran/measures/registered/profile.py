@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,15 +10,12 @@ from voxgran._base.arrays import Floats, as_choice, as_count, as_length
 from voxgran._base.errors import InputError
 from voxgran.containers.model import Container, boundary_of
 from voxgran.measures.halfspaces import cut_disks
-from voxgran.measures.model import Measure, dataset, length_unit, variable
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
 from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.slices import cut_mesh
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: width of the bins along an axis, in mean diameters, and largest number of bins
 BIN, MOST_BINS = 0.25, 100
@@ -28,22 +25,12 @@ FAR, STEP = 5.0, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Solid fraction in bins.
+    """Solid fraction in bins."""
 
-    Attributes
-    ----------
-    edges : (k + 1,) ndarray of float
-        Edges of the bins, in the unit of lengths.
-    solid_fraction : (k,) ndarray of float
-        Ratio of the volume of the union of the grains to the volume of the container in each bin; NaN if the latter is
-        0.
-    error : (k,) ndarray of float
-        Bound or standard error; 0 if exact.
-    """
-
-    edges: Floats
+    edges: Floats  # (k + 1,) edges of the bins, in the unit of lengths
+    # (k,) volume of the union of the grains over that of the container in each bin; NaN if the latter is 0
     solid_fraction: Floats
-    error: Floats
+    error: Floats  # (k,) bound or standard error; 0 if exact
 
     @property
     def middle(self) -> Floats:
@@ -52,26 +39,11 @@ class Profile:
 
 
 def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) -> Profile:
-    """Return the solid fraction in slices across an axis.
+    """Return the solid fraction in slices across an axis, exact except for cylinders and cones, with a bound of the
+    error.
 
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    axis : {"x", "y", "z"}
-        The axis; in 2D ``"x"`` or ``"y"``.
-    bins : int, optional
-        Number of slices of equal width. Default: slices of about a quarter of the mean diameter, at most 100.
-
-    Returns
-    -------
-    Profile
-        Exact except for cylinders and cones, for which `error` is a bound.
-
-    Raises
-    ------
-    InputError
-        If there is no such axis or the number of bins is below 1.
+    By default the slices are about a quarter of the mean diameter thick, at most 100. Unknown axes and numbers of
+    slices below 1 are refused.
     """
     k = "xyz".index(as_choice(axis, "axis", "xyz"[: packing.dimension]))
     container = packing.container
@@ -89,20 +61,10 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
 def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     """Return the solid fraction as a function of the distance from the nearest wall.
 
-    With gravity only the part below the height up to which 85 % of the volume lies is included.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    step : float, optional
-        Width of the bins, in the unit of lengths. Default: a tenth of the mean diameter.
-
-    Returns
-    -------
-    Profile
-        Values up to five mean diameters, or up to the largest distance in the container. Exact in boxes and rectangles
-        except for cylinders and cones; by quadrature for spheres in cylinders; sampled otherwise. `error` is given.
+    The width of the bins is by default a tenth of the mean diameter. Distances are up to five mean diameters, or to the
+    largest one in the container. With gravity only the part below the height up to which 85 % of the volume lies is
+    included. Exact in boxes and rectangles except for cylinders and cones; by quadrature for spheres in cylinders;
+    sampled otherwise.
 
     Raises
     ------
@@ -122,12 +84,7 @@ def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     kept = max(2, int(np.count_nonzero(room > 1e-9 * room[0])) + 1)
     solid = [region.solid(regions.solids) for region in found[:kept]]
     errors: Floats = np.array([part.error for part in solid])
-    return _profile(
-        edges[:kept],
-        -np.diff(np.array(solid)),
-        np.hypot(errors[1:], errors[:-1]),
-        -np.diff(room[:kept]),
-    )
+    return _profile(edges[:kept], -np.diff(np.array(solid)), np.hypot(errors[1:], errors[:-1]), -np.diff(room[:kept]))
 
 
 def _profile(edges: Floats, solid: Floats, error: Floats, room: Floats) -> Profile:
@@ -177,7 +134,7 @@ def _columns(
     return values, {coordinate: variable(row, profile.middle, unit, f"{meaning}, middle of the bin")}
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the profiles along all axes and, if there are walls, with the distance from them."""
     unit = length_unit(packing)
     values: dict[str, Any] = {}

@@ -3,31 +3,17 @@
 import hashlib
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from voxgran.measures.model import Measure, dataset, json_text, variable
+from voxgran.measures.model import Groups, Measure, dataset, json_text, variable
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: entries that differ between runs with the same grains; they are recorded but not hashed
 NOT_HASHED = ("timing", "wall_seconds")
 
 
 def content_hash(packing: Packing) -> str:
-    """Return the SHA-256 hash of the record and of the arrays of a packing, without times.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-
-    Returns
-    -------
-    str
-        64 hexadecimal digits.
-    """
+    """Return the SHA-256 hash, 64 hexadecimal digits, of the record and of the arrays of a packing, without times."""
     return hashlib.sha256(json_text(_record(packing)).encode()).hexdigest()
 
 
@@ -58,7 +44,7 @@ def _seconds(provenance: Mapping[str, Any]) -> float:
     return float(seconds) if isinstance(seconds, int | float) else math.nan
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the record, its hash and the wall time."""
     told = {key: packing.provenance[key] for key in NOT_HASHED if key in packing.provenance}
     values = {

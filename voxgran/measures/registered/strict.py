@@ -1,15 +1,11 @@
 """Strict solid fraction: that of the packing with its grains shrunk in place until nothing overlaps."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from voxgran.contacts.verify import verify
-from voxgran.measures.model import Measure, dataset, variable
+from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.measures.window import NO_DEPTH
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: precision of the factor on all lengths
 PRECISION = 2.0**-20
@@ -18,16 +14,7 @@ PRECISION = 2.0**-20
 def strict_solid_fraction(packing: Packing) -> float:
     """Return the solid fraction with all grains shrunk in place, by one factor, until `verify` is ok.
 
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-
-    Returns
-    -------
-    float
-        The solid fraction of the packing if `verify` is ok; otherwise a smaller one, with the factor on the lengths
-        found by bisection to 2**-20, rounded down. 0 if no factor suffices.
+    The factor on the lengths is found by bisection to 2**-20, rounded down; 0 if no factor suffices.
     """
     if not packing.count or verify(packing).ok:
         return packing.solid_fraction
@@ -54,7 +41,7 @@ def _overlaps(packing: Packing) -> bool:
     return bool(gap.min(initial=0.0) < -NO_DEPTH * packing.diameters.mean())
 
 
-def _compute(packing: Packing) -> "dict[str, Dataset]":
+def _compute(packing: Packing) -> Groups:
     """Return the strict solid fraction."""
     label = "solid fraction with all grains shrunk in place until none overlap"
     return {"/": dataset({"strict_solid_fraction": variable((), strict_solid_fraction(packing), "1", label)})}
