@@ -109,10 +109,10 @@ def rate_of_peer(
         distance=2 * float(setting.extent[0, 1]),
         longest=min(problem.parameters.step, 0.5 * float(setting.extent[0, 2])),
     )  # fmt: skip
-    moves, generator = program(grains), stream(1, "bench moves")
+    generator, share = stream(1, "bench moves"), problem.parameters.rotation_share
     best, accepted = best_rate(
-        moves, attempts, least_time=SECONDS, clock=time.process_time,
-        draw=lambda: _draw_moves(generator, len(grains.step), problem.parameters.rotation_share, grains.radius, attempts),
+        program(grains), attempts, least_time=SECONDS, clock=time.process_time,
+        draw=lambda: _draw_moves(generator, len(grains.step), share, grains.radius, attempts),
     )  # fmt: skip
     return best, sum(accepted) / (len(accepted) * attempts)
 
