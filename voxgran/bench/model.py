@@ -87,7 +87,8 @@ def best_rate(
     Each call makes the same number of attempts, with arguments that are drawn before its time is taken; calls are
     repeated for at least `least_time` seconds.
     """
-    best, found, began = 0.0, [], time.perf_counter()
+    best, began = 0.0, time.perf_counter()
+    found: list[Any] = []
     while len(found) < 2 or time.perf_counter() - began < least_time:
         drawn = draw()
         start = clock()

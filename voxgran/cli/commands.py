@@ -80,7 +80,7 @@ def report(options: argparse.Namespace) -> None:
     """Write a page about a packing."""
     target = Path(options.output or Path(options.file).with_suffix(".html"))
     packing = _packing(options)
-    found = {"statistics": voxgran.measure(packing), "verification": voxgran.verify(packing)}
+    found: dict[str, Any] = {"statistics": voxgran.measure(packing), "verification": voxgran.verify(packing)}
     voxgran.save_report(packing, target, **found, **_fields(options, "color_by", "turntable", "overwrite"))
     print(target)
 

@@ -110,7 +110,7 @@ def _packed(method: str, grains: int, on_step: OnStep | None = None) -> _Result:
     """Pack the grains by one method, prove and measure."""
     shapes, box = demo_shapes(), Box((8, 8, 14), periodic=(True, True, False))
     began = time.monotonic()
-    asked = {"count": grains, "sizes": lognormal(1.0, 0.2), "seed": 1}
+    asked: dict[str, Any] = {"count": grains, "sizes": lognormal(1.0, 0.2), "seed": 1}
     packing = pack(shapes, box, method=method, on_step=on_step, **asked, **PARAMETERS[method])
     seconds = time.monotonic() - began
     return _Result(packing, verify(packing), measure(packing), seconds)

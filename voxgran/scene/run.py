@@ -97,7 +97,7 @@ def _run_in(
     if scene.output.snapshots:
         place, most = target / "snapshots.pvd", scene.output.snapshots
         recorder = Series(place, max_snapshots=most, every=plan.grains, resume=resume, overwrite=True)
-    run = {"checkpoint": checkpoint, "resume": resume, "on_step": on_step, "recorder": recorder}
+    run: dict[str, Any] = {"checkpoint": checkpoint, "resume": resume, "on_step": on_step, "recorder": recorder}
     packing = pack(shapes, scene.container, **scene.asked(), **run, **scene.parameters)
     packing = replace(packing, provenance={**packing.provenance, "scene": scene.to_mapping()})
     result = finish_folder(packing, target, scene=scene, on_step=on_step)

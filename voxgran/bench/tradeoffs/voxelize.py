@@ -145,8 +145,8 @@ def _draw(data: "Dataset", path: Path) -> None:
     """Draw error against seconds, a line per backend, a panel per shape."""
     count, columns = data.sizes["shape"], 3
     rows = -(-count // columns)
-    size = {"width": 3.4 * columns, "height": 3.2 * rows}
-    with panels_of(path, columns, rows=rows, **size, sharey=True, sharex=True) as panels:
+    width, height = 3.4 * columns, 3.2 * rows
+    with panels_of(path, columns, rows=rows, width=width, height=height, sharey=True, sharex=True) as panels:
         for panel, shape in zip(panels, data.shape.values, strict=False):
             for backend in data.backend.values:
                 line = data.sel(shape=shape, backend=backend)
