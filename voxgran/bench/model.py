@@ -3,37 +3,38 @@
 Those programs, the peers, lie in the folder ``bench_peers`` of the source repository and are not installed.
 """
 
+import contextlib
 import importlib.util
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
+from voxgran.shapes.files import load_shape
+from voxgran.shapes.model import Shape
 
 LOG = logging.getLogger(__name__)
 #: folder of the peers in a checkout of the source repository
 PEERS = Path(__file__).parents[2] / "bench_peers"
+#: folder of the scanned bodies in such a checkout
+DATA = PEERS.parent / "data"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TradeOff:
-    """One registered trade-off.
-
-    Attributes
-    ----------
-    name, summary : str
-        Name and one line.
-    run : callable
-        Folder to the files written there: rows and a figure.
-    """
+    """One registered trade-off."""
 
     name: str
     summary: str
+    #: writes rows and a figure into a folder and returns the files
     run: Callable[[Path], tuple[Path, ...]]
 
 
@@ -43,13 +44,7 @@ def trade_offs() -> Registry[TradeOff]:
 
 
 def peers_of(name: str) -> ModuleType | None:
-    """Return the module of peer programs of a trade-off; None, with a warning in the log, outside of a checkout.
-
-    Parameters
-    ----------
-    name : str
-        Name of a file in ``bench_peers``, without its suffix.
-    """
+    """Return a module of ``bench_peers`` by its name; None, with a warning in the log, outside of a checkout."""
     spec = importlib.util.spec_from_file_location(f"bench_peers_{name}", PEERS / f"{name}.py")
     if spec is None or spec.loader is None or not (PEERS / f"{name}.py").is_file():
         LOG.warning("the peers of this trade-off are in the source repository only: their rows are left out")
@@ -60,16 +55,8 @@ def peers_of(name: str) -> ModuleType | None:
 
 
 def least_seconds(work: Callable[[], object], *, repeats: int = 3, processor: bool = False) -> float:
-    """Return the least time of a few calls, after one that is not counted (it compiles and loads).
-
-    Parameters
-    ----------
-    work : callable
-        What is timed.
-    repeats : int
-        Number of calls that are counted.
-    processor : bool
-        Whether processor time, summed over threads, is taken instead of wall time.
+    """Return the least wall time, or processor time summed over threads, of some calls after one that is not counted
+    (it compiles and loads).
     """
     clock = time.process_time if processor else time.perf_counter
     work()
@@ -85,3 +72,55 @@ def calibration() -> float:
     """Return the seconds of a fixed loop, by which rows from different machines compare: sorting a million numbers."""
     numbers = np.sin(np.arange(1_000_000) * 12.9898)
     return least_seconds(lambda: np.sort(numbers), repeats=5)
+
+
+def best_rate(
+    work: Callable[..., Any],
+    attempts: int,
+    *,
+    least_time: float,
+    draw: Callable[[], Iterable[Any]] = tuple,
+    clock: Callable[[], float] = time.perf_counter,
+) -> tuple[float, list[Any]]:
+    """Return the highest number of attempts per second of two or more calls, and what the calls returned.
+
+    Each call makes the same number of attempts, with arguments that are drawn before its time is taken; calls are
+    repeated for at least `least_time` seconds.
+    """
+    best, began = 0.0, time.perf_counter()
+    found: list[Any] = []
+    while len(found) < 2 or time.perf_counter() - began < least_time:
+        drawn = draw()
+        start = clock()
+        found.append(work(*drawn))
+        best = max(best, attempts / (clock() - start))
+    return best, found
+
+
+def scans(*names: str) -> dict[str, Shape]:
+    """Return the scanned bodies of such files by the stem of the name; those that the repository does not have lack."""
+    return {Path(name).stem: load_shape(DATA / name) for name in names if (DATA / name).is_file()}
+
+
+def ratios(rate: float, peers: Iterable[float | None]) -> str:
+    """Return a rate over those of peers as cells of a CSV row; the cell of a peer without a rate is empty."""
+    return ",".join("" if peer is None else f"{rate / peer:.1f}" for peer in peers)
+
+
+def write_rows(path: Path, head: str, rows: Iterable[str]) -> Path:
+    """Write a CSV table and return its path."""
+    write_text(path, "\n".join([head, *rows]) + "\n")
+    return path
+
+
+@contextlib.contextmanager
+def panels_of(
+    path: Path, columns: int, *, width: float, rows: int = 1, height: float = 4.0, **shared: bool
+) -> Iterator[Any]:
+    """Give the panels of a figure in a row, and write it, with grids, as SVG at the end (context manager)."""
+    figure = load("matplotlib.figure").Figure(figsize=(width, height), layout="constrained")
+    yield np.atleast_1d(figure.subplots(rows, columns, **shared)).ravel()
+    for panel in figure.axes:
+        panel.grid(visible=True, alpha=0.3)
+    with written_whole(path) as draft:
+        figure.savefig(draft, format="svg")

@@ -46,16 +46,7 @@ def run(options: argparse.Namespace) -> None:
 def verify(options: argparse.Namespace) -> int:
     """Check a packing against the true shapes; exit status 1 where it fails."""
     proof = voxgran.verify(_packing(options), tolerance=options.tolerance)
-    show(
-        {
-            "ok": proof.ok,
-            "overlapping_pairs": proof.overlapping_pairs,
-            "deepest": proof.deepest,
-            "escaped": proof.escaped,
-            "tolerance": proof.tolerance,
-        },
-        options,
-    )
+    show(_fields(proof, "ok", "overlapping_pairs", "deepest", "escaped", "tolerance"), options)
     return 0 if proof.ok else 1
 
 
@@ -65,6 +56,11 @@ def measure(options: argparse.Namespace) -> None:
     if options.output:
         voxgran.save_statistics(tree, options.output, overwrite=options.overwrite)
     show({str(name): float(value) for name, value in tree.dataset.data_vars.items() if value.ndim == 0}, options)
+
+
+def _fields(source: Any, *names: str) -> dict[str, Any]:
+    """Return attributes by their names."""
+    return {name: getattr(source, name) for name in names}
 
 
 def _packing(options: argparse.Namespace) -> Any:
@@ -84,15 +80,8 @@ def report(options: argparse.Namespace) -> None:
     """Write a page about a packing."""
     target = Path(options.output or Path(options.file).with_suffix(".html"))
     packing = _packing(options)
-    voxgran.save_report(
-        packing,
-        target,
-        statistics=voxgran.measure(packing),
-        verification=voxgran.verify(packing),
-        color_by=options.color_by,
-        turntable=options.turntable,
-        overwrite=options.overwrite,
-    )
+    found: dict[str, Any] = {"statistics": voxgran.measure(packing), "verification": voxgran.verify(packing)}
+    voxgran.save_report(packing, target, **found, **_fields(options, "color_by", "turntable", "overwrite"))
     print(target)
 
 
@@ -141,15 +130,8 @@ def _called(path: str) -> str:
 
 def labels(options: argparse.Namespace) -> None:
     """Make a packing of a label image and write it."""
-    packing = voxgran.packing_of_labels(
-        options.file,
-        voxel_size=options.voxel_size,
-        border=options.border,
-        surface=options.surface,
-        periodic=options.periodic,
-        unit=options.unit,
-        key=options.key,
-    )
+    given = _fields(options, "voxel_size", "border", "surface", "periodic", "unit", "key")
+    packing = voxgran.packing_of_labels(options.file, **given)
     if options.output:
         voxgran.save(packing, options.output, overwrite=options.overwrite)
     numbers = {"grains": packing.count, "solid_fraction": packing.solid_fraction}
@@ -160,17 +142,12 @@ def shape(options: argparse.Namespace) -> None:
     """Make a shape of a family and write it."""
     from voxgran.shapes.family import families
 
-    entry = families().get(options.family)
-    given = {
-        key: getattr(options, key)
-        for key in (name for item in parameters_of(entry.parameters) for name in item.names)
-        if getattr(options, key) is not None
-    }
+    names = [name for item in parameters_of(families().get(options.family).parameters) for name in item.names]
+    given = {name: value for name, value in _fields(options, *names).items() if value is not None}
     made = voxgran.make_shape(options.family, seed=options.seed, **given)
     if options.output:
         voxgran.save_shape(made, options.output, overwrite=options.overwrite)
-    numbers = {"volume": made.volume, "surface_area": made.surface_area, "diameter": made.diameter}
-    show({"name": made.name, **numbers, "faces": len(made.faces)}, options)
+    show({**_fields(made, "name", "volume", "surface_area", "diameter"), "faces": len(made.faces)}, options)
 
 
 def repair(options: argparse.Namespace) -> None:
@@ -215,8 +192,8 @@ def cloud(options: argparse.Namespace) -> None:
     made = voxgran.shape_of_cloud(scan, method=options.method, max_gap=options.max_gap)
     if options.output:
         voxgran.save_shape(made.shape, options.output, overwrite=options.overwrite)
-    numbers = {name: getattr(made, name) for name in ("spacing", "mean_residual", "rms_residual", "largest_residual")}
-    numbers |= {"largest_hole": made.largest_hole, "volume": made.shape.volume, "faces": len(made.shape.faces)}
+    numbers = _fields(made, "spacing", "mean_residual", "rms_residual", "largest_residual", "largest_hole")
+    numbers |= {"volume": made.shape.volume, "faces": len(made.shape.faces)}
     show({"points": given, "points_used": len(scan), **numbers, "mended": list(made.sentences)}, options)
 
 

@@ -39,17 +39,7 @@ print(type(plotter.render_window).__name__, int(picture.max()) - int(picture.min
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at.
-
-    Attributes
-    ----------
-    name, value : str
-        What it is and what was found.
-    good : bool
-        Whether it is as it should be.
-    remedy : str
-        What mends it; empty where it is good.
-    """
+    """What was found of one thing: its name and value, whether it is as it should be, and if not, what mends it."""
 
     name: str
     value: str

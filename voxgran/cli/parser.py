@@ -35,93 +35,99 @@ class Parser(argparse.ArgumentParser):
 
 Flag = tuple[tuple[str, ...], dict[str, Any]]
 
+
+def _flag(*names: str, **keywords: Any) -> Flag:
+    """Return the arguments of :meth:`argparse.ArgumentParser.add_argument`."""
+    return names, keywords
+
+
 #: what a command line holds beside flags of its command
 NO_FLAGS = ("command", "family", "file", "name", "print_completion")
 #: a packing, and what may be said of a file of another program
 PACKING: tuple[Flag, ...] = (
-    (("file",), {"help": "a saved packing, or spheres of another program: text, CSV, LAMMPS, VTK points"}),
-    (("--periodic",), {"help": "axes along which the box of such spheres is periodic, such as xy"}),
-    (("--unit",), {"help": "unit of lengths of such spheres"}),
+    _flag("file", help="a saved packing, or spheres of another program: text, CSV, LAMMPS, VTK points"),
+    _flag("--periodic", help="axes along which the box of such spheres is periodic, such as xy"),
+    _flag("--unit", help="unit of lengths of such spheres"),
 )
 COLOR_BY = ("diameter", "shape", "coordination", "distance")
 
 #: flags of each command beside --json and --overwrite
 FLAGS: dict[str, tuple[Flag, ...]] = {
-    "init": ((("file",), {"nargs": "?", "default": "scene.toml"}),),
-    "plan": ((("file",), {"help": "scene file"}),),
+    "init": (_flag("file", nargs="?", default="scene.toml"),),
+    "plan": (_flag("file", help="scene file"),),
     "run": (
-        (("file",), {"help": "scene file"}),
-        (("-o", "--output"), {"default": "out", "help": "folder for the results"}),
-        (("--resume",), {"action": "store_true", "help": "go on from the checkpoint in the folder"}),
+        _flag("file", help="scene file"),
+        _flag("-o", "--output", default="out", help="folder for the results"),
+        _flag("--resume", action="store_true", help="go on from the checkpoint in the folder"),
     ),
-    "verify": (*PACKING, (("--tolerance",), {"type": float, "default": 1e-9, "help": "in mean diameters"})),
+    "verify": (*PACKING, _flag("--tolerance", type=float, default=1e-9, help="in mean diameters")),
     "measure": (
         *PACKING,
-        (("--which",), {"action": "append", "help": "a measure; may be repeated"}),
-        (("-o", "--output"), {"help": "netCDF file"}),
+        _flag("--which", action="append", help="a measure; may be repeated"),
+        _flag("-o", "--output", help="netCDF file"),
     ),
     "report": (
         *PACKING,
-        (("-o", "--output"), {"help": "HTML file; the numbers go beside it as JSON"}),
-        (("--color-by",), {"choices": COLOR_BY, "default": "diameter", "help": "what the grains are coloured by"}),
-        (("--turntable",), {"action": "store_true", "help": "add a picture that turns"}),
+        _flag("-o", "--output", help="HTML file; the numbers go beside it as JSON"),
+        _flag("--color-by", choices=COLOR_BY, default="diameter", help="what the grains are coloured by"),
+        _flag("--turntable", action="store_true", help="add a picture that turns"),
     ),
     "compare": (
-        (
-            ("file",),
-            {
-                "nargs": "+",
-                "help": "packings, or folders that 'voxgran run' wrote, with one packing or one for each seed; "
-                "NAME=PATH names a group, and the same name again adds packings to it",
-            },
+        _flag(
+            "file",
+            nargs="+",
+            help="packings, or folders that 'voxgran run' wrote, with one packing or one for each seed; "
+            "NAME=PATH names a group, and the same name again adds packings to it",
         ),
-        (("-o", "--output"), {"default": "comparison.html", "help": "HTML file; the numbers go beside it as JSON"}),
+        _flag("-o", "--output", default="comparison.html", help="HTML file; the numbers go beside it as JSON"),
     ),
     "labels": (
-        (("file",), {"help": "label image: .npy, .npz, .tif, .vti or .nrrd"}),
-        (("--voxel-size",), {"type": float, "help": "edge of a voxel; left out: as the file says"}),
-        (("--border",), {"choices": ("keep", "drop"), "default": "keep", "help": "grains that the image cuts"}),
-        (("--surface",), {"choices": ("smooth", "voxel"), "default": "smooth", "help": "smooth, or faces of voxels"}),
-        (("--periodic",), {"default": "", "help": "axes along which the image repeats, such as xy"}),
-        (("--unit",), {"help": "unit of the voxel size"}),
-        (("--key",), {"help": "which array of an .npz or .vti file"}),
-        (("-o", "--output"), {"help": "file for the packing that the sample is: .vtp"}),
+        _flag("file", help="label image: .npy, .npz, .tif, .vti or .nrrd"),
+        _flag("--voxel-size", type=float, help="edge of a voxel; left out: as the file says"),
+        _flag("--border", choices=("keep", "drop"), default="keep", help="grains that the image cuts"),
+        _flag("--surface", choices=("smooth", "voxel"), default="smooth", help="smooth, or faces of voxels"),
+        _flag("--periodic", default="", help="axes along which the image repeats, such as xy"),
+        _flag("--unit", help="unit of the voxel size"),
+        _flag("--key", help="which array of an .npz or .vti file"),
+        _flag("-o", "--output", help="file for the packing that the sample is: .vtp"),
     ),
     "repair": (
-        (("file",), {"help": "mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"}),
-        (("-o", "--output"), {"help": "mesh file for the result: STL, OBJ, PLY, OFF or VTP"}),
-        (
-            ("--max-hole", "--largest-hole"),
-            {"type": float, "default": 0.25, "help": "widest hole that is closed, in diagonals of the bounding box"},
+        _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"),
+        _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
+        _flag(
+            "--max-hole",
+            "--largest-hole",
+            type=float,
+            default=0.25,
+            help="widest hole that is closed, in diagonals of the bounding box",
         ),
-        (
-            ("--bodies",),
-            {"choices": ("refuse", "largest", "all"), "default": "refuse", "help": "what becomes of several solids"},
+        _flag(
+            "--bodies", choices=("refuse", "largest", "all"), default="refuse", help="what becomes of several solids"
         ),
     ),
     "cloud": (
-        (("file",), {"help": "point cloud: .ply, .pcd, .xyz, .csv or .las"}),
-        (
-            ("--method",),
-            {"choices": ("poisson", "alpha"), "default": "poisson", "help": "smooth, or through the points"},
+        _flag("file", help="point cloud: .ply, .pcd, .xyz, .csv or .las"),
+        _flag("--method", choices=("poisson", "alpha"), default="poisson", help="smooth, or through the points"),
+        _flag("--outliers", type=float, help="drop points this many standard deviations from their neighbours"),
+        _flag("--spacing", type=float, help="thin the cloud to one point for each cube of this edge"),
+        _flag(
+            "--max-gap",
+            "--largest-hole",
+            type=float,
+            default=5.0,
+            help="how far the surface may be from the nearest point, in spacings",
         ),
-        (("--outliers",), {"type": float, "help": "drop points this many standard deviations from their neighbours"}),
-        (("--spacing",), {"type": float, "help": "thin the cloud to one point for each cube of this edge"}),
-        (
-            ("--max-gap", "--largest-hole"),
-            {"type": float, "default": 5.0, "help": "how far the surface may be from the nearest point, in spacings"},
-        ),
-        (("-o", "--output"), {"help": "mesh file for the result: STL, OBJ, PLY, OFF or VTP"}),
+        _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
     ),
     "clump": (
-        (("file",), {"help": "mesh file"}),
-        (("--spheres",), {"type": int, "default": 50, "help": "most spheres"}),
-        (("--method",), {"default": "inscribed", "help": "clump method; 'voxgran methods' lists them"}),
-        (("-o", "--output"), {"help": "CSV file: x,y,z,r in the frame of the centroid"}),
+        _flag("file", help="mesh file"),
+        _flag("--spheres", type=int, default=50, help="most spheres"),
+        _flag("--method", default="inscribed", help="clump method; 'voxgran methods' lists them"),
+        _flag("-o", "--output", help="CSV file: x,y,z,r in the frame of the centroid"),
     ),
-    "methods": ((("name",), {"nargs": "?", "help": "one method, family or measure; left out: all"}),),
-    "bench": ((("name",), {"help": "trade-off"}), (("-o", "--output"), {"default": "bench", "help": "folder"})),
-    "demo": ((("-o", "--output"), {"default": "out/demo", "help": "folder for the results"}),),
+    "methods": (_flag("name", nargs="?", help="one method, family or measure; left out: all"),),
+    "bench": (_flag("name", help="trade-off"), _flag("-o", "--output", default="bench", help="folder")),
+    "demo": (_flag("-o", "--output", default="out/demo", help="folder for the results"),),
 }
 
 #: an example of each command, shown at the end of its help
@@ -146,14 +152,8 @@ EXAMPLES: dict[str, str] = {
 
 
 def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., Any]]]) -> Parser:
-    """Return the parser; `shape` gets the flags of the family that the words name.
-
-    Parameters
-    ----------
-    words : sequence of str
-        What was typed.
-    commands : mapping of str to (str, callable)
-        Help and function of each command.
+    """Return the parser of the commands, each with its help and function; `shape` gets the flags of the family that the
+    words name.
 
     Raises
     ------
@@ -251,5 +251,5 @@ def parameter_text(item: Parameter) -> str:
     if item.default is MISSING:
         rest = "must be given"
     else:
-        rest = "may be left out" if item.default is None else f"default {item.default!r}"
+        rest = "optional" if item.default is None else f"default {item.default!r}"
     return f"{item.doc} ({item.type_text}; {rest})"

@@ -6,6 +6,7 @@ some that mix types. LAS is read by laspy where it is there.
 
 import logging
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -24,7 +25,6 @@ from voxgran.shapes.mesh_formats import ply_columns, ply_elements
 
 Columns: TypeAlias = tuple[Any, Any, Any]
 
-BINARY, TEXT, LASER = (".ply", ".pcd"), (".xyz", ".xyzn", ".txt", ".csv"), (".las", ".laz")
 #: largest number of a grain in files
 LARGEST = 2**31 - 1
 
@@ -59,17 +59,9 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
     """
     found = existing_file(path)
     suffix = found.suffix.lower()
-    columns: Columns
-    if suffix == ".ply":
-        columns = _read_ply(found)
-    elif suffix == ".pcd":
-        columns = _read_pcd(found)
-    elif suffix in TEXT:
-        columns = read_point_table(found)
-    elif suffix in LASER:
-        columns = _read_laser(found)
-    else:
-        raise FileFormatError(f"{found} ends in {suffix!r}: known are {', '.join(BINARY + TEXT + LASER)}; convert it")
+    if suffix not in READERS:
+        raise FileFormatError(f"{found} ends in {suffix!r}: known are {', '.join(READERS)}; convert it")
+    columns = READERS[suffix](found)
     if not len(columns[0]):
         raise FileFormatError(f"{found} holds no points: it is empty, cut or damaged; write it again")
     try:
@@ -107,7 +99,7 @@ def save_cloud(
     """
     target = as_path(path)
     suffix = target.suffix.lower()
-    if suffix not in (*BINARY, ".xyz"):
+    if suffix not in (".ply", ".pcd", ".xyz"):
         raise InputError(f"{target} ends in {suffix!r}: clouds are written as .ply, .pcd or .xyz; choose one of these")
     if isinstance(cloud, Packing):
         made = cloud_of_packing(cloud, spacing)
@@ -180,19 +172,7 @@ def _read_laser(path: Path) -> Columns:
 
 
 def laser_points(path: Path) -> Content:
-    """Read the points of a LAS file, to be run by `read_guarded`.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    facts : dict
-        Empty.
-    arrays : dict of str to ndarray
-        ``points`` (n, 3).
+    """Return the points (n, 3) of a LAS file; it has no facts. To be run by `read_guarded`.
 
     Raises
     ------
@@ -205,3 +185,12 @@ def laser_points(path: Path) -> Content:
         raise MissingLibraryError(f"{path} needs laspy to be read: install it with 'pip install laspy'") from error
     found = reader.read(str(path))
     return {}, {"points": np.column_stack([found.x, found.y, found.z]).astype(np.float64)}
+
+
+#: function that returns points, normals and grains of a file, by suffix
+READERS: dict[str, Callable[[Path], Columns]] = {
+    ".ply": _read_ply,
+    ".pcd": _read_pcd,
+    **dict.fromkeys((".xyz", ".xyzn", ".txt", ".csv"), read_point_table),
+    **dict.fromkeys((".las", ".laz"), _read_laser),
+}

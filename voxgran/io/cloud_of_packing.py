@@ -10,20 +10,10 @@ from voxgran.points.sample import sample_surface
 
 
 def cloud_of_packing(packing: Packing, spacing: float | None = None) -> Cloud:
-    """Return points on the surfaces of all grains, each with the number of its grain.
+    """Return points on the surfaces of all grains in the frame of the container, each with the number of its grain.
 
-    Parameters
-    ----------
-    packing : Packing
-        The grains.
-    spacing : float, optional
-        Largest spacing of the points, in the unit of lengths; left out: a tenth of the median diameter. A shape is
-        sampled once, for its largest grain, so smaller grains are covered more finely.
-
-    Returns
-    -------
-    Cloud
-        In the frame of the container, with `grain`.
+    `spacing` is the largest one, in the unit of lengths; left out: a tenth of the median diameter. A shape is sampled
+    once, for its largest grain, so smaller grains are covered more finely.
 
     Raises
     ------

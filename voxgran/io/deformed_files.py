@@ -1,4 +1,4 @@
-"""Grains that have given way, as one VTK file."""
+"""Deformed grains as one VTK file."""
 
 import os
 
@@ -11,7 +11,7 @@ from voxgran.deformation.deform import Deformed
 
 
 def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write the surfaces of grains that have given way to one ``.vtp`` file.
+    """Write the surfaces of deformed grains to one ``.vtp`` file.
 
     Parameters
     ----------

@@ -3,7 +3,6 @@
 import logging
 import os
 from collections.abc import Callable
-from pathlib import Path
 
 from voxgran._base.axes import Periodic
 from voxgran._base.errors import FileFormatError, InputError
@@ -104,7 +103,9 @@ def load(
         If a container, unit or axes are given for a file of voxgran, which holds its own, or do not fit.
     """
     found = existing_file(path)
-    head = _head(found)
+    with found.open("rb") as file:
+        # bytes that are no text become NUL
+        head = file.read(_HEAD).decode("utf-8", errors="replace").replace("\ufffd", "\0")
     given = {"container": container, "unit": unit, "periodic": periodic}
     if found.suffix.lower() == ".vtp" and is_own(found):
         named = [name for name, value in given.items() if value is not None]
@@ -118,7 +119,10 @@ def load(
     if found.suffix.lower() in SUFFIXES:
         particles = read_vtk_points(found)
     elif "\0" in head:
-        raise FileFormatError(_unknown(found))
+        raise FileFormatError(
+            f"{found} has the suffix {found.suffix!r} and no known content: packings are read from .vtp, .vtu, text "
+            "tables of spheres, LAMMPS data and dump files; convert it"
+        )
     elif is_dump(head):
         particles = read_lammps_dump(found, frame=frame)
     elif is_data(head):
@@ -129,17 +133,3 @@ def load(
     for subject, sentence in packing.provenance.get("assumed", {}).items():
         log.info("%s: assumed %s: %s", found, subject, sentence)
     return packing
-
-
-def _head(path: Path) -> str:
-    """Return the beginning of a file as text; bytes that are none become NUL."""
-    with path.open("rb") as file:
-        return file.read(_HEAD).decode("utf-8", errors="replace").replace("\ufffd", "\0")
-
-
-def _unknown(path: str | os.PathLike[str]) -> str:
-    """Say which forms are known."""
-    return (
-        f"{path} has the suffix {Path(path).suffix!r} and no known content: packings are read from .vtp, .vtu, text "
-        "tables of spheres, LAMMPS data and dump files; convert it"
-    )

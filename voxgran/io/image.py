@@ -1,6 +1,5 @@
 """Label images: any packing on a lattice, for LBM, FFT and pore-network computations."""
 
-import itertools
 import os
 import warnings
 from typing import Any
@@ -87,19 +86,8 @@ def _checked(labels: ArrayLike, count: int) -> NDArray[Any]:
 
 
 def image_grid(packing: Packing, voxel_size: float) -> Grid:
-    """Return the lattice of :func:`to_image`.
-
-    Parameters
-    ----------
-    packing : Packing
-        Any packing.
-    voxel_size : float
-        Edge of a voxel, in the unit of lengths.
-
-    Returns
-    -------
-    Grid
-        From the lower corner of the container's bounds; the last voxels may stand over.
+    """Return the lattice of :func:`to_image`, from the lower corner of the container's bounds; the last voxels may
+    extend beyond the upper one.
 
     Raises
     ------
@@ -178,20 +166,11 @@ def _shifts(packing: Packing) -> Floats:
     container = packing.container
     lower, upper = container.bounds
     reach = float(packing.bounding_radii.max(initial=0.0))
-    steps = []
-    for axis in range(3):
-        length = upper[axis] - lower[axis]
-        far = 0
-        if container.periodic[axis]:
-            outside = max(0.0, *(_beyond(packing.position[:, axis], lower[axis], upper[axis])))
-            far = int(np.ceil((reach + outside) / length))
-        steps.append(length * np.arange(-far, far + 1))
-    return np.array(list(itertools.product(*steps)))
-
-
-def _beyond(values: Floats, lower: float, upper: float) -> tuple[float, float]:
-    """Return how far values lie below and above an interval."""
-    return lower - float(values.min(initial=lower)), float(values.max(initial=upper)) - upper
+    low, high = packing.position.min(axis=0, initial=np.inf), packing.position.max(axis=0, initial=-np.inf)
+    outside = np.maximum(0.0, np.maximum(lower - low, high - upper))
+    far, axes = np.zeros(3, dtype=np.int64), np.flatnonzero(container.periodic)
+    far[axes] = np.ceil((reach + outside[axes]) / (upper - lower)[axes])
+    return (np.array(list(np.ndindex(*(2 * far + 1)))) - far) * (upper - lower)
 
 
 def _paint_round(image: NDArray[np.int32], grid: Grid, packing: Packing, grains: Integers, shifts: Floats) -> None:

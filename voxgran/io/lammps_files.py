@@ -6,7 +6,7 @@ Formats: the pages `read_data` and `dump` of the LAMMPS manual, docs.lammps.org.
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,17 +36,8 @@ def is_data(head: str) -> bool:
 
 
 def read_lammps_data(path: Path) -> Particles:
-    """Read spheres from a LAMMPS data file.
-
-    Parameters
-    ----------
-    path : Path
-        With a section ``Atoms`` of the style sphere or bpm/sphere.
-
-    Returns
-    -------
-    Particles
-        In the box of the file; the file does not say whether that is periodic.
+    """Read spheres from a LAMMPS data file with a section ``Atoms`` of the style sphere or bpm/sphere; the file does
+    not say whether its box is periodic.
 
     Raises
     ------
@@ -91,19 +82,10 @@ def read_lammps_data(path: Path) -> Particles:
 
 
 def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
-    """Read spheres from one frame of a LAMMPS dump file.
+    """Read spheres from one frame of a LAMMPS dump file, sorted by id where there is one.
 
-    Parameters
-    ----------
-    path : Path
-        With x y z (or xu, xs, xsu ...) and radius or diameter among the columns.
-    frame : int
-        Which one, from 0; negative: from the end.
-
-    Returns
-    -------
-    Particles
-        Sorted by id where there is one.
+    The columns must hold x y z (or xu, xs, xsu ...) and radius or diameter. Frames are counted from 0, negative ones
+    from the end.
 
     Raises
     ------
@@ -117,28 +99,27 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
     begin = starts[frame]
     end = starts[starts.index(begin) + 1] if begin != starts[-1] else len(lines)
     block = lines[begin:end]
-    names = {words[0]: place for place, words in _items(block)}
+    words = [line.split() for line in block]
+    names = {row[1]: place for place, row in enumerate(words) if row[:1] == ["ITEM:"] and len(row) > 1}
     if not {"NUMBER", "BOX", "ATOMS"} <= names.keys() or len(block) < max(names["NUMBER"] + 2, names["BOX"] + 4):
         raise FileFormatError(f"{path}, line {begin + 1}: the frame is cut off; dump it again or choose another one")
-    count = _numbers([block[names["NUMBER"] + 1].split()], [begin + names["NUMBER"] + 2], path, width=1)[0, 0]
-    columns = block[names["ATOMS"]].split()[2:]
+    count = _numbers([words[names["NUMBER"] + 1]], [begin + names["NUMBER"] + 2], path, width=1)[0, 0]
+    columns = words[names["ATOMS"]][2:]
     first = names["ATOMS"] + 1
-    rows = [line.split() for line in block[first:] if line.strip()]
+    rows = [row for row in words[first:] if row]
     if len(rows) != count:
         raise FileFormatError(
             f"{path} has {len(rows)} lines of atoms in the frame of line {begin + 1}, which says {count:g}: it is cut "
             "off; dump it again or choose another frame"
         )
-    flags = [word for word in block[names["BOX"]].split()[3:] if len(word) == 2 and word[0] in "pfsm"]
-    wrong = [word for word in block[names["BOX"]].split()[3:] if word in ("xy", "xz", "yz", "abc")]
-    if wrong:
-        line = begin + names["BOX"] + 1
-        raise FileFormatError(f"{path}, line {line}: the box is tilted: give an upright one")
-    place = begin + names["BOX"] + 2
-    lines_of_box = [block[names["BOX"] + 1 + k].split() for k in range(3)]
-    bounds = _numbers(lines_of_box, [place, place + 1, place + 2], path, width=2)
-    numbers = [begin + k + 1 for k, line in enumerate(block) if k >= first and line.strip()]
-    table = _numbers(rows, numbers, path, width=len(columns), text=_texts(columns))
+    box = names["BOX"]
+    flags = [word for word in words[box][3:] if len(word) == 2 and word[0] in "pfsm"]
+    if {"xy", "xz", "yz", "abc"} & set(words[box][3:]):
+        raise FileFormatError(f"{path}, line {begin + box + 1}: the box is tilted: give an upright one")
+    bounds = _numbers(words[box + 1 : box + 4], [begin + box + k for k in (2, 3, 4)], path, width=2)
+    numbers = [begin + k + 1 for k, row in enumerate(words) if k >= first and row]
+    texts = [k for k, name in enumerate(columns) if name in ("element", "type", "typelabel")]
+    table = _numbers(rows, numbers, path, width=len(columns), text=texts)
     if "id" in columns:
         table = table[np.argsort(table[:, columns.index("id")], kind="stable")]
     centers, radii = _columns(table, columns, bounds, path)
@@ -148,14 +129,6 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
     periodic = "".join(axis for axis, flag in zip("xyz", flags, strict=False) if flag == "pp")
     assumed = {"frame": f"time step {step}, one of {len(starts)}"} if len(starts) > 1 else {}
     return Particles(centers=centers, radii=radii, container=_box(bounds, periodic, path), unit=unit, assumed=assumed)
-
-
-def _items(block: list[str]) -> Iterator[tuple[int, list[str]]]:
-    """Yield place and words of each heading of a frame."""
-    for place, line in enumerate(block):
-        words = line.split()
-        if words[:1] == ["ITEM:"] and len(words) > 1:
-            yield place, words[1:]
 
 
 def _text_lines(path: Path) -> list[str]:
@@ -198,15 +171,8 @@ def _section(lines: list[str], start: int) -> tuple[list[list[str]], list[int]]:
     return rows, numbers
 
 
-def _texts(columns: list[str]) -> tuple[int, ...]:
-    """Return the places of columns that hold words."""
-    return tuple(k for k, name in enumerate(columns) if name in ("element", "type", "typelabel"))
-
-
-def _numbers(
-    rows: list[list[str]], numbers: list[int], path: Path, *, width: int, text: tuple[int, ...] = ()
-) -> Floats:
-    """Return rows as numbers; the first row that is none, or has another length, is named."""
+def _numbers(rows: list[list[str]], numbers: list[int], path: Path, *, width: int, text: Sequence[int] = ()) -> Floats:
+    """Return rows as numbers, 0 for words in the columns `text`; the first row that is wrong is named."""
     if text:
         rows = [["0" if k in text else word for k, word in enumerate(row)] for row in rows]
     try:

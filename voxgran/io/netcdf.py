@@ -92,24 +92,13 @@ def load_statistics(path: str | os.PathLike[str]) -> "DataTree":
             loaded: DataTree = tree.load()
     loaded.name = loaded.attrs.pop(_NAME, None)
     for node in loaded.subtree:
-        node.attrs = {name: _python(value) for name, value in node.attrs.items()}
+        node.attrs = {k: v.item() if isinstance(v, np.generic) else v for k, v in node.attrs.items()}
     return loaded
 
 
 def netcdf_values(path: Path) -> Content:
-    """Read all values and attributes of a netCDF4 file and keep none, to be run by `read_guarded`.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    facts : dict
-        ``groups``: how many there are.
-    arrays : dict of str to ndarray
-        Empty.
+    """Read all values and attributes of a netCDF4 file and return the number of its groups and no arrays, to be run by
+    `read_guarded`.
     """
     with load("netCDF4").Dataset(path) as file:
         groups = [file]
@@ -152,12 +141,7 @@ def _safe(attributes: Any) -> dict[str, Any]:
 
 
 def _encoding(variable: Any) -> dict[str, Any]:
-    """Compress what is long."""
+    """Return the compression of a variable; short ones have none."""
     if variable.dtype.kind in "fiub" and variable.size > _COMPRESS_ABOVE:
         return {"zlib": True, "complevel": 4, "fletcher32": True}
     return {}
-
-
-def _python(value: Any) -> Any:
-    """Return the number of Python for one of NumPy."""
-    return value.item() if isinstance(value, np.generic) else value

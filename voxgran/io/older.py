@@ -1,4 +1,4 @@
-"""What files of before say in their provenance that packings now hold as fields; the only place that reads it there."""
+"""Fields of packings that files of earlier versions hold in their provenance; nothing else reads them there."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,21 +12,8 @@ from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 
 def fields_of(provenance: Mapping[str, Any], container: Container, diameters: np.ndarray[Any, Any]) -> dict[str, Any]:
-    """Return gravity, contact gap and asked sizes as measures took them from the provenance.
-
-    Parameters
-    ----------
-    provenance : mapping
-        Record of the packing.
-    container : Container
-        What holds the grains.
-    diameters : (n,) ndarray of float
-        Equivalent diameters of the grains.
-
-    Returns
-    -------
-    dict
-        Keyword arguments of :meth:`voxgran.Packing.of`.
+    """Return gravity, contact gap and asked sizes as keyword arguments of :meth:`voxgran.Packing.of`, from provenance,
+    container and equivalent diameters (n,) of the grains, as measures took them.
     """
     stated = _mapping(provenance.get("parameters"))
     voxel, spacing = stated.get("voxel_size"), stated.get("spacing")

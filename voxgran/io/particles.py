@@ -1,4 +1,4 @@
-"""Spheres that another program wrote, and the packing that they are, with all that had to be assumed said."""
+"""Spheres of a file of another program, and the packing of these, with a record of all assumptions."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
-#: which spheres are good
+#: rule for valid spheres
 SPHERE_RULE = f"all must be finite and at most {LONGEST:g} in magnitude, and r above 0 (at least {SHORTEST:g})"
 #: largest number of a clump
 LARGEST_CLUMP = 2.0**53
@@ -32,65 +32,35 @@ SAME = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Particles:
-    """What a file of spheres holds.
+    """Spheres of a file of another program."""
 
-    Attributes
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers, in the unit of the file.
-    radii : (n,) ndarray of float
-        Radii.
-    clump : (n,) ndarray of int or None
-        Which rigid clump each sphere belongs to, below 0 for none; None where the file has no clumps.
-    container : Container or None
-        What the file says holds them.
-    unit : str or None
-        Unit of lengths that the file names.
-    density : float
-        Density of the material, 1 where the file gives none or several.
-    assumed : dict of str to str
-        What was taken for granted, by subject.
-    flat : bool
-        Whether they are disks in the plane z = 0.
-    """
-
+    #: (n, 3), in the unit of the file
     centers: Floats
     radii: Floats
+    #: (n,) rigid clump of each sphere, below 0 for none; None for a file without clumps
     clump: Integers | None = None
+    #: container that the file states
     container: Container | None = None
+    #: unit of lengths that the file names
     unit: str | None = None
+    #: 1 where the file gives none or several
     density: float = 1.0
+    #: what was taken for granted, by subject
     assumed: Mapping[str, str] = field(default_factory=dict)
+    #: whether they are disks in the plane z = 0
     flat: bool = False
 
 
 def good_spheres(centers: Floats, radii: Floats) -> Booleans:
-    """Return for each sphere whether its center and radius are lengths that can be computed with, (n,).
-
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers; good ones are finite and at most 1e60 in magnitude.
-    radii : (n,) ndarray of float
-        Radii; good ones are between 1e-60 and 1e60.
+    """Return for each sphere whether center (n, 3) and radius (n,) are lengths that can be computed with, (n,):
+    coordinates finite and at most 1e60 in magnitude, radii between 1e-60 and 1e60.
     """
     good: Booleans = (np.abs(centers) <= LONGEST).all(axis=1) & (radii >= SHORTEST) & (radii <= LONGEST)
     return good
 
 
 def refuse_bad_spheres(centers: Floats, radii: Floats, path: Path, *, row: str = "sphere") -> None:
-    """Refuse spheres that are not good ones.
-
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers.
-    radii : (n,) ndarray of float
-        Radii.
-    path : Path
-        The file, for the message.
-    row : str
-        What messages call a sphere, which is counted from 0.
+    """Refuse spheres that are not good ones, counted from 0 and called `row` in the message.
 
     Raises
     ------
@@ -114,26 +84,11 @@ def packing_of(
     unit: str | None = None,
     periodic: Periodic | None = None,
 ) -> Packing:
-    """Return the packing of spheres and clumps that another program wrote.
+    """Return the packing of spheres and clumps that another program wrote, in the order in which their first spheres
+    stand in the file; what was assumed stands in the provenance.
 
-    Parameters
-    ----------
-    particles : Particles
-        What the file holds.
-    path : Path
-        The file, for the provenance.
-    container : Container, optional
-        What holds them; left out: as the file says, or else the box around the spheres.
-    unit : str, optional
-        Unit of lengths; left out: as the file says, or else ``"1"``.
-    periodic : str, bool or sequence, optional
-        Axes along which the box is periodic, such as ``"xy"``, as of
-        :class:`voxgran.Box`; left out: as the file says, or else none.
-
-    Returns
-    -------
-    Packing
-        Grains in the order in which their first spheres stand in the file; what was assumed stands in the provenance.
+    Container, unit and periodic axes that are left out are those of the file, or else the box around the spheres,
+    ``"1"`` and none.
 
     Raises
     ------
@@ -160,7 +115,11 @@ def packing_of(
     if unit is None and named is None:
         told = "none" if particles.unit is None else f"{shown(particles.unit)} is no unit that is known"
         assumed["unit"] = f"{told}: lengths are taken as they stand"
-    grains = _spheres(particles) if particles.clump is None else _clumps(particles)
+    grains: dict[str, Any] = (
+        {"shapes": (_unit_body(flat=particles.flat),), "position": particles.centers, "scale": 2 * particles.radii}
+        if particles.clump is None
+        else _clumps(particles)
+    )
     return Packing.of(
         container=held,
         density=particles.density,
@@ -182,20 +141,11 @@ def _box_around(particles: Particles, path: Path) -> Box | Rectangle:
     return Box((x, y, z), origin=tuple(lower.tolist()))
 
 
-def _sphere() -> Shape:
-    """Return the sphere of diameter 1."""
+def _unit_body(*, flat: bool = False) -> Shape:
+    """Return the sphere or disk of diameter 1."""
+    if flat:
+        return Shape.of(Outline("disk", radius=0.5), name="disk")
     return Shape.of(Primitive("sphere", (0.5,)), name="sphere")
-
-
-def _disk() -> Shape:
-    """Return the disk of diameter 1."""
-    return Shape.of(Outline("disk", radius=0.5), name="disk")
-
-
-def _spheres(particles: Particles) -> dict[str, Any]:
-    """Return shapes and poses of single spheres or disks."""
-    shape = _disk() if particles.flat else _sphere()
-    return {"shapes": (shape,), "position": particles.centers, "scale": 2 * particles.radii}
 
 
 def _clumps(particles: Particles) -> dict[str, Any]:
@@ -210,7 +160,7 @@ def _clumps(particles: Particles) -> dict[str, Any]:
     group = rank[index.reshape(-1)]
     order = np.argsort(group, kind="stable")
     bounds = np.searchsorted(group[order], np.arange(len(first) + 1))
-    shapes: list[Shape] = [_sphere()]
+    shapes: list[Shape] = [_unit_body()]
     templates: list[tuple[Floats, Floats]] = [(np.zeros((1, 3)), np.array([0.5]))]
     rows = []
     for begin, end in pairwise(bounds.tolist()):
@@ -220,10 +170,9 @@ def _clumps(particles: Particles) -> dict[str, Any]:
             rows.append((0, 2 * float(radii[0]), centers[0], np.array([1.0, 0.0, 0.0, 0.0])))
             continue
         rows.append(_as_clump(centers, radii, shapes, templates))
-    used = np.unique([row[0] for row in rows])
-    place = np.searchsorted(used, [row[0] for row in rows])
+    used, place = np.unique([row[0] for row in rows], return_inverse=True)
     return {
-        "shapes": tuple(shapes[k] for k in used) if len(used) else (shapes[0],),
+        "shapes": tuple(shapes[int(k)] for k in used) if len(used) else (shapes[0],),
         "shape_id": place,
         "scale": np.array([row[1] for row in rows]),
         "position": np.array([row[2] for row in rows]).reshape(-1, 3),

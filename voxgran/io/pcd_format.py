@@ -14,14 +14,7 @@ KINDS = {"F": "f", "I": "i", "U": "u"}
 
 
 def pcd_columns(raw: bytes, name: str) -> dict[str, Floats]:
-    """Return the fields of one number each, as columns.
-
-    Parameters
-    ----------
-    raw : bytes
-        The file.
-    name : str
-        What messages call it.
+    """Return the fields of one number each of the bytes of a file, as columns; messages call it `name`.
 
     Raises
     ------

@@ -11,19 +11,15 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
 
-#: how far from 1 the length of a normal may be that no name tells
+#: largest difference from 1 of the length of a normal in columns without names
 UNIT = 1e-3
 #: names of the columns
 PLACE, NORMAL, GRAIN = ("x", "y", "z"), ("nx", "ny", "nz"), ("grain", "label")
 
 
 def read_point_table(path: Path) -> tuple[Any, Any, Any]:
-    """Return points, and normals and grains where there are any.
-
-    Parameters
-    ----------
-    path : Path
-        Rows of numbers, with spaces, commas or semicolons between; names of the columns in a first row if it has one.
+    """Return points, and normals and grains where there are any, of rows of numbers with spaces, commas or semicolons
+    between, and names of the columns in a first row if it has one.
 
     Raises
     ------
@@ -44,7 +40,7 @@ def read_point_table(path: Path) -> tuple[Any, Any, Any]:
 
 
 def _cells(line: str) -> list[str]:
-    """Cut a line at what stands between its cells."""
+    """Return the cells of a line."""
     mark = next((mark for mark in (";", ",", "\t") if mark in line), None)
     return [cell.strip().strip("\"'") for cell in line.split(mark)]
 

@@ -38,37 +38,20 @@ FORMAT = 1
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A packing taken apart.
+    """Arrays and texts of a packing."""
 
-    Attributes
-    ----------
-    position : (n, 3) ndarray of float
-        Centroids of the grains.
-    per_grain : dict of str to ndarray
-        One row a grain; the coordination number is among them where contacts were already found.
-    arrays : dict of str to ndarray
-        What belongs to the packing as a whole.
-    texts : dict of str to str
-        The same, as texts.
-    """
-
+    #: (n, 3) centroids of the grains
     position: Floats
+    #: one row a grain; the coordination number is among them where contacts were already found
     per_grain: dict[str, NDArray[Any]]
+    #: what belongs to the packing as a whole
     arrays: dict[str, NDArray[Any]]
+    #: the same, as texts
     texts: dict[str, str]
 
 
 def to_record(packing: Packing) -> Record:
-    """Take a packing apart.
-
-    Parameters
-    ----------
-    packing : Packing
-        Any packing.
-
-    Returns
-    -------
-    Record
+    """Return the arrays and texts of a packing.
 
     Raises
     ------
@@ -112,17 +95,7 @@ def to_record(packing: Packing) -> Record:
 
 
 def from_record(record: Record) -> Packing:
-    """Put a packing together again, checked like one that a user makes.
-
-    Parameters
-    ----------
-    record : Record
-        As :func:`to_record` makes it.
-
-    Returns
-    -------
-    Packing
-        With the same bits.
+    """Return the packing of a record, checked like one that a user makes, with the same bits.
 
     Raises
     ------

@@ -119,11 +119,6 @@ class Series:
 def listed_times(path: str | os.PathLike[str]) -> list[int]:
     """Return the attempts after which the snapshots of a ``.pvd`` file were taken.
 
-    Parameters
-    ----------
-    path : path-like
-        The file.
-
     Raises
     ------
     FileFormatError

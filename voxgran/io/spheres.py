@@ -21,17 +21,10 @@ _ROWS_AT_ONCE = 100_000
 def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write spheres, or disks in two dimensions, as text.
 
-    Parameters
-    ----------
-    packing : Packing
-        Grains that are spheres, clumps of spheres, or disks. Where there are clumps, a fifth column tells the clump of
-        each sphere, -1 for none, as YADE reads it.
-    path : path-like
-        File to write. With the suffix ``.csv`` it is a table with the names of the columns in its first line and
-        values parted by commas, as pandas and spreadsheets read it; else values are parted by blanks, and container
-        and unit stand in comments at the top, where :func:`voxgran.load` finds them.
-    overwrite : bool
-        Whether a file that is there may be replaced.
+    Where there are clumps, a fifth column tells the clump of each sphere, -1 for none, as YADE reads it. With the
+    suffix ``.csv`` the file is a table with the names of the columns in its first line and values separated by commas,
+    as pandas and spreadsheets read it; else values are separated by blanks, and container and unit stand in comments at
+    the top, where :func:`voxgran.load` finds them. Numbers have as many digits as read back to the same bits.
 
     Raises
     ------
@@ -41,11 +34,6 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
-
-    Notes
-    -----
-    Numbers have as many digits as read back to the same bits. A ``.csv`` has no room for container and unit: give
-    them when it is loaded.
     """
     centers, radii, owner = owned_spheres(packing)
     names = ["x", "y", "z", "r"] if packing.dimension == 3 else ["x", "y", "r"]

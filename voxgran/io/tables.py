@@ -9,7 +9,6 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,13 +22,11 @@ from voxgran.io.particles import LARGEST_CLUMP, SPHERE_RULE, Particles, good_sph
 #: comments at the top in which :func:`save_spheres` keeps container and unit
 CONTAINER, UNIT = "# container ", "# unit "
 
-#: what columns are called, in lower case and without unit, blanks and marks
+#: names of columns, in lower case and without unit, blanks and separators
 NAMES: dict[str, tuple[str, ...]] = {
     axis: (
-        *(
-            form.replace("*", axis)
-            for form in ("*", "*coord", "*coordinate", "pos*", "position*", "p*", "c*", "center*")
-        ),
+        *(f"{axis}{tail}" for tail in ("", "coord", "coordinate")),
+        *(f"{head}{axis}" for head in ("pos", "position", "p", "c", "center")),
         *(f"{head}{place}" for head in ("points", "coordinates", "center")),
     )
     for place, axis in enumerate("xyz")
@@ -48,45 +45,28 @@ _BRACKET = re.compile(r"([^\[(]*)[\[(]([^\])]*)[\])]\s*")
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """How a table is written.
+    """Layout of a table."""
 
-    Attributes
-    ----------
-    columns : dict of str to int
-        Place of x, y, z, r or d, and clump; without z the rows are disks.
-    mark : str or None
-        What parts values; None for blanks.
-    skipped : int
-        Lines before the first row.
-    width : int
-        Values a row.
-    unit : str or None
-        Unit named in the header.
-    named : bool
-        Whether the file names its columns.
-    """
-
+    #: place of x, y, z, r or d, and clump; without z the rows are disks
     columns: dict[str, int]
+    #: separator of values; None for blanks
     mark: str | None
+    #: lines before the first row
     skipped: int
+    #: values a row
     width: int
+    #: unit named in the header
     unit: str | None = None
+    #: whether the file names its columns
     named: bool = False
 
 
 def read_table(path: Path) -> Particles:
     """Read spheres from text.
 
-    Parameters
-    ----------
-    path : Path
-        One sphere a line: x, y, z, r, parted by blanks, tabs, commas or semicolons, in this order or as a line of names
-        says; without a column of z they are disks. Blank lines and what follows a ``#`` are skipped.
-
-    Returns
-    -------
-    Particles
-        A fifth column of whole numbers, if it is the last one or called ``clumpId``, tells the clump of each sphere.
+    Each line holds x, y, z, r of a sphere, separated by blanks, tabs, commas or semicolons, in this order or as a line
+    of names says; without a column of z they are disks. Blank lines and what follows a ``#`` are skipped. A fifth
+    column of whole numbers, if it is the last one or called ``clumpId``, tells the clump of each sphere.
 
     Raises
     ------
@@ -138,7 +118,7 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def _layout(path: Path) -> Layout | None:
-    """Find out how a table is written; None for an empty one."""
+    """Return the layout of a table; None for an empty one."""
     lines = _lines(path)
     number, first = next(lines, (0, ""))
     if not first:
@@ -284,31 +264,15 @@ def _comments(path: Path) -> tuple[Container | None, str | None]:
             if line.startswith(UNIT):
                 unit = line.removeprefix(UNIT).strip()
             elif line.startswith(CONTAINER):
-                container = _container(json_of(line.removeprefix(CONTAINER), path, number), path, number)
+                container = _container(line.removeprefix(CONTAINER), path, number)
     return container, unit
 
 
-def json_of(text: str, path: Path, number: int) -> Any:
-    """Return what a line of JSON holds.
-
-    Raises
-    ------
-    FileFormatError
-        If it is none.
-    """
+def _container(text: str, path: Path, number: int) -> Container:
+    """Return the container that a comment holds as JSON."""
     try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise FileFormatError(
-            f"{path}, line {number}: the container cannot be read ({reason_of(error)}); mend or remove the line"
-        ) from error
-
-
-def _container(mapping: Any, path: Path, number: int) -> Container:
-    """Return the container of a comment."""
-    try:
-        return make_container(mapping)
-    except (VoxgranError, KeyError, TypeError, ValueError, OverflowError) as error:
+        return make_container(json.loads(text))
+    except (VoxgranError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise FileFormatError(
             f"{path}, line {number}: the container cannot be read ({reason_of(error, most=300)}); mend or "
             "remove the line"

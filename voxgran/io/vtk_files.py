@@ -35,14 +35,7 @@ _NAMES_WITHIN = 2**20
 def save_packing(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write a packing to one ``.vtp`` file that alone reloads it bit for bit.
 
-    Parameters
-    ----------
-    packing : Packing
-        Any packing.
-    path : path-like
-        File to write.
-    overwrite : bool
-        Whether a file that is there may be replaced.
+    Points are centroids with the values of the grains; shapes, container and provenance are field data.
 
     Raises
     ------
@@ -52,10 +45,6 @@ def save_packing(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
-
-    Notes
-    -----
-    Points are centroids with the values of the grains; shapes, container and provenance are field data.
     """
     record = to_record(packing)
     data = poly_data(record.position, "Verts", np.arange(packing.count)[:, None])
@@ -69,18 +58,8 @@ def save_packing(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
 
 
 def load_packing(path: str | os.PathLike[str]) -> Packing:
-    """Read a packing from a ``.vtp`` file that :func:`save_packing` wrote.
-
-    Parameters
-    ----------
-    path : path-like
-        File to read.
-
-    Returns
-    -------
-    Packing
-        With the same bits. From a file that ParaView saved again: with the same shapes, and poses as they stand there,
-        which the provenance says.
+    """Read a packing from a ``.vtp`` file that :func:`save_packing` wrote, with the same bits; from a file that
+    ParaView saved again, with the same shapes, and poses as they stand there, which the provenance says.
 
     Raises
     ------
@@ -110,13 +89,7 @@ def load_packing(path: str | os.PathLike[str]) -> Packing:
 
 
 def is_own(path: Path) -> bool:
-    """Return whether a ``.vtp`` file holds a packing of voxgran, or is cut off or damaged so that it may.
-
-    Parameters
-    ----------
-    path : Path
-        File to look at.
-    """
+    """Return whether a ``.vtp`` file holds a packing of voxgran, or is cut off or damaged so that it may."""
     return not _ends_whole(path) or _sealed(path) or _is_rewritten(path)
 
 
@@ -147,7 +120,7 @@ def _tail(path: Path) -> bytes:
 
 
 def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0.0, overwrite: bool = False) -> None:
-    """Write what ParaView shows of a packing: the surfaces of the grains, the container and the contacts.
+    """Write the surfaces of the grains, the container and the contacts of a packing for ParaView.
 
     Parameters
     ----------
@@ -234,7 +207,7 @@ def _spheres_as_points(packing: Packing) -> Any:
 
 
 def _per_grain(packing: Packing, grains: Any) -> dict[str, Any]:
-    """Return what triangles and points are coloured by."""
+    """Return the arrays by which triangles and points are coloured."""
     return {"grain": grains, "shape_id": packing.shape_id[grains], "diameter": packing.diameters[grains]}
 
 

@@ -16,16 +16,8 @@ SIZES = {"radius": 1.0, "radii": 1.0, "rad": 1.0, "r": 1.0, "diameter": 0.5, "di
 
 
 def read_vtk_points(path: Path) -> Particles:
-    """Read spheres from the points of a VTK file.
-
-    Parameters
-    ----------
-    path : Path
-        ``.vtp`` or ``.vtu`` whose points carry an array ``radius`` (or radii, rad, r) or ``diameter``.
-
-    Returns
-    -------
-    Particles
+    """Read spheres from a ``.vtp`` or ``.vtu`` file whose points carry an array ``radius`` (or radii, rad, r) or
+    ``diameter``.
 
     Raises
     ------
@@ -50,11 +42,5 @@ def read_vtk_points(path: Path) -> Particles:
         raise FileFormatError(f"{path}: {known[chosen]} has the shape {sizes.shape}: one number a point is needed")
     radii = SIZES[chosen] * sizes
     refuse_bad_spheres(points, radii, path, row="point")
-    return Particles(
-        centers=points, radii=radii, assumed={"sizes": f"the array {known[chosen]!r} holds {_word(chosen)}"}
-    )
-
-
-def _word(name: str) -> str:
-    """Say what an array holds."""
-    return "radii" if SIZES[name] == 1.0 else "diameters"
+    word = "radii" if SIZES[chosen] == 1.0 else "diameters"
+    return Particles(centers=points, radii=radii, assumed={"sizes": f"the array {known[chosen]!r} holds {word}"})

@@ -8,26 +8,14 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.measures.registered.coordination import WIDEST_GAP, mean_diameter
 from voxgran.packing.model import Packing
-from voxgran.report.stage import MATERIAL, Picture, add_scale_bar, look_at, shot, stage_of
-from voxgran.shapes.tessellate import sphere
+from voxgran.report.stage import MATERIAL, Picture, add_scale_bar, beads, look_at, shot, stage_of
 
 _MIDDLE, _NEIGHBOUR, _POINT = "#2a9d8f", "#b9c3ca", "#d1495b"
 
 
 def picture_contacts(packing: Packing, *, window: tuple[int, int] = (900, 900)) -> Picture | None:
-    """Draw the grain with the most neighbours, these translucent, and the contact points.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    window : tuple of int
-        Width and height, in pixels.
-
-    Returns
-    -------
-    (height, width, 3) ndarray of uint8 or None
-        Picture; None if no two grains are close.
+    """Draw the grain with the most neighbours, these translucent, and the contact points; None if no two grains are
+    close.
     """
     found = packing.contacts(WIDEST_GAP * mean_diameter(packing)) if packing.count else None
     if found is None or not found.count:
@@ -43,7 +31,8 @@ def picture_contacts(packing: Packing, *, window: tuple[int, int] = (900, 900)) 
         extent.append(_add_grain(stage, packing, grain, np.zeros(3), color=_MIDDLE, opacity=1.0))
         for other, way in zip(others.tolist(), shift, strict=True):
             extent.append(_add_grain(stage, packing, other, way, color=_NEIGHBOUR, opacity=0.45))
-        _add_points(stage, points, 0.04 * float(packing.diameters[grain]))
+        # visible through objects in front of them
+        stage.add_mesh(beads(points, 0.04 * float(packing.diameters[grain]), 2), color=_POINT, **MATERIAL)
         stage.enable_depth_peeling(8)
         look_at(stage, np.concatenate(extent), flat=packing.dimension == 2)
         add_scale_bar(stage, packing.unit)
@@ -66,11 +55,3 @@ def _add_grain(stage: Any, packing: Packing, grain: int, shift: Floats, *, color
     mesh = load("pyvista").PolyData.from_regular_faces(vertices, shape.faces)
     stage.add_mesh(mesh, color=color, opacity=opacity, smooth_shading=True, split_sharp_edges=True, **MATERIAL)
     return vertices
-
-
-def _add_points(stage: Any, points: Floats, radius: float) -> None:
-    """Draw small spheres that are visible through objects in front of them."""
-    vertices, faces, _ = sphere(2)
-    beads = (points[:, None] + radius * vertices).reshape(-1, 3)
-    triangles = (faces + len(vertices) * np.arange(len(points))[:, None, None]).reshape(-1, 3)
-    stage.add_mesh(load("pyvista").PolyData.from_regular_faces(beads, triangles), color=_POINT, **MATERIAL)

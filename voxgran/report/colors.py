@@ -16,17 +16,7 @@ COLOR_BY: tuple[ColorBy, ...] = ("diameter", "shape", "coordination", "distance"
 
 @dataclass(frozen=True, slots=True)
 class Coloring:
-    """Values of grains, with the texts of the colour bar.
-
-    Attributes
-    ----------
-    values : (n,) ndarray of float
-        One value per grain.
-    label : str
-        Name of the quantity.
-    unit : str
-        Unit of the quantity, ``""`` if it has none.
-    """
+    """Values (n,) of grains, with name and unit (``""`` if there is none) for the colour bar."""
 
     values: Floats
     label: str
@@ -42,19 +32,8 @@ class Coloring:
 
 
 def coloring(packing: Packing, color_by: str) -> Coloring:
-    """Return the colouring of the grains.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    color_by : {"diameter", "shape", "coordination", "distance"}
-        Equivalent diameter; index of the shape; number of neighbours within the contact gap; distance of the centroid
-        from the nearest other one.
-
-    Returns
-    -------
-    Coloring
+    """Return the colouring of the grains by equivalent diameter, index of the shape, number of neighbours within the
+    contact gap, or distance of the centroid from the nearest other one; see :data:`COLOR_BY`.
 
     Raises
     ------

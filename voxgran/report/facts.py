@@ -18,14 +18,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Fact:
-    """One line of a table or one headline number.
-
-    Attributes
-    ----------
-    label, value, note : str
-        Name, value and remark.
-    tone : {"", "good", "bad"}
-        Assessment of the value, if there is one.
+    """One line of a table or one headline number; `tone` is the assessment of the value: ``""``, ``"good"`` or
+    ``"bad"``.
     """
 
     label: str
@@ -35,17 +29,7 @@ class Fact:
 
 
 def number(value: Any) -> str:
-    """Return a value as text: four digits, with separators of thousands.
-
-    Parameters
-    ----------
-    value : object
-        A number, a flag or anything else.
-
-    Returns
-    -------
-    str
-    """
+    """Return a number, a flag or anything else as text: four digits, with separators of thousands."""
     plain = value.item() if isinstance(value, np.generic) else value
     if isinstance(plain, bool):
         return "yes" if plain else "no"
@@ -57,21 +41,7 @@ def number(value: Any) -> str:
 
 
 def headline(packing: Packing, statistics: "DataTree | None", verification: "Verification | None") -> list[Fact]:
-    """Return the most important numbers.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    statistics : xarray.DataTree or None
-        Measures of the packing.
-    verification : Verification or None
-        Verification of the packing.
-
-    Returns
-    -------
-    list of Fact
-    """
+    """Return the most important numbers of a packing, its measures and its verification."""
     space = "volume" if packing.dimension == 3 else "area"
     facts = [
         Fact("grains", number(packing.count), f"stopped: {packing.stop_reason.replace('_', ' ')}"),
@@ -102,17 +72,7 @@ def scalar(statistics: "DataTree | None", name: str) -> float | None:
 
 
 def details(packing: Packing) -> list[Fact]:
-    """Return how the packing was made, from its provenance.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-
-    Returns
-    -------
-    list of Fact
-    """
+    """Return how the packing was made, from its provenance."""
     record, unit = packing.provenance, packing.unit
     container = {
         key: value for key, value in packing.container.to_mapping().items() if key not in ("vertices", "faces")

@@ -21,35 +21,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """One plot.
+    """One plot."""
 
-    Attributes
-    ----------
-    name : str
-        Key of the numbers of the plot.
-    svg, alt, caption : str
-        Drawing, alternative text and caption.
-    numbers : dict
-        JSON-able data of the plot.
-    """
-
+    #: key of the numbers of the plot
     name: str
     svg: str
     alt: str
     caption: str
+    #: JSON-able data of the plot
     numbers: dict[str, Any] = field(default_factory=dict)
 
 
 def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
-    """Return the plots of a packing for which there are data.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    statistics : xarray.DataTree or None
-        Measures of the packing.
-    """
+    """Return the plots of a packing for which there are data."""
     found = []
     if packing.count:
         found.append(_gradation(packing))
@@ -63,16 +47,9 @@ def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
 def size_test(packing: Packing) -> dict[str, float] | None:
     """Compare the placed sizes with the requested distribution, by number.
 
-    Parameters
-    ----------
-    packing : Packing
-        Packing of at least one grain.
-
-    Returns
-    -------
-    dict or None
-        Kolmogorov-Smirnov ``distance``, as in :func:`voxgran.measure`, and its ``p_value``, the probability that as
-        many independent draws have a larger distance (scipy.stats.kstest); None without a requested distribution.
+    Return the Kolmogorov-Smirnov ``distance``, as in :func:`voxgran.measure`, and its ``p_value``, the probability that
+    as many independent draws have a larger distance (scipy.stats.kstest); None without a requested distribution or a
+    grain.
     """
     if packing.asked_sizes is None or not packing.count:
         return None

@@ -29,26 +29,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Group of packings in a comparison.
-
-    Attributes
-    ----------
-    name : str
-        Name of the group on the page.
-    packings : tuple of Packing
-        One packing, or several independent ones, such as those of several seeds.
-    trees : tuple of DataTree
-        Measures of the packings.
-    neighbours : tuple of ndarray
-        Coordination numbers of the grains of each packing, up to the same gap in all groups; empty if not requested.
-    gap : float
-        This gap, in mean diameters.
-    """
+    """Group of packings in a comparison."""
 
     name: str
+    #: one packing, or several independent ones, such as those of several seeds
     packings: tuple[Packing, ...]
     trees: "tuple[DataTree, ...]"
+    #: coordination numbers of the grains of each packing, up to the same gap in all groups; empty if not requested
     neighbours: tuple[Floats, ...]
+    #: this gap, in mean diameters
     gap: float
 
     def numbers(self) -> dict[str, Floats]:
@@ -69,18 +58,7 @@ class Group:
 
 
 def groups_of(packings: Mapping[str, Packing | Sequence[Packing]], which: Sequence[str] | None) -> list[Group]:
-    """Measure the packings of all groups.
-
-    Parameters
-    ----------
-    packings : mapping of str to Packing or sequence of Packing
-        At least two groups.
-    which : sequence of str or None
-        Names of measures; None for all that apply.
-
-    Returns
-    -------
-    list of Group
+    """Measure the packings of at least two groups by the measures of these names, or by all that apply.
 
     Raises
     ------
@@ -149,18 +127,10 @@ def _measured(packing: Packing, label: str, which: Sequence[str] | None) -> "Dat
 def compared(groups: Sequence[Group]) -> list[dict[str, Any]]:
     """Return each number of all groups, its difference from the first group, and the p-value of the difference.
 
-    Parameters
-    ----------
-    groups : sequence of Group
-        The first is the reference.
-
-    Returns
-    -------
-    list of dict
-        With ``name``, ``long_name``, ``unit`` and, by group, ``known`` (packings that have the number), ``mean`` (None
-        if none has it), ``standard_error`` (None for one packing), ``difference`` (0 if means differ by rounding only),
-        ``p_value`` (Welch's t-test; None if a group has fewer than two packings, or neither has any scatter) and
-        ``verdict``: ``"equal"``, ``"significant"``, ``"not significant"`` or ``"not tested"``.
+    Each entry has ``name``, ``long_name``, ``unit`` and, by group, ``known`` (packings that have the number), ``mean``
+    (None if none has it), ``standard_error`` (None for one packing), ``difference`` (0 if means differ by rounding
+    only), ``p_value`` (Welch's t-test; None if a group has fewer than two packings, or neither has any scatter) and
+    ``verdict``: ``"equal"``, ``"significant"``, ``"not significant"`` or ``"not tested"``.
     """
     all_numbers = [group.numbers() for group in groups]
     meaning = {name: groups[0].trees[0][name].attrs for name in all_numbers[0]}
@@ -217,16 +187,8 @@ def _verdict(p_value: float | None) -> str:
 def distributions(groups: Sequence[Group]) -> list[dict[str, Any]]:
     """Compare the sizes and coordination numbers of the grains with those of the first group.
 
-    Parameters
-    ----------
-    groups : sequence of Group
-        The first is the reference.
-
-    Returns
-    -------
-    list of dict
-        With ``what``, ``group``, the Kolmogorov-Smirnov ``distance`` by number, its ``p_value`` (a permutation of
-        packings; None if there are too few) and ``verdict``, as in :func:`compared`.
+    Each entry has ``what``, ``group``, the Kolmogorov-Smirnov ``distance`` by number, its ``p_value`` (a permutation of
+    packings; None if there are too few) and ``verdict``, as in :func:`compared`.
     """
     found = []
     first = groups[0].distributions()

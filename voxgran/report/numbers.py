@@ -26,24 +26,7 @@ def page_numbers(
     *,
     figures: Sequence[Figure],
 ) -> dict[str, Any]:
-    """Return every number of a page.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    statistics : xarray.DataTree or None
-        Measures of the packing.
-    verification : Verification or None
-        Verification of the packing.
-    figures : sequence of Figure
-        The plots of the page.
-
-    Returns
-    -------
-    dict
-        JSON-able.
-    """
+    """Return every number of a page, JSON-able."""
     scalars = {}
     if statistics is not None:
         for name, value in statistics.data_vars.items():

@@ -44,17 +44,7 @@ TURNS = 24
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One picture on the page.
-
-    Attributes
-    ----------
-    source : str
-        The picture as a data URL.
-    alt, caption : str
-        Alternative text and caption.
-    width, height : int
-        Size in pixels.
-    """
+    """One picture on the page: a data URL, alternative text, caption, and size in pixels."""
 
     source: str
     alt: str

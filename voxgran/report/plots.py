@@ -50,23 +50,9 @@ _STYLE = {
 def svg_of(
     draw: Callable[[Any], Any], name: str, *, size: tuple[float, float] = (5.2, 3.7), projection: str | None = None
 ) -> str:
-    """Draw one plot and return it as an ``<svg>`` element.
+    """Draw one plot and return it as an ``<svg>`` element, which is reproducible for the same plot.
 
-    Parameters
-    ----------
-    draw : callable
-        Function that draws on the given axes.
-    name : str
-        Prefix of all ids in the element, so that one page can contain several plots.
-    size : tuple of float
-        Width and height, in inches.
-    projection : str, optional
-        Projection of the axes, such as ``"polar"``. Default: Cartesian axes.
-
-    Returns
-    -------
-    str
-        The element; reproducible for the same plot.
+    The name is the prefix of all ids in the element, so that one page can contain several plots; the size is in inches.
     """
     matplotlib = load("matplotlib")
     load("matplotlib.backends.backend_svg")
@@ -88,19 +74,6 @@ def svg_of(
 def plot_gradation(axes: Any, packing: Packing) -> Any:
     """Draw the gradation by volume: as placed and, if a distribution was given, as requested.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Axes to draw on.
-    packing : Packing
-        The packing.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Notes
-    -----
     A grain passes a sieve by its intermediate axis; the curves over axis and diameter are drawn if they differ.
     """
     diameters = packing.diameters
@@ -134,30 +107,10 @@ def plot_profile(
     levels: Mapping[str, float] | None = None,
     published: Mapping[str, ArrayLike] | None = None,
 ) -> Any:
-    """Draw the solid fraction over a coordinate.
+    """Draw the solid fraction (n,) over a coordinate (n,) of this name, in the unit of lengths; NaN leaves a gap.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Axes to draw on.
-    place : (n,) array_like of float
-        Coordinate, in the unit of lengths.
-    solid_fraction : (n,) array_like of float
-        Solid fraction at these coordinates; NaN leaves a gap.
-    name : str
-        Name of the coordinate, such as ``"height z"``.
-    unit : str
-        Unit of lengths.
-    error : (n,) array_like of float
-        Errors, drawn as a band on both sides if not 0.
-    levels : mapping of str to float, optional
-        Solid fractions to compare with, by name; drawn as horizontal lines.
-    published : mapping of str to (n,) array_like of float, optional
-        Curves to compare with, by name.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
+    Errors that are not 0 are drawn as a band on both sides, levels as horizontal lines and published curves (n,) as
+    dashed lines, by their names.
 
     Raises
     ------
@@ -184,24 +137,8 @@ def plot_profile(
 def plot_coordination(
     axes: Any, gap: ArrayLike, coordination_number: ArrayLike, *, unit: str, name: str = "gap"
 ) -> Any:
-    """Draw the mean coordination number over the gap up to which grains count as neighbours.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Axes to draw on.
-    gap : (n,) array_like of float
-        Gaps, in `unit`.
-    coordination_number : (n,) array_like of float
-        Mean number of neighbours of a grain.
-    unit : str
-        Unit of the gap, such as ``"mean diameters"``.
-    name : str
-        Label of the axis.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
+    """Draw the mean coordination number (n,) over the gap (n,) up to which grains count as neighbours, in `unit`, such
+    as ``"mean diameters"``; `name` is the label of the axis.
 
     Raises
     ------

@@ -4,7 +4,6 @@ The lightness of the colours increases evenly (viridis). Each function returns t
 bytes. Grains of many triangles are simplified, see :func:`picture_faces`.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,17 @@ from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.packing.model import Packing
 from voxgran.points.sample import sample_surface
 from voxgran.report.colors import Coloring, coloring
-from voxgran.report.stage import MATERIAL, Picture, add_container, add_scale_bar, add_spheres, look_at, shot, stage_of
+from voxgran.report.stage import (
+    MATERIAL,
+    Picture,
+    add_container,
+    add_scale_bar,
+    add_spheres,
+    beads,
+    look_at,
+    shot,
+    stage_of,
+)
 from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.occupy import voxelize
@@ -34,39 +43,15 @@ SMOOTH = {"smooth_shading": True, "split_sharp_edges": True, **MATERIAL}
 
 
 def picture_faces(packing: Packing) -> int:
-    """Return the largest number of triangles of a grain in a picture.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-
-    Returns
-    -------
-    int
-    """
+    """Return the largest number of triangles of a grain in a picture."""
     return max(FEWEST_FACES, TRIANGLE_BUDGET // max(packing.count, 1))
 
 
 def picture_packing(
     packing: Packing, *, color_by: str = "diameter", window: tuple[int, int] = (900, 900), turn: float = 0.0
 ) -> Picture:
-    """Draw the whole packing.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing.
-    color_by : {"diameter", "shape", "coordination", "distance"}
-        Quantity shown by the colours, see :func:`coloring`: dark is small, bright is large.
-    window : tuple of int
-        Width and height, in pixels.
-    turn : float
-        Angle of view around the vertical axis, in degrees.
-
-    Returns
-    -------
-    (height, width, 3) ndarray of uint8
+    """Draw the whole packing, coloured as by :func:`coloring` (dark is small, bright is large), seen from an angle
+    around the vertical axis, in degrees; the window is in pixels.
 
     Raises
     ------
@@ -77,20 +62,7 @@ def picture_packing(
 
 
 def picture_cut(packing: Packing, *, color_by: str = "diameter", window: tuple[int, int] = (900, 900)) -> Picture:
-    """Draw the packing without the grains whose centroids lie in the quarter that faces the viewer.
-
-    Parameters
-    ----------
-    packing : Packing
-        The packing; in 2D all grains are drawn.
-    color_by : {"diameter", "shape", "coordination", "distance"}
-        Quantity shown by the colours.
-    window : tuple of int
-        Width and height, in pixels.
-
-    Returns
-    -------
-    (height, width, 3) ndarray of uint8
+    """Draw the packing without the grains whose centroids lie in the quarter that faces the viewer; in 2D all grains.
 
     Raises
     ------
@@ -106,19 +78,9 @@ def picture_cut(packing: Packing, *, color_by: str = "diameter", window: tuple[i
 def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres: int = 30) -> dict[str, Picture]:
     """Draw a shape, its voxels, its control points and its clump from the same side.
 
-    Parameters
-    ----------
-    shape : Shape
-        The shape; in 2D there is no clump, and for an open surface neither voxels nor a clump.
-    window : tuple of int
-        Width and height of each, in pixels.
-    spheres : int
-        Largest number of spheres of the clump.
-
-    Returns
-    -------
-    dict of str to (height, width, 3) ndarray of uint8
-        Pictures under ``surface``, ``voxels``, ``points`` and ``clump``.
+    Return pictures under ``surface``, ``voxels``, ``points`` and ``clump``; in 2D there is no clump, and for an open
+    surface neither voxels nor a clump. The window of each is in pixels; `spheres` is the largest number of spheres of
+    the clump.
     """
     flat = shape.dimension == 2
     pictures = {}
@@ -150,7 +112,9 @@ def _picture(
     as_meshes = np.setdiff1d(grains, as_points)
     with stage_of(window) as stage:
         if len(as_meshes):
-            merged = merged_surfaces(packing, grains=as_meshes, bodies=_bodies(packing))
+            most = picture_faces(packing)
+            bodies = [_body(shape, most) for shape in packing.shapes]
+            merged = merged_surfaces(packing, grains=as_meshes, bodies=bodies)
             mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
             mesh.cell_data["value"] = values[merged.grain]
             stage.add_mesh(mesh, scalars="value", **look, **SMOOTH)
@@ -161,12 +125,6 @@ def _picture(
         look_at(stage, packing.container.mesh()[0], flat=packing.dimension == 2, turn=turn)
         add_scale_bar(stage, packing.unit)
         return shot(stage)
-
-
-def _bodies(packing: Packing) -> Sequence[tuple[Floats, Integers]]:
-    """Return the triangles of each shape, simplified to the resolution of the picture."""
-    most = picture_faces(packing)
-    return [_body(shape, most) for shape in packing.shapes]
 
 
 def _body(shape: Shape, most: int) -> tuple[Floats, Integers]:
@@ -209,22 +167,14 @@ def _add_voxels(stage: Any, shape: Shape) -> None:
 def _add_points(stage: Any, shape: Shape) -> None:
     """Draw control points with a spacing of a tenth of the diameter, on the translucent surface."""
     points = np.asarray(sample_surface(shape, spacing=shape.diameter / 10))
-    vertices, faces, _ = sphere(2)
-    size = 0.018 * shape.diameter
-    beads = (points[:, None] + size * vertices).reshape(-1, 3)
-    triangles = (faces + len(vertices) * np.arange(len(points))[:, None, None]).reshape(-1, 3)
-    pyvista = load("pyvista")
     stage.add_mesh(shape.to_pyvista(), color="#d7dee3", **SMOOTH)
-    stage.add_mesh(pyvista.PolyData.from_regular_faces(beads, triangles), color="#2f4b7c", **MATERIAL)
+    stage.add_mesh(beads(points, 0.018 * shape.diameter, 2), color="#2f4b7c", **MATERIAL)
 
 
 def _add_clump(stage: Any, shape: Shape, spheres: int) -> None:
     """Draw the clump of a shape, large spheres bright."""
     clump = fit_clump(shape, max_spheres=spheres)
-    vertices, faces, _ = sphere(3)
-    surfaces = (clump.centers[:, None] + clump.radii[:, None, None] * vertices).reshape(-1, 3)
-    triangles = (faces + len(vertices) * np.arange(len(clump.radii))[:, None, None]).reshape(-1, 3)
-    mesh = load("pyvista").PolyData.from_regular_faces(surfaces, triangles)
-    mesh.cell_data["radius"] = np.repeat(clump.radii, len(faces))
+    mesh = beads(clump.centers, clump.radii, 3)
+    mesh.cell_data["radius"] = np.repeat(clump.radii, mesh.n_cells // len(clump.radii))
     limits = (0.0, float(clump.radii.max()))
     stage.add_mesh(mesh, scalars="radius", cmap=COLORS, clim=limits, show_scalar_bar=False, **SMOOTH)

@@ -17,35 +17,15 @@ ZINGG = 2 / 3
 
 
 def flatness_and_elongation(packing: Packing) -> tuple[Floats, Floats]:
-    """Return the ratios of the extents of all grains.
-
-    Parameters
-    ----------
-    packing : Packing
-        Packing in three dimensions.
-
-    Returns
-    -------
-    intermediate_longest, shortest_intermediate : (n,) ndarray of float
-        Intermediate over longest, and shortest over intermediate extent along the axes of inertia.
+    """Return intermediate over longest and shortest over intermediate extent along the axes of inertia, (n,), of all
+    grains of a packing in three dimensions.
     """
     extents = np.array([principal_extents(shape) for shape in packing.shapes]).reshape(-1, 3)[packing.shape_id]
     return extents[:, 1] / extents[:, 0], extents[:, 2] / extents[:, 1]
 
 
 def plot_zingg(axes: Any, packing: Packing) -> Any:
-    """Draw each grain by the ratios of its extents.
-
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Axes to draw on.
-    packing : Packing
-        Packing in three dimensions.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
+    """Draw each grain of a packing in three dimensions by the ratios of its extents.
 
     References
     ----------
@@ -69,24 +49,12 @@ def plot_zingg(axes: Any, packing: Packing) -> Any:
 
 
 def normal_rose(normals: ArrayLike, *, dimension: int, down: int | None) -> tuple[Floats, Floats]:
-    """Return the distribution of contact normals over direction, relative to an isotropic one.
+    """Return the distribution of contact normals (m, 3) over direction, relative to an isotropic one; opposite vectors
+    are equivalent.
 
-    Parameters
-    ----------
-    normals : (m, 3) array_like of float
-        Unit vectors; opposite vectors are equivalent.
-    dimension : {2, 3}
-        In 2D angles are measured from x towards y. In 3D they are measured from the axis `down`, for all azimuths, and
-        the share is relative to the solid angle of each sector.
-    down : int or None
-        Axis from which angles are measured in 3D; None stands for z.
-
-    Returns
-    -------
-    angle : (k,) ndarray of float
-        Middle of each sector over half a turn, in radians.
-    share : (k,) ndarray of float
-        1 everywhere for an isotropic packing.
+    In 2D angles are measured from x towards y; in 3D from the axis `down` (None stands for z), for all azimuths, and
+    the share is relative to the solid angle of each sector. Returned are the middle of each sector over half a turn, in
+    radians, (k,), and the share, (k,), 1 everywhere for an isotropic packing.
     """
     way = np.asarray(normals, dtype=np.float64).reshape(-1, 3)
     edges = np.linspace(0.0, np.pi, SECTORS + 1)
@@ -103,20 +71,8 @@ def normal_rose(normals: ArrayLike, *, dimension: int, down: int | None) -> tupl
 
 
 def plot_rose(axes: Any, angle: ArrayLike, share: ArrayLike, *, upright: bool) -> Any:
-    """Draw a rose of contact normals, with the circle of an isotropic packing.
-
-    Parameters
-    ----------
-    axes : matplotlib.projections.polar.PolarAxes
-        Axes to draw on.
-    angle, share : (k,) array_like of float
-        Result of :func:`normal_rose`.
-    upright : bool
-        Whether angles are measured from the vertical axis, as in 3D.
-
-    Returns
-    -------
-    matplotlib.projections.polar.PolarAxes
+    """Draw the result of :func:`normal_rose` on polar axes, with the circle of an isotropic packing; in 3D angles are
+    upright, measured from the vertical axis.
     """
     theta, radius = np.asarray(angle, dtype=np.float64), np.asarray(share, dtype=np.float64)
     if upright:

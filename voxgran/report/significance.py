@@ -32,23 +32,13 @@ _BATCH = 256
 
 
 def all_equal(values: Floats) -> bool:
-    """Return whether numbers differ by rounding only.
-
-    Parameters
-    ----------
-    values : (n,) ndarray of float
-        Finite numbers.
-    """
+    """Return whether finite numbers (n,) differ by rounding only."""
     return not len(values) or bool(np.ptp(values) <= EQUAL * np.abs(values).max())
 
 
 def standard_error(values: Floats) -> float:
-    """Return the standard error of the mean: 0 if all values are equal up to rounding, NaN for a single value.
-
-    Parameters
-    ----------
-    values : (n,) ndarray of float
-        One number of each packing.
+    """Return the standard error of the mean of one number of each packing (n,): 0 if all are equal up to rounding, NaN
+    for a single value.
     """
     if len(values) < 2:
         return math.nan
@@ -56,17 +46,8 @@ def standard_error(values: Floats) -> float:
 
 
 def welch_p_value(one: Floats, other: Floats) -> float | None:
-    """Return the probability of a difference of means as large by chance, by Welch's t-test.
-
-    Parameters
-    ----------
-    one, other : (n,), (m,) ndarray of float
-        One number of each packing of two groups.
-
-    Returns
-    -------
-    float or None
-        None if a group has fewer than two packings, or neither has any scatter.
+    """Return the probability of a difference of the means of (n,) and (m,) packings as large by chance, by Welch's
+    t-test; None if a group has fewer than two packings, or neither has any scatter.
     """
     if min(len(one), len(other)) < 2:
         return None
@@ -78,17 +59,10 @@ def welch_p_value(one: Floats, other: Floats) -> float | None:
 
 
 def distance_of(one: Sequence[Floats], other: Sequence[Floats]) -> float:
-    """Return the Kolmogorov-Smirnov distance of two groups: the largest difference of their cumulative shares.
+    """Return the Kolmogorov-Smirnov distance of two groups, in [0, 1]: the largest difference of their cumulative
+    shares.
 
-    Parameters
-    ----------
-    one, other : sequence of (n,) ndarray of float
-        Nonnegative values of the grains of each packing. Within a group each packing has the same weight.
-
-    Returns
-    -------
-    float
-        Distance in [0, 1]; 0 for equal distributions.
+    Each array holds nonnegative values of the grains of one packing; within a group each packing has the same weight.
     """
     points = np.unique(np.concatenate([*one, *other]))
     difference = np.zeros(len(points))
@@ -99,19 +73,10 @@ def distance_of(one: Sequence[Floats], other: Sequence[Floats]) -> float:
 
 
 def permutation_p_value(one: Sequence[Floats], other: Sequence[Floats]) -> float | None:
-    """Return the share of permutations of the packings with a distance at least as large as that of the two groups.
+    """Return the share of permutations of the packings with a distance at least as large as that of the two groups;
+    None if a group has fewer than two packings, or so few packings that no result could be significant.
 
     All permutations are tried if there are at most 10,000, otherwise as many are drawn with a fixed seed.
-
-    Parameters
-    ----------
-    one, other : sequence of (n,) ndarray of float
-        As :func:`distance_of`.
-
-    Returns
-    -------
-    float or None
-        None if a group has fewer than two packings, or so few packings that no result could be significant.
     """
     first, count = len(one), len(one) + len(other)
     regroupings = math.comb(count, first)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container
+from voxgran.shapes.tessellate import sphere
 
 Picture: TypeAlias = NDArray[np.uint8]
 
@@ -38,18 +39,8 @@ ambientColor *= shade;
 
 @contextlib.contextmanager
 def stage_of(window: tuple[int, int], *, lit: bool = True) -> Iterator[Any]:
-    """Provide an off-screen plotter that is closed at the end (context manager).
-
-    Parameters
-    ----------
-    window : tuple of int
-        Width and height, in pixels.
-    lit : bool
-        Whether light and smoothing are used; otherwise colours are reproduced exactly.
-
-    Yields
-    ------
-    pyvista.Plotter
+    """Provide an off-screen plotter that is closed at the end (context manager); without light and smoothing colours
+    are reproduced exactly. The window is in pixels.
     """
     pyvista = load("pyvista")
     stage = pyvista.Plotter(off_screen=True, window_size=list(window), lighting="none")
@@ -67,18 +58,9 @@ def stage_of(window: tuple[int, int], *, lit: bool = True) -> Iterator[Any]:
 
 
 def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0) -> None:
-    """Frame points with the camera; flat scenes are viewed from above.
+    """Frame points (n, 3) with the camera; flat scenes are viewed from above.
 
-    Parameters
-    ----------
-    stage : pyvista.Plotter
-        Plotter of :func:`stage_of`.
-    points : (n, 3) ndarray of float
-        Points that must be in the picture.
-    flat : bool
-        Whether the scene lies in the plane z = 0.
-    turn : float
-        Angle of the camera around the vertical axis, in degrees; its distance is independent of the angle.
+    The camera is turned around the vertical axis by an angle in degrees, of which its distance is independent.
     """
     toward = np.array((0.0, 0.0, 1.0) if flat else _VIEW)
     if turn and not flat:
@@ -108,6 +90,14 @@ def shot(stage: Any) -> Picture:
     return image
 
 
+def beads(points: Floats, radii: Floats | float, level: int) -> Any:
+    """Return spheres with centers (n, 3) as one mesh; each has the faces of an icosahedron refined `level` times."""
+    vertices, faces, _ = sphere(level)
+    corners = points[:, None] + np.reshape(radii, (-1, 1, 1)) * vertices
+    triangles = faces + len(vertices) * np.arange(len(points))[:, None, None]
+    return load("pyvista").PolyData.from_regular_faces(corners.reshape(-1, 3), triangles.reshape(-1, 3))
+
+
 def add_container(stage: Any, container: Container) -> None:
     """Draw the outline of a container: its sharp edges and its silhouette."""
     mesh = load("pyvista").PolyData.from_regular_faces(*container.mesh())
@@ -121,14 +111,8 @@ def add_container(stage: Any, container: Container) -> None:
 
 
 def add_scale_bar(stage: Any, unit: str) -> None:
-    """Draw a scale bar of a round length, with its length, at the lower left; the camera must be final.
-
-    Parameters
-    ----------
-    stage : pyvista.Plotter
-        Plotter of :func:`stage_of`, with parallel projection.
-    unit : str
-        Unit of lengths.
+    """Draw a scale bar of a round length, with its length, at the lower left; the camera must be final, with parallel
+    projection.
     """
     width, height = stage.window_size
     pixel = 2 * stage.camera.parallel_scale / height
@@ -156,21 +140,9 @@ def round_length(most: float) -> float:
 
 
 def add_spheres(stage: Any, positions: Floats, radii: Floats, colors: Floats) -> None:
-    """Draw spheres as shaded points, each with its radius; fast for large numbers.
+    """Draw spheres as shaded points with centers (n, 3), radii (n,) and colors (n, 3) in [0, 1]; fast for large
+    numbers.
 
-    Parameters
-    ----------
-    stage : pyvista.Plotter
-        Plotter of :func:`stage_of`.
-    positions : (n, 3) ndarray of float
-        Centers.
-    radii : (n,) ndarray of float
-        Radii.
-    colors : (n, 3) ndarray of float
-        Red, green and blue, in [0, 1].
-
-    Notes
-    -----
     The shading of spheres smaller than a few pixels does not show the form of the packing. Therefore the brightness of
     each also depends on the gradient of the density around it, as if the packing were one body.
     """

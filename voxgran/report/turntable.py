@@ -74,17 +74,7 @@ def _views(
 
 
 def animated(pictures: Iterator[Picture]) -> bytes:
-    """Return pictures as one animated GIF that repeats forever.
-
-    Parameters
-    ----------
-    pictures : iterator of (height, width, 3) ndarray of uint8
-        Pictures of the same size.
-
-    Returns
-    -------
-    bytes
-    """
+    """Return pictures of the same size as one animated GIF that repeats forever."""
     image = load("PIL.Image")
     views = list(pictures)
     # colours that are visible from other sides only must be in the palette too

@@ -14,18 +14,8 @@ SEAM = 0.637
 
 
 def wall_law(distance: ArrayLike, *, bulk: float) -> Floats:
-    """Return the solid fraction of a bed of equal spheres as a function of the distance from a cylindrical wall.
-
-    Parameters
-    ----------
-    distance : (n,) array_like of float
-        Distance from the wall, in diameters.
-    bulk : float
-        Solid fraction far from the wall.
-
-    Returns
-    -------
-    (n,) ndarray of float
+    """Return the solid fraction (n,) of a bed of equal spheres at distances (n,) from a cylindrical wall, in diameters;
+    `bulk` is the solid fraction far from the wall.
 
     References
     ----------

@@ -50,23 +50,8 @@ def run_demo(
     on_step: OnStep | None = None,
     grains: int = GRAINS,
 ) -> list[dict[str, Any]]:
-    """Pack the same grains by both methods and leave files, statistics and a page.
-
-    Parameters
-    ----------
-    folder : path-like
-        Where results go.
-    overwrite : bool
-        Whether results that are there may be replaced.
-    on_step : callable, optional
-        Told of each step.
-    grains : int
-        How many.
-
-    Returns
-    -------
-    list of dict
-        One row per method: grains, solid fractions, verification, seconds.
+    """Pack the same grains by both methods and leave files, statistics and a page; return one row per method: grains,
+    solid fractions, verification, seconds.
 
     Raises
     ------
@@ -123,18 +108,10 @@ class _Result:
 
 def _packed(method: str, grains: int, on_step: OnStep | None = None) -> _Result:
     """Pack the grains by one method, prove and measure."""
-    shapes = demo_shapes()
+    shapes, box = demo_shapes(), Box((8, 8, 14), periodic=(True, True, False))
     began = time.monotonic()
-    packing = pack(
-        shapes,
-        Box((8, 8, 14), periodic=(True, True, False)),
-        method=method,
-        count=grains,
-        sizes=lognormal(1.0, 0.2),
-        seed=1,
-        on_step=on_step,
-        **PARAMETERS[method],
-    )
+    asked: dict[str, Any] = {"count": grains, "sizes": lognormal(1.0, 0.2), "seed": 1}
+    packing = pack(shapes, box, method=method, on_step=on_step, **asked, **PARAMETERS[method])
     seconds = time.monotonic() - began
     return _Result(packing, verify(packing), measure(packing), seconds)
 
@@ -163,12 +140,10 @@ def _row(result: _Result, numbers: dict[str, Any]) -> dict[str, Any]:
     """Return one row of the table."""
     proof = result.proof
     return {
-        "method": numbers["method"],
-        "grains": result.packing.count,
-        "solid_fraction": result.packing.solid_fraction,
+        **{name: numbers[name] for name in ("method", "grains", "solid_fraction")},
         "bulk_solid_fraction": numbers.get("bulk_solid_fraction", float("nan")),
         "verify": "ok" if proof.ok else f"{proof.overlapping_pairs} overlaps, {proof.escaped} escaped",
         "deepest": proof.deepest,
         "seconds": result.seconds,
-        "stop_reason": result.packing.stop_reason,
+        "stop_reason": numbers["stop_reason"],
     }

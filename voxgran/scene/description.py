@@ -1,4 +1,4 @@
-"""What a TOML file says of a granular scene, read and checked; nothing is planned or packed here."""
+"""Description of a granular scene, read from a TOML file and checked; nothing is planned or packed here."""
 
 import os
 import tomllib
@@ -28,7 +28,7 @@ from voxgran.shapes.sizes import SizeDistribution, make_sizes
 #: keys of a [[shape]] from a file, and of any
 FILE_KEYS = ("file", "share", "repair", "surface", "unit")
 SHAPE_KEYS = (*FILE_KEYS, "family", "seed")
-#: what a scene can do about a mesh that is not one closed solid
+#: remedies for a mesh that is not one closed solid
 REMEDIES = Remedies(
     mend="set repair = true in its [[shape]]",
     keep_open="set surface = true",
@@ -228,12 +228,7 @@ class SceneDescription:
     def to_mapping(self) -> dict[str, Any]:
         """Return the scene as nested JSON-able values, from which :meth:`from_mapping` makes it again."""
         shapes = [{entry.source: entry.name, "share": entry.share, **entry.parameters} for entry in self.shapes]
-        packing = {
-            "method": self.method,
-            "count": self.count,
-            "solid_fraction": self.solid_fraction,
-            "start": self.start,
-        }
+        packing = {name: getattr(self, name) for name in ("method", "count", "solid_fraction", "start")}
         made = {
             "scene": to_mapping(self.general),
             "shape": shapes,

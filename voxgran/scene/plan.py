@@ -93,18 +93,14 @@ def make_plan(scene: SceneDescription) -> Plan:
     finishing = FINISHING_BYTES + (DRAWING_BYTES if scene.output.report else 0)
     memory = max(packing_memory(task.method, task.problem), finishing)
     check_memory(task.method, memory, "the scene")
-    computed, skipped, libraries = _steps(scene, task)
-    volume = float((task.problem.volumes).sum() / task.problem.container.volume)
     return Plan(
         grains=task.problem.count,
-        solid_fraction=volume,
+        solid_fraction=float(task.problem.volumes.sum() / task.problem.container.volume),
         memory=memory,
         attempts=cost.attempts,
         voxelized_shapes=cost.voxelized_shapes,
         sampled_shapes=cost.sampled_shapes,
-        computed=computed,
-        skipped=skipped,
-        libraries=libraries,
+        **_steps(scene, task),
     )
 
 
@@ -116,12 +112,7 @@ def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:
     InputError
         If a value breaks a rule.
     """
-    return prepare_task(
-        shapes,
-        scene.container,
-        **scene.asked(),
-        parameters=dict(scene.parameters),
-    )
+    return prepare_task(shapes, scene.container, **scene.asked(), parameters=dict(scene.parameters))
 
 
 def _stand_in(entry: ShapeEntry) -> Shape:
@@ -145,12 +136,7 @@ def _stand_in(entry: ShapeEntry) -> Shape:
     return entry.make()
 
 
-def _makes_unions(scene: SceneDescription) -> bool:
-    """Return whether random solids are joined by boolean operations."""
-    return any(entry.source == "family" and entry.name == "solid_union" for entry in scene.shapes)
-
-
-def _steps(scene: SceneDescription, task: Task) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
     computed = [f"pack {task.problem.count} grains by {scene.method}", "verify against the true shapes"]
     if scene.general.seeds > 1:
@@ -168,10 +154,12 @@ def _steps(scene: SceneDescription, task: Task) -> tuple[tuple[str, ...], tuple[
             libraries.update(needs)
         else:
             skipped.append(f"{step}: not asked for in [output]")
-    if any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes) or _makes_unions(scene):
+    # random solids of this family are joined by boolean operations
+    unions = any(entry.source == "family" and entry.name == "solid_union" for entry in scene.shapes)
+    if unions or any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes):
         libraries.add("manifold3d")
     if task.problem.dimension == 2:
         skipped.append("anything in three dimensions: the container is flat")
     if scene.sizes is None:
         skipped.append("drawing sizes: each shape keeps its own")
-    return tuple(computed), tuple(skipped), tuple(sorted(libraries))
+    return {"computed": tuple(computed), "skipped": tuple(skipped), "libraries": tuple(sorted(libraries))}

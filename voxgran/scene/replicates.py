@@ -33,14 +33,11 @@ def run_seeds(
     overwrite: bool = False,
     on_step: OnStep | None = None,
 ) -> SceneResult:
-    """Pack a scene once per seed, each in a folder of its own, and average; all else as :meth:`voxgran.Scene.run` says.
+    """Pack a scene once per seed, each in a folder ``seed_K`` of its own, and average; all else as
+    :meth:`voxgran.Scene.run` says.
 
-    The folder gets ``seed_K/`` for each seed, and ``summary.json`` and ``statistics.nc`` over all.
-
-    Returns
-    -------
-    SceneResult
-        Packing, verification and statistics of the first seed; the summary holds all, their means and standard errors.
+    The folder gets ``summary.json`` and ``statistics.nc`` over all; the result holds packing, verification and
+    statistics of the first seed, and a summary of all with their means and standard errors.
     """
     with opened_folder(folder, resume=resume, overwrite=overwrite) as target:
         return _run_in(target, scene, resume=resume, overwrite=overwrite, on_step=on_step)
@@ -68,17 +65,8 @@ def _run_in(
 
 
 def packings_of_run(folder: str | os.PathLike[str]) -> list[Packing]:
-    """Read the packings that a run has left, one for each of its seeds.
-
-    Parameters
-    ----------
-    folder : path-like
-        Where the results of a scene are, with ``packing.vtp`` in it or in folders ``seed_K``.
-
-    Returns
-    -------
-    list of Packing
-        In the order of the seeds. A seed without packing is left out with a `PackingWarning`.
+    """Read the packings that a run has left in ``packing.vtp`` of a folder or of its folders ``seed_K``, in the order
+    of the seeds; a seed without packing is left out with a `PackingWarning`.
 
     Raises
     ------
@@ -127,18 +115,8 @@ def _seed_folders(target: Path) -> list[Path]:
 
 
 def averaged(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return the summary over several runs.
-
-    Parameters
-    ----------
-    runs : sequence of dict
-        Their summaries.
-
-    Returns
-    -------
-    dict
-        Seeds, mean and standard error of each number that all have (standard deviation over the root of the number
-        of runs), whether all are verified, and the summaries.
+    """Return the summary over the summaries of several runs: seeds, mean and standard error of each number that all
+    have (standard deviation over the root of the number of runs), whether all are verified, and the summaries.
     """
     numbers = [
         name

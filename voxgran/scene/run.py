@@ -97,16 +97,8 @@ def _run_in(
     if scene.output.snapshots:
         place, most = target / "snapshots.pvd", scene.output.snapshots
         recorder = Series(place, max_snapshots=most, every=plan.grains, resume=resume, overwrite=True)
-    packing = pack(
-        shapes,
-        scene.container,
-        **scene.asked(),
-        checkpoint=checkpoint,
-        resume=resume,
-        on_step=on_step,
-        recorder=recorder,
-        **scene.parameters,
-    )
+    run: dict[str, Any] = {"checkpoint": checkpoint, "resume": resume, "on_step": on_step, "recorder": recorder}
+    packing = pack(shapes, scene.container, **scene.asked(), **run, **scene.parameters)
     packing = replace(packing, provenance={**packing.provenance, "scene": scene.to_mapping()})
     result = finish_folder(packing, target, scene=scene, on_step=on_step)
     result.summary["plan"] = plan.to_mapping()
@@ -137,13 +129,8 @@ def read_folder(scene: SceneDescription, folder: Path) -> SceneResult:
         )
     with refused(folder / SUMMARY):
         summary = dict(json.loads((folder / SUMMARY).read_text(encoding="utf-8")))
-    return SceneResult(
-        packing=packing,
-        verification=verify(packing),
-        statistics=measure(packing, which=scene.which),
-        summary=summary,
-        folder=folder,
-    )
+    proof, statistics = verify(packing), measure(packing, which=scene.which)
+    return SceneResult(packing=packing, verification=proof, statistics=statistics, summary=summary, folder=folder)
 
 
 @contextlib.contextmanager
@@ -220,12 +207,7 @@ def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") ->
         "porosity": packing.porosity,
         **numbers,
         "stop_reason": packing.stop_reason,
-        "verify": {
-            "ok": proof.ok,
-            "overlapping_pairs": proof.overlapping_pairs,
-            "deepest": proof.deepest,
-            "escaped": proof.escaped,
-        },
+        "verify": {name: getattr(proof, name) for name in ("ok", "overlapping_pairs", "deepest", "escaped")},
         "counters": dict(record.get("counters", {})),
         "missed": dict(record.get("missed", {})),
         "seconds_packing": record.get("timing", {}).get("wall_seconds", 0.0),

@@ -23,7 +23,8 @@ WINDOW = (320, 240)
 
 def render_ids(packing, *, window=WINDOW):
     """Return which grain is seen in each pixel, (height, width): 0 is background, k + 1 is grain k."""
-    merged = scenes.merged_surfaces(packing, bodies=scenes._bodies(packing))
+    bodies = [scenes._body(shape, scenes.picture_faces(packing)) for shape in packing.shapes]
+    merged = scenes.merged_surfaces(packing, bodies=bodies)
     label = merged.grain + 1
     colors = np.stack([label >> 16 & 255, label >> 8 & 255, label & 255], axis=1).astype(np.uint8)
     with stage_of(window, lit=False) as stage:

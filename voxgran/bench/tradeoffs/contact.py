@@ -17,11 +17,10 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.rotation import normalized, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, peers_of
+from voxgran.bench.model import TradeOff, best_rate, calibration, panels_of, peers_of, ratios, scans, write_rows
 from voxgran.containers.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.control_point.first_contact import Encounter
@@ -31,7 +30,6 @@ from voxgran.packing.method import method_registry
 from voxgran.packing.pack import pack, prepare_task
 from voxgran.packing.problem import Problem
 from voxgran.shapes.family import make_shape
-from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape
 
 #: shape, control points of a grain, program, attempts per second, share of accepted attempts
@@ -66,18 +64,8 @@ SECONDS, APPROACHES = 0.6, 24
 
 
 def moving_task(shape: Shape, spacing: float, test: str, *, count: int = GRAINS) -> tuple[Problem, ControlState]:
-    """Return grains in a box, mixed and ready to move.
-
-    Parameters
-    ----------
-    shape : Shape
-        Of every grain.
-    spacing : float
-        Of the control points, in diameters.
-    test : str
-        One of :data:`TESTS`.
-    count : int
-        How many grains.
+    """Return equal grains in a box, mixed and ready to move: their shape, the spacing of control points in diameters,
+    one of :data:`TESTS`, and how many.
     """
     contact, ways = TESTS[test]
     unit = shape.scaled(1 / shape.diameter)
@@ -100,15 +88,12 @@ def moving_task(shape: Shape, spacing: float, test: str, *, count: int = GRAINS)
 
 def rate_of_test(problem: Problem, state: ControlState) -> tuple[float, float]:
     """Return attempts per second of voxgran's walk, and the share of accepted ones."""
-    advance, best, attempts = method_registry().get("control_point").advance, 0.0, 4000
+    advance, attempts = method_registry().get("control_point").advance, 4000
     before, tried = state.moves_accepted, state.moves_tried
-    began = time.perf_counter()
-    while time.perf_counter() - began < SECONDS:
-        start = time.process_time()
-        advance(problem, state, attempts)
-        best = max(best, attempts / (time.process_time() - start))
-    moves = state.moves_tried - tried
-    return best, (state.moves_accepted - before) / moves
+    best, _ = best_rate(
+        lambda: advance(problem, state, attempts), attempts, least_time=SECONDS, clock=time.process_time
+    )
+    return best, (state.moves_accepted - before) / (state.moves_tried - tried)
 
 
 def rate_of_peer(
@@ -124,16 +109,12 @@ def rate_of_peer(
         distance=2 * float(setting.extent[0, 1]),
         longest=min(problem.parameters.step, 0.5 * float(setting.extent[0, 2])),
     )  # fmt: skip
-    moves, generator = program(grains), stream(1, "bench moves")
-    best, moved, tried = 0.0, 0, 0
-    began = time.perf_counter()
-    while tried < 2 * attempts or time.perf_counter() - began < SECONDS:
-        drawn = _draw_moves(generator, len(grains.step), problem.parameters.rotation_share, grains.radius, attempts)
-        start = time.process_time()
-        accepted = moves(*drawn)
-        best = max(best, attempts / (time.process_time() - start))
-        moved, tried = moved + accepted, tried + attempts
-    return best, moved / tried
+    generator, share = stream(1, "bench moves"), problem.parameters.rotation_share
+    best, accepted = best_rate(
+        program(grains), attempts, least_time=SECONDS, clock=time.process_time,
+        draw=lambda: _draw_moves(generator, len(grains.step), share, grains.radius, attempts),
+    )  # fmt: skip
+    return best, sum(accepted) / (len(accepted) * attempts)
 
 
 def _draw_moves(
@@ -148,20 +129,7 @@ def _draw_moves(
 
 
 def measure_speed(shapes: dict[str, Shape], spacings: dict[str, tuple[float, ...]] = SPACINGS) -> list[SpeedRow]:
-    """Time the tests of contact and their peers.
-
-    Parameters
-    ----------
-    shapes : dict of str to Shape
-        By name.
-    spacings : dict of str to tuple of float
-        Of the control points of each shape, in diameters.
-
-    Returns
-    -------
-    list of tuple
-        Shape, control points of a grain, program, attempts per second, and share of accepted attempts.
-    """
+    """Time the tests of contact and their peers for shapes by name, at spacings of control points in diameters."""
     rows: list[SpeedRow] = []
     peers = peers_of("contact")
     for name, shape in shapes.items():
@@ -181,22 +149,9 @@ def measure_speed(shapes: dict[str, Shape], spacings: dict[str, tuple[float, ...
 def measure_accuracy(
     shapes: dict[str, Shape], speed: list[SpeedRow], spacings: tuple[float, ...] = ACCURACY_SPACINGS
 ) -> list[AccuracyRow]:
-    """Compare where tests of contact refuse with where true surfaces touch.
-
-    Parameters
-    ----------
-    shapes : dict of str to Shape
-        By name.
-    speed : list of tuple
-        Rows of :func:`measure_speed`, of which the run time is taken where a spacing was timed.
-    spacings : tuple of float
-        Of the control points, in diameters, besides those of :data:`SPACINGS`.
-
-    Returns
-    -------
-    list of tuple
-        Shape, test, control points, spacing, mean and largest size of the error of the gap at contact, largest overlap
-        (all in diameters), and microseconds per attempt.
+    """Compare where tests of contact refuse with where true surfaces touch, at these spacings (in diameters) and those
+    of :data:`SPACINGS`; the run time is that of the rows of :func:`measure_speed` where a spacing was timed. Lengths
+    are in diameters.
     """
     rows: list[AccuracyRow] = []
     for name, shape in shapes.items():
@@ -213,17 +168,7 @@ def measure_accuracy(
 
 
 def gaps_at_contact(shape: Shape, pair: Encounter, many: int) -> Floats:
-    """Return the true gaps, (many,), at which two equal grains in random turns were refused, from random sides.
-
-    Parameters
-    ----------
-    shape : Shape
-        Of both grains.
-    pair : Encounter
-        The two of them.
-    many : int
-        How often they meet.
-    """
+    """Return the true gaps, (many,), at which two equal grains in random turns were refused, from random sides."""
     generator, gaps = stream(2, "bench approaches"), []
     for _ in range(many):
         turns, way = normalized(generator.normal(size=(2, 4))), generator.normal(size=3)
@@ -235,16 +180,9 @@ def gaps_at_contact(shape: Shape, pair: Encounter, many: int) -> Floats:
 def true_gap(shape: Shape, turns: Floats, way: Floats, offset: Floats) -> float:
     """Return the gap of the true surfaces at a contact; below 0 where they overlap, the way back until they do not.
 
-    Parameters
-    ----------
-    shape : Shape
-        Of both grains: a sphere, a convex mesh or box, or any closed mesh.
-    turns : (2, 4) ndarray of float
-        Orientations of the standing and of the coming grain.
-    way : (3,) ndarray of float
-        Unit vector along which they came together, without going aside.
-    offset : (3,) ndarray of float
-        Where the coming grain was refused.
+    Both grains are of one shape: a sphere, a convex mesh or box, or any closed mesh. `turns` (2, 4) are the
+    orientations of the standing and of the coming grain, which came along the unit vector `way` and was refused at
+    `offset`.
     """
     if getattr(shape.geometry, "kind", "") == "sphere":
         return float(np.linalg.norm(offset)) - shape.diameter
@@ -283,18 +221,7 @@ def _least_gap(shape: Shape, standing: Floats, coming: Floats, offset: Floats, w
 
 
 def measure_beds(count: int = BED) -> list[tuple[str, float, float]]:
-    """Pack beds of equal spheres.
-
-    Parameters
-    ----------
-    count : int
-        How many.
-
-    Returns
-    -------
-    list of tuple
-        What was done, processor seconds, and bulk solid fraction.
-    """
+    """Pack beds of equal spheres; return what was done, processor seconds, and bulk solid fraction of each."""
     rows, box, sphere = [], Box((7, 7, 5 + count / 35)), make_shape("sphere")
     for name, parameters in BEDS.items():
         began = time.process_time()
@@ -305,11 +232,7 @@ def measure_beds(count: int = BED) -> list[tuple[str, float, float]]:
 
 def bodies() -> dict[str, Shape]:
     """Return the shapes that are timed and compared; the scan where the repository has it."""
-    found = {"sphere": make_shape("sphere"), "box": make_shape("box", lengths=(1.1, 0.9, 0.7))}
-    scan = Path(__file__).parents[3] / "data" / "eros.obj"
-    if scan.is_file():
-        found["eros"] = load_shape(scan)
-    return found
+    return {"sphere": make_shape("sphere"), "box": make_shape("box", lengths=(1.1, 0.9, 0.7)), **scans("eros.obj")}
 
 
 def run(folder: Path) -> tuple[Path, ...]:
@@ -318,25 +241,31 @@ def run(folder: Path) -> tuple[Path, ...]:
     speed = measure_speed(shapes)
     accuracy, loop = measure_accuracy(shapes, speed, ACCURACY_SPACINGS), calibration()
     rates = {row[:3]: row[3] for row in speed}
-    rows = [
-        "shape,points,program,attempts_per_second,accepted,ratio_to_ckdtree,ratio_to_numba_grid,calibration_seconds"
-    ]
+    rows = []
     for shape, points, program, rate, accepted in speed:
-        found = [rates.get((shape, points, peer)) for peer in PROGRAMS]
-        ratios = ",".join("" if peer is None else f"{rate / peer:.1f}" for peer in found)
-        rows.append(f'{shape},{points},"{program}",{rate:.0f},{accepted:.3f},{ratios},{loop:.5f}')
-    table, second, third = (folder / f"contact_{name}.csv" for name in ("speed", "accuracy", "beds"))
-    figure = folder / "contact.svg"
-    write_text(table, "\n".join(rows) + "\n")
-    lines = ["shape,test,points,spacing,mean_error,largest_error,largest_overlap,microseconds_per_attempt"]
+        beside = ratios(rate, [rates.get((shape, points, peer)) for peer in PROGRAMS])
+        rows.append(f'{shape},{points},"{program}",{rate:.0f},{accepted:.3f},{beside},{loop:.5f}')
+    lines = []
     for name, test, points, spacing, mean, largest, overlap, micro in accuracy:
         timed = "" if np.isnan(micro) else f"{micro:.2f}"
         lines.append(f'{name},"{test}",{points},{spacing:g},{mean:.6f},{largest:.6f},{overlap:.6f},{timed}')
-    write_text(second, "\n".join(lines) + "\n")
     beds = [f"{name},{seconds:.2f},{bulk:.4f},{loop:.5f}" for name, seconds, bulk in measure_beds()]
-    write_text(third, "\n".join(["stage,seconds,bulk_solid_fraction,calibration_seconds", *beds]) + "\n")
+    figure = folder / "contact.svg"
     _draw(speed, accuracy, figure)
-    return table, second, third, figure
+    return (
+        write_rows(
+            folder / "contact_speed.csv",
+            "shape,points,program,attempts_per_second,accepted,ratio_to_ckdtree,ratio_to_numba_grid,calibration_seconds",
+            rows,
+        ),
+        write_rows(
+            folder / "contact_accuracy.csv",
+            "shape,test,points,spacing,mean_error,largest_error,largest_overlap,microseconds_per_attempt",
+            lines,
+        ),
+        write_rows(folder / "contact_beds.csv", "stage,seconds,bulk_solid_fraction,calibration_seconds", beds),
+        figure,
+    )
 
 
 registration = TradeOff(
@@ -350,33 +279,26 @@ DASHES = {"sphere": "-", "box": "--", "eros": ":"}
 
 def _draw(speed: list[SpeedRow], accuracy: list[AccuracyRow], path: Path) -> None:
     """Draw rates against points on the left, errors against spacing in the middle and against time on the right."""
-    figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
-    left, middle, right = figure.subplots(1, 3)
-    programs = (*TESTS, *PROGRAMS)
-    for k, program in enumerate(programs):
-        for shape, style in DASHES.items():
-            found = [(row[1], row[3]) for row in speed if row[0] == shape and row[2] == program]
-            own = [row for row in accuracy if row[0] == shape and row[1] == program]
-            timed = sorted((row[7], row[4]) for row in own if not np.isnan(row[7]))
-            if found:
-                left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o")
-            if own:
-                middle.loglog([row[3] for row in own], [row[4] for row in own], f"C{k}{style}")
-            if timed:
-                right.loglog(*zip(*timed, strict=True), f"C{k}{style}", marker="o")
-    left.set_xlabel("control points of a grain")
-    left.set_ylabel("attempts per second")
-    middle.set_xlabel("spacing of control points, in diameters")
-    right.set_xlabel("microseconds per attempt")
-    for panel in (middle, right):
-        panel.set_ylabel("mean error of the gap at contact, in diameters")
-    for panel in (left, middle, right):
-        panel.grid(visible=True, alpha=0.3)
-        panel.xaxis.set_minor_formatter(load("matplotlib.ticker").NullFormatter())
-    # colors and dashes mean the same in all three
-    line = load("matplotlib.lines").Line2D
-    keys = [line([], [], color=f"C{k}", label=program) for k, program in enumerate(programs)]
-    keys += [line([], [], color="black", linestyle=style, label=shape) for shape, style in DASHES.items()]
-    figure.legend(handles=keys, loc="outside right center", frameon=False, fontsize=8)
-    with written_whole(path) as draft:
-        figure.savefig(draft, format="svg")
+    programs, line = (*TESTS, *PROGRAMS), load("matplotlib.lines").Line2D
+    with panels_of(path, 3, width=13.2) as (left, middle, right):
+        for k, program in enumerate(programs):
+            for shape, style in DASHES.items():
+                found = [(row[1], row[3]) for row in speed if row[0] == shape and row[2] == program]
+                own = [row for row in accuracy if row[0] == shape and row[1] == program]
+                timed = sorted((row[7], row[4]) for row in own if not np.isnan(row[7]))
+                if found:
+                    left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o")
+                if own:
+                    middle.loglog([row[3] for row in own], [row[4] for row in own], f"C{k}{style}")
+                if timed:
+                    right.loglog(*zip(*timed, strict=True), f"C{k}{style}", marker="o")
+        error = "mean error of the gap at contact, in diameters"
+        left.set(xlabel="control points of a grain", ylabel="attempts per second")
+        middle.set(xlabel="spacing of control points, in diameters", ylabel=error)
+        right.set(xlabel="microseconds per attempt", ylabel=error)
+        for panel in (left, middle, right):
+            panel.xaxis.set_minor_formatter(load("matplotlib.ticker").NullFormatter())
+        # colors and dashes mean the same in all three
+        keys = [line([], [], color=f"C{k}", label=program) for k, program in enumerate(programs)]
+        keys += [line([], [], color="black", linestyle=style, label=shape) for shape, style in DASHES.items()]
+        left.figure.legend(handles=keys, loc="outside right center", frameon=False, fontsize=8)

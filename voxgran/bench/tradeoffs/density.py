@@ -14,10 +14,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration
+from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
 from voxgran.containers.box import Box
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.model import Container
@@ -47,13 +46,7 @@ def bed(shapes: Shape | list[Shape], container: Container, count: int, **paramet
 
 
 def extrapolated(sizes: Floats, values: Floats) -> tuple[float, float]:
-    """Return where a straight line through values meets size 0, and its standard error.
-
-    Parameters
-    ----------
-    sizes, values : (n,) ndarray of float
-        Three or more.
-    """
+    """Return where a straight line through three or more values (n,) meets size 0, and its standard error."""
     design = np.column_stack([np.ones_like(sizes), sizes])
     fit, *_ = np.linalg.lstsq(design, values, rcond=None)
     spread = ((values - design @ fit) ** 2).sum() / (len(sizes) - 2)
@@ -61,16 +54,8 @@ def extrapolated(sizes: Floats, values: Floats) -> tuple[float, float]:
 
 
 def measure_spheres(cells: tuple[int, ...] = CELLS, seeds: tuple[int, ...] = SEEDS, count: int = 350) -> list[Row]:
-    """Pack beds of equal spheres, not shaken and shaken.
-
-    Parameters
-    ----------
-    cells : tuple of int
-        Voxels per diameter.
-    seeds : tuple of int
-        One bed each.
-    count : int
-        Spheres of a bed.
+    """Pack beds of equal spheres, not shaken and shaken, at these numbers of voxels per diameter, one bed for each
+    seed.
     """
     rows: list[Row] = []
     box = Box((6, 6, 8 + count / 30), periodic=(True, True, False))
@@ -102,17 +87,8 @@ def measure_disks(count: int = 330) -> list[Row]:
 def measure_wall(count: int = 900) -> tuple[Floats, Floats, Floats, float]:
     """Pack spheres into a cylinder and compare the solid fraction near its wall with the law of de Klerk.
 
-    Parameters
-    ----------
-    count : int
-        Spheres.
-
-    Returns
-    -------
-    distance, solid_fraction, law : (b,) ndarray of float
-        In bins of 1/20 of a diameter, up to 4 diameters from the wall.
-    rms : float
-        Root mean square of the difference.
+    Return distance, solid fraction and law, (b,), in bins of 1/20 of a diameter up to 4 diameters from the wall, and
+    the root mean square of the difference.
     """
     radius = 4.6
     packing, _ = bed(
@@ -138,40 +114,35 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows = [*measure_spheres(), *measure_disks()]
     wall, loop = measure_wall(), calibration()
-    table, second, figure = folder / "density.csv", folder / "density_wall.csv", folder / "density.svg"
     lines = [
         f'"{name}",{cells or ""},{str(vibrated).lower()},{seconds:.1f},{value:.4f},{error:.4f},{loop:.5f}'
         for name, cells, vibrated, seconds, value, error in rows
     ]
     head = "bed,voxels_per_diameter,vibrated,seconds,bulk_solid_fraction,standard_error,calibration_seconds"
-    write_text(table, "\n".join([head, *lines]) + "\n")
     profile = [f"{x:.3f},{found:.4f},{law:.4f}" for x, found, law in zip(*wall[:3], strict=True)]
-    write_text(second, "\n".join(["distance_in_diameters,solid_fraction,de_klerk", *profile]) + "\n")
-    _draw(rows, wall, figure)
-    return table, second, figure
+    _draw(rows, wall, folder / "density.svg")
+    return (
+        write_rows(folder / "density.csv", head, lines),
+        write_rows(folder / "density_wall.csv", "distance_in_diameters,solid_fraction,de_klerk", profile),
+        folder / "density.svg",
+    )
 
 
 def _draw(rows: list[Row], wall: tuple[Floats, Floats, Floats, float], path: Path) -> None:
     """Draw spheres against voxel size on the left, the wall on the right."""
-    figure = load("matplotlib.figure").Figure(figsize=(9.2, 4.0), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for vibrated, color in ((False, "C0"), (True, "C1")):
-        label = "shaken" if vibrated else "not shaken"
-        beds = [row for row in rows if row[0].startswith("sphere,") and row[2] == vibrated]
-        left.plot([1 / row[1] for row in beds], [row[4] for row in beds], f"{color}o", label=label)
-        end = next(row for row in rows if row[0] == "sphere" and row[2] == vibrated)
-        left.errorbar([0.0], [end[4]], yerr=[end[5]], fmt=f"{color}s", capsize=3)
-    left.set_xlabel("voxel size in diameters")
-    left.set_ylabel("bulk solid fraction, spheres")
-    right.plot(wall[0], wall[1], label="spheres in a cylinder")
-    right.plot(wall[0], wall[2], ":", label=f"de Klerk, rms {wall[3]:.3f}")
-    right.set_xlabel("distance from the wall in diameters")
-    right.set_ylabel("solid fraction")
-    for panel in (left, right):
-        panel.grid(visible=True, alpha=0.3)
-        panel.legend(frameon=False, fontsize=8)
-    with written_whole(path) as draft:
-        figure.savefig(draft, format="svg")
+    with panels_of(path, 2, width=9.2) as (left, right):
+        for vibrated, color in ((False, "C0"), (True, "C1")):
+            label = "shaken" if vibrated else "not shaken"
+            beds = [row for row in rows if row[0].startswith("sphere,") and row[2] == vibrated]
+            left.plot([1 / row[1] for row in beds], [row[4] for row in beds], f"{color}o", label=label)
+            end = next(row for row in rows if row[0] == "sphere" and row[2] == vibrated)
+            left.errorbar([0.0], [end[4]], yerr=[end[5]], fmt=f"{color}s", capsize=3)
+        left.set(xlabel="voxel size in diameters", ylabel="bulk solid fraction, spheres")
+        right.plot(wall[0], wall[1], label="spheres in a cylinder")
+        right.plot(wall[0], wall[2], ":", label=f"de Klerk, rms {wall[3]:.3f}")
+        right.set(xlabel="distance from the wall in diameters", ylabel="solid fraction")
+        for panel in (left, right):
+            panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(name="density", summary="true densities of digital packing: spheres, walls, disks", run=run)

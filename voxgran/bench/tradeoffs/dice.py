@@ -16,9 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from voxgran._base.files import write_text, written_whole
-from voxgran._base.lazy import load
-from voxgran.bench.model import TradeOff, calibration
+from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
 from voxgran.contacts.verify import verify
 from voxgran.containers.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
@@ -57,22 +55,8 @@ class Bed(NamedTuple):
 
 
 def measure_bed(method: str, solid: str, friction: float | None, count: int = 120) -> Bed:
-    """Pack a bed of dice.
-
-    Parameters
-    ----------
-    method : str
-        ``"digital"`` or ``"control_point"``.
-    solid : str
-        A Platonic solid.
-    friction : float or None
-        Coefficient of friction with which it is poured; None: it is shaken, without friction.
-    count : int
-        Dice of the bed.
-
-    Returns
-    -------
-    Bed
+    """Pack a bed of dice by ``"digital"`` or ``"control_point"``: poured with a coefficient of friction, or, where that
+    is None, shaken without friction.
     """
     shape, box = make_shape("platonic", solid=solid), Box((4, 4, 6 + count / 9), periodic=(True, True, False))
     finish: dict[str, Any] = {"settling": 400, "friction": friction or 0.0}
@@ -86,30 +70,16 @@ def measure_bed(method: str, solid: str, friction: float | None, count: int = 12
 
 
 def write_beds(beds: Sequence[Bed], folder: Path) -> tuple[Path, ...]:
-    """Write beds as CSV and as a figure.
-
-    Parameters
-    ----------
-    beds : sequence of Bed
-        Of all solids.
-    folder : Path
-        Where to write.
-
-    Returns
-    -------
-    tuple of Path
-        What was written.
-    """
-    table, figure, loop = folder / "dice.csv", folder / "dice.svg", calibration()
+    """Write beds of all solids as CSV and as a figure, and return the files."""
+    figure, loop = folder / "dice.svg", calibration()
     head = "method,solid,shaken,friction,seconds,bulk_solid_fraction,apart,published,calibration_seconds"
     lines = [
         f'{bed.method},"{bed.solid}",{str(bed.shaken).lower()},{bed.friction:g},{bed.seconds:.1f},{bed.bulk:.4f},'
         f"{str(bed.apart).lower()},{PUBLISHED[bed.solid][bed.shaken]:.2f},{loop:.5f}"
         for bed in beds
     ]
-    write_text(table, "\n".join([head, *lines]) + "\n")
     _draw(beds, figure)
-    return table, figure
+    return write_rows(folder / "dice.csv", head, lines), figure
 
 
 def run(folder: Path) -> tuple[Path, ...]:
@@ -120,22 +90,21 @@ def run(folder: Path) -> tuple[Path, ...]:
 
 def _draw(beds: Sequence[Bed], path: Path) -> None:
     """Draw the beds of each method beside what was published."""
-    figure = load("matplotlib.figure").Figure(figsize=(10.4, 4.0), layout="constrained")
     ways = sorted({(bed.shaken, bed.friction) for bed in beds})
-    for panel, method in zip(figure.subplots(1, len(WALKS), sharey=True), WALKS, strict=True):
-        panel.plot(list(PUBLISHED), [loose for loose, _ in PUBLISHED.values()], "k_", ms=22, label="loosest, published")
-        panel.plot(list(PUBLISHED), [dense for _, dense in PUBLISHED.values()], "k+", ms=14, label="shaken, published")
-        for k, (shaken, friction) in enumerate(ways):
-            some = [bed for bed in beds if (bed.method, bed.shaken, bed.friction) == (method, shaken, friction)]
-            label, mark = ("shaken", "s") if shaken else (f"poured, friction {friction:g}", "o")
-            panel.plot([bed.solid for bed in some], [bed.bulk for bed in some], f"C{k}{mark}", ms=5, label=label)
-        panel.set_title(method)
-        panel.tick_params(axis="x", rotation=20)
-        panel.grid(visible=True, alpha=0.3)
-    figure.axes[0].set_ylabel("bulk solid fraction")
-    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside right center", frameon=False, fontsize=8)
-    with written_whole(path) as draft:
-        figure.savefig(draft, format="svg")
+    with panels_of(path, len(WALKS), width=10.4, sharey=True) as panels:
+        for panel, method in zip(panels, WALKS, strict=True):
+            loose, dense = zip(*PUBLISHED.values(), strict=True)
+            panel.plot(list(PUBLISHED), loose, "k_", ms=22, label="loosest, published")
+            panel.plot(list(PUBLISHED), dense, "k+", ms=14, label="shaken, published")
+            for k, (shaken, friction) in enumerate(ways):
+                some = [bed for bed in beds if (bed.method, bed.shaken, bed.friction) == (method, shaken, friction)]
+                label, mark = ("shaken", "s") if shaken else (f"poured, friction {friction:g}", "o")
+                panel.plot([bed.solid for bed in some], [bed.bulk for bed in some], f"C{k}{mark}", ms=5, label=label)
+            panel.set_title(method)
+            panel.tick_params(axis="x", rotation=20)
+        panels[0].set_ylabel("bulk solid fraction")
+        keys = panels[0].get_legend_handles_labels()
+        panels[0].figure.legend(*keys, loc="outside right center", frameon=False, fontsize=8)
 
 
 registration = TradeOff(

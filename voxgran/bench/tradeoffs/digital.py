@@ -15,10 +15,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, peers_of
+from voxgran.bench.model import TradeOff, best_rate, calibration, panels_of, peers_of, ratios, scans, write_rows
 from voxgran.containers.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.digital.precompute import precomputed_of
@@ -28,7 +27,6 @@ from voxgran.packing.method import method_registry
 from voxgran.packing.pack import pack, prepare_task
 from voxgran.packing.problem import Problem
 from voxgran.shapes.family import make_shape
-from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape
 
 #: edge of the lattice, shape, voxels of a grain, program, attempts per second, share of accepted moves
@@ -54,18 +52,8 @@ SWEEPS = (250, 1000, 4000)
 def walking_task(
     shape: Shape, cells: int, edge: int = EDGE, *, schedule: str = "random"
 ) -> tuple[Problem, DigitalState]:
-    """Return grains at random places on a lattice, ready to walk in all directions alike.
-
-    Parameters
-    ----------
-    shape : Shape
-        Of every grain.
-    cells : int
-        Voxels per equivalent diameter.
-    edge : int
-        Voxels along each edge of the lattice.
-    schedule : {"random", "sorted"}
-        Whose turn it is.
+    """Return equal grains at random places on a lattice, ready to walk in all directions alike: voxels per equivalent
+    diameter, voxels along each edge, and the schedule, ``"random"`` or ``"sorted"``.
     """
     box = Box((edge / cells,) * 3)
     count = int(SOLID * edge**3 / cells**3 / (shape.volume / shape.diameter**3) / 1.2)
@@ -91,14 +79,8 @@ def rate_of_walk(problem: Problem, state: DigitalState) -> tuple[float, float]:
     before, tried = state.moves_accepted, state.moves_tried
     # in the order of space, all that comes between two sortings
     attempts = SORT_SWEEPS * state.placed if len(state.order) else 20_000
-    best = 0.0
-    began = time.perf_counter()
-    while time.perf_counter() - began < SECONDS:
-        start = time.perf_counter()
-        advance(problem, state, attempts)
-        best = max(best, attempts / (time.perf_counter() - start))
-    moves = state.moves_tried - tried
-    return best, (state.moves_accepted - before) / moves
+    best, _ = best_rate(lambda: advance(problem, state, attempts), attempts, least_time=SECONDS)
+    return best, (state.moves_accepted - before) / (state.moves_tried - tried)
 
 
 def rate_of_peer(
@@ -117,32 +99,16 @@ def rate_of_peer(
     box = mask[tuple(slice(line[0], line[-1] + 1) for line in filled)]
     sites = state.site[state.member >= 0] - half + low + 1
     grid = occupied(setting.lattice.shape + 2, box, sites)
-    generator, best, moved, tried = stream(1, "bench picks"), 0.0, 0, 0
-    began = time.perf_counter()
-    while tried < 2 * attempts or time.perf_counter() - began < SECONDS:
-        picks, ways = generator.integers(0, len(sites), attempts), generator.integers(0, 26, attempts)
-        start = time.perf_counter()
-        accepted = walk(grid, sites, picks, ways)
-        best = max(best, attempts / (time.perf_counter() - start))
-        moved, tried = moved + accepted, tried + attempts
-    return best, moved / tried
+    generator = stream(1, "bench picks")
+    best, accepted = best_rate(
+        lambda picks, ways: walk(grid, sites, picks, ways), attempts, least_time=SECONDS,
+        draw=lambda: (generator.integers(0, len(sites), attempts), generator.integers(0, 26, attempts)),
+    )  # fmt: skip
+    return best, sum(accepted) / (len(accepted) * attempts)
 
 
 def measure_spheres(diameters: tuple[int, ...] = DIAMETERS, edge: int = EDGE) -> list[MoveRow]:
-    """Time the walks of equal spheres.
-
-    Parameters
-    ----------
-    diameters : tuple of int
-        Voxels per diameter.
-    edge : int
-        Voxels along each edge of the lattice.
-
-    Returns
-    -------
-    list of tuple
-        Edge of the lattice, shape, voxels of a grain, program, attempts per second, and share of accepted moves.
-    """
+    """Time the walks of equal spheres, by voxels per diameter, on a lattice of so many voxels along each edge."""
     rows: list[MoveRow] = []
     peers = peers_of("walks")
     steps = np.array([d for d in np.ndindex(3, 3, 3) if d != (1, 1, 1)], dtype=np.int64) - 1
@@ -164,48 +130,20 @@ def measure_spheres(diameters: tuple[int, ...] = DIAMETERS, edge: int = EDGE) ->
 
 
 def measure_bodies(edge: int = EDGE) -> list[MoveRow]:
-    """Time the walks of bodies of few and of many triangles, of 20 voxels per diameter.
-
-    Parameters
-    ----------
-    edge : int
-        Voxels along each edge of the lattice.
-
-    Returns
-    -------
-    list of tuple
-        As of :func:`measure_spheres`.
+    """Time the walks of bodies of few and of many triangles, of 20 voxels per diameter; rows as of
+    :func:`measure_spheres`.
     """
     rows: list[MoveRow] = []
-    scan = Path(__file__).parents[3] / "data" / "bennu_lp.obj"
-    bodies = {name: make_shape(name) for name in ("box", "sphere")}
-    if scan.is_file():
-        bodies["bennu"] = load_shape(scan)
-    for name, body in bodies.items():
+    for file, body in {"box": make_shape("box"), "sphere": make_shape("sphere"), **scans("bennu_lp.obj")}.items():
         problem, state = walking_task(body, 20, edge)
         mask = problem.voxels(0, precomputed_of(problem, state).base[0], 1 / 20, cover="touch")
-        known = edge, f"{name}, {len(body.faces)} triangles", int(mask.sum())
+        known = edge, f"{file.removesuffix('_lp')}, {len(body.faces)} triangles", int(mask.sum())
         rows.append((*known, "voxgran", *rate_of_walk(problem, state)))
     return rows
 
 
-def measure_beds(
-    beds: tuple[int, ...] = BEDS, sweeps: tuple[int, ...] = SWEEPS
-) -> list[tuple[int, int, str, float, float]]:
-    """Pack beds of equal spheres.
-
-    Parameters
-    ----------
-    beds : tuple of int
-        Voxels per diameter.
-    sweeps : tuple of int
-        Attempts per grain.
-
-    Returns
-    -------
-    list of tuple
-        Voxels per diameter, sweeps, stage, seconds, and bulk solid fraction of the true spheres.
-    """
+def measure_beds(beds: tuple[int, ...] = BEDS, sweeps: tuple[int, ...] = SWEEPS) -> list[BedRow]:
+    """Pack beds of equal spheres, by voxels per diameter and sweeps (attempts per grain)."""
     rows, box, sphere = [], Box((7, 7, 17)), make_shape("sphere")
     for cells in beds:
         for many in sweeps:
@@ -224,24 +162,22 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     moves = [*measure_spheres(), *measure_spheres(LARGE_DIAMETERS, LARGE), *measure_bodies()]
     beds, loop = measure_beds(), calibration()
-    peers = ("NumPy", "numba fronts")
     rates = {row[:4]: row[4] for row in moves}
-    rows = [
-        "edge,shape,voxels,program,attempts_per_second,accepted,ratio_to_numpy,ratio_to_numba_fronts,calibration_seconds"
-    ]
+    rows = []
     for edge, shape, voxels, program, rate, accepted in moves:
-        found = [rates.get((edge, shape, voxels, peer)) for peer in peers]
-        ratios = ",".join("" if peer is None else f"{rate / peer:.1f}" for peer in found)
-        rows.append(f'{edge},"{shape}",{voxels},"{program}",{rate:.0f},{accepted:.3f},{ratios},{loop:.5f}')
-    table, second, figure = folder / "digital_moves.csv", folder / "digital_beds.csv", folder / "digital.svg"
-    write_text(table, "\n".join(rows) + "\n")
+        beside = ratios(rate, [rates.get((edge, shape, voxels, peer)) for peer in ("NumPy", "numba fronts")])
+        rows.append(f'{edge},"{shape}",{voxels},"{program}",{rate:.0f},{accepted:.3f},{beside},{loop:.5f}')
     lines = [
         f"{cells},{many},{stage},{seconds:.2f},{bulk:.4f},{loop:.5f}" for cells, many, stage, seconds, bulk in beds
     ]
-    head = "voxels_per_diameter,sweeps,stage,seconds,bulk_solid_fraction,calibration_seconds"
-    write_text(second, "\n".join([head, *lines]) + "\n")
-    _draw(moves, beds, figure)
-    return table, second, figure
+    head = "edge,shape,voxels,program,attempts_per_second,accepted,ratio_to_numpy,ratio_to_numba_fronts"
+    bed_head = "voxels_per_diameter,sweeps,stage,seconds,bulk_solid_fraction,calibration_seconds"
+    _draw(moves, beds, folder / "digital.svg")
+    return (
+        write_rows(folder / "digital_moves.csv", f"{head},calibration_seconds", rows),
+        write_rows(folder / "digital_beds.csv", bed_head, lines),
+        folder / "digital.svg",
+    )
 
 
 registration = TradeOff(
@@ -251,34 +187,27 @@ registration = TradeOff(
 
 def _draw(moves: list[MoveRow], beds: list[BedRow], path: Path) -> None:
     """Draw rates on the left, density against seconds in the middle and against voxels per diameter on the right."""
-    figure = load("matplotlib.figure").Figure(figsize=(13.2, 4.0), layout="constrained")
-    left, middle, right = figure.subplots(1, 3)
-    for k, program in enumerate(PROGRAMS):
-        for edge, style in DASHES.items():
-            rates = [(row[2], row[4]) for row in moves if row[:2] == (edge, "sphere") and row[3] == program]
-            if rates:
-                left.loglog(*zip(*rates, strict=True), f"C{k}{style}", marker="o")
-    # colors tell the program, dashes the lattice
-    line = load("matplotlib.lines").Line2D
-    keys = [line([], [], color=f"C{k}", label=program) for k, program in enumerate(PROGRAMS)]
-    keys += [line([], [], color="black", linestyle=style, label=f"{edge}³") for edge, style in DASHES.items()]
-    left.set_xlabel("voxels of a grain")
-    left.set_ylabel("attempts per second")
-    for k, cells in enumerate(sorted({row[0] for row in beds})):
-        for stage, style in (("walk", ":"), ("walk and settling", "-")):
-            found = [(row[3], row[4]) for row in beds if row[0] == cells and row[2] == stage]
-            label = f"{cells} voxels per diameter, {stage}"
-            middle.semilogx(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=label)
-    middle.set_xlabel("seconds")
-    middle.set_ylabel("bulk solid fraction, true spheres")
-    longest = max(row[1] for row in beds)
-    for stage, style in (("walk", ":"), ("walk and settling", "-")):
-        ends = [(row[0], row[4]) for row in beds if row[1] == longest and row[2] == stage]
-        right.plot(*zip(*ends, strict=True), f"k{style}", marker="o", label=stage)
-    right.set_xlabel("voxels per diameter")
-    right.set_ylabel("bulk solid fraction, true spheres")
-    for panel, handles in ((left, keys), (middle, None), (right, None)):
-        panel.grid(visible=True, alpha=0.3)
-        panel.legend(handles=handles, frameon=False, fontsize=7, ncols=1 if handles is None else 2)
-    with written_whole(path) as draft:
-        figure.savefig(draft, format="svg")
+    stages, line = {"walk": ":", "walk and settling": "-"}, load("matplotlib.lines").Line2D
+    with panels_of(path, 3, width=13.2) as (left, middle, right):
+        for k, program in enumerate(PROGRAMS):
+            for edge, style in DASHES.items():
+                rates = [(row[2], row[4]) for row in moves if row[:2] == (edge, "sphere") and row[3] == program]
+                if rates:
+                    left.loglog(*zip(*rates, strict=True), f"C{k}{style}", marker="o")
+        # colors tell the program, dashes the lattice
+        keys = [line([], [], color=f"C{k}", label=program) for k, program in enumerate(PROGRAMS)]
+        keys += [line([], [], color="black", linestyle=style, label=f"{edge}³") for edge, style in DASHES.items()]
+        left.set(xlabel="voxels of a grain", ylabel="attempts per second")
+        for k, cells in enumerate(sorted({row[0] for row in beds})):
+            for stage, style in stages.items():
+                found = [(row[3], row[4]) for row in beds if row[0] == cells and row[2] == stage]
+                label = f"{cells} voxels per diameter, {stage}"
+                middle.semilogx(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=label)
+        middle.set(xlabel="seconds", ylabel="bulk solid fraction, true spheres")
+        longest = max(row[1] for row in beds)
+        for stage, style in stages.items():
+            ends = [(row[0], row[4]) for row in beds if row[1] == longest and row[2] == stage]
+            right.plot(*zip(*ends, strict=True), f"k{style}", marker="o", label=stage)
+        right.set(xlabel="voxels per diameter", ylabel="bulk solid fraction, true spheres")
+        for panel, handles in ((left, keys), (middle, None), (right, None)):
+            panel.legend(handles=handles, frameon=False, fontsize=7, ncols=1 if handles is None else 2)

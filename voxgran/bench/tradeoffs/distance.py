@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
-from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran._base.tree import grow_tree
-from voxgran.bench.model import TradeOff, calibration, least_seconds
+from voxgran.bench.model import TradeOff, calibration, least_seconds, panels_of, write_rows
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.family import make_shape
@@ -42,17 +41,9 @@ def bench_images(n: int) -> dict[str, Booleans]:
 
 
 def measure_transforms(edges: tuple[int, ...] = EDGES) -> list[tuple[str, int, float, float, float, int]]:
-    """Time the exact transform and SciPy's.
+    """Time the exact transform and SciPy's on images of so many voxels along each edge.
 
-    Parameters
-    ----------
-    edges : tuple of int
-        Voxels along each edge of the images.
-
-    Returns
-    -------
-    list of tuple
-        Image, voxels along an edge, seconds on one thread and on two, of SciPy, and squared distances that differ.
+    Return image, voxels along an edge, seconds on one thread, on two and of SciPy, and squared distances that differ.
     """
     scipy: Callable[[Booleans], Floats] = load("scipy.ndimage").distance_transform_edt
     rows = []
@@ -66,17 +57,9 @@ def measure_transforms(edges: tuple[int, ...] = EDGES) -> list[tuple[str, int, f
 
 
 def measure_signed(radii: tuple[int, ...] = RADII) -> list[tuple[str, int, float, float]]:
-    """Compare signed distances with those of a true sphere.
+    """Compare signed distances with those of a true sphere, by voxels per radius.
 
-    Parameters
-    ----------
-    radii : tuple of int
-        Voxels per radius.
-
-    Returns
-    -------
-    list of tuple
-        Source, voxels per radius, seconds, and root mean square error in voxels within two voxels of the surface.
+    Return source, voxels per radius, seconds, and root mean square error in voxels within two voxels of the surface.
     """
     sphere, rows = make_shape("sphere"), []
     tree = grow_tree(sphere.vertices, sphere.faces)
@@ -108,20 +91,19 @@ def _from_mask(mask: Booleans) -> Floats:
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    transforms, signed = measure_transforms(), measure_signed()
+    transforms, signed, loop = measure_transforms(), measure_signed(), calibration()
+    head = "image,voxels_along_edge,seconds,seconds_two_threads,seconds_scipy,ratio,squares_that_differ"
     rows = [
-        "image,voxels_along_edge,seconds,seconds_two_threads,seconds_scipy,ratio,squares_that_differ,calibration_seconds"
+        f"{name},{n},{one:.5f},{two:.5f},{scipy:.5f},{scipy / one:.1f},{wrong},{loop:.5f}"
+        for name, n, one, two, scipy, wrong in transforms
     ]
-    loop = calibration()
-    for name, n, one, two, scipy, wrong in transforms:
-        rows.append(f"{name},{n},{one:.5f},{two:.5f},{scipy:.5f},{scipy / one:.1f},{wrong},{loop:.5f}")
-    errors = ["source,voxels_per_radius,seconds,rms_error_in_voxels"]
-    errors += [f"{name},{cells},{seconds:.5f},{error:.2e}" for name, cells, seconds, error in signed]
-    table, second, figure = folder / "distance.csv", folder / "signed_distance.csv", folder / "distance.svg"
-    write_text(table, "\n".join(rows) + "\n")
-    write_text(second, "\n".join(errors) + "\n")
-    _draw(transforms, signed, figure)
-    return table, second, figure
+    errors = [f"{name},{cells},{seconds:.5f},{error:.2e}" for name, cells, seconds, error in signed]
+    _draw(transforms, signed, folder / "distance.svg")
+    return (
+        write_rows(folder / "distance.csv", f"{head},calibration_seconds", rows),
+        write_rows(folder / "signed_distance.csv", "source,voxels_per_radius,seconds,rms_error_in_voxels", errors),
+        folder / "distance.svg",
+    )
 
 
 registration = TradeOff(name="distance", summary="seconds and error of distances on voxels", run=run)
@@ -131,24 +113,18 @@ def _draw(
     transforms: list[tuple[str, int, float, float, float, int]], signed: list[tuple[str, int, float, float]], path: Path
 ) -> None:
     """Draw seconds against voxels on the left, and error against seconds of signed distances on the right."""
-    figure = load("matplotlib.figure").Figure(figsize=(9.6, 4.0), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for color, name in zip(("C0", "C1", "C2"), ("grains", "pores", "sphere"), strict=True):
-        part = [row for row in transforms if row[0] == name]
-        voxels = [row[1] ** 3 for row in part]
-        left.loglog(voxels, [row[4] for row in part], color + ":", marker="s", label=f"SciPy, {name}")
-        left.loglog(voxels, [row[2] for row in part], color + "-", marker="o", label=f"voxgran, {name}")
-    left.set_xlabel("voxels")
-    left.set_ylabel("seconds, one thread")
-    left.set_title("exact distance transform, no square differs")
-    for name in ("mesh", "fraction", "binary mask"):
-        line = [row for row in signed if row[0] == name]
-        right.loglog([row[2] for row in line], [row[3] for row in line], marker="o", label=name)
-    right.set_xlabel("seconds")
-    right.set_ylabel("rms error in voxels")
-    right.set_title("signed distance of a sphere, 6 to 45 voxels per radius")
-    for panel in (left, right):
-        panel.grid(visible=True, alpha=0.3)
-        panel.legend(frameon=False, fontsize=8)
-    with written_whole(path) as draft:
-        figure.savefig(draft, format="svg")
+    with panels_of(path, 2, width=9.6) as (left, right):
+        for color, name in zip(("C0", "C1", "C2"), ("grains", "pores", "sphere"), strict=True):
+            part = [row for row in transforms if row[0] == name]
+            voxels = [row[1] ** 3 for row in part]
+            left.loglog(voxels, [row[4] for row in part], color + ":", marker="s", label=f"SciPy, {name}")
+            left.loglog(voxels, [row[2] for row in part], color + "-", marker="o", label=f"voxgran, {name}")
+        title = "exact distance transform, no square differs"
+        left.set(xlabel="voxels", ylabel="seconds, one thread", title=title)
+        for name in ("mesh", "fraction", "binary mask"):
+            line = [row for row in signed if row[0] == name]
+            right.loglog([row[2] for row in line], [row[3] for row in line], marker="o", label=name)
+        title = "signed distance of a sphere, 6 to 45 voxels per radius"
+        right.set(xlabel="seconds", ylabel="rms error in voxels", title=title)
+        for panel in (left, right):
+            panel.legend(frameon=False, fontsize=8)

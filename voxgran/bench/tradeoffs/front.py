@@ -12,10 +12,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, peers_of
+from voxgran.bench.model import TradeOff, calibration, panels_of, peers_of, write_rows
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.model import Packing
@@ -36,20 +35,10 @@ PLAIN = 2000
 def seconds_of(
     count: int, *, disks: bool = False, fill: float = 0.0, sizes: SizeDistribution | None = None, **options: Any
 ) -> tuple[float, Packing]:
-    """Return the least seconds of the processor for packing so many grains, and the packing.
+    """Return the least processor time for packing so many equal grains, or grains of these sizes, and the packing.
 
-    Parameters
-    ----------
-    count : int
-        How many.
-    disks : bool
-        Whether in the plane.
-    fill : float
-        Mean volume of the grains where they shall fill a box, about as many as asked; 0 where the box is wide.
-    sizes : SizeDistribution, optional
-        Equal grains where left out.
-    **options
-        Parameters of the method.
+    `fill` is the mean volume of the grains where they shall fill a box, about as many as asked; 0 where the box is
+    wide. Options are parameters of the method.
     """
     edge = (count * fill / 0.6) ** (1 / 3) if fill else 1.26 * count ** (1 / 3)
     container = Rectangle((1.15 * count**0.5,) * 2) if disks else Box((edge,) * 3)
@@ -95,20 +84,8 @@ def residual(packing: Packing) -> float:
 
 
 def measure(counts: dict[str, tuple[int, ...]] | None = None, *, plain: int = PLAIN) -> list[Row]:
-    """Pack equal and graded grains.
-
-    Parameters
-    ----------
-    counts : dict, optional
-        How many grains, for ``"large"``, ``"loose"``, ``"dense"`` and ``"disks"``.
-    plain : int
-        How many for the plain program.
-
-    Returns
-    -------
-    list of tuple
-        Program, grains, seconds, seconds for 50,000, solid fraction inside, the worst residual of a contact, and the
-        solid fraction of a filled container.
+    """Pack equal and graded grains, as many as `counts` says of ``"large"``, ``"loose"``, ``"dense"`` and ``"disks"``,
+    and `plain` by the plain program.
     """
     asked, rows = COUNTS if counts is None else counts, []
     graded = laws.uniform(0.5, 1.5)
@@ -139,35 +116,21 @@ def measure(counts: dict[str, tuple[int, ...]] | None = None, *, plain: int = PL
     seconds, places = peers.plain_front(plain)
     sphere, edge = make_shape("sphere"), float(np.ptp(places, axis=0).max() + 2)
     shown = Packing.of([sphere], Box((edge,) * 3), position=places - places.min(axis=0) + 1)
-    rows.append(
-        (
-            "NumPy and SciPy, loose",
-            plain,
-            seconds,
-            seconds / plain * 50_000,
-            inner_fraction(shown),
-            residual(shown),
-            np.nan,
-        )
-    )
+    each = seconds / plain * 50_000
+    rows.append(("NumPy and SciPy, loose", plain, seconds, each, inner_fraction(shown), residual(shown), np.nan))
     return rows
 
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows, loop = measure(), calibration()
-    table, figure = folder / "front.csv", folder / "front.svg"
     lines = [
         f'"{name}",{count},{seconds:.3f},{each:.4f},{inside:.4f},{worst:.1e},{whole:.4f},{loop:.5f}'
         for name, count, seconds, each, inside, worst, whole in rows
     ]
-    head = (
-        "program,grains,seconds,seconds_for_50000,inner_solid_fraction,residual_in_radii,whole_solid_fraction,"
-        "calibration_seconds"
-    )
-    write_text(table, "\n".join([head, *lines]) + "\n")
-    _draw(rows, figure)
-    return table, figure
+    head = "program,grains,seconds,seconds_for_50000,inner_solid_fraction,residual_in_radii,whole_solid_fraction"
+    _draw(rows, folder / "front.svg")
+    return write_rows(folder / "front.csv", f"{head},calibration_seconds", lines), folder / "front.svg"
 
 
 registration = TradeOff(
@@ -177,18 +140,11 @@ registration = TradeOff(
 
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw seconds against grains on the left, density against seconds for 50,000 on the right."""
-    figure = load("matplotlib.figure").Figure(figsize=(10.4, 4.0), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for k, name in enumerate(dict.fromkeys(row[0] for row in rows)):
-        found = [row for row in rows if row[0] == name]
-        left.loglog([row[1] for row in found], [row[2] for row in found], f"C{k}-", marker="o", label=name)
-        right.semilogx([row[3] for row in found], [row[4] for row in found], f"C{k}-", marker="o", label=name)
-    left.set_xlabel("grains")
-    left.set_ylabel("seconds of the processor")
-    right.set_xlabel("seconds for 50,000 grains")
-    right.set_ylabel("solid fraction inside")
-    for panel in (left, right):
-        panel.grid(visible=True, alpha=0.3)
-    left.legend(frameon=False, fontsize=7)
-    with written_whole(path) as draft:
-        figure.savefig(draft, format="svg")
+    with panels_of(path, 2, width=10.4) as (left, right):
+        for k, name in enumerate(dict.fromkeys(row[0] for row in rows)):
+            found = [row for row in rows if row[0] == name]
+            left.loglog([row[1] for row in found], [row[2] for row in found], f"C{k}-", marker="o", label=name)
+            right.semilogx([row[3] for row in found], [row[4] for row in found], f"C{k}-", marker="o", label=name)
+        left.set(xlabel="grains", ylabel="seconds of the processor")
+        right.set(xlabel="seconds for 50,000 grains", ylabel="solid fraction inside")
+        left.legend(frameon=False, fontsize=7)

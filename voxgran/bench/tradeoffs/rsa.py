@@ -12,9 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from voxgran._base.files import write_text, written_whole
-from voxgran._base.lazy import load
-from voxgran.bench.model import TradeOff, calibration, peers_of
+from voxgran.bench.model import TradeOff, calibration, panels_of, peers_of, write_rows
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.pack import pack
@@ -56,16 +54,8 @@ def room_for(name: str, count: int) -> Box | Rectangle:
 def measure_tries(
     names: tuple[str, ...] = ("disk", "sphere"), tries: tuple[int, ...] = TRIES, count: int = GRAINS
 ) -> list[Row]:
-    """Add spheres by tries, with voxgran and with the plain program.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Disks or spheres.
-    tries : tuple of int
-        Random places, per area or volume of a grain.
-    count : int
-        Grains at saturation, about.
+    """Add disks or spheres with voxgran and with the plain program, by tries: random places per area or volume of a
+    grain; `count` is about the number of grains at saturation.
     """
     rows: list[Row] = []
     peers = peers_of("addition")
@@ -89,13 +79,7 @@ def measure_tries(
 
 
 def measure_proofs(counts: dict[str, tuple[int, ...]] | None = None) -> list[Row]:
-    """Add grains to proven saturation.
-
-    Parameters
-    ----------
-    counts : dict of str to tuple of int, optional
-        Grains at saturation, about, by the name of the shape.
-    """
+    """Add grains to proven saturation, about as many as `counts` says by the name of the shape."""
     rows: list[Row] = []
     for name, many in (PROVEN if counts is None else counts).items():
         for count in many:
@@ -124,9 +108,8 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows, loop = [*measure_tries(), *measure_proofs()], calibration()
     seconds = {row[:3]: row[4] for row in rows if row[1] == "SciPy"}
-    lines = [
-        "shape,program,tries,grains,seconds,ratio_to_scipy,solid_fraction,standard_error,missing,calibration_seconds"
-    ]
+    head = "shape,program,tries,grains,seconds,ratio_to_scipy,solid_fraction,standard_error,missing,calibration_seconds"
+    lines = []
     for name, program, tries, grains, took, found, error in rows:
         peer = seconds.get((name, "SciPy", tries))
         ratio = "" if peer is None or program == "SciPy" else f"{peer / took:.1f}"
@@ -134,36 +117,28 @@ def run(folder: Path) -> tuple[Path, ...]:
             f"{name},{program},{tries or 'saturated'},{grains},{took:.4f},{ratio},{found:.5f},"
             f"{f'{error:.5f}' if error else ''},{SATURATED[name] - found:.5f},{loop:.5f}"
         )
-    table, figure = folder / "rsa.csv", folder / "rsa.svg"
-    write_text(table, "\n".join(lines) + "\n")
-    _draw(rows, figure)
-    return table, figure
+    _draw(rows, folder / "rsa.svg")
+    return write_rows(folder / "rsa.csv", head, lines), folder / "rsa.svg"
 
 
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw what is missing against seconds on the left, seconds of proofs against grains on the right."""
-    figure = load("matplotlib.figure").Figure(figsize=(10.0, 4.0), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for k, name in enumerate(("disk", "sphere")):
-        for program, style in (("SciPy", ":"), ("voxgran", "-")):
-            found = [(row[4], SATURATED[name] - row[5]) for row in rows if row[:2] == (name, program) and row[2]]
-            if found:
-                label = f"{GRAINS} {name}s, {program}"
-                left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=label)
-        proof = [row[4] for row in rows if row[0] == name and not row[2] and abs(row[3] / GRAINS - 1) < 0.1]
-        left.axvline(proof[0], color=f"C{k}", linestyle="--", label=f"{GRAINS} {name}s, saturated, proven")
-    left.set_xlabel("seconds")
-    left.set_ylabel("solid fraction missing to saturation")
-    for k, name in enumerate(PROVEN):
-        proofs = [(row[3], row[4]) for row in rows if row[0] == name and not row[2]]
-        right.loglog(*zip(*proofs, strict=True), f"C{k}-", marker="o", label=f"{name}s")
-    right.set_xlabel("grains at proven saturation")
-    right.set_ylabel("seconds")
-    for panel in (left, right):
-        panel.grid(visible=True, alpha=0.3)
-        panel.legend(frameon=False, fontsize=8)
-    with written_whole(path) as draft:
-        figure.savefig(draft, format="svg")
+    with panels_of(path, 2, width=10.0) as (left, right):
+        for k, name in enumerate(("disk", "sphere")):
+            for program, style in (("SciPy", ":"), ("voxgran", "-")):
+                found = [(row[4], SATURATED[name] - row[5]) for row in rows if row[:2] == (name, program) and row[2]]
+                if found:
+                    label = f"{GRAINS} {name}s, {program}"
+                    left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=label)
+            proof = [row[4] for row in rows if row[0] == name and not row[2] and abs(row[3] / GRAINS - 1) < 0.1]
+            left.axvline(proof[0], color=f"C{k}", linestyle="--", label=f"{GRAINS} {name}s, saturated, proven")
+        left.set(xlabel="seconds", ylabel="solid fraction missing to saturation")
+        for k, name in enumerate(PROVEN):
+            proofs = [(row[3], row[4]) for row in rows if row[0] == name and not row[2]]
+            right.loglog(*zip(*proofs, strict=True), f"C{k}-", marker="o", label=f"{name}s")
+        right.set(xlabel="grains at proven saturation", ylabel="seconds")
+        for panel in (left, right):
+            panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(name="rsa", summary="random sequential addition: seconds, saturation and its proof", run=run)

@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, least_seconds, peers_of
+from voxgran.bench.model import TradeOff, calibration, least_seconds, panels_of, peers_of, scans, write_rows
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.family import make_shape
-from voxgran.shapes.files import load_shape
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.voxels.occupy import BACKENDS, voxelize
@@ -43,12 +41,7 @@ def bench_shapes() -> list[Shape]:
     shapes = [Shape.of(Mesh(body.vertices.copy(), body.faces.copy()), name=body.name) for body in (sphere, box)]
     shapes.append(Shape(shapes[1].geometry, "aligned box"))
     shapes.append(make_shape("solid_union", seed=1))
-    for name in ("eros.obj", "itokawa_lp.obj"):
-        scan = Path(__file__).parents[3] / "data" / name
-        if scan.is_file():
-            body = load_shape(scan)
-            shapes.append(body.scaled(1 / body.diameter))
-    return shapes
+    return [*shapes, *(body.scaled(1 / body.diameter) for body in scans("eros.obj", "itokawa_lp.obj").values())]
 
 
 def posed_shapes(shape: Shape, poses: int) -> list[Shape]:
@@ -60,21 +53,8 @@ def posed_shapes(shape: Shape, poses: int) -> list[Shape]:
 
 
 def measure_rows(shapes: list[Shape], resolutions: tuple[int, ...] = RESOLUTIONS, poses: int = POSES) -> "Dataset":
-    """Return seconds and rms volume error by shape, backend and resolution.
-
-    Parameters
-    ----------
-    shapes : list of Shape
-        Meshes.
-    resolutions : tuple of int
-        Voxels per equivalent diameter.
-    poses : int
-        Orientations over which the error is taken.
-
-    Returns
-    -------
-    xarray.Dataset
-        Variables seconds, volume_error; attribute calibration_seconds: a fixed loop of the same run.
+    """Return seconds and rms relative volume error over random poses by shape, backend and resolution (voxels per
+    equivalent diameter); attribute ``calibration_seconds``: a fixed loop of the same run.
     """
     names = (*BACKENDS, SHARES)
     seconds = np.zeros((len(shapes), len(names), len(resolutions)))
@@ -109,15 +89,7 @@ def measure_peers(sizes: tuple[int, ...] = PEER_SIZES) -> list[tuple[int, str, f
     """Time voxgran and its peers on a sphere of 20,480 triangles; processor time of one thread, the least of some
     calls.
 
-    Parameters
-    ----------
-    sizes : tuple of int
-        Voxels along each edge of the lattice.
-
-    Returns
-    -------
-    list of tuple
-        Voxels along an edge, program, seconds, and voxels that differ from voxgran's.
+    Return voxels along an edge, program, seconds, and voxels that differ from voxgran's.
     """
     icosphere = load("pyvista").Icosphere(nsub=5)
     turn = rotation_matrices(random_rotations(stream(1, "bench pose"), 1))[0]
@@ -143,24 +115,27 @@ def measure_peers(sizes: tuple[int, ...] = PEER_SIZES) -> list[tuple[int, str, f
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     data = measure_rows(bench_shapes())
-    rows = ["shape,backend,voxels_per_diameter,seconds,volume_error,calibration_seconds"]
+    rows = []
     for shape in data.shape.values:
         for backend in data.backend.values:
             for resolution in data.resolution.values:
                 at = data.sel(shape=shape, backend=backend, resolution=resolution)
                 numbers = f"{float(at.seconds):.5f},{float(at.volume_error):.3e},{data.calibration_seconds:.5f}"
                 rows.append(f"{shape},{backend},{resolution},{numbers}")
-    peers = ["voxels_along_edge,program,seconds,ratio_to_bits,ratio_to_bool,voxels_that_differ"]
+    peers = []
     times: dict[tuple[int, str], float] = {}
     for n, name, seconds, wrong in measure_peers():
         times[n, name] = seconds
         bits, mask = seconds / times[n, "voxgran, bits"], seconds / times.get((n, "voxgran, bool"), np.nan)
         peers.append(f'{n},"{name}",{seconds:.5f},{bits:.1f},{mask:.1f},{wrong}')
-    table, others, figure = folder / "voxelize.csv", folder / "voxelize_peers.csv", folder / "voxelize.svg"
-    write_text(table, "\n".join(rows) + "\n")
-    write_text(others, "\n".join(peers) + "\n")
-    _draw(data, figure)
-    return table, others, figure
+    head = "shape,backend,voxels_per_diameter,seconds,volume_error,calibration_seconds"
+    peer_head = "voxels_along_edge,program,seconds,ratio_to_bits,ratio_to_bool,voxels_that_differ"
+    _draw(data, folder / "voxelize.svg")
+    return (
+        write_rows(folder / "voxelize.csv", head, rows),
+        write_rows(folder / "voxelize_peers.csv", peer_head, peers),
+        folder / "voxelize.svg",
+    )
 
 
 registration = TradeOff(name="voxelize", summary="seconds against volume error of the voxel backends", run=run)
@@ -168,26 +143,21 @@ registration = TradeOff(name="voxelize", summary="seconds against volume error o
 
 def _draw(data: "Dataset", path: Path) -> None:
     """Draw error against seconds, a line per backend, a panel per shape."""
-    figure_class = load("matplotlib.figure").Figure
-    columns = 3
-    figure = figure_class(figsize=(3.4 * columns, 3.2 * -(-data.sizes["shape"] // columns)), layout="constrained")
-    panels = np.atleast_1d(
-        figure.subplots(-(-data.sizes["shape"] // columns), columns, sharey=True, sharex=True)
-    ).ravel()
-    for panel, shape in zip(panels, data.shape.values, strict=False):
-        for backend in data.backend.values:
-            line = data.sel(shape=shape, backend=backend)
-            panel.loglog(line.seconds, np.maximum(line.volume_error, 1e-16), marker="o", label=str(backend))
-        errors = data.volume_error.sel(shape=shape, backend="scanline")
-        order = -np.polyfit(np.log(data.resolution), np.log(errors), 1)[0]
-        panel.set_title(f"{shape}, centers: order {order:.1f}")
-        panel.grid(visible=True, alpha=0.3)
-    for panel in panels[data.sizes["shape"] :]:
-        panel.set_axis_off()
-    for panel in panels[::columns]:
-        panel.set_ylabel("rms volume error")
-    for panel in panels[-columns:]:
-        panel.set_xlabel("seconds")
-    panels[0].legend(frameon=False)
-    with written_whole(path) as draft:
-        figure.savefig(draft, format="svg")
+    count, columns = data.sizes["shape"], 3
+    rows = -(-count // columns)
+    width, height = 3.4 * columns, 3.2 * rows
+    with panels_of(path, columns, rows=rows, width=width, height=height, sharey=True, sharex=True) as panels:
+        for panel, shape in zip(panels, data.shape.values, strict=False):
+            for backend in data.backend.values:
+                line = data.sel(shape=shape, backend=backend)
+                panel.loglog(line.seconds, np.maximum(line.volume_error, 1e-16), marker="o", label=str(backend))
+            errors = data.volume_error.sel(shape=shape, backend="scanline")
+            order = -np.polyfit(np.log(data.resolution), np.log(errors), 1)[0]
+            panel.set_title(f"{shape}, centers: order {order:.1f}")
+        for panel in panels[count:]:
+            panel.set_axis_off()
+        for panel in panels[::columns]:
+            panel.set_ylabel("rms volume error")
+        for panel in panels[-columns:]:
+            panel.set_xlabel("seconds")
+        panels[0].legend(frameon=False)
