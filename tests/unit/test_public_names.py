@@ -30,9 +30,11 @@ def shapes_stub():
     lines = []
     for name in families().names():
         entry = families().get(name)
-        tree = ast.parse(Path(inspect.getfile(entry.parameters)).read_text())
-        source = next(node for node in tree.body if getattr(node, "name", "") == entry.parameters.__name__)
-        fields = [node for node in source.body if isinstance(node, ast.AnnAssign)]
+        fields = []
+        for cls in reversed(entry.parameters.__mro__[:-1]):
+            tree = ast.parse(Path(inspect.getfile(cls)).read_text())
+            source = next(node for node in tree.body if getattr(node, "name", "") == cls.__name__)
+            fields += [node for node in source.body if isinstance(node, ast.AnnAssign)]
         words = [
             f"{f.target.id}: {ast.unparse(f.annotation)}" + "".join(f" = {ast.unparse(a)}" for a in f.value.args)
             for f in fields

@@ -28,12 +28,8 @@ from voxgran.shapes.model import Shape
 class Lid:
     """A flat wall that lies on the grains.
 
-    Attributes
-    ----------
-    normal : (3,) ndarray of float
-        Along an axis, away from the grains.
-    level : float
-        Position of the lid along its normal, from the origin.
+    `normal` is the (3,) direction along an axis, away from the grains; `level` is the position along it, from the
+    origin.
     """
 
     normal: Floats

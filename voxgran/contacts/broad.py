@@ -37,18 +37,9 @@ class Pairs:
 
 
 def grain_pairs(assembly: Assembly, gap: float) -> Pairs:
-    """Find the pairs of grains whose bounding spheres are within a gap, each once per periodic image.
+    """Return the pairs of grains whose bounding spheres are within a gap, each once per periodic image.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    gap : float
-        Largest distance of the bounding spheres, in the unit of lengths; a negative value is a smallest overlap.
-
-    Returns
-    -------
-    Pairs
+    The gap is in the unit of lengths; a negative value is a smallest overlap.
     """
     lower, upper = assembly.container.bounds
     lengths = upper - lower

@@ -26,27 +26,10 @@ TOUCHING = 1e-14
 
 
 def part_contacts(pairs: Pairs, parts: Parts, gap: float) -> tuple[Floats, Floats, Floats, Booleans]:
-    """Return the contacts of pairs of grains made of convex parts.
+    """Return gap, normal, point and deep of m pairs of grains made of convex parts; gaps beyond `gap` are infinite.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Pairs of grains.
-    parts : Parts
-        Parts of all grains in their poses.
-    gap : float
-        Largest gap of interest; the gap of more distant pairs is infinite.
-
-    Returns
-    -------
-    gap : (m,) ndarray of float
-        Distance of the surfaces; negative where they overlap (the depth).
-    normal : (m, 3) ndarray of float
-        Unit vector from grain i to its partner.
-    point : (m, 3) ndarray of float
-        Middle between the nearest points, from the centroid of grain i.
-    deep : (m,) ndarray of bool
-        Whether the overlap is so deep that the depth is only a lower bound.
+    A negative gap is a depth. The normals (m, 3) point from grain i to its partner; the points (m, 3) are the middles
+    between the nearest points, from centroid i; deep is the mask of the pairs whose depth is only a lower bound.
     """
     found = np.full(pairs.count, np.inf)
     normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))

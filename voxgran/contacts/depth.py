@@ -30,23 +30,10 @@ MOST_PATCHES = 20_000
 def deepest_of_triangles(
     tree: TriangleTree, triangles: Floats, *, inside: bool = False
 ) -> tuple[float, Floats, Floats]:
-    """Find the point of given triangles that is farthest from a closed surface.
+    """Return depth, point and nearest point of the surface for the point of triangles farthest from a closed surface.
 
-    Parameters
-    ----------
-    tree : TriangleTree
-        The closed surface.
-    triangles : (m, 3, 3) ndarray of float
-        Corner points, all on one side of it unless `inside` is true.
-    inside : bool
-        Whether only points inside of the closed surface count.
-
-    Returns
-    -------
-    depth : float
-        The largest distance, a lower bound with a relative error of at most 0.001; 0 if no point counts.
-    point, nearest : (3,) ndarray of float
-        This point, and the nearest point of the surface.
+    The (m, 3, 3) triangles lie on one side of the surface, unless `inside` is true and only points inside count. The
+    depth is a lower bound with a relative error of at most 0.001; 0 if no point counts.
     """
     found = np.zeros(6)
     depth = _search_triangles(
@@ -57,23 +44,10 @@ def deepest_of_triangles(
 
 
 def deepest_of_round(tree: TriangleTree, row: Floats, center: Floats) -> tuple[float, Floats, Floats]:
-    """Find the point of the surface of a cylinder or cone that is deepest in a closed mesh.
+    """Return depth, point and nearest point of the mesh for the deepest point of a cylinder or cone in a closed mesh.
 
-    Parameters
-    ----------
-    tree : TriangleTree
-        The closed surface.
-    row : (13,) ndarray of float
-        The solid as a row of :mod:`voxgran.contacts.gjk`, in the frame of the mesh.
-    center : (3,) ndarray of float
-        Its centroid.
-
-    Returns
-    -------
-    depth : float
-        The largest distance, a lower bound with a relative error of at most 0.001; 0 if no point is inside.
-    point, nearest : (3,) ndarray of float
-        This point, and the nearest point of the mesh.
+    The solid is a (13,) row of :mod:`voxgran.contacts.gjk` with its centroid, in the frame of the mesh. The depth is a
+    lower bound with a relative error of at most 0.001; 0 if no point is inside.
     """
     radius, height = float(row[1]), float(row[2])
     if int(row[0]) == 3:

@@ -14,20 +14,7 @@ HALVINGS = 200
 
 
 def farthest_reach(assembly: Assembly, origin: Floats) -> Floats:
-    """Return the largest distance of any point of each grain from a point.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains, in three dimensions.
-    origin : (3,) ndarray of float
-        The point.
-
-    Returns
-    -------
-    (n,) ndarray of float
-        In the unit of lengths.
-    """
+    """Return the largest distance (n,) of any point of each grain, in three dimensions, from a (3,) point."""
     reach = np.zeros(assembly.count)
     for shape, item in enumerate(assembly.shapes):
         grains = np.flatnonzero(assembly.shape_id == shape)

@@ -42,19 +42,10 @@ PairKey = tuple[int, int, int, int, int]
 
 
 def find_contacts(assembly: Assembly, gap: float = 0.0) -> Contacts:
-    """Find all pairs of grains whose surfaces are within a gap, periodic images included.
+    """Return all pairs of grains whose surfaces are within a gap, periodic images included.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    gap : float
-        Largest distance of the surfaces, in the unit of lengths; a negative value is a smallest depth of overlap.
-
-    Returns
-    -------
-    Contacts
-        One contact per pair and image: the nearest points, or the deepest points of an overlap.
+    There is one contact per pair and image: the nearest points, or the deepest points of an overlap. The gap is in the
+    unit of lengths; a negative value is a smallest depth of overlap.
 
     Raises
     ------
@@ -66,19 +57,7 @@ def find_contacts(assembly: Assembly, gap: float = 0.0) -> Contacts:
 
 
 def overlaps(assembly: Assembly, *, at_least: float = 0.0) -> Contacts:
-    """Find all pairs of grains that overlap deeper than a limit.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    at_least : float
-        Largest depth that is ignored, in the unit of lengths.
-
-    Returns
-    -------
-    Contacts
-        With negative gaps.
+    """Return all pairs of grains that overlap deeper than `at_least`, in the unit of lengths.
 
     Raises
     ------
@@ -93,14 +72,8 @@ def overlaps(assembly: Assembly, *, at_least: float = 0.0) -> Contacts:
 def meeting_pairs(assembly: Assembly, depth: float, looked_at: Collection[PairKey] = ()) -> Pairs:
     """Return the pairs of grains that are not proven to be separate.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    depth : float
-        Depth up to which grains without a closed surface may overlap, at least 0, in the unit of lengths.
-    looked_at : collection of tuple
-        Pairs, with their images, that may touch; they are returned only if they overlap deeper than `depth`.
+    Grains without a closed surface may overlap by up to `depth`, at least 0, in the unit of lengths. Of the pairs with
+    closed surfaces in `looked_at`, only those that overlap deeper than `depth` are returned.
     """
     pairs = grain_pairs(assembly, 0.0)
     closed = np.array([is_closed_surface(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)
@@ -131,21 +104,7 @@ def pair_keys(pairs: Pairs) -> list[PairKey]:
 
 
 def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> Contacts:
-    """Return the exact contacts of the pairs of the broad phase.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    pairs : Pairs
-        Pairs whose bounding spheres are close.
-    gap : float
-        Largest distance of the surfaces, in the unit of lengths.
-
-    Returns
-    -------
-    Contacts
-    """
+    """Return the exact contacts within a gap, in the unit of lengths, of the pairs of the broad phase."""
     distance, normal, point = gaps_of_pairs(assembly, pairs, gap)
     point += assembly.position[pairs.i]
     contacts = Contacts(pairs.i, pairs.j, pairs.image, distance, normal, point)
@@ -209,14 +168,7 @@ def is_closed_surface(geometry: Geometry) -> bool:
 def relative_pose(assembly: Assembly, i: int, j: int, offset: Floats) -> tuple[Floats, Floats]:
     """Return matrix and offset of the map from the body frame of grain j to that of grain i, at scale 1 of shape i.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    i, j : int
-        Indices of the grains.
-    offset : (3,) ndarray of float
-        Vector from the centroid of grain i to that of its partner.
+    `offset` is the (3,) vector from the centroid of grain i to that of its partner.
     """
     back = assembly.matrices[i].T
     ratio = assembly.scale[j] / assembly.scale[i]

@@ -16,20 +16,10 @@ HALVINGS = 64
 
 
 def inner_distance(geometry: Geometry) -> Inner:
-    """Return the function that gives the signed distance of points in the body frame to the surface of a geometry.
+    """Return the function from (n, 3) points in the body frame to the (n,) signed distances to the surface of a solid.
 
-    Outside of boxes, cylinders, cones and unions of spheres, and deep in unions, the value is only a bound; its sign
-    is always correct, and the value is exact inside convex grains.
-
-    Parameters
-    ----------
-    geometry : Mesh or Primitive or Spheres or Outline
-        The solid.
-
-    Returns
-    -------
-    callable
-        Function from (n, 3) points to (n,) distances, positive inside.
+    Outside of boxes, cylinders, cones and unions of spheres, and deep in unions, the value is only a bound; its sign is
+    always correct, and the value is exact inside convex grains.
     """
     if isinstance(geometry, Mesh):
         return lambda points: -geometry.tree.signed_distance(points)

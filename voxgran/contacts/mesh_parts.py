@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran._base.rotation import stretch_of
 from voxgran._base.tree import square_to_box
@@ -24,6 +24,7 @@ from voxgran.contacts.parts import Parts, row_of
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Solid
 from voxgran.contacts.touch import Touch, direction
+from voxgran.contacts.triangles import TreeArrays
 from voxgran.shapes.model import Geometry
 from voxgran.shapes.primitive import Primitive
 
@@ -31,25 +32,9 @@ from voxgran.shapes.primitive import Primitive
 def touch_spheres(
     solid: Solid, geometry: Geometry, parts: Parts, *, matrix: Floats, offset: Floats, reach: float
 ) -> Touch:
-    """Return the contact of a mesh with a union of spheres.
+    """Return the contact, from the mesh to the spheres, of a mesh with a union of spheres.
 
-    Parameters
-    ----------
-    solid : Solid
-        The mesh.
-    geometry : Geometry
-        The spheres, in their own frame.
-    parts : Parts
-        Rows of the spheres of this one body.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of the spheres to that of the mesh.
-    reach : float
-        Largest distance searched, in the unit of the mesh.
-
-    Returns
-    -------
-    Touch
-        In the frame of the mesh, from the mesh to the spheres.
+    `parts` are the spheres of this one body in its own frame; `matrix` and `offset` map it to that of the mesh.
     """
     factor = stretch_of(matrix)
     centers, radii = parts.center @ matrix.T + offset, parts.margin * factor
@@ -70,28 +55,11 @@ def touch_spheres(
 
 
 def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Return the contact of a mesh with an ellipsoid, cylinder or cone.
-
-    Parameters
-    ----------
-    solid : Solid
-        The mesh.
-    primitive : Primitive
-        Its partner.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of the partner to that of the mesh.
-    reach : float
-        Largest distance searched, in the unit of the mesh.
-
-    Returns
-    -------
-    Touch
-        In the frame of the mesh, from the mesh to the partner.
-    """
+    """Return the contact, from the mesh to its partner, of a mesh with an ellipsoid, cylinder or cone."""
     row = placed_row(primitive, matrix)
     sphere = primitive.bounding_radius * stretch_of(matrix)
     near = np.zeros(9)
-    distance = distance_to_triangles(row, offset, sphere, *solid.tree.arrays, float(reach), near)
+    distance = distance_to_triangles(row, offset, sphere, solid.tree.arrays, float(reach), near)
     size = float(part_size(row)) + solid.tree.size
     if distance > TOUCHING * size:
         if _holds_center(solid, offset):
@@ -100,7 +68,7 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
             return Touch.apart()
         return Touch(distance, direction(-near[6:], offset), (near[:3] + near[3:6]) / 2)
     contact = np.zeros(7)
-    deep = depth_in_convex(row, offset, sphere, size, *solid.tree.arrays, contact)
+    deep = depth_in_convex(row, offset, sphere, size, solid.tree.arrays, contact)
     depth, normal, point = float(contact[0]), -contact[1:4], contact[4:]
     if int(row[0]) in (CYLINDER, CONE):
         deeper, where, surface = deepest_of_round(solid.tree, row, offset)
@@ -143,17 +111,10 @@ def _touch_deep(
 
 @kernel
 def distance_to_triangles(
-    row: Floats,
-    center: Floats,
-    sphere: float,
-    corners: Floats,
-    low: Floats,
-    high: Floats,
-    start: Integers,
-    reach: float,
-    near: Floats,
+    row: Floats, center: Floats, sphere: float, tree: TreeArrays, reach: float, near: Floats
 ) -> float:
     """Return the distance of a convex solid from a surface; write the nearest points, that of the solid first."""
+    corners, low, high, start = tree
     best, hit = reach, False
     stack, triangle, points = np.zeros(64, dtype=np.int64), np.zeros(13), np.zeros(9)
     triangle[0] = TRIANGLE
@@ -214,18 +175,9 @@ def _plane_gap(row, triangle):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def depth_in_convex(
-    row: Floats,
-    center: Floats,
-    sphere: float,
-    size: float,
-    corners: Floats,
-    low: Floats,
-    high: Floats,
-    start: Integers,
-    contact: Floats,
-) -> bool:
+def depth_in_convex(row: Floats, center: Floats, sphere: float, size: float, tree: TreeArrays, contact: Floats) -> bool:
     """Write the deepest contact of all triangles in a convex solid; return whether one is too deep to be exact."""
+    corners, low, high, start = tree
     deep, shift = False, np.zeros(3)
     stack, triangle = np.zeros(64, dtype=np.int64), np.zeros(13)
     points, trial = np.zeros(9), np.zeros(7)

@@ -24,22 +24,7 @@ DEEP = 1e-3
 
 
 def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Return the contact of two meshes.
-
-    Parameters
-    ----------
-    one, other : Solid
-        The meshes, each in its own frame.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of `other` to that of `one`.
-    reach : float
-        Largest distance searched, in the unit of `one`.
-
-    Returns
-    -------
-    Touch
-        In the frame and unit of `one`.
-    """
+    """Return the contact of two meshes; see :mod:`voxgran.contacts.touch` for the frames."""
     factor = stretch_of(matrix)
     margin = ROUNDING * (one.tree.size + factor * other.tree.size + float(np.linalg.norm(offset)))
     distance, point, partner = nearest_points(
@@ -59,17 +44,7 @@ def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, re
 
 
 def meshes_meet(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, depth: float) -> bool:
-    """Return whether two meshes overlap deeper than a depth.
-
-    Parameters
-    ----------
-    one, other : Solid
-        The meshes, each in its own frame.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of `other` to that of `one`.
-    depth : float
-        Depth, in the unit of `one`.
-    """
+    """Return whether two meshes overlap deeper than a depth, in the unit of `one`."""
     body = combine(one, other, matrix=matrix, offset=offset, operation="common")
     if not len(body.triangles):
         return False
@@ -80,23 +55,10 @@ def meshes_meet(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, dep
 
 
 def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: Floats) -> tuple[float, Floats, Floats]:
-    """Find the deepest point of the common body of two meshes.
+    """Return depth, normal and point of the deepest point of the common body of two meshes, in the frame of `one`.
 
-    Parameters
-    ----------
-    one, other : Solid
-        The meshes.
-    body : Body
-        Intersection of both, in the frame of `one`.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of `other` to that of `one`.
-
-    Returns
-    -------
-    depth : float
-        Largest distance to the surface of one of any point inside both; 0 for an empty body.
-    normal, point : (3,) ndarray of float
-        Unit vector from `one` to `other`, and the middle between the deepest point and the surface.
+    The depth is the largest distance to the surface of one of any point inside both, 0 for an empty body; the point is
+    the middle between the deepest point and the surface.
     """
     factor = stretch_of(matrix)
     back = matrix.T / factor**2

@@ -30,22 +30,9 @@ from voxgran.shapes.surface import Surface
 
 
 def open_touch(surface: Surface, partner: Geometry, solid: Callable[[], Solid]) -> Callable[..., Touch]:
-    """Return the test of an open surface with a partner.
+    """Return the test of an open surface with a partner, a function of `matrix`, `offset` and `reach`.
 
-    Parameters
-    ----------
-    surface : Surface
-        The open surface.
-    partner : Geometry
-        Its partner.
-    solid : callable
-        Function that returns the partner as a closed mesh if it is a mesh or a box.
-
-    Returns
-    -------
-    callable
-        Function of `matrix` and `offset` (the transformation from the frame of the partner to that of the surface) and
-        `reach` that returns the Touch in the frame of the surface.
+    `solid` returns the partner as a closed mesh if it is a mesh or a box.
     """
     if isinstance(partner, Surface):
         return partial(touch_open, surface, partner)
@@ -57,22 +44,7 @@ def open_touch(surface: Surface, partner: Geometry, solid: Callable[[], Solid]) 
 
 
 def touch_open(one: Surface, other: Surface, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Return the contact, or the depth of crossing, of two open surfaces.
-
-    Parameters
-    ----------
-    one, other : Surface
-        The surfaces, each in its own frame.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of `other` to that of `one`.
-    reach : float
-        Largest distance searched, in the unit of `one`.
-
-    Returns
-    -------
-    Touch
-        In the frame and unit of `one`.
-    """
+    """Return the contact, or the depth of crossing, of two open surfaces."""
     margin = ROUNDING * (one.tree.size + stretch_of(matrix) * other.tree.size + float(np.linalg.norm(offset)))
     distance, point, partner = nearest_points(
         one.tree, other.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
@@ -87,24 +59,7 @@ def touch_open(one: Surface, other: Surface, *, matrix: Floats, offset: Floats, 
 
 
 def touch_closed(surface: Surface, solid: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Return the contact, or the depth of penetration, of an open surface with a closed mesh or a box.
-
-    Parameters
-    ----------
-    surface : Surface
-        The open surface.
-    solid : Solid
-        Its partner.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of the solid to that of the surface.
-    reach : float
-        Largest distance searched, in the unit of the surface.
-
-    Returns
-    -------
-    Touch
-        In the frame and unit of the surface.
-    """
+    """Return the contact, or the depth of penetration, of an open surface with a closed mesh or a box."""
     factor = stretch_of(matrix)
     back = matrix / factor**2
     margin = ROUNDING * (surface.tree.size + factor * solid.tree.size + float(np.linalg.norm(offset)))
@@ -124,24 +79,7 @@ def touch_closed(surface: Surface, solid: Solid, *, matrix: Floats, offset: Floa
 
 
 def touch_spheres(surface: Surface, parts: Parts, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Return the contact of an open surface with a union of spheres; a depth is that in a single sphere.
-
-    Parameters
-    ----------
-    surface : Surface
-        The open surface.
-    parts : Parts
-        Rows of the spheres of this one body, in its own frame.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of the spheres to that of the surface.
-    reach : float
-        Largest distance searched, in the unit of the surface.
-
-    Returns
-    -------
-    Touch
-        In the frame and unit of the surface.
-    """
+    """Return the contact of an open surface with a union of spheres in its own frame; a depth is that in one sphere."""
     centers, radii = parts.center @ matrix.T + offset, parts.margin * stretch_of(matrix)
     distance, nearest, _ = surface.tree.nearest(centers, reach=float(radii.max()) + reach)
     gaps = np.abs(distance) - radii
@@ -155,32 +93,17 @@ def touch_spheres(surface: Surface, parts: Parts, *, matrix: Floats, offset: Flo
 def touch_round(surface: Surface, primitive: Primitive, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
     """Return the contact of an open surface with an ellipsoid, cylinder or cone.
 
-    Parameters
-    ----------
-    surface : Surface
-        The open surface.
-    primitive : Primitive
-        Its partner.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of the partner to that of the surface.
-    reach : float
-        Largest distance searched, in the unit of the surface.
-
-    Returns
-    -------
-    Touch
-        In the frame and unit of the surface; a depth in an ellipsoid that exceeds its smallest radius of curvature is
-        a lower bound.
+    A depth in an ellipsoid that exceeds its smallest radius of curvature is a lower bound.
     """
     row, sphere = placed_row(primitive, matrix), primitive.bounding_radius * stretch_of(matrix)
     near, contact = np.zeros(9), np.zeros(7)
-    distance = distance_to_triangles(row, offset, sphere, *surface.tree.arrays, float(reach), near)
+    distance = distance_to_triangles(row, offset, sphere, surface.tree.arrays, float(reach), near)
     size = float(part_size(row)) + surface.tree.size
     if distance > TOUCHING * size:
         if distance > reach:
             return Touch.apart()
         return Touch(distance, direction(-near[6:], offset), (near[:3] + near[3:6]) / 2)
-    deep = depth_in_convex(row, offset, sphere, size, *surface.tree.arrays, contact)
+    deep = depth_in_convex(row, offset, sphere, size, surface.tree.arrays, contact)
     depth, normal, point = float(contact[0]), -contact[1:4], contact[4:]
     if deep:
         places = np.concatenate([surface.vertices, surface.triangles.mean(axis=1)])

@@ -27,21 +27,7 @@ def touch_polygons(
 ) -> Touch:
     """Return the contact of two polygons.
 
-    Parameters
-    ----------
-    one, other : Outline
-        The polygons, each in its own frame.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of `other` to that of `one`.
-    reach : float
-        Largest distance searched, in the unit of `one`.
-    deepest : bool
-        Whether the deepest point of an overlap is searched; otherwise the depth is that of the deepest edge point.
-
-    Returns
-    -------
-    Touch
-        In the frame of `one`.
+    If `deepest` is false, the depth is that of the deepest edge point; the interior is not searched.
     """
     mine = np.ascontiguousarray(one.vertices)
     theirs = other.vertices @ matrix[:2, :2].T + offset[:2]
@@ -68,23 +54,9 @@ def touch_polygons(
 def touch_disk(
     polygon: Outline, disk: Outline, *, matrix: Floats, offset: Floats, reach: float, deepest: bool = True
 ) -> Touch:
-    """Return the contact of a polygon with a disk.
+    """Return the contact, from the polygon to the disk, of a polygon with a disk.
 
-    Parameters
-    ----------
-    polygon, disk : Outline
-        The grains, each in its own frame.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of the disk to that of the polygon.
-    reach : float
-        Largest distance searched, in the unit of the polygon.
-    deepest : bool
-        Whether the deepest point of an overlap is searched; otherwise the depth is that towards the nearest edge.
-
-    Returns
-    -------
-    Touch
-        In the frame of the polygon, from the polygon to the disk.
+    If `deepest` is false, the depth is that towards the nearest edge; the interior is not searched.
     """
     radius = disk.radius * stretch_of(matrix)
     center = matrix @ np.array([*disk.center, 0.0]) + offset

@@ -21,27 +21,13 @@ CODES = {"ellipsoid": ELLIPSOID, "box": BOX, "cylinder": CYLINDER, "cone": CONE}
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Convex parts of several bodies, one body after the other.
+    """Convex parts of several bodies, one body after the other."""
 
-    Attributes
-    ----------
-    start : (n + 1,) ndarray of int
-        First part of each body.
-    row : (p, 13) ndarray of float
-        Kind, dimensions and rotation of each part.
-    margin : (p,) ndarray of float
-        Distance of the surface from the core: the radius of a sphere.
-    center : (p, 3) ndarray of float
-        Center of the part, relative to the centroid of the body.
-    reach : (p,) ndarray of float
-        Radius of the bounding sphere about the center.
-    """
-
-    start: Integers
-    row: Floats
-    margin: Floats
-    center: Floats
-    reach: Floats
+    start: Integers  # first part of each body, (n + 1,)
+    row: Floats  # kind, dimensions and rotation of each part, (p, 13)
+    margin: Floats  # distance of the surface from the core, (p,): the radius of a sphere
+    center: Floats  # center of each part, relative to the centroid of the body, (p, 3)
+    reach: Floats  # radius of the bounding sphere about the center, (p,)
 
     @property
     def arrays(self) -> tuple[Integers, Floats, Floats, Floats, Floats]:
@@ -73,17 +59,7 @@ def is_disk(geometry: Geometry) -> bool:
 
 
 def parts_of(geometries: list[Geometry]) -> Parts:
-    """Return the convex parts of geometries in their own frames; other geometries have no parts.
-
-    Parameters
-    ----------
-    geometries : list of Geometry
-        One per body.
-
-    Returns
-    -------
-    Parts
-    """
+    """Return the convex parts of geometries, one per body, in their own frames; other geometries have no parts."""
     rows, margins, centers, reaches, counts = [], [], [], [], []
     for geometry in geometries:
         row, margin, center = _parts_of_one(geometry)

@@ -23,23 +23,10 @@ SMALL = 2e-4
 
 
 def deepest_point(one: Inner, other: Inner, low: Floats, high: Floats) -> tuple[float, Floats, bool]:
-    """Find the common point of two grains that is deepest in either.
+    """Return depth, (3,) point and whether the depth is that in `one`, for the deepest common point of two grains.
 
-    Parameters
-    ----------
-    one, other : callable
-        Distance of (n, 3) points to the surface of each grain, positive inside.
-    low, high : (3,) ndarray of float
-        Box that contains the overlap; flat in z in two dimensions.
-
-    Returns
-    -------
-    depth : float
-        Distance to the surface; 0 if no common point is found.
-    point : (3,) ndarray of float
-        The deepest point.
-    in_one : bool
-        Whether the depth is the distance to the surface of `one`.
+    The box from `low` to `high` contains the overlap; it is flat in z in two dimensions. The depth is 0 if no common
+    point is found.
     """
     best, where, in_one = 0.0, (low + high) / 2, True
     extent = high - low

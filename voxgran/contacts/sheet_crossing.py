@@ -38,22 +38,9 @@ BEGIN, END = 1e-10, 1e-12
 
 
 def crossing_depth(one: TriangleTree, other: TriangleTree, *, matrix: Floats, offset: Floats) -> tuple[float, Floats]:
-    """Find the shortest translation of one of two surfaces that separates them.
+    """Return length and direction of the shortest translation found of `other` that separates two surfaces.
 
-    Parameters
-    ----------
-    one, other : TriangleTree
-        The surfaces, each in its own frame.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of `other` to that of `one`.
-
-    Returns
-    -------
-    depth : float
-        Length of the shortest separating translation found, in the unit of `one`, an upper bound of the minimum; 0 if
-        the surfaces only touch.
-    way : (3,) ndarray of float
-        Direction of this translation of `other`, a unit vector.
+    The length, in the unit of `one`, is an upper bound of the minimum; 0 if the surfaces only touch.
     """
     turn, size = np.ascontiguousarray(matrix), np.abs(matrix)
     place = np.ascontiguousarray(offset)
@@ -63,7 +50,7 @@ def crossing_depth(one: TriangleTree, other: TriangleTree, *, matrix: Floats, of
     def try_all(directions: Floats) -> None:
         nonlocal best, way
         for ahead in directions:
-            found = float(_free_along(*one.arrays, *other.arrays, turn, size, place, ahead, best, extent))
+            found = float(_free_along(one.arrays, other.arrays, turn, size, place, ahead, best, extent))
             if found < best:
                 best, way = found, ahead
 
@@ -79,7 +66,7 @@ def crossing_depth(one: TriangleTree, other: TriangleTree, *, matrix: Floats, of
 def _directions(one: TriangleTree, other: TriangleTree, matrix: Floats, size: Floats, offset: Floats) -> Floats:
     """Return normals at the crossing, mean normals, their cross product and the offset of the centroids, in rows."""
     crossing = np.zeros((2, 3))
-    _add_normals(*one.arrays, *other.arrays, matrix, size, offset, crossing)
+    _add_normals(one.arrays, other.arrays, matrix, size, offset, crossing)
     mean, other_mean = normals_of(one.corners).sum(axis=0), normals_of(other.corners @ matrix.T).sum(axis=0)
     between = other.corners.mean(axis=(0, 1)) @ matrix.T + offset - one.corners.mean(axis=(0, 1))
     return np.array([*crossing, mean, other_mean, np.cross(mean, other_mean), between])
@@ -114,11 +101,9 @@ def _push_halves(stack, depth, a, b, leaves, other_leaves):  # type: ignore[no-u
 
 
 @kernel
-def _free_along(  # type: ignore[no-untyped-def]
-    corners, low, high, start, other_corners, other_low, other_high, other_start, matrix, size, offset, way, most,
-    extent,
-):  # fmt: skip
+def _free_along(one, other, matrix, size, offset, way, most, extent):  # type: ignore[no-untyped-def]
     """Return the distance that the other surface moves along `way` until nothing crosses, at most `most`."""
+    (corners, low, _, start), (other_corners, other_low, _, other_start) = one, other
     leaves, other_leaves = len(low) // 2, len(other_low) // 2
     stack, turned, place = np.zeros((256, 2), dtype=np.int64), np.zeros((16, 3, 3)), offset.copy()
     near = BEGIN * extent
@@ -129,7 +114,7 @@ def _free_along(  # type: ignore[no-untyped-def]
         while depth > 0:
             depth -= 1
             a, b = stack[depth, 0], stack[depth, 1]
-            if pair_bound(low, high, a, other_low, other_high, b, matrix, size, place) > near * near:
+            if pair_bound(one, a, other, b, matrix, size, place) > near * near:
                 continue
             if a < leaves or b < other_leaves:
                 depth = _push_halves(stack, depth, a, b, leaves, other_leaves)
@@ -151,6 +136,7 @@ def _free_along(  # type: ignore[no-untyped-def]
 def _end_of_crossing(one, i, other, j, way, moved):  # type: ignore[no-untyped-def]
     """Return the distance at which triangle j leaves triangle i, or -1 if they do not cross after `moved`."""
     last = math.inf
+    ax, ay, az = one[i, 0, 0], one[i, 0, 1], one[i, 0, 2]
     for k in range(11):
         x, y, z = _direction(one, i, other, j, k)
         if x == 0.0 and y == 0.0 and z == 0.0:
@@ -158,16 +144,8 @@ def _end_of_crossing(one, i, other, j, way, moved):  # type: ignore[no-untyped-d
         low_one = high_one = 0.0
         low_two, high_two = math.inf, -math.inf
         for c in range(3):
-            s = (
-                x * (one[i, c, 0] - one[i, 0, 0])
-                + y * (one[i, c, 1] - one[i, 0, 1])
-                + z * (one[i, c, 2] - one[i, 0, 2])
-            )
-            t = (
-                x * (other[j, c, 0] - one[i, 0, 0])
-                + y * (other[j, c, 1] - one[i, 0, 1])
-                + z * (other[j, c, 2] - one[i, 0, 2])
-            )
+            s = x * (one[i, c, 0] - ax) + y * (one[i, c, 1] - ay) + z * (one[i, c, 2] - az)
+            t = x * (other[j, c, 0] - ax) + y * (other[j, c, 1] - ay) + z * (other[j, c, 2] - az)
             low_one, high_one = min(low_one, s), max(high_one, s)
             low_two, high_two = min(low_two, t), max(high_two, t)
         speed = x * way[0] + y * way[1] + z * way[2]
@@ -212,16 +190,15 @@ def _edge(triangles, i, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _add_normals(  # type: ignore[no-untyped-def]
-    corners, low, high, start, other_corners, other_low, other_high, other_start, matrix, size, offset, normals
-):
+def _add_normals(one, other, matrix, size, offset, normals):  # type: ignore[no-untyped-def]
     """Sum the normals of the crossing triangles of each surface."""
+    (corners, low, _, start), (other_corners, other_low, _, other_start) = one, other
     leaves, other_leaves = len(low) // 2, len(other_low) // 2
     stack, turned, still, depth = np.zeros((256, 2), dtype=np.int64), np.zeros((16, 3, 3)), np.zeros(3), 1
     while depth > 0:
         depth -= 1
         a, b = stack[depth, 0], stack[depth, 1]
-        if pair_bound(low, high, a, other_low, other_high, b, matrix, size, offset) > 0.0:
+        if pair_bound(one, a, other, b, matrix, size, offset) > 0.0:
             continue
         if a < leaves or b < other_leaves:
             depth = _push_halves(stack, depth, a, b, leaves, other_leaves)

@@ -17,12 +17,7 @@ from voxgran.shapes.mesh import Mesh
 class Solid:
     """A closed mesh with derived data for the contact tests, computed on first use.
 
-    Attributes
-    ----------
-    mesh : Mesh
-        The surface.
-    inside_out : bool
-        Whether the solid is the exterior of the mesh, as for the walls of a container.
+    If `inside_out` is true, the solid is the exterior of the mesh, as for the walls of a container.
     """
 
     mesh: Mesh
@@ -64,37 +59,14 @@ class Solid:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Result of a boolean operation.
-
-    Attributes
-    ----------
-    triangles : (m, 3, 3) ndarray of float
-        Surface of the result.
-    volume : float
-        Volume of the result.
-    """
+    """Result of a boolean operation: its surface as (m, 3, 3) triangles, and its volume."""
 
     triangles: Floats
     volume: float
 
 
 def combine(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, operation: Literal["common", "rest"]) -> Body:
-    """Intersect or subtract two solids.
-
-    Parameters
-    ----------
-    one, other : Solid
-        The solids.
-    matrix, offset : (3, 3) and (3,) ndarray of float
-        Transformation from the frame of `other` to that of `one`.
-    operation : {"common", "rest"}
-        The intersection, or the part of `one` outside of `other`.
-
-    Returns
-    -------
-    Body
-        In the frame of `one`.
-    """
+    """Return the intersection of two solids, or the part of `one` outside of `other`, in the frame of `one`."""
     partner = other.manifold.transform(np.column_stack([matrix, offset]))
     result = one.manifold ^ partner if operation == "common" else one.manifold - partner
     mesh = result.to_mesh64()

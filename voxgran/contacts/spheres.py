@@ -14,23 +14,9 @@ from voxgran.contacts.broad import Pairs
 
 
 def sphere_contacts(pairs: Pairs, radii: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return gap, normal and point of pairs of spheres about the centroids of the grains.
+    """Return gap, normal and point, from centroid i, of m pairs of spheres with (n,) radii about the centroids.
 
-    Parameters
-    ----------
-    pairs : Pairs
-        Pairs of spheres.
-    radii : (n,) ndarray of float
-        Radius of each grain.
-
-    Returns
-    -------
-    gap : (m,) ndarray of float
-        Distance of the surfaces; negative where they overlap (the depth).
-    normal : (m, 3) ndarray of float
-        Unit vector from grain i to its partner; along x where the centers coincide.
-    point : (m, 3) ndarray of float
-        Middle between the surfaces, from the centroid of grain i.
+    A negative gap is a depth; the normals (m, 3) point from grain i to its partner, along x where the centers coincide.
     """
     gap = np.zeros(pairs.count)
     normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))

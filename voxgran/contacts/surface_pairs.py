@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.kernels import kernel
 from voxgran._base.stopping import stop_if_asked
 from voxgran._base.tree import TriangleTree
@@ -25,29 +25,11 @@ AT_ONCE = 64
 def surface_gaps(
     assembly: Assembly, pairs: Pairs, gap: float, *, tree_of: Callable[[int], TriangleTree]
 ) -> tuple[Floats, Floats, Floats, Booleans]:
-    """Return the gaps of pairs of grains with closed surfaces.
+    """Return gap, normal, point and proven of m pairs of grains with closed surfaces; gaps beyond `gap` are infinite.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    pairs : Pairs
-        Pairs of grains.
-    gap : float
-        Largest distance searched, in the unit of lengths.
-    tree_of : callable
-        Function that returns the box tree of a shape.
-
-    Returns
-    -------
-    gap : (m,) ndarray of float
-        Distance of the surfaces; infinite beyond the reach.
-    normal : (m, 3) ndarray of float
-        Unit vector from grain i to its partner.
-    point : (m, 3) ndarray of float
-        Middle between the nearest points, from the centroid of grain i.
-    proven : (m,) ndarray of bool
-        Whether the pair is proven to be separate; otherwise the other values are undefined.
+    The normals (m, 3) point from grain i to its partner, the points (m, 3) are the middles between the nearest points,
+    from centroid i. Pairs that are not proven to be separate have undefined values. `tree_of` gives the box tree of a
+    shape.
 
     Raises
     ------
@@ -73,7 +55,7 @@ def surface_gaps(
         for first in range(0, len(some), AT_ONCE):
             stop_if_asked()
             part = (array[first : first + AT_ONCE] for array in poses)
-            _nearest_of_pairs(*trees[0].arrays, *trees[1].arrays, *part)
+            _nearest_of_pairs(trees[0].arrays, trees[1].arrays, *part)
         found[some], near[some] = distance, points
         proven[some] = (distance > margin) & ~_nested(trees, matrix[some], offset[some], stretch[some])
     apart = near[:, 3:] - near[:, :3]
@@ -97,25 +79,8 @@ def _nested(trees: tuple[TriangleTree, TriangleTree], matrix: Floats, offset: Fl
 
 
 @kernel
-def _nearest_of_pairs(
-    corners: Floats,
-    low: Floats,
-    high: Floats,
-    start: Integers,
-    other_corners: Floats,
-    other_low: Floats,
-    other_high: Floats,
-    other_start: Integers,
-    matrix: Floats,
-    offset: Floats,
-    reach: Floats,
-    distance: Floats,
-    points: Floats,
-) -> None:
+def _nearest_of_pairs(one, other, matrix, offset, reach, distance, points):  # type: ignore[no-untyped-def]
     """Write the distance and the nearest points of two surfaces in several poses."""
     for k in range(len(matrix)):
-        square = find_nearest_pair(
-            corners, low, high, start, other_corners, other_low, other_high, other_start, matrix[k],
-            np.abs(matrix[k]), offset[k], reach[k], points[k],
-        )  # fmt: skip
+        square = find_nearest_pair(one, other, matrix[k], np.abs(matrix[k]), offset[k], reach[k], points[k])
         distance[k] = math.sqrt(square)

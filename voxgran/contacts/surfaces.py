@@ -15,17 +15,7 @@ TRIANGLE_LIMIT = 40_000_000
 
 @dataclass(frozen=True, slots=True)
 class Surfaces:
-    """Many closed surfaces in one mesh.
-
-    Attributes
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, in the unit of lengths.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    grain : (m,) ndarray of int
-        Which grain each triangle belongs to.
-    """
+    """Many closed surfaces in one mesh: vertices (n, 3), triangles (m, 3), and the grain (m,) of each triangle."""
 
     vertices: Floats
     faces: Integers
@@ -38,20 +28,9 @@ def merged_surfaces(
     grains: Integers | None = None,
     bodies: Sequence[tuple[Floats, Integers]] | None = None,
 ) -> Surfaces:
-    """Merge the surfaces of grains where they lie.
+    """Merge the surfaces of grains, of all by default, in their poses.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Grains with poses.
-    grains : (k,) ndarray of int, optional
-        Which ones; all where left out.
-    bodies : sequence of (vertices, faces), optional
-        Triangles that stand for each shape in its body frame; its tessellation where left out.
-
-    Returns
-    -------
-    Surfaces
+    `bodies` are vertices and faces that represent each shape in its body frame; its tessellation by default.
 
     Raises
     ------

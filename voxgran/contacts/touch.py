@@ -1,4 +1,9 @@
-"""Touch: the contact of one pair of grains, in the frame of the first."""
+"""Touch: the contact of one pair of grains.
+
+The tests of pairs are given each grain in its own frame, the transformation from the frame of the second to that of the
+first (`matrix`, a rotation times a scale, and `offset`), and `reach`, the largest distance searched, in the unit of the
+first. The contact is in the frame and unit of the first.
+"""
 
 from dataclasses import dataclass
 
@@ -9,21 +14,11 @@ from voxgran._base.arrays import Floats
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Touch:
-    """The nearest or deepest contact of two grains.
+    """The nearest or deepest contact of two grains."""
 
-    Attributes
-    ----------
-    gap : float
-        Distance of the surfaces; negative where they overlap (the depth).
-    normal : (3,) ndarray of float
-        Unit vector from the first to the second.
-    point : (3,) ndarray of float
-        Middle between the nearest points.
-    """
-
-    gap: float
-    normal: Floats
-    point: Floats
+    gap: float  # distance of the surfaces; negative where they overlap (the depth)
+    normal: Floats  # unit vector from the first to the second, (3,)
+    point: Floats  # middle between the nearest points, (3,)
 
     @classmethod
     def apart(cls) -> "Touch":

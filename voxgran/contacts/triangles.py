@@ -13,56 +13,30 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.tree import TriangleTree, closest_on_triangle
 
+#: corners, low, high and start of a box tree, as kernels take them
+TreeArrays = tuple[Floats, Floats, Floats, Integers]
+
 
 def nearest_points(
     one: TriangleTree, other: TriangleTree, *, matrix: Floats, offset: Floats, reach: float = math.inf
 ) -> tuple[float, Floats, Floats]:
-    """Find the nearest points of two surfaces.
+    """Return the distance of two surfaces and the nearest point of each, in the frame and unit of `one`.
 
-    Parameters
-    ----------
-    one, other : TriangleTree
-        The surfaces, each in its own frame.
-    matrix : (3, 3) ndarray of float
-        Rotation and scale from the frame of `other` to that of `one`.
-    offset : (3,) ndarray of float
-        Origin of `other` in the frame of `one`.
-    reach : float
-        Largest distance searched, in the unit of `one`.
-
-    Returns
-    -------
-    distance : float
-        Distance in the unit of `one`; 0 if the surfaces meet, infinite if nothing is within reach.
-    point, partner : (3,) ndarray of float
-        The nearest point of each, in the frame of `one`.
+    The distance is 0 if the surfaces meet, infinite if nothing is within `reach`.
     """
     found = np.zeros(6)
-    square = find_nearest_pair(
-        *one.arrays,
-        *other.arrays,
-        np.ascontiguousarray(matrix),
-        np.abs(matrix),
-        np.ascontiguousarray(offset),
-        float(reach),
-        found,
-    )
+    turn, place = np.ascontiguousarray(matrix), np.ascontiguousarray(offset)
+    square = find_nearest_pair(one.arrays, other.arrays, turn, np.abs(matrix), place, float(reach), found)
     return math.sqrt(square), found[:3], found[3:]
 
 
 @kernel
 def pair_bound(
-    low: Floats,
-    high: Floats,
-    a: int,
-    other_low: Floats,
-    other_high: Floats,
-    b: int,
-    matrix: Floats,
-    size: Floats,
-    offset: Floats,
+    one: TreeArrays, a: int, other: TreeArrays, b: int, matrix: Floats, size: Floats, offset: Floats
 ) -> float:
     """Return a lower bound of the squared distance of box a from the contents of box b."""
+    _, low, high, _ = one
+    _, other_low, other_high, _ = other
     bound = 0.0
     for i in range(3):
         center, half = offset[i], 0.0
@@ -76,21 +50,11 @@ def pair_bound(
 
 @kernel
 def find_nearest_pair(
-    corners: Floats,
-    low: Floats,
-    high: Floats,
-    start: Integers,
-    other_corners: Floats,
-    other_low: Floats,
-    other_high: Floats,
-    other_start: Integers,
-    matrix: Floats,
-    size: Floats,
-    offset: Floats,
-    reach: float,
-    found: Floats,
+    one: TreeArrays, other: TreeArrays, matrix: Floats, size: Floats, offset: Floats, reach: float, found: Floats
 ) -> float:
     """Traverse both trees, closer boxes first; write both points and return the squared distance."""
+    corners, low, high, start = one
+    other_corners, other_low, other_high, other_start = other
     best, hit = reach * reach, False
     leaves, other_leaves = len(low) // 2, len(other_low) // 2
     stack, bounds = np.zeros((256, 2), dtype=np.int64), np.zeros(256)
@@ -124,7 +88,7 @@ def find_nearest_pair(
             c = 2 * a + 1 + side if split_one else a
             d = b if split_one else 2 * b + 1 + side
             stack[depth + side, 0], stack[depth + side, 1] = c, d
-            bounds[depth + side] = pair_bound(low, high, c, other_low, other_high, d, matrix, size, offset)
+            bounds[depth + side] = pair_bound(one, c, other, d, matrix, size, offset)
         if bounds[depth] < bounds[depth + 1]:
             for k in range(2):
                 stack[depth, k], stack[depth + 1, k] = stack[depth + 1, k], stack[depth, k]

@@ -34,37 +34,17 @@ ROUNDING = 1e-12
 
 
 def escape_depths(assembly: Assembly) -> Floats:
-    """Return the protrusion of each grain beyond the walls of its container and beyond a lid.
+    """Return the largest protrusion (n,) of each grain beyond the walls of its container and beyond a lid.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-
-    Returns
-    -------
-    (n,) ndarray of float
-        Largest protrusion beyond any wall, in the unit of lengths; at most 0 inside (minus the distance of the nearest
-        wall), minus infinity without walls. In containers of kinds that are not part of voxgran, grains other than
-        spheres are represented by their tessellation.
+    It is at most 0 inside (minus the distance of the nearest wall), minus infinity without walls. In containers of
+    kinds that are not part of voxgran, grains other than spheres are represented by their tessellation.
     """
     escape = _beyond_container(assembly)
     return escape if assembly.lid is None else np.maximum(escape, beyond_lid(assembly))
 
 
 def beyond_lid(assembly: Assembly) -> Floats:
-    """Return the protrusion of each grain beyond the lid, negative below it.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-
-    Returns
-    -------
-    (n,) ndarray of float
-        In the unit of lengths; minus infinity without a lid.
-    """
+    """Return the protrusion (n,) of each grain beyond the lid, negative below it; minus infinity without a lid."""
     if assembly.lid is None:
         return np.full(assembly.count, -np.inf)
     low, high = grain_bounds(assembly)
@@ -96,18 +76,7 @@ def _beyond_container(assembly: Assembly) -> Floats:
 
 
 def grain_bounds(assembly: Assembly) -> tuple[Floats, Floats]:
-    """Return the exact extents of the grains along the axes, relative to their centroids.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-
-    Returns
-    -------
-    low, high : (n, 3) ndarray of float
-        In the unit of lengths.
-    """
+    """Return the exact extents (n, 3), low and high, of the grains along the axes, relative to their centroids."""
     low, high = np.zeros((assembly.count, 3)), np.zeros((assembly.count, 3))
     for shape, item in enumerate(assembly.shapes):
         grains = np.flatnonzero(assembly.shape_id == shape)
@@ -132,20 +101,7 @@ def grain_bounds(assembly: Assembly) -> tuple[Floats, Floats]:
 
 
 def horizontal_reach(assembly: Assembly, origin: Floats) -> Floats:
-    """Return the largest distance of any point of each grain from the vertical line through a point.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    origin : (3,) ndarray of float
-        A point of the line.
-
-    Returns
-    -------
-    (n,) ndarray of float
-        In the unit of lengths.
-    """
+    """Return the largest distance (n,) of any point of each grain from the vertical line through a (3,) point."""
     reach = np.full(assembly.count, -np.inf)
     geometries = [shape.geometry for shape in assembly.shapes]
     parts = parts_of(geometries).placed(assembly.shape_id, assembly.scale, assembly.matrices)

@@ -31,68 +31,31 @@ DOUBLINGS = 40
 
 @dataclass(frozen=True, slots=True)
 class Patch:
-    """What a grain has in common with one partner.
+    """The common surface of a grain and one partner."""
 
-    Attributes
-    ----------
-    contact : int
-        Number of the contact.
-    faces : (k,) ndarray of int
-        Triangles of the common surface.
-    radius : float
-        Radius of the disk that has the area of the surface which lay within the partner.
-    """
-
-    contact: int
-    faces: Integers
-    radius: float
+    contact: int  # number of the contact
+    faces: Integers  # triangles of the common surface, (k,)
+    radius: float  # radius of the disk with the area of the surface that lay within the partner
 
 
 @dataclass(frozen=True, slots=True)
 class SoftBody:
-    """A grain that has given way; seen from its centroid as it was, in the unit of lengths.
+    """A deformed grain, relative to its original centroid, in the unit of lengths."""
 
-    Attributes
-    ----------
-    vertices : (n, 3) ndarray of float
-        Where they are now.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    patches : tuple of Patch
-        One for each contact.
-    before : float
-        Volume of the fine surface before it gave way.
-    after : float
-        Volume now.
-    steepness : float
-        Part of the free distance that the bulges take.
-    reach : float
-        How far bulges reach from the contacts, in radii of the contacts.
-    """
-
-    vertices: Floats
-    faces: Integers
-    patches: tuple[Patch, ...]
-    before: float
-    after: float
-    steepness: float
-    reach: float
+    vertices: Floats  # displaced vertices, (n, 3)
+    faces: Integers  # triangles, (m, 3)
+    patches: tuple[Patch, ...]  # one for each contact
+    before: float  # volume of the fine surface before the deformation
+    after: float  # volume after it
+    steepness: float  # part of the free distance that the bulges take
+    reach: float  # how far bulges extend from the contacts, in radii of the contacts
 
 
 def give_way(grain: SoftGrain, surface: FineSurface, spacing: float, reach: float) -> SoftBody:
     """Return a grain with its dents, and its volume kept by bulges.
 
-    Parameters
-    ----------
-    grain : SoftGrain
-        The grain.
-    surface : FineSurface
-        Its surface, fine near contacts.
-    spacing : float
-        Longest edges at a contact, in radii of the contact.
-    reach : float
-        How far bulges reach from a contact, in radii of the contact; twice as far, and so on, where there is too
-        little room for the volume.
+    `spacing` are the longest edges at a contact and `reach` is how far bulges extend from a contact, in radii of the
+    contact; the reach is doubled where there is too little room for the volume.
 
     Raises
     ------

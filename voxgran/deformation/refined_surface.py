@@ -39,36 +39,16 @@ ROUNDED = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Partner:
-    """Another grain near this one; all is seen from the centroid of this one.
+    """Another grain near this one; all is relative to the centroid of this one."""
 
-    Attributes
-    ----------
-    contact : int
-        Number of the contact with it; -1 where it is only near.
-    side : int
-        1 where the contact leads from this grain to it, -1 where it leads back.
-    inner : callable
-        Distance of points to its surface, positive inside.
-    center : (3,) ndarray of float
-        Its centroid.
-    radius : float
-        Radius of the sphere that holds it.
-    share : float
-        Which part of the depth this grain gives way: 0 where it is rigid, 1 where the other one is.
-    deepest : (3,) ndarray of float
-        Where the overlap is deepest.
-    single : bool
-        Whether both are convex, so that they overlap in one place only.
-    """
-
-    contact: int
-    side: int
-    inner: Inner
-    center: Floats
-    radius: float
-    share: float
-    deepest: Floats
-    single: bool
+    contact: int  # number of the contact with it; -1 where it is only near
+    side: int  # 1 where the contact leads from this grain to it, -1 where it leads back
+    inner: Inner  # distance of points to its surface, positive inside
+    center: Floats  # its centroid, (3,)
+    radius: float  # radius of its bounding sphere
+    share: float  # share of the depth by which this grain is deformed: 0 where it is rigid, 1 where the other one is
+    deepest: Floats  # where the overlap is deepest, (3,)
+    single: bool  # whether both are convex, so that they overlap in one place only
 
     def depth(self, points: Floats) -> Floats:
         """Return how deep (n, 3) points lie in it; below 0 outside, where far away only a bound."""
@@ -80,39 +60,17 @@ class Partner:
 
 @dataclass(frozen=True, slots=True)
 class SoftGrain:
-    """A grain that may give way; all is seen from its centroid, in the unit of lengths.
+    """A grain that may be deformed; all is relative to its centroid, in the unit of lengths."""
 
-    Attributes
-    ----------
-    number : int
-        Which grain.
-    vertices : (n, 3) ndarray of float
-        Its tessellation.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    inner : callable
-        Distance of points to its own surface, positive inside.
-    onto : callable
-        Moves points of triangles onto the true surface.
-    diameter : float
-        Equivalent diameter.
-    touching : tuple of Partner
-        Grains that it overlaps.
-    near : tuple of Partner
-        Those and other grains that its bulges may come near.
-    room : callable
-        Distance of points to the nearest wall.
-    """
-
-    number: int
-    vertices: Floats
-    faces: Integers
-    inner: Inner
-    onto: Callable[[Floats], Floats]
-    diameter: float
-    touching: tuple[Partner, ...]
-    near: tuple[Partner, ...]
-    room: Callable[[Floats], Floats]
+    number: int  # index of the grain
+    vertices: Floats  # its tessellation, (n, 3)
+    faces: Integers  # triangles, (m, 3)
+    inner: Inner  # distance of points to its own surface, positive inside
+    onto: Callable[[Floats], Floats]  # projects points of triangles onto the true surface
+    diameter: float  # equivalent diameter
+    touching: tuple[Partner, ...]  # grains that it overlaps
+    near: tuple[Partner, ...]  # those and other grains that its bulges may come near
+    room: Callable[[Floats], Floats]  # distance of points to the nearest wall
 
     def excess(self, points: Floats) -> Floats:
         """Return by how much (n, 3) points lie beyond the common surface with each partner, (n, partners).
@@ -132,35 +90,18 @@ class SoftGrain:
 
 @dataclass(frozen=True, slots=True)
 class FineSurface:
-    """A surface that is fine near contacts.
+    """A surface that is fine near contacts."""
 
-    Attributes
-    ----------
-    vertices : (n, 3) ndarray of float
-        On the surface of the grain that has not given way.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    excess : (n, partners) ndarray of float
-        As of :meth:`SoftGrain.excess`.
-    level : (n,) ndarray of float
-        The largest of them: above 0 within a partner, 0 on the rim, below 0 where the surface is free.
-    """
-
-    vertices: Floats
-    faces: Integers
-    excess: Floats
-    level: Floats
+    vertices: Floats  # on the original surface of the grain, (n, 3)
+    faces: Integers  # triangles, (m, 3)
+    excess: Floats  # as of :meth:`SoftGrain.excess`, (n, partners)
+    level: Floats  # largest excess, (n,): above 0 within a partner, 0 on the rim, below 0 where the surface is free
 
 
 def fine_surface(grain: SoftGrain, spacing: float) -> FineSurface:
-    """Return the surface of a grain with vertices dense near contacts and along their rims.
+    """Return the surface of a grain with at least one partner, with vertices dense near contacts and along their rims.
 
-    Parameters
-    ----------
-    grain : SoftGrain
-        The grain, with at least one partner.
-    spacing : float
-        Longest edges at a contact, in radii of the disk that has its area.
+    `spacing` are the longest edges at a contact, in radii of the disk that has its area.
 
     Raises
     ------
@@ -254,18 +195,9 @@ def _with_rims(grain: SoftGrain, vertices: Floats, faces: Integers, excess: Floa
 
 
 def crossing(value: Callable[[Floats], Floats], high: Floats, exact: float) -> Floats:
-    """Return where a value that is above 0 at 0 and not at `high` passes through 0, (n,).
+    """Return where a value that is above 0 at 0 and not at `high` passes through 0, (n,); values up to `exact` are 0.
 
     By false position; where one end stays, its value is halved (Dowell & Jarratt 1971, doi:10.1007/BF01934364).
-
-    Parameters
-    ----------
-    value : callable
-        From (n,) places to (n,) values.
-    high : (n,) ndarray of float
-        Where to look at the most.
-    exact : float
-        Values of this size are taken as 0.
     """
     low, place = np.zeros(len(high)), high
     if not len(high):

@@ -56,7 +56,7 @@ def random_surface(
     aspect: tuple[float, float] = (1.0, 1.0),
     height: float = 0.15,
     waves: int = 6,
-    most: float = 1.5,
+    max_frequency: float = 1.5,
     diameter: float | None = None,
     seed: int = 0,
 ) -> Shape: ...

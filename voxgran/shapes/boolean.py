@@ -11,17 +11,7 @@ from voxgran._base.lazy import load
 
 
 def united(meshes: Iterable[tuple[Floats, Integers]]) -> tuple[Floats, Integers]:
-    """Return the surface of the union of solids.
-
-    Parameters
-    ----------
-    meshes : iterable of (vertices, faces)
-        Closed surfaces, counterclockwise seen from outside.
-
-    Returns
-    -------
-    vertices : (n, 3) ndarray of float
-    faces : (m, 3) ndarray of int
+    """Return vertices (n, 3) and faces (m, 3) of the union of closed surfaces, counterclockwise seen from outside.
 
     Raises
     ------

@@ -11,20 +11,10 @@ from voxgran.shapes.surface import Surface
 
 
 def principal_extents(shape: Shape) -> Floats:
-    """Return the extents along the principal axes of inertia, largest first.
+    """Return the extents (3,) of a shape along its principal axes of inertia, largest first; in 2D the third is 0.
 
     The second is the intermediate axis, by which a grain passes a sieve. The axes of an open surface are those of its
     area.
-
-    Parameters
-    ----------
-    shape : Shape
-        Any shape.
-
-    Returns
-    -------
-    (3,) ndarray of float
-        Longest, intermediate and shortest extent, in the unit of lengths; in 2D the third is 0.
     """
     geometry = shape.geometry
     inertia = geometry.area_inertia if isinstance(geometry, Surface) else shape.inertia
@@ -50,16 +40,7 @@ def principal_extents(shape: Shape) -> Floats:
 def largest_curvature(geometry: Geometry) -> float | None:
     """Return the largest curvature with which a surface bulges outward, or None where it has sharp edges.
 
-    Parameters
-    ----------
-    geometry : Geometry
-        What the surface bounds. A union of several spheres has creases, and the curvature of its smallest sphere would
-        say little of the others: it counts as having edges.
-
-    Returns
-    -------
-    float or None
-        One over a length, in the unit of lengths.
+    A union of several spheres has creases and counts as having edges.
     """
     if isinstance(geometry, Spheres) and len(geometry.radii) == 1:
         return 1.0 / float(geometry.radii[0])

@@ -15,6 +15,7 @@ from voxgran._base.registry import Registry
 from voxgran._base.seeds import stream
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.primitive import Kind, Primitive
 from voxgran.shapes.surface import Surface
 
 
@@ -62,11 +63,6 @@ def shape_families() -> tuple[str, ...]:
 
 def family_function(name: str) -> Callable[..., Shape]:
     """Return the function that makes shapes of one family, with its parameters as keywords.
-
-    Parameters
-    ----------
-    name : str
-        One of :func:`shape_families`.
 
     Raises
     ------
@@ -138,15 +134,13 @@ def _check_numbers(value: Any, name: str) -> None:
 def sized(geometry: Geometry, diameter: float | None, *, name: str) -> Shape:
     """Return the shape of a geometry scaled to an equivalent diameter; None stands for 1.
 
-    Parameters
-    ----------
-    geometry : Mesh or Primitive or Spheres or Outline or Surface
-        Geometry to scale.
-    diameter : float or None
-        Equivalent diameter of the result.
-    name : str
-        Name in reports.
+    Raises
+    ------
+    InputError
+        If the diameter is not above 0.
     """
+    if diameter is not None:
+        as_positive(diameter, "diameter")
     raw = Shape.of(geometry, name=name)
     shape = Shape.of(geometry.scaled((diameter or 1.0) / raw.diameter), name=name)
     # a second step removes the rounding error of the first, if possible
@@ -157,14 +151,7 @@ def sized(geometry: Geometry, diameter: float | None, *, name: str) -> Shape:
 def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ...], *, aspect: object) -> None:
     """Refuse a size that is given twice or in part, and ratios beside lengths.
 
-    Parameters
-    ----------
-    diameter : float or None
-        Equivalent diameter, if given.
-    dimensions : tuple of (name, value)
-        Lengths that also define the size; None if not given.
-    aspect : object
-        Ratios of the lengths; None if not given.
+    `dimensions` are the names of the lengths that define the size, with None for those that are not given.
 
     Raises
     ------
@@ -179,6 +166,21 @@ def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ..
         raise InputError(f"diameter and {given[0]} are both given: each makes the size; leave one out")
     if given and aspect is not None:
         raise InputError(f"aspect and {given[0]} are both given: each makes the ratio of the lengths; leave one out")
+
+
+def regular_solid(
+    kind: Kind,
+    parameters: Any,
+    *,
+    given: tuple[tuple[str, object], ...],
+    lengths: tuple[float, ...] | None,
+    ratios: tuple[float, ...],
+) -> Shape:
+    """Return a solid of given dimensions, or else of ratios scaled to the equivalent diameter of its parameters."""
+    refuse_both(parameters.diameter, given, aspect=parameters.aspect)
+    if lengths is not None:
+        return Shape.of(Primitive(kind, lengths), name=kind)
+    return sized(Primitive(kind, ratios), parameters.diameter, name=kind)
 
 
 def round_radius(diameter: float | None, radius: float | None) -> float:

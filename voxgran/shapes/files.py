@@ -72,17 +72,6 @@ def shape_of_file(
 ) -> Shape:
     """Read a shape from a file like :func:`load_shape`, with the remedies of the caller in the messages.
 
-    Parameters
-    ----------
-    path, unit, repair, surface
-        As :func:`load_shape`.
-    remedies : Remedies
-        Remedies for the messages.
-
-    Returns
-    -------
-    Shape
-
     Raises
     ------
     MissingFileError

@@ -10,19 +10,9 @@ from voxgran.shapes.spheres import Spheres
 
 
 def edges_of(faces: Integers) -> tuple[Integers, Integers]:
-    """Return the edges of triangles, each once.
+    """Return the edges of triangles, each once: ends (e, 2), the smaller number first, and index (m, 3).
 
-    Parameters
-    ----------
-    faces : (m, 3) ndarray of int
-        Vertex indices of the triangles.
-
-    Returns
-    -------
-    ends : (e, 2) ndarray of int
-        Vertices at the ends of each edge, the smaller number first.
-    index : (m, 3) ndarray of int
-        Edge between the corners 0 and 1, 1 and 2, 2 and 0 of each triangle.
+    The index is the edge between the corners 0 and 1, 1 and 2, 2 and 0 of each triangle.
     """
     ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
     base = int(faces.max(initial=0)) + 1
@@ -31,23 +21,10 @@ def edges_of(faces: Integers) -> tuple[Integers, Integers]:
 
 
 def cut_edges(vertices: Floats, faces: Integers, index: Integers, new: Integers) -> Integers:
-    """Return the triangles after some edges have been bisected by new vertices.
+    """Return the triangles (k, 3), with the same orientation, after some edges have been bisected by new vertices.
 
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Vertices, including the new ones.
-    faces : (m, 3) ndarray of int
-        Triangles before the refinement.
-    index : (m, 3) ndarray of int
-        Edges of each triangle, as in :func:`edges_of`.
-    new : (e,) ndarray of int
-        New vertex on each edge; -1 if there is none.
-
-    Returns
-    -------
-    (k, 3) ndarray of int
-        Triangles with the same orientation.
+    The vertices include the new ones; `index` are the edges of each triangle, as in :func:`edges_of`; `new` is the
+    vertex on each edge, -1 if there is none.
     """
     on = new[index]
     cuts = (on >= 0).sum(axis=1)
@@ -73,20 +50,10 @@ def _from_corner(faces: Integers, on: Integers, chosen: Booleans, first: Boolean
 
 
 def onto_surface(geometry: Geometry, points: Floats) -> Floats:
-    """Project points of a tessellation onto the true surface.
+    """Project (n, 3) points on triangles of the tessellation of a solid onto its true surface.
 
-    Parameters
-    ----------
-    geometry : Mesh or Primitive or Spheres or Outline
-        The solid, in its own frame.
-    points : (n, 3) ndarray of float
-        Points on triangles of its tessellation.
-
-    Returns
-    -------
-    (n, 3) ndarray of float
-        Points on spheres, ellipsoids, unions of spheres and the sides of cylinders and cones; points on flat faces are
-        unchanged.
+    The points lie on spheres, ellipsoids, unions of spheres and the sides of cylinders and cones afterwards; points on
+    flat faces are unchanged.
     """
     if isinstance(geometry, Spheres):
         return _onto_spheres(points, geometry.centers, geometry.radii)

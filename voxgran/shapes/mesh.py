@@ -5,35 +5,15 @@ from functools import cached_property
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran._base.tree import normals_of
-from voxgran.shapes.triangles import Triangles
+from voxgran.shapes.triangles import Moments, Triangles
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh(Triangles):
+class Mesh(Moments, Triangles):
     """A closed surface of triangles, counterclockwise seen from outside."""
-
-    @property
-    def volume(self) -> float:
-        """Enclosed volume, by the divergence theorem; negative if the faces point inward."""
-        return self._moments[0]
-
-    @property
-    def centroid(self) -> Floats:
-        """Centroid of the enclosed volume, (3,)."""
-        return self._moments[1]
-
-    @property
-    def inertia(self) -> Floats:
-        """Inertia tensor about the centroid at unit density, (3, 3)."""
-        return self._moments[2]
-
-    @property
-    def bounding_radius(self) -> float:
-        """Largest distance of a vertex from the origin of the frame."""
-        return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
 
     @cached_property
     def _moments(self) -> tuple[float, Floats, Floats]:
@@ -56,26 +36,6 @@ class Mesh(Triangles):
         offset = first / volume
         second = second - volume * np.outer(offset, offset)
         return volume, middle + offset, np.trace(second) * np.eye(3) - second
-
-    def content(self) -> bytes:
-        """Return the bytes from which the key of the shape is computed."""
-        return b"mesh" + self.vertices.tobytes() + self.faces.tobytes()
-
-    def moved(self, offset: Floats) -> "Mesh":
-        """Return the mesh shifted by a (3,) offset."""
-        return Mesh(self.vertices + offset, self.faces)
-
-    def rotated(self, matrix: Floats) -> "Mesh":
-        """Return the mesh rotated about the origin by a (3, 3) rotation matrix."""
-        return Mesh(self.vertices @ matrix.T, self.faces)
-
-    def scaled(self, factor: float) -> "Mesh":
-        """Return the mesh scaled about the origin."""
-        return Mesh(self.vertices * factor, self.faces)
-
-    def tessellation(self) -> tuple[Floats, Integers, float]:
-        """Return vertices, faces and their largest distance from the true surface: 0."""
-        return self.vertices, self.faces, 0.0
 
 
 def hull_of(points: Floats) -> Mesh:

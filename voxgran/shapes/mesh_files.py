@@ -26,24 +26,14 @@ MOST_CORNERS = 5000
 
 
 def read_surface(path: str | os.PathLike[str]) -> tuple[Floats, Integers]:
-    """Return points and triangles of a surface file as they stand there, closed or not.
-
-    Parameters
-    ----------
-    path : path-like
-        File in one of the formats of `READERS`, by its suffix.
-
-    Returns
-    -------
-    points : (n, 3) ndarray of float
-    faces : (m, 3) ndarray of int
+    """Return points (n, 3) and triangles (m, 3) of a surface file in one of the formats of `READERS`, closed or not.
 
     Raises
     ------
     MissingFileError
         If there is no such file.
     FileFormatError
-        If the suffix is not known, or the file is empty, cut, or damaged.
+        If the suffix is not known, or the file is empty, truncated or damaged.
     """
     found = existing_file(path)
     reader = READERS.get(found.suffix.lower())

@@ -20,26 +20,19 @@ from voxgran._base.lazy import load
 #: vertices (n, 3), and the vertex indices of each polygon
 Polygons = tuple[Floats, list[list[int]] | Integers]
 
-PLY_TYPES = {
-    "char": "i1",
-    "int8": "i1",
-    "uchar": "u1",
-    "uint8": "u1",
-    "short": "i2",
-    "int16": "i2",
-    "ushort": "u2",
-    "uint16": "u2",
-    "int": "i4",
-    "int32": "i4",
-    "uint": "u4",
-    "uint32": "u4",
-    "float": "f4",
-    "float32": "f4",
-    "double": "f8",
-    "float64": "f8",
-    "int64": "i8",
-    "uint64": "u8",
+PLY_NAMES = {
+    "i1": "char int8",
+    "u1": "uchar uint8",
+    "i2": "short int16",
+    "u2": "ushort uint16",
+    "i4": "int int32",
+    "u4": "uint uint32",
+    "f4": "float float32",
+    "f8": "double float64",
+    "i8": "int64",
+    "u8": "uint64",
 }
+PLY_TYPES = {name: code for code, names in PLY_NAMES.items() for name in names.split()}
 PLY_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
@@ -293,17 +286,7 @@ def _ply_binary(body: bytes, elements: list[_Element], order: str) -> Iterator[d
 def gmsh_polygons(path: Path) -> Content:
     """Read the triangles and quadrangles of a Gmsh file, to be run by `read_guarded`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    facts : dict
-        Empty.
-    arrays : dict of str to ndarray
-        ``points`` (n, 3), the ``corners`` of all polygons one after the other, and their ``counts``.
+    The arrays are ``points`` (n, 3), the ``corners`` of all polygons one after the other, and their ``counts``.
     """
     mesh = load("meshio").gmsh.read(str(path))
     cells = [np.asarray(block.data) for block in mesh.cells if block.type in ("triangle", "quad")]

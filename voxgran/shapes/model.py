@@ -201,12 +201,7 @@ class Shape:
         return isinstance(geometry, Outline) and geometry.kind == "disk" and geometry.center == (0.0, 0.0)
 
     def refuse_open(self, what: str) -> None:
-        """Raise an error if the shape is an open surface.
-
-        Parameters
-        ----------
-        what : str
-            Operation that needs an interior, such as ``"voxels"``, for the message.
+        """Raise an error if the shape is open; `what` names the operation that needs an interior, such as ``"voxels"``.
 
         Raises
         ------

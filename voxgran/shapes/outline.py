@@ -10,13 +10,14 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_points, as_positive, read_only
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
+from voxgran.shapes.triangles import Moments
 
 #: number of sides of the polygon that represents a disk in pictures and files
 SIDES = 96
 
 
 @dataclass(frozen=True, eq=False)
-class Outline:
+class Outline(Moments):
     """Boundary of a grain in the plane.
 
     Attributes
@@ -54,21 +55,6 @@ class Outline:
             _refuse_crooked(corners)
         object.__setattr__(self, "vertices", read_only(corners))
 
-    @property
-    def volume(self) -> float:
-        """Area."""
-        return self._moments[0]
-
-    @property
-    def centroid(self) -> Floats:
-        """Centroid, (3,), with z = 0."""
-        return self._moments[1]
-
-    @property
-    def inertia(self) -> Floats:
-        """Inertia tensor about the centroid at unit density, (3, 3); zz is the polar moment."""
-        return self._moments[2]
-
     @cached_property
     def surface_area(self) -> float:
         """Perimeter."""
@@ -101,13 +87,8 @@ class Outline:
             second = second - area * np.outer(middle, middle)
             middle = self.vertices[0] + middle
         polar = second[0, 0] + second[1, 1]
-        inertia = np.array(
-            [
-                [second[1, 1], -second[0, 1], 0.0],
-                [-second[0, 1], second[0, 0], 0.0],
-                [0.0, 0.0, polar],
-            ]
-        )
+        inertia = np.diag([second[1, 1], second[0, 0], polar])
+        inertia[0, 1] = inertia[1, 0] = -second[0, 1]
         return area, read_only(np.array([*middle, 0.0])), read_only(inertia)
 
     def contains(self, points: Floats) -> Booleans:

@@ -175,13 +175,7 @@ KINDS: dict[str, type[SizeDistribution]] = {law.kind: law for law in (Discrete, 
 
 
 def size_distance(asked: Floats, placed: Floats) -> float:
-    """Return the largest difference of the shares of grains up to a size, that of Kolmogorov and Smirnov.
-
-    Parameters
-    ----------
-    asked, placed : (n,), (m,) ndarray of float
-        Diameters; those placed are some of those asked. Without grains the difference is 0.
-    """
+    """Return the largest difference of the shares of grains up to a size (Kolmogorov and Smirnov); 0 without grains."""
     if not len(asked) or not len(placed):
         return 0.0
     asked, placed = np.sort(asked), np.sort(placed)

@@ -34,23 +34,9 @@ HIDDEN = 2e-13
 
 
 def union_moments(centers: Floats, radii: Floats) -> tuple[float, Floats, Floats, float]:
-    """Return volume, first moments, second moments and surface area of a union of spheres.
+    """Return volume, first (3,) and second (3, 3) moments about the origin, and surface area of a union of spheres.
 
-    Parameters
-    ----------
-    centers : (n, 3) ndarray of float
-        Centers; the moments are about the origin, which should lie among them.
-    radii : (n,) ndarray of float
-        Radii.
-
-    Returns
-    -------
-    volume : float
-    first : (3,) ndarray of float
-        Integral of the coordinates.
-    second : (3, 3) ndarray of float
-        Integral of the products of the coordinates.
-    area : float
+    The origin should lie among the centers.
     """
     keep = ~contained(centers, radii)
     c, r = np.ascontiguousarray(centers[keep]), radii[keep]

@@ -12,13 +12,14 @@ from voxgran._base.kernels import kernel
 from voxgran.shapes.boolean import united
 from voxgran.shapes.sphere_union import contained, union_moments
 from voxgran.shapes.tessellate import sphere
+from voxgran.shapes.triangles import Moments
 
 #: largest number of triangles of all spheres before they are united
 MOST_TRIANGLES = 80_000
 
 
 @dataclass(frozen=True, eq=False)
-class Spheres:
+class Spheres(Moments):
     """A union of spheres, whose common volume counts once.
 
     Attributes
@@ -49,21 +50,6 @@ class Spheres:
             raise InputError(f"radius of sphere {worst} is {radii[worst]}: it must be above 0; remove the sphere")
         object.__setattr__(self, "centers", read_only(centers))
         object.__setattr__(self, "radii", read_only(radii))
-
-    @property
-    def volume(self) -> float:
-        """Volume of the union."""
-        return self._moments[0]
-
-    @property
-    def centroid(self) -> Floats:
-        """Centroid of the union, (3,)."""
-        return self._moments[1]
-
-    @property
-    def inertia(self) -> Floats:
-        """Inertia tensor about the centroid at unit density, (3, 3)."""
-        return self._moments[2]
 
     @property
     def surface_area(self) -> float:

@@ -57,43 +57,9 @@ class Surface(Triangles):
         second = (second + np.einsum("f,fi,fj->ij", self.areas, total, total)) / 12
         return read_only(np.trace(second) * np.eye(3) - second)
 
-    @property
-    def bounding_radius(self) -> float:
-        """Largest distance of a vertex from the origin of the frame."""
-        return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
-
-    def content(self) -> bytes:
-        """Return the bytes from which the key of the shape is computed."""
-        return b"surface" + self.vertices.tobytes() + self.faces.tobytes()
-
-    def moved(self, offset: Floats) -> "Surface":
-        """Return the surface shifted by a (3,) offset."""
-        return Surface(self.vertices + offset, self.faces)
-
-    def rotated(self, matrix: Floats) -> "Surface":
-        """Return the surface rotated about the origin by a (3, 3) rotation matrix."""
-        return Surface(self.vertices @ matrix.T, self.faces)
-
-    def scaled(self, factor: float) -> "Surface":
-        """Return the surface scaled about the origin."""
-        return Surface(self.vertices * factor, self.faces)
-
-    def tessellation(self) -> tuple[Floats, Integers, float]:
-        """Return vertices, faces and their largest distance from the true surface: 0."""
-        return self.vertices, self.faces, 0.0
-
 
 def refuse_unfit(vertices: Floats, faces: Integers, name: str) -> None:
-    """Raise unless triangles make one open surface.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, merged.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    name : str
-        Name of the surface in the message.
+    """Raise unless triangles of merged vertices make one open surface.
 
     Raises
     ------

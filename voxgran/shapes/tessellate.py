@@ -13,19 +13,9 @@ SIDES = 96
 
 
 def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
-    """Return an icosahedron subdivided onto the unit sphere.
+    """Return vertices and faces of an icosahedron subdivided onto the unit sphere, and their largest distance from it.
 
-    Parameters
-    ----------
-    subdivisions : int
-        Number of subdivisions of each triangle into four; 4 gives 2562 vertices and 5120 faces.
-
-    Returns
-    -------
-    vertices : (n, 3) ndarray of float
-    faces : (m, 3) ndarray of int
-    error : float
-        Largest distance of the triangles from the sphere, for radius 1.
+    Four subdivisions of each triangle into four give 2562 vertices and 5120 faces.
     """
     golden = (1 + math.sqrt(5)) / 2
     corners = [(-1, golden, 0), (1, golden, 0), (-1, -golden, 0), (1, -golden, 0)]
@@ -71,21 +61,9 @@ def unit_box() -> tuple[Floats, Integers, float]:
 
 
 def revolved(profile: Sequence[tuple[float, float]], *, sides: int = SIDES) -> tuple[Floats, Integers, float]:
-    """Return the closed surface of revolution of a profile about z.
+    """Return vertices and faces of the surface of revolution of a profile about z, and the error of its polygons.
 
-    Parameters
-    ----------
-    profile : sequence of (z, radius)
-        Profile from bottom to top; radius 0 is a point on the axis.
-    sides : int
-        Number of sides of the polygon that represents the circle.
-
-    Returns
-    -------
-    vertices : (n, 3) ndarray of float
-    faces : (m, 3) ndarray of int
-    error : float
-        Largest distance between the polygon and the circle.
+    The profile is a list of z and radius from bottom to top; radius 0 is a point on the axis.
     """
     angles = 2 * np.pi * np.arange(sides) / sides
     rings: list[Integers] = []

@@ -32,19 +32,7 @@ MAX_TRIANGLES = 1_500_000
 
 
 def surface_samples(triangles: Floats, spacing: float) -> tuple[Floats, Floats]:
-    """Return points on triangles, at most about a spacing apart, and their normals.
-
-    Parameters
-    ----------
-    triangles : (m, 3, 3) ndarray of float
-        Corner points.
-    spacing : float
-        Largest spacing, in the unit of the points.
-
-    Returns
-    -------
-    points, normals : (n, 3) ndarray of float
-    """
+    """Return points (n, 3) on triangles (m, 3, 3), at most about a spacing apart, and their normals."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     normal = np.cross(b - a, c - a)
     twice = np.linalg.norm(normal, axis=1)
@@ -62,25 +50,11 @@ def surface_samples(triangles: Floats, spacing: float) -> tuple[Floats, Floats]:
 def picture(
     bodies: Sequence[Floats], body: Integers, matrices: Floats, position: Floats, size: Floats, *, flat: bool
 ) -> Image:
-    """Draw placed bodies, coloured by size: with their own surfaces, or as icosahedra where there are many.
+    """Draw placed bodies, coloured by size, as a picture (160, 160, 4) of red, green, blue and opacity.
 
-    Parameters
-    ----------
-    bodies : sequence of (m, 3, 3) ndarray of float
-        Triangles of each different body.
-    body : (n,) ndarray of int
-        Which body each grain has.
-    matrices : (n, 3, 3) ndarray of float
-        Rotation times scale of each grain.
-    position, size : (n, 3) and (n,) ndarray of float
-        Places and diameters of the grains; at least one.
-    flat : bool
-        Whether all lies in the plane z = 0.
-
-    Returns
-    -------
-    (160, 160, 4) ndarray of uint8
-        Red, green, blue and opacity.
+    Each of the grains (at least one) has a `body`, a rotation times scale, a centroid and a diameter; `bodies` are the
+    triangles (m, 3, 3) of each different body. Many grains are drawn as icosahedra. If `flat` is true, all lies in the
+    plane z = 0.
     """
     if np.bincount(body) @ [len(triangles) for triangles in bodies[: int(body.max()) + 1]] > MAX_TRIANGLES:
         bodies, body, matrices = [_icosahedron()], np.zeros(len(body), int), size[:, None, None] * np.eye(3)

@@ -1,23 +1,39 @@
-"""Common base of closed and open surfaces of triangles."""
+"""Common bases of geometries: moments, and triangles of closed and open surfaces."""
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.tree import TriangleTree, areas_of, grow_tree
 
 
+class Moments:
+    """Common base of solids that compute volume, centroid and inertia together, as `_moments`; in 2D of the area."""
+
+    _moments: Any
+
+    @property
+    def volume(self) -> float:
+        """Volume; of closed triangles by the divergence theorem, negative if the faces point inward."""
+        return self._moments[0]
+
+    @property
+    def centroid(self) -> Floats:
+        """Centroid, (3,)."""
+        return self._moments[1]
+
+    @property
+    def inertia(self) -> Floats:
+        """Inertia tensor about the centroid at unit density, (3, 3)."""
+        return self._moments[2]
+
+
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """Triangles in space.
-
-    Attributes
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, in the unit of lengths.
-    faces : (m, 3) ndarray of int
-        Vertex indices of the triangles.
-    """
+    """Triangles (m, 3) of vertices (n, 3) in space, in the unit of lengths."""
 
     vertices: Floats
     faces: Integers
@@ -38,6 +54,11 @@ class Triangles:
         """Box tree of the triangles, for nearest points; its signs are valid for closed surfaces only."""
         return grow_tree(self.vertices, self.faces)
 
+    @property
+    def bounding_radius(self) -> float:
+        """Largest distance of a vertex from the origin of the frame."""
+        return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
+
     @cached_property
     def areas(self) -> Floats:
         """Areas of the triangles, (m,)."""
@@ -47,3 +68,23 @@ class Triangles:
     def surface_area(self) -> float:
         """Sum of the areas of the triangles; for an open surface that of one side."""
         return float(self.areas.sum())
+
+    def content(self) -> bytes:
+        """Return the bytes from which the key of the shape is computed."""
+        return type(self).__name__.lower().encode() + self.vertices.tobytes() + self.faces.tobytes()
+
+    def moved(self, offset: Floats) -> Self:
+        """Return the triangles shifted by a (3,) offset."""
+        return type(self)(self.vertices + offset, self.faces)
+
+    def rotated(self, matrix: Floats) -> Self:
+        """Return the triangles rotated about the origin by a (3, 3) rotation matrix."""
+        return type(self)(self.vertices @ matrix.T, self.faces)
+
+    def scaled(self, factor: float) -> Self:
+        """Return the triangles scaled about the origin."""
+        return type(self)(self.vertices * factor, self.faces)
+
+    def tessellation(self) -> tuple[Floats, Integers, float]:
+        """Return vertices, faces and their largest distance from the true surface: 0."""
+        return self.vertices, self.faces, 0.0

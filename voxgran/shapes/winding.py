@@ -7,14 +7,7 @@ from voxgran._base.kernels import kernel
 
 
 def winding_numbers(triangles: Floats, points: Floats) -> Floats:
-    """Return the generalized winding numbers of closed triangles about points: 1 inside, 0 outside.
-
-    Parameters
-    ----------
-    triangles : (m, 3, 3) ndarray of float
-        Corner points.
-    points : (n, 3) ndarray of float
-        Points.
+    """Return the generalized winding numbers (n,) of closed triangles (m, 3, 3) about points: 1 inside, 0 outside.
 
     References
     ----------

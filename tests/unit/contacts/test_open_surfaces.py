@@ -20,7 +20,7 @@ FLAT = vg.make_shape("sheet", lengths=(2.0, 2.0))
 SHAPES = [
     vg.make_shape("sheet", lengths=(1.2, 0.9), roll=120),
     vg.make_shape("shell", opening=60),
-    vg.make_shape("random_surface", seed=5, most=0.75),
+    vg.make_shape("random_surface", seed=5, max_frequency=0.75),
 ]
 
 

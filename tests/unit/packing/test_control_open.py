@@ -20,7 +20,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
 SHEETS = [
     vg.make_shape("sheet"),
     vg.make_shape("sheet", roll=200),
-    vg.make_shape("random_surface", most=0.5, height=0.3, seed=1),
+    vg.make_shape("random_surface", max_frequency=0.5, height=0.3, seed=1),
 ]
 QUICK = {"method": "control_point", "contact": "kdtree", "spacing": 0.25, "sweeps": 150, "cycles": 2}
 

@@ -155,7 +155,7 @@ BAD = [
     ("sheet", {"lengths": (1, 1), "diameter": 1.0}, "leave one out"),
     ("sheet", {"roll": -30.0}, r"roll is -30.0: it must be finite and at least 0"),
     ("sheet", {"roll": 360.0}, "meets itself at 360; give less"),
-    ("random_surface", {"most": 1e6}, "most is 1000000.0: .* at most 64"),
+    ("random_surface", {"max_frequency": 1e6}, "max_frequency is 1000000.0: .* at most 64"),
     ("random_surface", {"waves": 10**13}, "at most 10000; give less"),
     ("random_surface", {"waves": 10**30}, "at most 10000; give less"),
     ("random_surface", {"height": 1e9}, "at most 10"),

@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import as_positive
 from voxgran._base.config import parameter
-from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.family import ShapeFamily, regular_solid
 from voxgran.shapes.model import Shape
-from voxgran.shapes.primitive import Primitive
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -23,19 +21,9 @@ class Box:
 
 
 def make(parameters: Box, generator: np.random.Generator) -> Shape:
-    """Return the box; nothing is random.
-
-    Raises
-    ------
-    InputError
-        If a number is not above 0, or the size or the ratio is given twice.
-    """
-    refuse_both(parameters.diameter, (("lengths", parameters.lengths),), aspect=parameters.aspect)
-    if parameters.lengths is not None:
-        return Shape.of(Primitive("box", parameters.lengths), name="box")
-    if parameters.diameter is not None:
-        as_positive(parameters.diameter, "diameter")
-    return sized(Primitive("box", parameters.aspect or (1.0, 1.0, 1.0)), parameters.diameter, name="box")
+    """Return the box; nothing is random."""
+    lengths, ratios = parameters.lengths, parameters.aspect or (1.0, 1.0, 1.0)
+    return regular_solid("box", parameters, given=(("lengths", lengths),), lengths=lengths, ratios=ratios)
 
 
 registration = ShapeFamily(name="box", summary="cuboid with edges along x, y and z", parameters=Box, make=make)

@@ -15,13 +15,7 @@ class Cone(Cylinder):
 
 
 def make(parameters: Cone, generator: np.random.Generator) -> Shape:
-    """Return the cone, its axis along z; nothing is random.
-
-    Raises
-    ------
-    InputError
-        As :func:`round_solid`.
-    """
+    """Return the cone, its axis along z; nothing is random."""
     return round_solid("cone", parameters)
 
 

@@ -29,16 +29,8 @@ class ConvexPolyhedron:
 
 
 def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:
-    """Return a random polyhedron.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than four points or more than 100 000, or a number is not above 0.
-    """
+    """Return a random polyhedron."""
     count = as_count(parameters.points, "points", at_least=4, at_most=MOST_POINTS)
-    if parameters.diameter is not None:
-        as_positive(parameters.diameter, "diameter")
     factors = np.array([as_positive(value, "aspect") for value in parameters.aspect])
     return sized(hull_of(_on_sphere(count, generator) * factors), parameters.diameter, name="convex_polyhedron")
 

@@ -7,9 +7,8 @@ import numpy as np
 
 from voxgran._base.arrays import as_positive
 from voxgran._base.config import parameter
-from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.family import ShapeFamily, regular_solid
 from voxgran.shapes.model import Shape
-from voxgran.shapes.primitive import Primitive
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -25,32 +24,17 @@ class Cylinder:
 
 
 def make(parameters: Cylinder, generator: np.random.Generator) -> Shape:
-    """Return the cylinder, its axis along z; nothing is random.
-
-    Raises
-    ------
-    InputError
-        As :func:`round_solid`.
-    """
+    """Return the cylinder, its axis along z; nothing is random."""
     return round_solid("cylinder", parameters)
 
 
 def round_solid(kind: Literal["cylinder", "cone"], parameters: Cylinder) -> Shape:
-    """Return a cylinder or cone, its axis along z.
-
-    Raises
-    ------
-    InputError
-        If a number is not above 0, or the size is given twice or in part, or the ratio twice.
-    """
-    lengths = (("radius", parameters.radius), ("height", parameters.height))
-    refuse_both(parameters.diameter, lengths, aspect=parameters.aspect)
-    if parameters.radius is not None and parameters.height is not None:
-        return Shape.of(Primitive(kind, (parameters.radius, parameters.height)), name=kind)
-    if parameters.diameter is not None:
-        as_positive(parameters.diameter, "diameter")
+    """Return a cylinder or cone, its axis along z."""
+    radius, height = parameters.radius, parameters.height
+    lengths = None if radius is None or height is None else (radius, height)
     ratio = 1.0 if parameters.aspect is None else as_positive(parameters.aspect, "aspect")
-    return sized(Primitive(kind, (0.5, ratio)), parameters.diameter, name=kind)
+    given = (("radius", radius), ("height", height))
+    return regular_solid(kind, parameters, given=given, lengths=lengths, ratios=(0.5, ratio))
 
 
 registration = ShapeFamily(name="cylinder", summary="circular cylinder", parameters=Cylinder, make=make)

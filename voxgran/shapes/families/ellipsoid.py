@@ -4,11 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import as_positive
 from voxgran._base.config import parameter
-from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.family import ShapeFamily, regular_solid
 from voxgran.shapes.model import Shape
-from voxgran.shapes.primitive import Primitive
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -23,20 +21,9 @@ class Ellipsoid:
 
 
 def make(parameters: Ellipsoid, generator: np.random.Generator) -> Shape:
-    """Return the ellipsoid; nothing is random.
-
-    Raises
-    ------
-    InputError
-        If a number is not above 0, or the size or the ratio is given twice.
-    """
-    refuse_both(parameters.diameter, (("semi_axes", parameters.semi_axes),), aspect=parameters.aspect)
-    if parameters.semi_axes is not None:
-        return Shape.of(Primitive("ellipsoid", parameters.semi_axes), name="ellipsoid")
-    if parameters.diameter is not None:
-        as_positive(parameters.diameter, "diameter")
-    ratios = parameters.aspect or (1.0, 0.8, 0.6)
-    return sized(Primitive("ellipsoid", ratios), parameters.diameter, name="ellipsoid")
+    """Return the ellipsoid; nothing is random."""
+    axes, ratios = parameters.semi_axes, parameters.aspect or (1.0, 0.8, 0.6)
+    return regular_solid("ellipsoid", parameters, given=(("semi_axes", axes),), lengths=axes, ratios=ratios)
 
 
 registration = ShapeFamily(name="ellipsoid", summary="ellipsoid with three axes", parameters=Ellipsoid, make=make)

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_choice, as_positive
+from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.config import parameter
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.mesh import hull_of
@@ -26,17 +26,9 @@ class Platonic:
 
 
 def make(parameters: Platonic, generator: np.random.Generator) -> Shape:
-    """Return the solid; nothing is random.
-
-    Raises
-    ------
-    InputError
-        If there is no such solid or the diameter is not above 0.
-    """
+    """Return the solid; nothing is random."""
     corners = _corners()
     solid = as_choice(parameters.solid, "solid", tuple(corners))
-    if parameters.diameter is not None:
-        as_positive(parameters.diameter, "diameter")
     return sized(hull_of(corners[solid]), parameters.diameter, name="platonic")
 
 

@@ -44,8 +44,6 @@ def make(parameters: Polygon, generator: np.random.Generator) -> Shape:
                 raise InputError(f"{name} and vertices are both given: each makes the form; leave one out")
         outline = Outline("polygon", vertices=np.array(parameters.vertices, dtype=np.float64))
         return Shape.of(outline, name="polygon")
-    if parameters.diameter is not None:
-        as_positive(parameters.diameter, "diameter")
     count = (
         6 if parameters.corners is None else as_count(parameters.corners, "corners", at_least=3, at_most=MOST_CORNERS)
     )

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import as_count, as_number, as_positive
-from voxgran._base.config import parameter
+from voxgran._base.arrays import as_positive
+from voxgran._base.config import check_bounds, parameter
 from voxgran.shapes.families.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
@@ -33,36 +33,30 @@ class RandomSurface:
     """
 
     aspect: tuple[float, float] = parameter((1.0, 1.0), doc="ratio of the edges along x and y of the flat sheet")
-    height: float = parameter(0.15, doc="root mean square height, in mean edge lengths, in [0, 10]")
-    waves: int = parameter(6, doc="number of waves, from 1 to 10 000")
-    most: float = parameter(
-        1.5, doc="largest number of periods per mean edge length, in (0, 64]; the smallest is half of it"
+    height: float = parameter(0.15, doc="root mean square height, in mean edge lengths", at_least=0.0, at_most=HIGHEST)
+    waves: int = parameter(6, doc="number of waves", at_least=1, at_most=MOST_WAVES)
+    max_frequency: float = parameter(
+        1.5,
+        doc="largest number of periods per mean edge length; the smallest is half of it",
+        former="most",
+        above=0.0,
+        at_most=SHORTEST,
     )
     diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        as_number(self.height, "height", at_least=0.0, at_most=HIGHEST)
-        as_count(self.waves, "waves", at_least=1, at_most=MOST_WAVES)
-        as_number(self.most, "most", above=0.0, at_most=SHORTEST)
+        check_bounds(self)
 
 
 def make(parameters: RandomSurface, generator: np.random.Generator) -> Shape:
-    """Return a random surface.
-
-    Raises
-    ------
-    InputError
-        If an edge or the diameter is not above 0.
-    """
-    if parameters.diameter is not None:
-        as_positive(parameters.diameter, "diameter")
+    """Return a random surface."""
     edges = np.array([as_positive(value, "aspect") for value in parameters.aspect])
     edges /= edges.mean()
-    columns, rows = (max(4, int(np.ceil(CELLS * parameters.most * edge))) for edge in edges)
+    columns, rows = (max(4, int(np.ceil(CELLS * parameters.max_frequency * edge))) for edge in edges)
     x, y = np.meshgrid(edges[0] * np.arange(columns + 1) / columns, edges[1] * np.arange(rows + 1) / rows)
     turn, start = 2 * np.pi * generator.random((2, parameters.waves))
-    number = 2 * np.pi * parameters.most * (0.5 + 0.5 * generator.random(parameters.waves))
+    number = 2 * np.pi * parameters.max_frequency * (0.5 + 0.5 * generator.random(parameters.waves))
     z = np.zeros_like(x)
     for k in range(parameters.waves):
         z += np.sin(number[k] * (np.cos(turn[k]) * x + np.sin(turn[k]) * y) + start[k])

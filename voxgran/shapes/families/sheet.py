@@ -43,16 +43,8 @@ class Sheet:
 
 
 def make(parameters: Sheet, generator: np.random.Generator) -> Shape:
-    """Return the sheet; nothing is random. A rolled sheet consists of flat strips at most 7.5 degrees apart.
-
-    Raises
-    ------
-    InputError
-        If a number is not above 0, or the size or the ratio is given twice.
-    """
+    """Return the sheet; nothing is random. A rolled sheet consists of flat strips at most 7.5 degrees apart."""
     refuse_both(parameters.diameter, (("lengths", parameters.lengths),), aspect=parameters.aspect)
-    if parameters.diameter is not None:
-        as_positive(parameters.diameter, "diameter")
     length, width = (as_positive(value, "an edge") for value in parameters.lengths or parameters.aspect or (1, 1))
     strips = max(1, int(np.ceil(parameters.roll / STRIP)))
     share = np.arange(strips + 1) / strips - 0.5

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import as_number, as_positive
+from voxgran._base.arrays import as_number
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import ShapeFamily, sized
@@ -40,15 +40,7 @@ class Shell:
 
 
 def make(parameters: Shell, generator: np.random.Generator) -> Shape:
-    """Return the shell, with its corners on the sphere and its axis along z; nothing is random.
-
-    Raises
-    ------
-    InputError
-        If the diameter is not above 0.
-    """
-    if parameters.diameter is not None:
-        as_positive(parameters.diameter, "diameter")
+    """Return the shell, with its corners on the sphere and its axis along z; nothing is random."""
     rings = max(2, int(np.ceil(parameters.opening / 2 / RING)))
     down = np.deg2rad(parameters.opening / 2) * np.arange(1, rings + 1) / rings
     around = 2 * np.pi * np.arange(SIDES) / SIDES

@@ -74,13 +74,7 @@ class SolidUnion:
 
 
 def make(parameters: SolidUnion, generator: np.random.Generator) -> Shape:
-    """Return a random union.
-
-    Raises
-    ------
-    DirtyMeshError
-        If the boolean library returns a surface that does not bound one solid.
-    """
+    """Return a random union."""
     solids = parameters.solids
     low, high = solids if isinstance(solids, tuple) else (solids, solids)
     count = int(generator.integers(low, high, endpoint=True))

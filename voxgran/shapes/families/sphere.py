@@ -19,13 +19,7 @@ class Sphere:
 
 
 def make(parameters: Sphere, generator: np.random.Generator) -> Shape:
-    """Return the sphere; nothing is random.
-
-    Raises
-    ------
-    InputError
-        If the diameter or the radius is not above 0, or both are given.
-    """
+    """Return the sphere; nothing is random."""
     radius = round_radius(parameters.diameter, parameters.radius)
     return Shape.of(Primitive("sphere", (radius,)), name="sphere")
 

@@ -107,17 +107,7 @@ def _read_tiff(path: Path, key: str | None) -> Image:
 def tiff_pages(path: Path) -> Content:
     """Read the pages of a TIFF file, to be run by `read_guarded`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    facts : dict
-        ``offset``, ``dtype`` and ``shape`` where the pages can be mapped.
-    arrays : dict of str to ndarray
-        ``pages``, where they cannot.
+    The facts are ``offset``, ``dtype`` and ``shape`` if the pages can be mapped; otherwise the arrays hold ``pages``.
     """
     tifffile = _extra("tifffile")
     try:
@@ -146,17 +136,8 @@ def _read_nrrd(path: Path, key: str | None) -> Image:
 def nrrd_values(path: Path) -> Content:
     """Read the values of a .nrrd file, to be run by `read_guarded`.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    facts : dict
-        ``shape``, and ``spacing`` or None where it does not tell.
-    arrays : dict of str to ndarray
-        ``values``, flat, the first axis running fastest.
+    The facts are ``shape`` and ``spacing`` (None if unknown); the array is ``values``, flat, the first axis running
+    fastest.
     """
     values, header = _extra("nrrd").read(str(path))
     directions = header.get("space directions")
@@ -187,13 +168,6 @@ def _extra(name: str) -> Any:
 
 def voxel_sizes(value: Any, image: Image) -> tuple[float, float, float]:
     """Return the edges of a voxel: those given, or else those of the file.
-
-    Parameters
-    ----------
-    value : float or (3,) array_like of float or None
-        What was given.
-    image : Image
-        What the file says.
 
     Raises
     ------

@@ -36,30 +36,14 @@ WIDEST = 20.0
 
 @dataclass(frozen=True, slots=True)
 class LabelledGrain:
-    """One grain of a label image.
+    """One grain of a label image."""
 
-    Attributes
-    ----------
-    label : int
-        Its label.
-    shape : Shape
-        The solid, in the unit of the voxel size.
-    position : (3,) ndarray of float
-        Its centroid in the image.
-    pieces : int
-        How many separate pieces the label has; the largest one is the shape.
-    volume_error : float
-        Relative difference of the volumes of the shape and of the voxels.
-    cut : bool
-        Whether it touches the border of the image along an axis that does not repeat.
-    """
-
-    label: int
-    shape: Shape
-    position: Floats
-    pieces: int
-    volume_error: float
-    cut: bool
+    label: int  # its label
+    shape: Shape  # the solid, in the unit of the voxel size
+    position: Floats  # centroid in the image, (3,)
+    pieces: int  # number of separate pieces of the label; the largest one is the shape
+    volume_error: float  # relative difference of the volumes of the shape and of the voxels
+    cut: bool  # whether it touches the border of the image along an axis that does not repeat
 
 
 def load_labels(

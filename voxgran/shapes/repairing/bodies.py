@@ -12,21 +12,11 @@ from voxgran.shapes.winding import winding_numbers
 
 @dataclass(frozen=True, slots=True)
 class Shells:
-    """Shells of a closed surface.
+    """Shells of a closed surface."""
 
-    Attributes
-    ----------
-    label : (m,) ndarray of int
-        Shell of each face.
-    volume : (s,) ndarray of float
-        What each encloses, negative where its faces point inward.
-    within : (s, s) ndarray of bool
-        Whether shell s lies in shell t.
-    """
-
-    label: Integers
-    volume: Floats
-    within: Booleans
+    label: Integers  # shell of each face, (m,)
+    volume: Floats  # enclosed, negative where faces point inward, (s,)
+    within: Booleans  # whether shell s lies in shell t, (s, s)
 
     @property
     def level(self) -> Integers:
@@ -36,15 +26,7 @@ class Shells:
 
 
 def shells_of(points: Floats, faces: Integers) -> Shells:
-    """Find the shells of a closed surface and which lies in which, whatever way they are wound.
-
-    Parameters
-    ----------
-    points : (n, 3) ndarray of float
-        Vertices.
-    faces : (m, 3) ndarray of int
-        Triangles; each edge has two.
-    """
+    """Return the shells of a closed surface and which lies in which, whatever the orientation of their faces."""
     label = shell_labels(points, faces)
     count = int(label.max(initial=-1)) + 1
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -87,12 +69,7 @@ def outward(points: Floats, faces: Integers) -> tuple[Integers, int]:
 def split(points: Floats, faces: Integers) -> list[tuple[Floats, Integers]]:
     """Return the solids that a closed surface bounds, each with its cavities, the largest first.
 
-    Parameters
-    ----------
-    points : (n, 3) ndarray of float
-        Vertices.
-    faces : (m, 3) ndarray of int
-        Triangles; outer shells point outward and cavities inward.
+    Outer shells point outward and cavities inward.
     """
     shells = shells_of(points, faces)
     solid = np.flatnonzero(shells.volume > 0)

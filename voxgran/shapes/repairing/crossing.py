@@ -25,28 +25,12 @@ DEPTH = 1e-9
 
 
 def count_crossings(vertices: Floats, faces: Integers) -> int:
-    """Return the number of pairs of triangles that cut through each other.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, finite.
-    faces : (m, 3) ndarray of int
-        Triangles; those that share an edge are not looked at.
-    """
+    """Return the number of pairs of triangles that intersect; those that share an edge are ignored."""
     return _crossings(vertices, faces)[0]
 
 
 def crossing_faces(vertices: Floats, faces: Integers) -> Booleans:
-    """Tell which triangles are cut through by another one.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, finite.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    """
+    """Return the mask (m,) of the triangles that intersect another one."""
     return _crossings(vertices, faces)[1]
 
 

@@ -26,23 +26,12 @@ class Remedies:
     """What a caller can do about a mesh that is not one closed solid, in words that end a message.
 
     A message names only what its reader can type: keywords in Python, keys in a scene, flags at the prompt.
-
-    Attributes
-    ----------
-    mend : str
-        What mends it.
-    keep_open : str
-        What takes it as an open surface; empty where the caller takes none.
-    choose : str
-        What chooses among several solids.
-    hole : str
-        What closes a wider hole.
     """
 
-    mend: str = "use vg.repair"
-    keep_open: str = "use Shape.from_surface"
-    choose: str = "use vg.repair with bodies='largest' or bodies='all'"
-    hole: str = "raise max_hole"
+    mend: str = "use vg.repair"  # what repairs it
+    keep_open: str = "use Shape.from_surface"  # what takes it as an open surface; empty where the caller takes none
+    choose: str = "use vg.repair with bodies='largest' or bodies='all'"  # what chooses among several solids
+    hole: str = "raise max_hole"  # what closes a wider hole
 
     def of_opening(self, closing: str) -> str:
         """Return what closes an opening, and what keeps it open where that can be done."""
@@ -109,12 +98,7 @@ class Diagnosis:
     def sentences(self, name: str = "the mesh", *, remedies: Remedies = IN_PYTHON) -> list[str]:
         """Return what is wrong, one sentence each, the gravest first; empty where it bounds one solid.
 
-        Parameters
-        ----------
-        name : str
-            What the sentences call the mesh.
-        remedies : Remedies
-            What the reader can do about it.
+        `name` and `remedies` are what the sentences call the mesh, and what the reader can do about it.
         """
         found = [] if self.faces else [f"{name} has no faces: a grain must be a closed surface; check the file"]
         mend, several = remedies.mend, self.bodies if self.bodies > 1 else 0
@@ -169,18 +153,7 @@ def diagnose(vertices: ArrayLike | Any, faces: ArrayLike | None = None) -> Diagn
 
 
 def refuse_dirty(vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON) -> None:
-    """Raise unless a triangle mesh bounds one solid.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, merged.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    name : str
-        What the message calls it.
-    remedies : Remedies
-        What its reader can do about it.
+    """Raise unless a triangle mesh of merged vertices bounds one solid.
 
     Raises
     ------
@@ -193,31 +166,12 @@ def refuse_dirty(vertices: Floats, faces: Integers, name: str, *, remedies: Reme
 
 
 def bounds_solid(vertices: Floats, faces: Integers) -> bool:
-    """Return whether a triangle mesh of finite coordinates bounds one solid, without looking for all that is wrong.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points; those that coincide count as one.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    """
+    """Return whether a triangle mesh of finite coordinates bounds one solid; coincident vertices count as one."""
     return _examine(*merged(vertices, faces), whole=False).ok
 
 
 def refuse_open(vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON) -> None:
-    """Raise where a triangle mesh has open edges, as :func:`refuse_dirty` does; nothing else is looked at.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, merged.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    name : str
-        What the message calls it.
-    remedies : Remedies
-        What its reader can do about it.
+    """Raise where a triangle mesh has open edges, as :func:`refuse_dirty` does; nothing else is tested.
 
     Raises
     ------
@@ -230,24 +184,9 @@ def refuse_open(vertices: Floats, faces: Integers, name: str, *, remedies: Remed
 
 
 def merged(vertices: Floats, faces: Integers, *, weld: float = WELD) -> tuple[Floats, Integers]:
-    """Return the mesh with coincident vertices made one and unused ones left out.
+    """Return the mesh with vertices nearer than `weld` diagonals of the bounding box merged and unused ones left out.
 
-    Nothing is repaired: a vertex moves by less than `weld`, and a face that becomes a line is
-    left out only where the surface is closed without it.
-
-    Parameters
-    ----------
-    vertices : (n, 3) ndarray of float
-        Corner points, finite.
-    faces : (m, 3) ndarray of int
-        Triangles.
-    weld : float
-        Vertices nearer than this count as one, in diagonals of the bounding box.
-
-    Returns
-    -------
-    vertices : (k, 3) ndarray of float
-    faces : (l, 3) ndarray of int
+    Nothing is repaired: a face that becomes a line is left out only where the surface is closed without it.
     """
     if not len(faces):
         return vertices[:0].copy(), faces.copy()

@@ -14,19 +14,9 @@ MOST_EDGES = 300
 
 
 def hole_loops(faces: Integers, vertex_count: int) -> list[Integers]:
-    """Return the loops of open edges as rings of vertices, each in the order that its new faces have.
+    """Return the loops of open edges as rings of vertices (k,), each in the order that its new faces have.
 
-    Parameters
-    ----------
-    faces : (m, 3) ndarray of int
-        Triangles, wound alike.
-    vertex_count : int
-        Number of vertices.
-
-    Returns
-    -------
-    list of (k,) ndarray of int
-        A ring that passes a vertex twice is cut there; what leads nowhere is left out.
+    A ring that passes a vertex twice is cut there; paths that are not closed are left out.
     """
     start, end, edge, uses = half_edges(faces, vertex_count)
     open_ = uses[edge] == 1
@@ -66,22 +56,9 @@ def extent(points: Floats, loop: Integers) -> float:
 
 
 def closed_loop(points: Floats, faces: Integers, loop: Integers) -> tuple[Floats, Integers]:
-    """Return new vertices and the triangles that close a loop.
+    """Return new vertices, (0 or 1, 3), and the triangles that close a ring of vertices.
 
-    Parameters
-    ----------
-    points : (n, 3) ndarray of float
-        Vertices of the mesh.
-    faces : (m, 3) ndarray of int
-        Its triangles; none of their edges is used again.
-    loop : (k,) ndarray of int
-        Ring of vertices.
-
-    Returns
-    -------
-    added : (0 or 1, 3) ndarray of float
-        A vertex to put behind the others.
-    triangles : (k - 2 or k, 3) ndarray of int
+    No edge of the mesh is used again.
     """
     found = _least_area(points[loop], _taken(faces, loop, len(points))) if len(loop) <= MOST_EDGES else None
     if found is not None:

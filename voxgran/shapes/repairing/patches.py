@@ -17,18 +17,9 @@ MOST_AREA = 0.1
 
 
 def without_doubles(faces: Integers) -> tuple[Integers, int, int]:
-    """Leave out faces that stand twice; two that lie on each other turned over enclose nothing, and both go.
+    """Leave out faces that stand twice; two that lie on each other turned over enclose nothing, and both are left out.
 
-    Parameters
-    ----------
-    faces : (m, 3) ndarray of int
-        Triangles.
-
-    Returns
-    -------
-    faces : (k, 3) ndarray of int
-    doubles, empty : int
-        Faces left out because they stand twice, and because they lie on their reverse.
+    The numbers of faces left out for the first and for the second reason are returned too.
     """
     corners = np.sort(faces, axis=1)
     even = np.array([0, 1, 2])
@@ -48,21 +39,7 @@ def without_doubles(faces: Integers) -> tuple[Integers, int, int]:
 
 
 def without_flaps(points: Floats, faces: Integers) -> tuple[Integers, int, int]:
-    """Leave out patches that hang on edges with more than two faces.
-
-    Parameters
-    ----------
-    points : (n, 3) ndarray of float
-        Vertices.
-    faces : (m, 3) ndarray of int
-        Triangles.
-
-    Returns
-    -------
-    faces : (k, 3) ndarray of int
-    patches, left_out : int
-        How many patches, and how many faces they had.
-    """
+    """Leave out patches that hang on edges with more than two faces; also return their number and that of faces."""
     area = areas_of(points[faces])
     most, patches, before = MOST_AREA * float(area.sum()), 0, len(faces)
     while True:
@@ -82,20 +59,9 @@ def without_flaps(points: Floats, faces: Integers) -> tuple[Integers, int, int]:
 
 
 def without_pinches(points: Floats, faces: Integers) -> tuple[Integers, int]:
-    """Cut out the faces at edges that have more than two, where a surface touches itself; the holes are closed later.
+    """Cut out the faces at edges that have more than two, where a surface touches itself; also return their number.
 
-    Parameters
-    ----------
-    points : (n, 3) ndarray of float
-        Vertices.
-    faces : (m, 3) ndarray of int
-        Triangles.
-
-    Returns
-    -------
-    faces : (k, 3) ndarray of int
-    left_out : int
-        How many were cut out; none where it would be more than a tenth of the surface.
+    None is cut out where it would be more than a tenth of the surface. The holes are closed later.
     """
     _, _, edge, uses = half_edges(faces, len(points))
     out = (uses[edge].reshape(-1, 3) > 2).any(axis=1)
@@ -106,25 +72,12 @@ def without_pinches(points: Floats, faces: Integers) -> tuple[Integers, int]:
 
 
 def wound_alike(faces: Integers, vertex_count: int) -> tuple[Integers, int]:
-    """Turn over the faces that are wound against their neighbours, in each shell the fewer ones.
-
-    Parameters
-    ----------
-    faces : (m, 3) ndarray of int
-        Triangles.
-    vertex_count : int
-        Number of vertices.
-
-    Returns
-    -------
-    faces : (m, 3) ndarray of int
-    turned : int
-        How many were turned over.
+    """Turn over the faces wound against their neighbours, in each shell the fewer ones; also return their number.
 
     Raises
     ------
     DirtyMeshError
-        If no way of winding fits, as on a Moebius band.
+        If no orientation is consistent, as on a Moebius band.
     """
     turned = turned_faces(faces, vertex_count)
     if turned is None:

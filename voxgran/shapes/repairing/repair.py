@@ -153,17 +153,6 @@ def repaired(
 ) -> Repair:
     """Make closed solids of arrays, as :func:`repair` does, with the remedies of a caller in the messages.
 
-    Parameters
-    ----------
-    vertices, faces, name, unit, max_hole, bodies
-        As :func:`repair`.
-    remedies : Remedies
-        What the reader of a message can do.
-
-    Returns
-    -------
-    Repair
-
     Raises
     ------
     InputError
