@@ -121,6 +121,12 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     ),
     "methods": ((("name",), {"nargs": "?", "help": "one method, family or measure; left out: all"}),),
     "bench": ((("name",), {"help": "trade-off"}), (("-o", "--output"), {"default": "bench", "help": "folder"})),
+    "doctor": (
+        (
+            ("--warm",),
+            {"action": "store_true", "help": "compile the kernels of usual scenes beforehand, which takes minutes"},
+        ),
+    ),
     "demo": ((("-o", "--output"), {"default": "out/demo", "help": "folder for the results"}),),
 }
 
@@ -140,7 +146,7 @@ EXAMPLES: dict[str, str] = {
     "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv",
     "methods": "voxgran methods\n  voxgran methods digital",
     "bench": "voxgran bench voxelize -o figures",
-    "doctor": "voxgran doctor",
+    "doctor": "voxgran doctor\n  voxgran doctor --warm",
     "demo": "voxgran demo -o out/demo",
 }
 
