@@ -1,25 +1,15 @@
 """Public names: the table that `voxgran._base.lazy_names` reads, and the types that users get."""
 
-import os
-from collections.abc import Sequence
-from typing import Any, overload
-
-from numpy.typing import ArrayLike
-
 from voxgran import clumps as clumps
 from voxgran import containers as containers
 from voxgran import shapes as shapes
-from voxgran._base.calls import Parameters
 from voxgran._base.errors import VoxgranError as VoxgranError
-from voxgran._base.progress import OnStep
 from voxgran.clumps.fit import clump_methods as clump_methods
-from voxgran.clumps.fit import fit_clump as fit_clump
 from voxgran.contacts.verify import verify as verify
 from voxgran.containers.box import Box as Box
 from voxgran.containers.closed_mesh import ClosedMesh as ClosedMesh
 from voxgran.containers.cylinder import Cylinder as Cylinder
 from voxgran.containers.make import make_container as make_container
-from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle as Rectangle
 from voxgran.containers.sphere import Sphere as Sphere
 from voxgran.deformation.deform import deform as deform
@@ -48,7 +38,6 @@ from voxgran.lattice.thickness import local_thickness as local_thickness
 from voxgran.measures.model import measure as measure
 from voxgran.measures.registered.density import window_solid_fraction as window_solid_fraction
 from voxgran.packing import methods as methods
-from voxgran.packing.driver import Recorder
 from voxgran.packing.method import packing_methods as packing_methods
 from voxgran.packing.model import Packing as Packing
 from voxgran.packing.transform.from_labels import packing_of_labels as packing_of_labels
@@ -65,7 +54,6 @@ from voxgran.report.turntable import save_turntable as save_turntable
 from voxgran.scene.scene import Scene as Scene
 from voxgran.shapes import families as families
 from voxgran.shapes import sizes as sizes
-from voxgran.shapes.family import make_shape as make_shape
 from voxgran.shapes.family import shape_families as shape_families
 from voxgran.shapes.files import load_shape as load_shape
 from voxgran.shapes.files import save_shape as save_shape
@@ -76,56 +64,12 @@ from voxgran.shapes.images.outline_images import load_outlines as load_outlines
 from voxgran.shapes.model import Shape as Shape
 from voxgran.shapes.repairing.diagnose import diagnose as diagnose
 from voxgran.shapes.repairing.repair import repair as repair
-from voxgran.shapes.size_laws import SizeDistribution
+from voxgran.typed_calls import fit_clump as fit_clump  # voxgran.clumps.fit
+from voxgran.typed_calls import make_shape as make_shape  # voxgran.shapes.family
+from voxgran.typed_calls import pack as pack  # voxgran.packing.pack
 from voxgran.voxels.occupy import voxelize as voxelize
 from voxgran.voxels.open_mesh import voxelize_mesh as voxelize_mesh
 from voxgran.voxels.signed_distance import signed_distance as signed_distance
 
-# from voxgran.packing.pack import pack as pack  # noqa: ERA001
-
 __version__: str
 __all__: list[str]
-
-@overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Parameters,
-    *,
-    count: int | None = None,
-    solid_fraction: float | None = None,
-    sizes: SizeDistribution | None = None,
-    weights: ArrayLike | None = None,
-    weights_by: str = "number",
-    seed: int = 0,
-    start: Packing | None = None,
-    unit: str | None = None,
-    density: float | None = None,
-    checkpoint: str | os.PathLike[str] | None = None,
-    resume: bool = False,
-    time_limit: float | None = None,
-    on_step: OnStep | None = None,
-    recorder: Recorder | None = None,
-) -> Packing: ...
-@overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: str,
-    *,
-    count: int | None = None,
-    solid_fraction: float | None = None,
-    sizes: SizeDistribution | None = None,
-    weights: ArrayLike | None = None,
-    weights_by: str = "number",
-    seed: int = 0,
-    start: Packing | None = None,
-    unit: str | None = None,
-    density: float | None = None,
-    checkpoint: str | os.PathLike[str] | None = None,
-    resume: bool = False,
-    time_limit: float | None = None,
-    on_step: OnStep | None = None,
-    recorder: Recorder | None = None,
-    **parameters: Any,
-) -> Packing: ...

@@ -7,12 +7,14 @@ import subprocess
 import sys
 import time
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
 
 import voxgran as vg
 import voxgran.cli.doctor as examination
+import voxgran.cli.warm as beforehand
 from voxgran._base.config import parameters_of
 from voxgran._base.seeds import stream
 from voxgran.cli import main
@@ -20,6 +22,7 @@ from voxgran.cli.commands import COMMANDS
 from voxgran.clumps.method import clump_registry
 from voxgran.packing.method import method_registry
 from voxgran.shapes.family import families
+from voxgran.shapes.winding import winding_numbers
 
 # small scenes have no bulk to speak of, which is said in a warning
 pytestmark = pytest.mark.filterwarnings("ignore:.*the bulk holds")
@@ -370,6 +373,28 @@ def test_doctor_names_a_remedy_for_what_is_missing(monkeypatch, capsys):
     assert "apt-get install -y libgl1" in text
     assert "free space" in text
     assert text.strip().endswith("what is marked <- needs mending")
+
+
+def test_doctor_compiles_beforehand(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("VOXGRAN_CACHE", str(tmp_path))
+    monkeypatch.setattr(beforehand, "cache_folder", lambda: tmp_path / "kernels")
+    scene = partial(winding_numbers, np.ones((1, 3, 3)), np.zeros((1, 3)))
+    refused = partial(beforehand.pack_few, "rsa", "disk")
+    monkeypatch.setattr(beforehand, "scenes", lambda: [scene, refused])
+    assert main(["doctor", "--warm", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["kernels"] == 1
+    assert main(["doctor", "--warm"]) == 0
+    text = capsys.readouterr()
+    assert text.out.startswith("nothing was left to compile")
+    assert "compiling kernels (once per machine)" in text.err
+    steps = []
+    assert beforehand.warm(steps.append).kernels == 0
+    assert [(step.stage, step.done, step.total) for step in steps] == [("compiling", 1, 2), ("compiling", 2, 2)]
+
+
+def test_each_method_and_kind_of_shape_is_compiled_beforehand():
+    packed = {task.args for task in beforehand.scenes() if isinstance(task, partial)}
+    assert packed == {(method, family) for method in vg.packing_methods() for family in beforehand.FAMILIES}
 
 
 def test_several_seeds_are_shown_with_their_scatter(scene, tmp_path, capsys):

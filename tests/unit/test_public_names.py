@@ -1,6 +1,7 @@
 """The public names: one table, with the types, completion and documentation that users get of it."""
 
 import ast
+import dataclasses
 import inspect
 import subprocess
 import sys
@@ -10,12 +11,15 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import CallError, InputError, UnknownNameError
+from voxgran.clumps.fit import fit_clump
+from voxgran.clumps.method import clump_registry
+from voxgran.packing.method import method_registry
 from voxgran.packing.pack import pack
-from voxgran.shapes.family import families
+from voxgran.shapes.family import families, make_shape
 
 PACKAGE = Path(vg.__file__).parent
 NAMESPACES = [vg.containers, vg.clumps, vg.methods, vg.families]
-HEAD = '''"""Functions that make shapes, one for each family of `voxgran.shapes.families`."""
+SHAPES_HEAD = '''"""Functions that make shapes, one for each family of `voxgran.shapes.families`."""
 
 from typing import Literal
 
@@ -23,39 +27,120 @@ from voxgran.shapes.families.solid_union import Kind
 from voxgran.shapes.model import Shape as Shape
 
 '''
+CALLS_HEAD = '''"""Types of the functions that take a name with keywords: one overload for each name.
+
+This file is made by tests/unit/test_public_names.py from the parameter classes. An overload for names that are not
+known here takes no parameters, since it would accept misspelt ones: methods of others are given as parameter objects.
+"""
+
+import os
+from collections.abc import Sequence
+from typing import Any, Literal, TypedDict, Unpack, overload
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.calls import Parameters
+from voxgran._base.progress import OnStep
+from voxgran.clumps.model import Clump
+from voxgran.containers.model import Container
+from voxgran.packing.driver import Recorder
+from voxgran.packing.model import Packing
+from voxgran.shapes.families.solid_union import Kind
+from voxgran.shapes.model import Shape
+from voxgran.shapes.size_laws import SizeDistribution
+from voxgran.voxels.model import Voxels
+
+Whole = int | np.integer[Any]
+Number = float | np.floating[Any] | np.integer[Any]
+
+'''
+#: function, registry, its arguments but the keywords with a place for the choice, and what it returns
+CALLS = (
+    (pack, method_registry(), "shapes: Sequence[Shape] | Shape, container: Container, method: {}", "Packing"),
+    (make_shape, families(), "family: {}", "Shape"),
+    (fit_clump, clump_registry(), "shape_or_voxels: Shape | Voxels, *, method: {} = ...", "Clump"),
+)
+
+
+class WhatIsAccepted(ast.NodeTransformer):
+    """Turns the type that a parameter has into that which a call accepts: also NumPy's numbers, and lists."""
+
+    def visit_Name(self, node):
+        return ast.Name({"int": "Whole", "float": "Number"}.get(node.id, node.id))
+
+    def visit_Subscript(self, node):
+        if ast.unparse(node.value) != "tuple":
+            return node
+        return ast.Subscript(ast.Name("Sequence"), self.visit(node.slice.elts[0]))
+
+
+def default_of(value):
+    """Return the default of a field; None where it has none."""
+    if not isinstance(value, ast.Call):
+        return value
+    return next(iter(value.args), None)
+
+
+def fields_of(cls):
+    """Return name, annotation and default (None where there is none) of each field of a parameter class."""
+    found = {}
+    for part in reversed(cls.__mro__[:-1]):
+        tree = ast.parse(Path(inspect.getfile(part)).read_text())
+        source = next(node for node in tree.body if getattr(node, "name", "") == part.__name__)
+        for node in source.body:
+            if isinstance(node, ast.AnnAssign):
+                found[node.target.id] = (node.annotation, default_of(node.value))
+    return {field.name: found[field.name] for field in dataclasses.fields(cls) if field.init}
+
+
+def keywords_class(name, parent, annotations):
+    """Return the text of a class of keywords."""
+    lines = [f"    {key}: {ast.unparse(WhatIsAccepted().visit(kind))}\n" for key, kind in annotations.items()]
+    return f"class {name}({parent}, total=False):\n{''.join(lines) or '    ...'}\n"
+
+
+def calls_stub():
+    """Return the stub of the functions that take a name with keywords."""
+    text = CALLS_HEAD
+    for function, registry, arguments, result in CALLS:
+        called = function.__name__
+        tree = ast.parse(Path(inspect.getfile(inspect.unwrap(function))).read_text())
+        source = next(node for node in tree.body if getattr(node, "name", "") == called)
+        shared = {item.arg: item.annotation for item in source.args.kwonlyargs if item.arg != "method"}
+        base = "".join(word.capitalize() for word in called.split("_")) + "Keywords"
+        text += keywords_class(base, "TypedDict", shared)
+        overloads = [(base, "str | Parameters")]
+        for name in reversed(registry.names()):
+            cls = registry.get(name).parameters
+            own = {key: kind for key, (kind, _) in fields_of(cls).items()}
+            text += keywords_class(f"{cls.__name__}Keywords", base, own)
+            overloads.insert(0, (f"{cls.__name__}Keywords", f'Literal["{name}"]'))
+        for keywords, choice in overloads:
+            head = f"{called}({arguments.format(choice)}, **keywords: Unpack[{keywords}])"
+            text += f"@overload\ndef {head} -> {result}: ...\n"
+    return text
 
 
 def shapes_stub():
-    """Return the stub of `voxgran.shapes`, from the parameter classes of the families."""
-    lines = []
+    """Return the stub of `voxgran.shapes`."""
+    text = SHAPES_HEAD
     for name in families().names():
         entry = families().get(name)
-        fields = []
-        for cls in reversed(entry.parameters.__mro__[:-1]):
-            tree = ast.parse(Path(inspect.getfile(cls)).read_text())
-            source = next(node for node in tree.body if getattr(node, "name", "") == cls.__name__)
-            fields += [node for node in source.body if isinstance(node, ast.AnnAssign)]
-        words = [
-            f"{f.target.id}: {ast.unparse(f.annotation)}" + "".join(f" = {ast.unparse(a)}" for a in f.value.args)
-            for f in fields
-        ]
-        words = sorted([*words, *(["seed: int = 0"] if entry.random else [])], key=lambda word: " = " in word)
-        lines.append(f"def {name}(*, {', '.join(words)}) -> Shape: ...\n")
-    return HEAD + "".join(lines)
+        fields = fields_of(entry.parameters).items()
+        words = [f"{key}: {ast.unparse(kind)} = {ast.unparse(default)}" for key, (kind, default) in fields]
+        words += ["seed: int = 0"] if entry.random else []
+        text += f"def {name}(*, {', '.join(words)}) -> Shape: ...\n"
+    return text
 
 
-def test_the_functions_of_shapes_have_the_types_of_the_families():
-    found = ast.unparse(ast.parse((PACKAGE / "shapes" / "__init__.pyi").read_text()))
-    assert found == ast.unparse(ast.parse(shapes_stub())), f"run 'python {__file__}' and 'ruff format' anew"
+STUBS = {"typed_calls.pyi": calls_stub, "shapes/__init__.pyi": shapes_stub}
 
 
-def test_the_table_spells_out_the_signature_of_pack():
-    tree = ast.parse((PACKAGE / "__init__.pyi").read_text())
-    stubs = [node.args for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "pack"]
-    true = inspect.signature(pack).parameters
-    named = [name for name, item in true.items() if item.kind is not item.VAR_KEYWORD]
-    assert [[item.arg for item in (*args.args, *args.kwonlyargs)] for args in stubs] == [named, named]
-    assert [args.kwarg is None for args in stubs] == [True, False]
+@pytest.mark.parametrize("file", STUBS)
+def test_stubs_have_the_types_of_the_parameter_classes(file):
+    found = ast.unparse(ast.parse((PACKAGE / file).read_text()))
+    assert found == ast.unparse(ast.parse(STUBS[file]())), f"run 'python {__file__}' and 'ruff format' anew"
 
 
 def test_every_name_of_a_namespace_is_there():
@@ -86,7 +171,8 @@ def test_former_names_warn():
 
 def test_help_shows_parameters():
     text = vg.methods.Digital.__doc__
-    assert "Parameters\n    ----------\n    voxel_size : a number, optional\n" in text
+    assert "Parameters\n    ----------\n    settling : a whole number in [0, 1e+09], default 0\n" in text
+    assert "\n    voxel_size : a number above 0, optional\n" in text
     assert text.index("Parameters") < text.index("Raises")
     assert "semi_axes" in vg.shapes.ellipsoid.__doc__
     assert list(inspect.signature(vg.shapes.random_surface).parameters)[-1] == "seed"
@@ -124,18 +210,36 @@ def test_wrong_choices_are_explained():
 
 
 USERS_CODE = """
+from typing import Any
+
+import numpy as np
 import voxgran as vg
 
 box = vg.containers.Box((4, 4, 4), periodic="xyz")
 grain = vg.shapes.sphere(radius=0.5)
+rock = vg.make_shape("solid_union", solids=[3, 6], seed=2)
 bed = vg.pack([grain], box, vg.methods.Digital(voxel_size=0.1), count=20, seed=1)
 again = vg.pack(grain, box, "digital", count=20, voxel_size=0.1)
+names, counts = ["digital", "rsa"], np.arange(3)
+beds = [vg.pack(grain, box, name, count=counts[0], density=np.float32(2.6), unit="mm") for name in names]
+sizes = vg.sizes.lognormal(median=1.0, sigma=0.2)
+settings: dict[str, Any] = {"tries": 50}
+vg.pack([grain, rock], box, method="rsa", sizes=sizes, weights=[1, 2], start=bed, **settings)
+vg.pack([grain, rock], box, method="digital", solid_fraction=0.2, weights=np.ones(2), gravity=(0, 0, -1), cycles=None)
+clump = vg.fit_clump(rock, max_spheres=counts[1], smallest=2)
 number: int = len(bed[bed.diameter > 0.5] + again)
-print(bed[0].shape, bed.verify().ok, [one.diameter for one in bed], number)
+print(bed[0].shape, bed.verify().ok, [one.diameter for one in bed], number, vg.make_shape(names[0]), clump.radii)
 """
+#: a mistake in a call, and a word of what mypy says
 MISTAKES = {
-    "vg.pack(grain, box, vg.methods.Rsa(), cuont=3)": "pack",
+    "vg.pack(grain, box, vg.methods.Rsa(), cuont=3)": "cuont",
     "vg.pack(grain, box, vg.methods.Rsa(), count='3')": "pack",
+    "vg.pack(grain, box, 'digital', cuont=3)": "cuont",
+    "vg.pack(grain, box, method='digital', count=3, voxel_sise=0.1)": "voxel_sise",
+    "vg.pack(grain, box, 'rsa', voxel_size=0.1)": "pack",
+    "vg.pack(grain, box, 'rsa', scheme='5')": "pack",
+    "vg.make_shape('sphere', raduis=1)": "raduis",
+    "vg.fit_clump(grain, smalest=1)": "smalest",
     "vg.methods.Digital(voxle_size=0.1)": "voxle_size",
     "vg.methods.Digital(voxel_size='0.1')": "voxel_size",
     "vg.shapes.sphere(raduis=1)": "raduis",
@@ -157,10 +261,11 @@ def test_mypy_finds_mistakes_and_passes_what_is_right(tmp_path):
     for line in done.stdout.splitlines():
         if line.startswith(str(code)) and ": error:" in line:
             number, text = line.removeprefix(f"{code}:").split(": error: ", 1)
-            found[int(number)] = text
+            found[int(number)] = found.get(int(number), "") + text
     assert sorted(found) == list(range(first, first + len(MISTAKES))), done.stdout
     assert all(word in text for word, (_, text) in zip(MISTAKES.values(), sorted(found.items()), strict=True)), found
 
 
 if __name__ == "__main__":
-    (PACKAGE / "shapes" / "__init__.pyi").write_text(shapes_stub())
+    for file, stub in STUBS.items():
+        (PACKAGE / file).write_text(stub())

@@ -21,9 +21,9 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
         By the returned ``__getattr__``, for a name that is not in the stub.
     """
     with open(file.removesuffix(".py") + ".pyi", encoding="utf-8") as stub:
-        # a name whose signature the stub spells out has its import as a comment
-        lines = [line.removeprefix("# ").split() for line in stub if "from voxgran" in line]
-    places = {words[5]: (words[1], words[3]) for words in lines if len(words) > 5}
+        lines = [line.split() for line in stub if line.startswith("from voxgran")]
+    # where a name has its types in another stub, a comment says where it is
+    places = {words[5]: (words[1] if len(words) == 6 else words[-1], words[3]) for words in lines if len(words) > 5}
 
     def find(name: str) -> Any:
         """Import a public name on first use."""

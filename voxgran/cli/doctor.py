@@ -1,4 +1,4 @@
-"""Doctor: what this machine has, what is missing, and what mends it."""
+"""Doctor: what this machine has, what is missing and what mends it, and kernels compiled beforehand."""
 
 import argparse
 import importlib.metadata
@@ -16,7 +16,7 @@ from voxgran._base.errors import MissingLibraryError
 from voxgran._base.kernels import cache_folder
 from voxgran._base.lazy import LIBRARIES, load
 from voxgran._base.machine import memory_limit, processor_count
-from voxgran.cli.terminal import show
+from voxgran.cli.terminal import progress, show
 
 #: name of the distribution where it is not that of the module
 DISTRIBUTIONS = {"vtkmodules": "vtk"}
@@ -48,7 +48,9 @@ class Finding:
 
 
 def doctor(options: argparse.Namespace) -> int:
-    """Say what this machine has and how to mend what is missing."""
+    """Say what this machine has and how to mend what is missing, or compile kernels beforehand."""
+    if options.warm:
+        return _warm(options)
     findings = list(examine())
     good = all(finding.good for finding in findings)
     if options.json:
@@ -60,6 +62,25 @@ def doctor(options: argparse.Namespace) -> int:
         print(f"{finding.name:16} {finding.value}" + ("" if finding.good else f"   <- {finding.remedy}"))
     print("all good" if good else "what is marked <- needs mending")
     return 0 if good else 1
+
+
+def _warm(options: argparse.Namespace) -> int:
+    """Compile the kernels of usual scenes, and say how many there were."""
+    from voxgran.cli.warm import warm
+
+    if not options.json:
+        print("compiling kernels (once per machine), which may take some minutes", file=sys.stderr)
+    with progress(options) as on_step:
+        done = warm(on_step)
+    if options.json:
+        show({**asdict(done), "kernel_cache": cache_folder()}, options)
+    elif done.kernels:
+        print(f"{done.kernels} kernels compiled in {done.seconds:.0f} s; they are kept in {cache_folder()}")
+    else:
+        print(
+            f"nothing was left to compile ({done.seconds:.0f} s): all kernels of usual scenes are in {cache_folder()}"
+        )
+    return 0
 
 
 def examine() -> Iterator[Finding]:

@@ -127,6 +127,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     ),
     "methods": (_flag("name", nargs="?", help="one method, family or measure; left out: all"),),
     "bench": (_flag("name", help="trade-off"), _flag("-o", "--output", default="bench", help="folder")),
+    "doctor": (_flag("--warm", action="store_true", help="compile the kernels of usual scenes, which takes minutes"),),
     "demo": (_flag("-o", "--output", default="out/demo", help="folder for the results"),),
 }
 
@@ -146,7 +147,7 @@ EXAMPLES: dict[str, str] = {
     "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv",
     "methods": "voxgran methods\n  voxgran methods digital",
     "bench": "voxgran bench voxelize -o figures",
-    "doctor": "voxgran doctor",
+    "doctor": "voxgran doctor\n  voxgran doctor --warm",
     "demo": "voxgran demo -o out/demo",
 }
 

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from functools import partial
 
 import numpy as np
 
@@ -119,16 +120,14 @@ print(winding_numbers(np.ones((1, 3, 3)), np.zeros((1, 3))))
 """
 
 
-def test_a_kernel_is_compiled_once_per_machine(tmp_path):
-    def run():
-        words = {
-            "capture_output": True,
-            "text": True,
-            "check": True,
-            "env": {**os.environ, "VOXGRAN_CACHE": str(tmp_path)},
-        }
-        return subprocess.run([sys.executable, "-c", RUN], **words).stdout
+def run_with(**environment):
+    """Return what a process prints that calls a kernel."""
+    words = {"capture_output": True, "text": True, "check": True, "env": {**os.environ, **environment}}
+    return subprocess.run([sys.executable, "-c", RUN], **words).stdout
 
+
+def test_a_kernel_is_compiled_once_per_machine(tmp_path):
+    run = partial(run_with, VOXGRAN_CACHE=str(tmp_path))
     (tmp_path / "kernels-0123456789abcdef").mkdir()
     first, files = run(), {path.name: path.stat().st_mtime_ns for path in (tmp_path / "kernels").iterdir()}
     assert "compiling" in first
@@ -144,6 +143,19 @@ def test_a_kernel_is_compiled_once_per_machine(tmp_path):
     assert "compiling" in run()
     assert not old.exists()
     assert set(files) == {path.name for path in (tmp_path / "kernels").iterdir()}
+
+
+def test_homes_that_cannot_be_written(tmp_path):
+    # nobody makes a folder in a file, not even root, who may write everywhere
+    (tmp_path / "home").touch()
+    places = dict.fromkeys(("VOXGRAN_CACHE", "XDG_CACHE_HOME", "HOME"), str(tmp_path / "home"))
+    assert "compiling" in run_with(**places, TMPDIR=str(tmp_path))
+    assert "compiling" not in run_with(**places, TMPDIR=str(tmp_path))
+    (folder,) = tmp_path.glob("voxgran-*")
+    assert [path.suffix for path in folder.iterdir()] == [".kernel"]
+    # what others could have written is not run
+    folder.chmod(0o777)
+    assert "compiling" in run_with(**places, TMPDIR=str(tmp_path))
 
 
 def test_progress_tells_that_kernels_are_compiled():

@@ -129,7 +129,7 @@ def add_table(words: Words, room: Room, table: Table, place: Integers) -> None:
 @kernel
 def dilate(columns: Words, runs: Integers, size: Integers, table: Words) -> None:
     """Add the differences of voxels in columns and voxels in runs to a table; size: extents of all runs."""
-    wide, count, deep = columns.shape
+    wide, _, deep = columns.shape
     longest = np.int64(1)
     for r in range(len(runs)):
         longest = max(longest, runs[r, 3])
@@ -138,10 +138,11 @@ def dilate(columns: Words, runs: Integers, size: Integers, table: Words) -> None
         levels += 1
     # level l: columns dilated upward by 2^l voxels
     grown = np.zeros((levels, wide, table.shape[1], deep), np.uint64)
-    grown[0, :, : min(count, table.shape[1])] = columns[:, : min(count, table.shape[1])]
-    for level in range(1, levels):
-        grown[level] = grown[level - 1]
-        for i in range(wide):
+    for i in range(wide):
+        # rows are joined to zeros, since numba takes 3 s to compile an assignment of slices
+        _or_rows(columns[i], 0, grown[0, i], 0)
+        for level in range(1, levels):
+            _or_rows(grown[level - 1, i], 0, grown[level, i], 0)
             _or_rows(grown[level - 1, i], 1 << (level - 1), grown[level, i], 0)
     for r in range(len(runs)):
         x, y, z, length = runs[r, 0], runs[r, 1], runs[r, 2], runs[r, 3]

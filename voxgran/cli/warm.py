@@ -1,0 +1,110 @@
+"""What `voxgran doctor --warm` does: compile the kernels that usual scenes use, by computing tiny scenes."""
+
+import time
+import warnings
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+
+from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.kernels import cache_folder
+from voxgran._base.machine import processor_count
+from voxgran._base.progress import OnStep, Step
+from voxgran.clumps.fit import fit_clump
+from voxgran.contacts.verify import verify
+from voxgran.containers.box import Box
+from voxgran.deformation.deform import deform
+from voxgran.io.image import to_image
+from voxgran.measures.model import measure
+from voxgran.packing.method import packing_methods
+from voxgran.packing.pack import pack
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.repairing.repair import repair
+from voxgran.shapes.sizes import lognormal
+from voxgran.voxels.occupy import voxelize
+from voxgran.voxels.signed_distance import signed_distance
+
+#: a sphere, a convex polyhedron and a mesh that is not convex: kernels differ by the kind of shape
+FAMILIES = ("solid_union", "convex_polyhedron", "sphere")
+#: processes at the most; more of them compile more kernels twice
+PROCESSES = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Warmed:
+    """Number of kernels that were compiled, and the seconds that all took."""
+
+    kernels: int
+    seconds: float
+
+
+def warm(on_step: OnStep | None = None) -> Warmed:
+    """Compile the kernels of usual scenes that are not yet in the cache.
+
+    Parameters
+    ----------
+    on_step : callable, optional
+        Told of each scene.
+    """
+    began, before, tasks = time.monotonic(), _count(), scenes()
+    with ProcessPoolExecutor(min(PROCESSES, processor_count()), mp_context=get_context("spawn")) as pool:
+        waiting = [pool.submit(_compute, task) for task in tasks]
+        for done, future in enumerate(as_completed(waiting), start=1):
+            future.result()
+            if on_step is not None:
+                text = f"kernels (once per machine), {_count() - before} so far"
+                on_step(Step(stage="compiling", done=done, total=len(tasks), text=text))
+    return Warmed(_count() - before, time.monotonic() - began)
+
+
+def scenes() -> list[Callable[[], None]]:
+    """Return the scenes, those that compile most first: each method with each kind of shape, settling, and solids."""
+    packed = [partial(pack_few, method, family) for family in FAMILIES for method in _methods()]
+    return [*packed, pack_settled, use_solids]
+
+
+def _methods() -> list[str]:
+    """Return the names of the methods; the one with most kernels first."""
+    return sorted(packing_methods(), key=lambda name: name != "control_point")
+
+
+def pack_few(method: str, family: str) -> None:
+    """Pack a few grains by a method, check, measure and voxelize them."""
+    few = {"sweeps": 100} if method in ("control_point", "digital") else {}
+    box = Box((3, 3, 4), periodic=(True, True, False))
+    packing = pack(make_shape(family), box, method, count=4, sizes=lognormal(1.0, 0.1), seed=1, **few)
+    verify(packing)
+    measure(packing)
+    to_image(packing, voxel_size=0.1)
+
+
+def pack_settled() -> None:
+    """Let grains settle as true shapes under a lid, and deform them."""
+    few = {"sweeps": 50, "settling": 5, "friction": 0.3, "shaking": 2, "lid": True}
+    deform(pack(make_shape("solid_union"), Box((2, 2, 3)), "digital", count=4, seed=1, **few))
+
+
+def use_solids() -> None:
+    """Voxelize, repair and fit one solid."""
+    solid = make_shape("solid_union")
+    voxelize(solid, voxel_size=0.1)
+    signed_distance(solid, voxel_size=0.1)
+    repair(solid.vertices, solid.faces)
+    fit_clump(solid, max_spheres=5)
+
+
+def _compute(task: Callable[[], None]) -> None:
+    """Compute a scene; a method that does not pack such shapes has no kernels for them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PackingWarning)
+        try:
+            task()
+        except InputError:
+            return
+
+
+def _count() -> int:
+    """Return how many compiled kernels the cache holds."""
+    return sum(1 for _ in cache_folder().glob("*.kernel"))
