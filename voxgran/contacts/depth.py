@@ -198,7 +198,7 @@ def _search_round(  # type: ignore[no-untyped-def]
     """Bisect patches of a surface of revolution until none can contain a point deeper than the best."""
     sectors, best, steps = 8, 0.0, 0
     stack, patch = np.zeros((512, 4)), np.zeros(4)
-    hull, point, _trial = np.zeros((6, 3)), np.zeros(3), np.zeros(6)
+    hull, point, sight = np.zeros((6, 3)), np.zeros(3), np.zeros(1)
     for root in range(sectors * (len(profile) - 1)):
         k, sector = root // sectors, root % sectors
         stack[0, 0], stack[0, 1] = 0.0, 1.0
@@ -215,16 +215,9 @@ def _search_round(  # type: ignore[no-untyped-def]
                 share = 0.5 * (patch[0] + patch[1]) if trip == 0 else patch[trip - 1]
                 _place(profile, k, share, 0.5 * (patch[2] + patch[3]), 1.0, matrix, center, point)
                 x, y, z = point[0], point[1], point[2]
-                square, t, feature, qx, qy, qz = nearest_triangle(corners, low, high, start, x, y, z, np.inf)
-                signed = math.sqrt(square)
-                if not is_behind(normals, t, feature, x - qx, y - qy, z - qz):
-                    signed = -signed
-                if signed > best:
-                    best = signed
-                    found[:3] = point
-                    found[3], found[4], found[5] = qx, qy, qz
+                best = _try_point(x, y, z, corners, low, high, start, normals, True, best, found, sight)
                 if trip == 0:
-                    reach = signed + _spread(hull, point)
+                    reach = sight[0] + _spread(hull, point)
             bar = best * (1.0 + accuracy) + floor
             if reach <= bar or _cover(hull, corners, low, high, start) <= bar or depth + 2 > len(stack):
                 continue

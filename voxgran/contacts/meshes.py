@@ -31,9 +31,7 @@ def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, re
         one.tree, other.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
     )
     if distance > margin and not _is_nested(one, other, matrix, offset, factor):
-        if distance == np.inf:
-            return Touch.apart()
-        return Touch(distance, direction(partner - point, offset), (point + partner) / 2)
+        return Touch.between(distance, point, partner, offset)
     body = combine(one, other, matrix=matrix, offset=offset, operation="common")
     depth, normal, where = body_depth(one, other, body, matrix=matrix, offset=offset)
     if depth > 0:

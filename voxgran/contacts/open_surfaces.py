@@ -49,13 +49,10 @@ def touch_open(one: Surface, other: Surface, *, matrix: Floats, offset: Floats, 
     distance, point, partner = nearest_points(
         one.tree, other.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
     )
-    if distance == np.inf:
-        return Touch.apart()
-    middle = (point + partner) / 2
     if distance > margin:
-        return Touch(distance, direction(partner - point, offset), middle)
+        return Touch.between(distance, point, partner, offset)
     depth, way = crossing_depth(one.tree, other.tree, matrix=matrix, offset=offset)
-    return Touch(-depth if depth > 0.0 else distance, direction(way, offset), middle)
+    return Touch(-depth if depth > 0.0 else distance, direction(way, offset), (point + partner) / 2)
 
 
 def touch_closed(surface: Surface, solid: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
@@ -68,9 +65,7 @@ def touch_closed(surface: Surface, solid: Solid, *, matrix: Floats, offset: Floa
     )
     first = (surface.vertices[surface.faces[0, :1]] - offset) @ back
     if distance > margin and not solid.tree.signed_distance(first)[0] < 0:
-        if distance == np.inf:
-            return Touch.apart()
-        return Touch(distance, direction(partner - point, offset), (point + partner) / 2)
+        return Touch.between(distance, point, partner, offset)
     depth, deepest, nearest = deepest_of_triangles(solid.tree, (surface.triangles - offset) @ back, inside=True)
     if depth > 0.0:
         inward = matrix @ (deepest - nearest)

@@ -39,9 +39,7 @@ def touch_polygons(
     )
     point, partner = np.array([*near[:2], 0.0]), np.array([*near[2:], 0.0])
     if distance > ROUNDING * size and not nested:
-        if distance > reach:
-            return Touch.apart()
-        return Touch(distance, direction(partner - point, offset), (point + partner) / 2)
+        return Touch.between(distance if distance <= reach else np.inf, point, partner, offset)
     touch = _deepest_edge(mine, theirs, 1e-15 * size, offset)
     back = _deepest_edge(theirs, mine, 1e-15 * size, -offset).flipped()
     touch = touch if touch.gap <= back.gap else back

@@ -25,6 +25,13 @@ class Touch:
         """Return the value for grains beyond the distance searched."""
         return cls(np.inf, np.zeros(3), np.zeros(3))
 
+    @classmethod
+    def between(cls, distance: float, point: Floats, partner: Floats, offset: Floats) -> "Touch":
+        """Return the contact of separate grains at their nearest points; an infinite distance is beyond the search."""
+        if distance == np.inf:
+            return cls.apart()
+        return cls(distance, direction(partner - point, offset), (point + partner) / 2)
+
     def moved(self, *, matrix: Floats, offset: Floats, factor: float) -> "Touch":
         """Return the contact transformed by `matrix` (a rotation times `factor`) and `offset`."""
         turn = matrix / factor

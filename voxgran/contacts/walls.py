@@ -152,15 +152,6 @@ def _beyond_mesh(assembly: Assembly, wall: Shape, grains: Integers) -> Floats:
             distance = inside.tree.signed_distance(parts.center @ turn.T + offsets[k])
             found[k] = (distance + parts.margin * assembly.scale[grain]).max()
         return found
-    if isinstance(geometry, Surface):
-        return np.array(
-            [
-                _surface_beyond_mesh(
-                    inside, outside, geometry, assembly.matrices[grain] * assembly.scale[grain], offset
-                )
-                for grain, offset in zip(grains, offsets, strict=True)
-            ]
-        )
     solid = None
     if isinstance(geometry, Mesh):
         solid = Solid(geometry)
@@ -169,7 +160,9 @@ def _beyond_mesh(assembly: Assembly, wall: Shape, grains: Integers) -> Floats:
         solid = Solid(Mesh(vertices, faces))
     for k, grain in enumerate(grains):
         matrix = assembly.matrices[grain] * assembly.scale[grain]
-        if solid is not None:
+        if isinstance(geometry, Surface):
+            found[k] = _surface_beyond_mesh(inside, outside, geometry, matrix, offsets[k])
+        elif solid is not None:
             found[k] = _mesh_beyond_mesh(inside, solid, matrix, offsets[k])
         else:
             assert isinstance(geometry, Primitive)

@@ -21,10 +21,7 @@ def united(meshes: Iterable[tuple[Floats, Integers]]) -> tuple[Floats, Integers]
     library = load("manifold3d")
     solids: list[Any] = []
     for vertices, faces in meshes:
-        mesh = library.Mesh64(
-            np.ascontiguousarray(vertices, dtype=np.float64),
-            np.ascontiguousarray(faces, dtype=np.uint64),
-        )
+        mesh = library.Mesh64(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.uint64))
         solid = library.Manifold(mesh)
         if solid.status() != library.Error.NoError:
             raise DirtyMeshError(

@@ -15,15 +15,7 @@ from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.registry import unknown
-from voxgran.shapes.size_laws import (
-    Basis,
-    Discrete,
-    Fixed,
-    Lognormal,
-    Sieve,
-    SizeDistribution,
-    Uniform,
-)
+from voxgran.shapes.size_laws import Basis, Discrete, Fixed, Lognormal, Sieve, SizeDistribution, Uniform
 
 __all__ = [
     "SizeDistribution",

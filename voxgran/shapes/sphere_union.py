@@ -128,11 +128,7 @@ def _dot(a, b):  # type: ignore[no-untyped-def]
 @kernel
 def _cross(a, b):  # type: ignore[no-untyped-def]
     """Return the cross product."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @kernel
@@ -150,11 +146,7 @@ def _row(array, i):  # type: ignore[no-untyped-def]
 @kernel
 def _circle(centers, radii, i, j):  # type: ignore[no-untyped-def]
     """Return the circle common to spheres i and j: distance from center i, radius, axis, distance of the centers."""
-    dx, dy, dz = (
-        centers[j, 0] - centers[i, 0],
-        centers[j, 1] - centers[i, 1],
-        centers[j, 2] - centers[i, 2],
-    )
+    dx, dy, dz = centers[j, 0] - centers[i, 0], centers[j, 1] - centers[i, 1], centers[j, 2] - centers[i, 2]
     d = math.sqrt(dx * dx + dy * dy + dz * dz)
     x = 0.5 * (d + (radii[i] - radii[j]) / d * (radii[i] + radii[j]))
     rho = math.sqrt(max((radii[i] - x) * (radii[i] + x), 0.0))

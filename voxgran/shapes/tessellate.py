@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.tree import normals_of
 
 #: number of sides of the polygon that represents a circle
 SIDES = 96
@@ -27,12 +28,7 @@ def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
         [(a, b, c) for a in range(12) for b in range(a) for c in range(b) if near[a, b] and near[b, c] and near[a, c]]
     )
     triangles = vertices[faces]
-    inward = (
-        np.einsum(
-            "fi,fi->f", np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), triangles[:, 0]
-        )
-        < 0
-    )
+    inward = np.einsum("fi,fi->f", normals_of(triangles), triangles[:, 0]) < 0
     faces[inward] = faces[inward][:, ::-1]
     for _ in range(subdivisions):
         vertices, faces = _split(vertices, faces)

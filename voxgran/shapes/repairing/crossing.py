@@ -106,11 +106,7 @@ def _shared(faces, i, j):  # type: ignore[no-untyped-def]
 def _edge(triangle, k):  # type: ignore[no-untyped-def]
     """Edge k of a triangle."""
     m = (k + 1) % 3
-    return (
-        triangle[m, 0] - triangle[k, 0],
-        triangle[m, 1] - triangle[k, 1],
-        triangle[m, 2] - triangle[k, 2],
-    )
+    return triangle[m, 0] - triangle[k, 0], triangle[m, 1] - triangle[k, 1], triangle[m, 2] - triangle[k, 2]
 
 
 @kernel
