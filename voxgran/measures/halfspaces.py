@@ -25,8 +25,7 @@ from voxgran._base.kernels import kernel
 
 #: distance from the center, in radii, below which a plane counts as passing through it
 ON_PLANE = 4e-16
-#: length and direction of the shift of a center that lies on a plane; the direction lies in no common plane
-SHIFT, SLANT = 1e-100, (0.62, 0.53, 0.58)
+SHIFT = 1e-100
 #: sine below which two planes count as parallel
 PARALLEL = 1e-15
 
@@ -67,7 +66,7 @@ def _cut(fill: Any, d: int, centers: Floats, radii: Floats, lower: Floats, upper
     """Return what a kernel fills, for d dimensions."""
     none = np.zeros(len(radii) + 1, dtype=np.int64), np.zeros((0, d)), np.zeros(0)
     start, normals, offsets = none if planes is None else planes
-    work = np.zeros((2 * d + int(np.diff(start).max(initial=0)), 9))
+    work = np.zeros((2 * d + int(np.diff(start).max(initial=0)), 9 if d == 3 else 3))
     volumes = np.zeros(len(radii))
     box = (np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64))
     fill(centers, radii, *box, start, normals, offsets, work, volumes)
@@ -78,50 +77,27 @@ def _cut(fill: Any, d: int, centers: Floats, radii: Floats, lower: Floats, upper
 def _fill_spheres(centers, radii, lower, upper, start, normals, offsets, work, volumes):  # type: ignore[no-untyped-def]
     """Write the volume of each sphere inside the box and its half-spaces."""
     for i in range(len(radii)):
-        count = _collect(i, centers, radii[i], lower, upper, start, normals, offsets, work)
+        count = 0
+        for k in range(6 + start[i + 1] - start[i]):
+            if k < 6:
+                axis, sign = k // 2, 2.0 * (k % 2) - 1.0
+                side = (upper[axis] if k % 2 else lower[axis]) - centers[i, axis]
+                x, y, z = sign * (axis == 0), sign * (axis == 1), sign * (axis == 2)
+                distance = sign * side / radii[i]
+            else:
+                m = start[i] + k - 6
+                x, y, z = normals[m, 0], normals[m, 1], normals[m, 2]
+                distance = offsets[m] / radii[i]
+            if distance <= -1.0:
+                count = -1
+                break
+            if distance < 1.0:
+                if abs(distance) <= ON_PLANE:
+                    distance = SHIFT * (0.62 * x + 0.53 * y + 0.58 * z)
+                work[count, 0], work[count, 1], work[count, 2], work[count, 3] = x, y, z, distance
+                count += 1
         if count >= 0:
             volumes[i] = radii[i] ** 3 * _unit_sphere(work, count)
-
-
-@kernel
-def _fill_disks(centers, radii, lower, upper, start, normals, offsets, work, areas):  # type: ignore[no-untyped-def]
-    """Write the area of each disk inside the rectangle and its half-planes."""
-    for i in range(len(radii)):
-        count = _collect(i, centers, radii[i], lower, upper, start, normals, offsets, work)
-        if count >= 0:
-            areas[i] = radii[i] ** 2 * _unit_disk(work, count)
-
-
-@kernel
-def _collect(i, centers, radius, lower, upper, start, normals, offsets, work):  # type: ignore[no-untyped-def]
-    """Write normal and distance of the planes that cut sphere i, scaled to radius 1; return their number.
-
-    The number is -1 if a half-space does not meet the sphere.
-    """
-    d, count = len(lower), 0
-    for k in range(2 * d + start[i + 1] - start[i]):
-        if k < 2 * d:
-            axis, sign = k // 2, 2.0 * (k % 2) - 1.0
-            side = (upper[axis] if k % 2 else lower[axis]) - centers[i, axis]
-            for c in range(d):
-                work[count, c] = sign * (axis == c)
-            distance = sign * side / radius
-        else:
-            m = start[i] + k - 2 * d
-            for c in range(d):
-                work[count, c] = normals[m, c]
-            distance = offsets[m] / radius
-        if distance <= -1.0:
-            return -1
-        if distance < 1.0:
-            if abs(distance) <= ON_PLANE:
-                lean = 0.0
-                for c in range(d):
-                    lean += SLANT[c] * work[count, c]
-                distance = SHIFT * lean
-            work[count, d] = distance
-            count += 1
-    return count
 
 
 @kernel
@@ -218,6 +194,32 @@ def _edge(work, column, lines, g, radius):  # type: ignore[no-untyped-def]
         else:
             low = max(low, rest / slope)
     return low, high
+
+
+@kernel
+def _fill_disks(centers, radii, lower, upper, start, normals, offsets, work, areas):  # type: ignore[no-untyped-def]
+    """Write the area of each disk inside the rectangle and its half-planes."""
+    for i in range(len(radii)):
+        count = 0
+        for k in range(4 + start[i + 1] - start[i]):
+            if k < 4:
+                axis, sign = k // 2, 2.0 * (k % 2) - 1.0
+                side = (upper[axis] if k % 2 else lower[axis]) - centers[i, axis]
+                x, y = sign * (axis == 0), sign * (axis == 1)
+                distance = sign * side / radii[i]
+            else:
+                m = start[i] + k - 4
+                x, y, distance = normals[m, 0], normals[m, 1], offsets[m] / radii[i]
+            if distance <= -1.0:
+                count = -1
+                break
+            if distance < 1.0:
+                if abs(distance) <= ON_PLANE:
+                    distance = SHIFT * (0.62 * x + 0.53 * y)
+                work[count, 0], work[count, 1], work[count, 2] = x, y, distance
+                count += 1
+        if count >= 0:
+            areas[i] = radii[i] ** 2 * _unit_disk(work, count)
 
 
 @kernel
