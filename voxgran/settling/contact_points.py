@@ -21,26 +21,14 @@ WALL_CORNERS = 8
 
 @dataclass(frozen=True, slots=True)
 class ContactPoints:
-    """Contact points of grains; the partner at a wall is -1.
+    """Contact points of grains; the partner at a wall is -1."""
 
-    Attributes
-    ----------
-    i, j : (m,) ndarray of int
-        The grains.
-    normal : (m, 3) ndarray of float
-        From i to j, or to the wall.
-    gap : (m,) ndarray of float
-        Distance of the surfaces.
-    arm_i, arm_j : (m, 3) ndarray of float
-        From the centroids to the point of contact.
-    """
-
-    i: Integers
-    j: Integers
-    normal: Floats
-    gap: Floats
-    arm_i: Floats
-    arm_j: Floats
+    i: Integers  # (m,): the grains
+    j: Integers  # (m,)
+    normal: Floats  # (m, 3): from i to j, or to the wall
+    gap: Floats  # (m,): distance of the surfaces
+    arm_i: Floats  # (m, 3): from the centroids to the point of contact
+    arm_j: Floats  # (m, 3)
 
 
 def find_contact_points(assembly: Assembly, reach: float) -> ContactPoints:
@@ -50,26 +38,12 @@ def find_contact_points(assembly: Assembly, reach: float) -> ContactPoints:
     other grain are contact points too.
     """
     pairs = grain_pairs(assembly, reach)
-    gap, normal, point = gaps_of_pairs(assembly, pairs, reach)
-    kept = gap <= reach
-    nearest = ContactPoints(
-        pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept]
-    )
+    nearest = _of_pairs(pairs, *gaps_of_pairs(assembly, pairs, reach), reach)
     return joined([nearest, *near_corners(assembly, pairs, reach), near_walls(assembly, reach)])
 
 
 def near_corners(assembly: Assembly, pairs: Pairs, reach: float) -> list[ContactPoints]:
-    """Return where corners of meshes are near the surfaces of others.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    pairs : Pairs
-        Which of them may touch.
-    reach : float
-        How far to look, in the unit of lengths.
-    """
+    """Return where corners of meshes, of the pairs that may touch, are within reach of the surfaces of others."""
     meshes = [shape.geometry if isinstance(shape.geometry, Mesh) else None for shape in assembly.shapes]
     rows = []
     for there, grain, partner in ((True, pairs.i, pairs.j), (False, pairs.j, pairs.i)):
@@ -118,10 +92,13 @@ def places_of(assembly: Assembly, pairs: Pairs, reach: float) -> ContactPoints:
         gap[~surfaces], normal[~surfaces], point[~surfaces] = gaps_of_pairs(
             assembly, pairs.where(~surfaces), reach, deepest=False
         )
-    kept = gap <= reach
-    return ContactPoints(
-        pairs.i[kept], pairs.j[kept], normal[kept], gap[kept], point[kept], (point - pairs.offset)[kept]
-    )
+    return _of_pairs(pairs, gap, normal, point, reach)
+
+
+def _of_pairs(pairs: Pairs, gap: Floats, normal: Floats, point: Floats, reach: float) -> ContactPoints:
+    """Return the contact points of the pairs whose surfaces are within reach."""
+    k = gap <= reach
+    return ContactPoints(pairs.i[k], pairs.j[k], normal[k], gap[k], point[k], (point - pairs.offset)[k])
 
 
 def near_walls(assembly: Assembly, reach: float) -> ContactPoints:
@@ -145,17 +122,14 @@ def _near_container(assembly: Assembly, sphere: Booleans, reach: float) -> Conta
         found = []
         for axis in range(assembly.dimension):
             if not container.periodic[axis]:
-                rooms = (
-                    (-1.0, assembly.position[:, axis] - lower[axis]),
-                    (1.0, upper[axis] - assembly.position[:, axis]),
-                )
-                found += [_near_side(assembly, sphere, sign * np.eye(3)[axis], room, reach) for sign, room in rooms]
+                height = assembly.position[:, axis]
+                for sign, room in ((-1.0, height - lower[axis]), (1.0, upper[axis] - height)):
+                    found.append(_near_side(assembly, sphere, sign * np.eye(3)[axis], room, reach))
         return joined([_no_places(), *found])
     room = -container.signed_distance(assembly.position) if assembly.count else np.zeros(0)
     near = np.flatnonzero(room - assembly.bounding_radii <= reach)
-    return joined(
-        [_no_places(), *(_near_round(assembly, int(grain), reach, sphere=bool(sphere[grain])) for grain in near)]
-    )
+    found = [_near_round(assembly, grain, reach, sphere=bool(sphere[grain])) for grain in near.tolist()]
+    return joined([_no_places(), *found])
 
 
 def _near_side(assembly: Assembly, sphere: Booleans, normal: Floats, room: Floats, reach: float) -> ContactPoints:

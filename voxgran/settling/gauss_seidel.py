@@ -13,27 +13,11 @@ from voxgran._base.kernels import bare_kernel
 
 @bare_kernel
 def project(
-    one: Integers,
-    other: Integers,
-    normal: Floats,
-    gap: Floats,
-    arm_one: Floats,
-    arm_other: Floats,
-    inverse_mass: Floats,
-    inverse_inertia: Floats,
-    friction: float,
-    translation: Floats,
-    rotation: Floats,
-    normal_impulse: Floats,
-    tangential_impulse: Floats,
-    order: Integers,
-    weight: Floats,
-    rest: Floats,
-    first: int,
-    last: int,
-    close: float,
-    flat: bool,
-) -> bool:
+    one: Integers, other: Integers, normal: Floats, gap: Floats, arm_one: Floats, arm_other: Floats,
+    inverse_mass: Floats, inverse_inertia: Floats, friction: float, translation: Floats, rotation: Floats,
+    normal_impulse: Floats, tangential_impulse: Floats, order: Integers, weight: Floats, rest: Floats, first: int,
+    last: int, close: float, flat: bool,
+) -> bool:  # fmt: skip
     """Change translations and rotations until no gap closes beyond its limit; return whether they converged.
 
     Iterations `first` to `last` - 1 are made, of which number 0 initializes.

@@ -18,21 +18,11 @@ SWEEPS, ITERATIONS, CLOSE = 40, 50, 0.02
 
 
 def spread(assembly: Assembly, room: float, up: Floats) -> Assembly:
-    """Return the grains moved, where there is space, until their surfaces are some distance apart.
+    """Return the grains moved, where there is space, until their surfaces are some distance apart; they may overlap.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains; they may overlap.
-    room : float
-        Wanted distance of surfaces from each other and from walls, in the unit of lengths; above 0.
-    up : (3,) ndarray of float
-        Direction along which contacts are sorted before each Gauss-Seidel pass.
-
-    Returns
-    -------
-    Assembly
-        With the orientations that they had. Where there is no space for them, gaps are left that are less.
+    `room` is the wanted distance of surfaces from each other and from walls, above 0, and `up` the direction along
+    which contacts are sorted before each Gauss-Seidel pass. Orientations do not change. Where there is no space, gaps
+    are left that are less.
     """
     inverse_mass, wraps, lower = 1.0 / assembly.volumes, list(assembly.container.periodic), assembly.container.bounds[0]
     lengths = (assembly.container.bounds[1] - lower)[wraps]

@@ -57,28 +57,11 @@ PART_REACH, PART_ROOM = 0.02, 1e-5
 HALVINGS, RETREATS = 4, 60
 
 
-def part_once(
-    assembly: Assembly, gravity: Floats, sweep: int = 0, *, distance: float = 0.0
-) -> tuple[Assembly, int]:  # fmt: skip
+def part_once(assembly: Assembly, gravity: Floats, sweep: int = 0, *, distance: float = 0.0) -> tuple[Assembly, int]:
     """Separate grains that overlap a little, or are too near, by the least motions that do so to first order.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    gravity : (3,) ndarray of float
-        Direction of the fall, along which contacts are solved.
-    sweep : int
-        Number of sweeps before; the margin grows with it.
-    distance : float
-        Distance that surfaces have to keep, in the unit of lengths; 0 if they may touch.
-
-    Returns
-    -------
-    Assembly
-        The grains after the motions.
-    int
-        Number of pairs that were too near, and of grains beyond walls, before.
+    Contacts are solved along `gravity`; the margin grows with the number of sweeps before; surfaces keep a distance, 0
+    if they may touch. Return the grains, and how many pairs were too near, and grains beyond walls, before.
     """
     pairs, outside = _wrong(assembly)
     many = (_count_near(assembly, distance) if distance > 0.0 else pairs.count) + int(outside.sum())
@@ -96,30 +79,15 @@ def part_once(
     limits = np.where(contacts.gap < 0.0, contacts.gap - room, np.maximum(contacts.gap - room, 0.0))
     fall = step * gravity if gravity.any() else step * np.eye(3)[assembly.dimension - 1]
     held, impulses = np.zeros(assembly.count, dtype=np.bool_), np.zeros((len(contacts.i), 4))
-    translation, rotation = _motion(
-        assembly, contacts, limits, TrialMotion(step, fall, none, none), held, 0.0, impulses
-    )
+    motion = TrialMotion(step, fall, none, none)
+    translation, rotation = _motion(assembly, contacts, limits, motion, held, 0.0, impulses)
     return _shifted(assembly, translation, rotation), many
 
 
 def follow(assembly: Assembly, motion: TrialMotion, friction: float = 0.0) -> tuple[Assembly, int]:
-    """Move all grains as near to a trial motion as their contacts allow.
+    """Move all grains, which do not overlap, as near to a small trial motion as their contacts and friction allow.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        Grains that do not overlap.
-    motion : TrialMotion
-        A small motion of each grain.
-    friction : float
-        Coefficient of friction.
-
-    Returns
-    -------
-    Assembly
-        Grains that do not overlap.
-    int
-        Number of grains that made only a part of their motion.
+    Return the grains, which do not overlap, and the number of those that made only a part of their motion.
     """
     step = motion.step
     contacts = find_contact_points(assembly, 4.0 * step)
@@ -226,14 +194,9 @@ def _meeting_places(
 
 
 def _motion(
-    assembly: Assembly,
-    contacts: ContactPoints,
-    limits: Floats,
-    motion: TrialMotion,
-    held: Booleans,
-    friction: float,
+    assembly: Assembly, contacts: ContactPoints, limits: Floats, motion: TrialMotion, held: Booleans, friction: float,
     impulses: Floats,
-) -> tuple[Floats, Floats]:
+) -> tuple[Floats, Floats]:  # fmt: skip
     """Return translations and rotations near a motion that close no gap by more than its limit; held grains stay.
 
     impulses: along the normals and across them, changed in place.
@@ -256,9 +219,9 @@ def _motion(
         ):  # fmt: skip
             break
     impulses[:, 0], impulses[:, 1:] = normal_impulse, tangential_impulse
-    translation *= np.minimum(1.0, FARTHEST * step / np.maximum(np.linalg.norm(translation, axis=1), 1e-300))[:, None]
-    turned = np.linalg.norm(rotation, axis=1) * assembly.bounding_radii
-    rotation *= np.minimum(1.0, FARTHEST * step / np.maximum(turned, 1e-300))[:, None]
+    for moved, radius in ((translation, 1.0), (rotation, assembly.bounding_radii)):
+        way = np.linalg.norm(moved, axis=1) * radius
+        moved *= np.minimum(1.0, FARTHEST * step / np.maximum(way, 1e-300))[:, None]
     return translation, rotation
 
 

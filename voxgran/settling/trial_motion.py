@@ -10,51 +10,24 @@ from voxgran.contacts.assembly import Assembly
 
 @dataclass(frozen=True, slots=True)
 class TrialMotion:
-    """Motions that grains would make without contacts.
+    """Motions that grains would make without contacts."""
 
-    Attributes
-    ----------
-    step : float
-        Scale of the motions, a length.
-    fall : (3,) ndarray of float
-        Step along gravity.
-    translation, rotation : (n, 3) ndarray of float
-        Displacements of the centroids, and rotation vectors.
-    """
-
-    step: float
-    fall: Floats
-    translation: Floats
-    rotation: Floats
+    step: float  # scale of the motions, a length
+    fall: Floats  # (3,): step along gravity
+    translation: Floats  # (n, 3): displacements of the centroids
+    rotation: Floats  # (n, 3): rotation vectors
 
 
 def free_fall(assembly: Assembly, fall: Floats) -> TrialMotion:
-    """Return the fall of all grains by a step.
-
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    fall : (3,) ndarray of float
-        The step.
-    """
+    """Return the fall of all grains by a step (3,)."""
     none = np.zeros((assembly.count, 3))
     return TrialMotion(float(np.linalg.norm(fall)), fall, none + fall, none)
 
 
 def shaken_fall(assembly: Assembly, fall: Floats, strength: float, generator: np.random.Generator) -> TrialMotion:
-    """Return a fall during which every grain is also displaced and rotated at random.
+    """Return a fall by a step (3,) during which every grain is also displaced and rotated at random.
 
-    Parameters
-    ----------
-    assembly : Assembly
-        The grains.
-    fall : (3,) ndarray of float
-        The step.
-    strength : float
-        Amplitude of the shaking, in gravitational accelerations.
-    generator : Generator
-        Draws the directions.
+    `strength` is the amplitude of the shaking in gravitational accelerations.
     """
     step, many, flat = float(np.linalg.norm(fall)), assembly.count, assembly.dimension == 2
     pull, turn = generator.normal(size=(2, many, 3))

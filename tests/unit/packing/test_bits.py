@@ -7,13 +7,12 @@ from voxgran._base.rotation import lattice_rotations
 from voxgran._base.seeds import stream
 from voxgran.packing.digital.bit_columns import (
     Canvas,
-    Field,
+    VoxelBank,
+    column_words,
     grain_words,
-    make_bank,
-    pack_columns,
+    mask_of_words,
     row_length,
     turned_box,
-    unpack_columns,
     write_turned,
 )
 from voxgran.packing.digital.stamping import (
@@ -56,13 +55,13 @@ def signed(matrix):
 @pytest.mark.parametrize("height", [1, 63, 64, 65, 130])
 def test_packing_is_reversible(height):
     mask = stream(0, "m", height).random((5, 7, height)) < 0.5
-    assert np.array_equal(unpack_columns(pack_columns(mask), height), mask)
+    assert np.array_equal(mask_of_words(column_words(mask), height), mask)
 
 
 @pytest.mark.parametrize("half", [3, 20, 40, 70])
 def test_turns_are_exact(half):
     mask = random_mask(half, half)
-    bank = make_bank(1, lambda member: mask)
+    bank = VoxelBank.from_masks(1, lambda member: mask)
     for matrix in lattice_rotations():
         turn = signed(matrix)
         low, size = turned_box(bank.low[0], bank.size[0], turn)
@@ -72,7 +71,7 @@ def test_turns_are_exact(half):
         columns = bits.reshape(size[0] + 2, count, row_length(size[1])).transpose(0, 2, 1)
         assert not columns[0].any()
         assert not columns[:, size[1] :].any()
-        found = unpack_columns(columns[1:-1, : size[1]], size[2])
+        found = mask_of_words(columns[1:-1, : size[1]].transpose(0, 2, 1), size[2])
         twin = rotated(mask, matrix)
         box = tuple(slice(half + a, half + a + n) for a, n in zip(low, size, strict=True))
         assert np.array_equal(found, twin[box])
@@ -83,11 +82,10 @@ def test_turns_are_exact(half):
 def test_moves_are_those_of_plain_arrays(half):
     """Stamp two grains, then compare every answer with boolean arrays."""
     masks = [random_mask(2 * half, half), random_mask(2 * half + 1, half)]
-    bank = make_bank(2, lambda member: masks[member])
+    bank = VoxelBank.from_masks(2, lambda member: masks[member])
     shape = np.array([5 * half, 5 * half, 6 * half])
     canvas = Canvas(shape, np.array([1, 1, 1]), np.zeros(3, dtype=np.int64))
-    _nx, nw, ny = canvas.word_shape
-    field = Field(canvas.words(None), nw * ny, ny, canvas.shape, canvas.margin, canvas.periodic)
+    field = canvas.field(canvas.words(None))
     turn = np.array([0, 1, 2])
     sizes, starts, bits = [], [], [np.zeros(ROW, dtype=np.uint64)]
     for member in range(2):
@@ -151,9 +149,8 @@ def test_moves_are_those_of_plain_arrays(half):
 def test_layers_are_counted_and_closed(axis):
     shape, periodic = np.array([5, 6, 70]), np.array([1, 0, 0])
     canvas = Canvas(shape, np.array([3, 1, 1]), periodic)
-    _, nw, ny = canvas.word_shape
     taken = stream(6, "taken").random(tuple(shape)) < 0.3
-    field = Field(canvas.words(~taken), nw * ny, ny, canvas.shape, canvas.margin, canvas.periodic)
+    field = canvas.field(canvas.words(~taken))
     for level in (0, int(shape[axis]) - 1):
         layer = tuple(level if k == axis else slice(None) for k in range(3))
         assert count_layer(field, axis, level) == taken[layer].sum()
@@ -162,5 +159,5 @@ def test_layers_are_counted_and_closed(axis):
         assert np.array_equal(canvas.occupied(field.words), taken)
     # the images beyond a periodic axis are closed too
     if axis == 2:
-        full = unpack_columns(field.words[:-8].reshape(canvas.word_shape).transpose(0, 2, 1), nw * 64)
+        full = mask_of_words(field.words[:-8].reshape(canvas.word_shape), 64 * canvas.word_shape[1])
         assert full[:, 1:-1, 1].all()

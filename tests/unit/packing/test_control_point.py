@@ -19,7 +19,7 @@ from voxgran.packing.control_point.distance_fields import PLANES
 from voxgran.packing.control_point.method import registration as control_point
 from voxgran.packing.control_point.parameters import SHORTEST_STEP
 from voxgran.packing.control_point.point_contact import is_within, overlaps_by_points
-from voxgran.packing.control_point.records import Bed
+from voxgran.packing.control_point.records import GrainPoses
 from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.sdf_contact import overlaps_by_sdf
 from voxgran.packing.driver import Drive, drive
@@ -280,13 +280,13 @@ def test_containment_is_seen_from_both_sides():
         problem = dataclasses.replace(task.problem, diameter=np.array(diameter))
         state = control_point.advance(problem, control_point.prepare(problem), 1)
         kept, rules = state.derived["precomputed"], (0.0, 0.1, 0.2, 0.3)
-        bed = Bed(
+        bed = GrainPoses(
             *(state.arrays[name] for name in ("position", "orientation", "entered", "step")), *kept_of(problem, kept)
         )
         kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
         write_matrix(kept.scratch.quaternion, kept.scratch.turn)
         for g in range(2):
-            arguments = (bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, *rules)
+            arguments = (bed, kept.bodies, kept.cache, kept.scratch, g, 1 - g, *rules)
             assert overlaps_by_points(*arguments, np.inf)
             assert not overlaps_by_points(*arguments, 0.0)
 
@@ -300,18 +300,18 @@ def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
             problem = dataclasses.replace(problem, diameter=np.array([8.0, 1.0]))
             state = control_point.advance(problem, control_point.prepare(problem), 1)
             kept = state.derived["precomputed"]
-            bed = Bed(
+            bed = GrainPoses(
                 *(state.arrays[name] for name in ("position", "orientation", "entered", "step")),
                 *kept_of(problem, kept),
             )
             kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
             write_matrix(kept.scratch.quaternion, kept.scratch.turn)
             for place in ([0.1, 0.2, 0.3], [1.3, -0.7, 0.9]):
-                met = overlaps_by_points(bed, kept.bodies, kept.memory, kept.scratch, 1, 0, 0.0, *place, 0.0)
+                met = overlaps_by_points(bed, kept.bodies, kept.cache, kept.scratch, 1, 0, 0.0, *place, 0.0)
                 assert met == (points == "all")
             cost = control_point.cost(problem)
             assert cost.sampled_shapes == problem.counters["sampled_shapes"] == 1
-            assert sum(array.nbytes for array in (*kept.bodies.trees, *kept.memory)) < cost.memory
+            assert sum(array.nbytes for array in (*kept.bodies.trees, *kept.cache)) < cost.memory
 
 
 @pytest.mark.parametrize("ways", ["both", "one"])
@@ -323,16 +323,14 @@ def test_signed_distances_see_containment_both_ways(ways):
         problem = dataclasses.replace(task.problem, diameter=np.array(diameter))
         state = control_point.advance(problem, control_point.prepare(problem), 1)
         kept = state.derived["precomputed"]
-        bed = Bed(
+        bed = GrainPoses(
             *(state.arrays[name] for name in ("position", "orientation", "entered", "step")), *kept_of(problem, kept)
         )
         kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
         write_matrix(kept.scratch.quaternion, kept.scratch.turn)
         for g in range(2):
-            assert overlaps_by_sdf(bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 0.1, 0.2, 0.3, np.inf)
-            assert not overlaps_by_sdf(
-                bed, kept.bodies, kept.memory, kept.scratch, g, 1 - g, 0.0, 6.0, 2.0, 1.0, np.inf
-            )
+            assert overlaps_by_sdf(bed, kept.bodies, kept.cache, kept.scratch, g, 1 - g, 0.0, 0.1, 0.2, 0.3, np.inf)
+            assert not overlaps_by_sdf(bed, kept.bodies, kept.cache, kept.scratch, g, 1 - g, 0.0, 6.0, 2.0, 1.0, np.inf)
 
 
 def test_the_old_name_of_the_test_by_points_gives_the_same_bits():
@@ -437,7 +435,7 @@ def test_attempts_are_within_the_cost():
     assert state.done <= state.total
     assert state.done - state.feeding_ended_at <= cost.attempts
     kept = state.derived["precomputed"]
-    arrays = [*kept.bodies.trees, kept.bodies.hull, kept.bodies.triangles, *kept.memory, kept.cells.head]
+    arrays = [*kept.bodies.trees, kept.bodies.hull, kept.bodies.triangles, *kept.cache, kept.cells.head]
     assert sum(array.nbytes for array in arrays) < cost.memory
 
 

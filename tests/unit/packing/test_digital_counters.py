@@ -7,7 +7,7 @@ from scipy.ndimage import binary_dilation, binary_erosion
 import voxgran as vg
 from voxgran._base.seeds import philox_key
 from voxgran.packing.digital import precompute as digital_setting
-from voxgran.packing.digital.bit_columns import pack_columns
+from voxgran.packing.digital.bit_columns import column_words
 from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.packing.digital.walk_method import registration as digital
 
@@ -84,7 +84,7 @@ def far_from(problem, state, grain, canvas, parts):
     for other in range(problem.count):
         read[tuple((parts[other][1] + sites[other]).T)] = False
     read[tuple((parts[grain][2] + sites[grain]).T)] = False
-    return ~pack_columns(read).transpose(0, 2, 1).reshape(-1)
+    return ~column_words(read).reshape(-1)
 
 
 def test_a_move_hangs_on_nothing_but_the_shell_of_its_grain():

@@ -18,7 +18,7 @@ def image_of(state, setting):
     total = np.zeros(setting.lattice.shape, dtype=int)
     for member, site in zip(state.arrays["member"], state.arrays["site"], strict=True):
         if member >= 0:
-            voxels = np.argwhere(setting.oriented.masks[member]) + setting.oriented.low[member] + site
+            voxels = np.argwhere(setting.oriented.masks[member]) + setting.oriented.record.low[member] + site
             voxels = np.where(setting.room.periodic, voxels % setting.lattice.shape, voxels)
             np.add.at(total, tuple(voxels.T), 1)
     return total
@@ -26,7 +26,7 @@ def image_of(state, setting):
 
 def places_of(taken, setting, member):
     """Return all places, (m, 3), at which the voxels of a member lie on the lattice and none of them is taken."""
-    voxels = np.argwhere(setting.oriented.masks[member]) + setting.oriented.low[member]
+    voxels = np.argwhere(setting.oriented.masks[member]) + setting.oriented.record.low[member]
     places = np.argwhere(np.ones(setting.room.places, dtype=bool))
     low, high = places + voxels.min(axis=0), places + voxels.max(axis=0)
     places = places[((low >= 0) & (high < taken.shape)).all(axis=1)]

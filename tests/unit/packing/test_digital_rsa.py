@@ -30,7 +30,7 @@ def test_places_are_those_of_a_plain_program():
         tries += 1
         member, rest = divmod(candidate, int(np.prod(places)))
         site = np.array(np.unravel_index(rest, places))
-        voxels = np.argwhere(oriented.masks[member]) + oriented.low[member] + site
+        voxels = np.argwhere(oriented.masks[member]) + oriented.record.low[member] + site
         voxels[:, 0] %= taken.shape[0]
         if voxels.min() < 0 or (voxels >= taken.shape).any() or taken[tuple(voxels.T)].any():
             continue
@@ -49,11 +49,11 @@ def test_orientations_are_those_of_the_turned_shape():
     setting = digital_rsa.prepare(problem).derived["setting"]
     oriented = setting.oriented
     # a cone along an axis: 6 of the 24 rotations of the lattice look different; the second pose is random
-    assert len(oriented.at) == 6 + 24
+    assert len(oriented.record.at) == 6 + 24
     for k in range(0, 30, 5):
         body = problem.shapes[0].rotated(oriented.orientation[k])
         mask = problem.voxels(0, oriented.orientation[k], setting.lattice.voxel_size, cover="center")
-        low, size = oriented.low[k] + np.array(mask.shape) // 2, oriented.size[k]
+        low, size = oriented.record.low[k] + np.array(mask.shape) // 2, oriented.record.size[k]
         box = mask[tuple(slice(a, a + n) for a, n in zip(low, size, strict=True))]
         # rotated exactly or voxelized anew: round-off may move a center on the surface
         assert np.count_nonzero(box ^ oriented.masks[k]) <= 0.02 * box.sum()

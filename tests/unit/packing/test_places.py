@@ -5,14 +5,13 @@ import pytest
 from scipy.signal import fftconvolve
 
 from voxgran._base.seeds import stream
-from voxgran.packing.digital.bit_columns import unpack_columns
+from voxgran.packing.digital.bit_columns import mask_of_words
 from voxgran.packing.digital.feasible_places import (
     Room,
     add_table,
-    best_at,
     blocked_map,
     count_contacts,
-    nth_best_at,
+    most_blocked_at,
     nth_of_contacts,
     overlap_table,
     runs_of,
@@ -28,17 +27,13 @@ def random_box(shape, *index):
     return mask
 
 
-def unpacked(words, nz):
-    return unpack_columns(np.ascontiguousarray(words.transpose(0, 2, 1)), nz)
-
-
 @pytest.mark.parametrize("case", range(len(CASES)))
 def test_tables_are_the_correlation_of_the_voxels(case):
     here, there = (random_box(shape, case, k) for k, shape in enumerate(CASES[case]))
     low_here, low_there = np.array([-2, 1, -30]), np.array([0, -3, 5])
     table = overlap_table(here, low_here, there, low_there)
     expected = fftconvolve(here.astype(float), there[::-1, ::-1, ::-1].astype(float)) > 0.5
-    assert np.array_equal(unpacked(table.words, table.size[2]), expected)
+    assert np.array_equal(mask_of_words(table.words, table.size[2]), expected)
     # the lowest difference: the lowest voxel of one at the highest of the other
     assert np.array_equal(table.low, low_here - (low_there + np.array(there.shape) - 1))
 
@@ -73,7 +68,7 @@ def test_maps_are_those_of_plain_tries(periodic):
         wrapped = np.where(turns, voxels % shape, voxels)
         outside = (wrapped < 0).any() or (wrapped >= shape).any()
         expected[place] = outside or taken[tuple(wrapped.T)].any()
-    assert np.array_equal(unpacked(words, places[2]), expected)
+    assert np.array_equal(mask_of_words(words, places[2]), expected)
 
 
 @pytest.mark.parametrize("periodic", [(0, 0, 0), (1, 0, 1)])
@@ -113,11 +108,12 @@ def test_contacts_are_counted_side_by_side(periodic):
     for axis, level in ((0, 2), (1, 0), (2, 65)):
         own = [p for p in free if p[axis] == level]
         across = [k for k in range(3) if k != axis]
-        best, count = best_at(words, level, axis, turns, places)
+        best, places_there = most_blocked_at(words, level, axis, Room(places, 2, turns))
         scores = [sides_of(p, across) for p in own]
-        assert (best, count) == (max(scores), scores.count(max(scores)))
-        seen = set()
-        for rank in range(count):
-            nth_best_at(words, level, axis, turns, places, best, rank, place)
-            seen.add(tuple(place.tolist()))
-        assert seen == {p for p, score in zip(own, scores, strict=True) if score == best}
+        assert best == max(scores)
+        seen = [tuple(place) for place in places_there.tolist()]
+        order = sorted(seen, key=lambda p: (p[0], p[2] // 64, p[1], p[2]))
+        assert seen == order == [p for p in order if p in own]
+        assert set(seen) == {p for p, score in zip(own, scores, strict=True) if score == best}
+    full = np.full_like(words, np.uint64(0xFFFFFFFFFFFFFFFF))
+    assert most_blocked_at(full, 2, 0, Room(places, 2, turns))[0] == -1

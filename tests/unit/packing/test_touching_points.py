@@ -156,5 +156,5 @@ def test_ten_thousand_grains_of_five_hundred_points_fit_in_memory():
     state = method.advance(task.problem, method.prepare(task.problem), 200_000)
     kept = state.derived["precomputed"]
     assert len(kept.bodies.trees.points) >= 500
-    held = [*kept.memory, *kept.scratch, kept.cells.head, kept.extent, *state.arrays.values()]
+    held = [*kept.cache, *kept.scratch, kept.cells.head, kept.extent, *state.arrays.values()]
     assert sum(array.nbytes for array in held) < 4e8

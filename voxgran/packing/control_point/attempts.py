@@ -13,49 +13,61 @@ from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.packing.control_point.neighbours import list_in_cells, meets_any, meets_own_image
-from voxgran.packing.control_point.records import Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
+from voxgran.packing.control_point.pair_cache import PairCache
+from voxgran.packing.control_point.records import (
+    HALF_THICKNESS,
+    RADIUS,
+    Bodies,
+    Cells,
+    GrainPoses,
+    Scratch,
+    WalkRules,
+    Walls,
+)
 from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.separating_planes import write_span
 from voxgran.packing.control_point.verlet_lists import strayed
 from voxgran.packing.control_point.walls import CLEAR, is_outside
+from voxgran.packing.walking.state import FEEDS, MOVED, MOVES, PLACED, REFUSED, TURNED, TURNS
+from voxgran.packing.walking.vibration import FED_AT, FEED, PATIENCE, ROTATION, upward_share
 
 #: factors on the step of a grain after a move and after a refusal: a quarter of the attempts then succeed
 GROWTH, DECAY = 1.1, 0.97
 
 
-World: TypeAlias = tuple[Bodies, Cells, Walls, Rules, Memory, Scratch]
+World: TypeAlias = tuple[Bodies, Cells, Walls, WalkRules, PairCache, Scratch]
 
 
 @bare_kernel
-def link_all(bed: Bed, cells: Cells) -> None:
+def link_all(grains: GrainPoses, cells: Cells) -> None:
     """Put the grains that have entered into empty cells."""
-    for g in range(len(bed.placed)):
-        if bed.placed[g] == 1:
-            _link(cells, g, _cell(cells, bed.position[g]))
+    for g in range(len(grains.placed)):
+        if grains.placed[g] == 1:
+            _link(cells, g, _cell(cells, grains.position[g]))
 
 
 @bare_kernel
-def span_all(bed: Bed, bodies: Bodies, scratch: Scratch) -> None:
+def span_all(grains: GrainPoses, bodies: Bodies, scratch: Scratch) -> None:
     """Write how far the grains that have entered reach along the axes."""
-    for g in range(len(bed.span)):
-        if bed.placed[g] == 1:
-            write_matrix(bed.orientation[g], scratch.turn)
-            write_span(bodies.reaches.values, bed.shape[g], bed.diameter[g], scratch.turn, bed.span[g])
+    for g in range(len(grains.span)):
+        if grains.placed[g] == 1:
+            write_matrix(grains.orientation[g], scratch.turn)
+            write_span(bodies.reaches.values, grains.shape[g], grains.diameter[g], scratch.turn, grains.span[g])
 
 
 @bare_kernel
-def list_all(bed: Bed, cells: Cells, walls: Walls, scratch: Scratch) -> None:
+def list_all(grains: GrainPoses, cells: Cells, walls: Walls, scratch: Scratch) -> None:
     """Make the lists of near grains, or note that they have no room."""
     lists = cells.lists
     for g in range(len(lists.near)):
-        if bed.placed[g] == 0:
+        if grains.placed[g] == 0:
             continue
         for axis in range(3):
-            lists.anchor[g, axis] = bed.position[g, axis]
-        reach = cells.reach + bed.extent[g, 0] + 2.0 * lists.slip
+            lists.anchor[g, axis] = grains.position[g, axis]
+        reach = cells.reach + grains.extent[g, RADIUS] + 2.0 * lists.slip
         count = list_in_cells(
-            *(bed.position, cells.head, cells.after, cells.lower, cells.width, cells.count, walls.lower, walls.upper),
-            *(walls.periodic, bed.position[g], g, reach, scratch.pending),
+            *(grains.position, cells.head, cells.after, cells.lower, cells.width, cells.count, walls.lower),
+            *(walls.upper, walls.periodic, grains.position[g], g, reach, scratch.pending),
         )
         for k in range(count):
             if k == lists.near.shape[1]:
@@ -68,65 +80,57 @@ def list_all(bed: Bed, cells: Cells, walls: Walls, scratch: Scratch) -> None:
 
 @bare_kernel
 def make_attempts(
-    bed: Bed,
-    bodies: Bodies,
-    cells: Cells,
-    walls: Walls,
-    rules: Rules,
-    memory: Memory,
-    scratch: Scratch,
-    queue: Integers,
-    tally: Integers,
-    key: Words,
-    first: int,
-    last: int,
-) -> int:
+    grains: GrainPoses, bodies: Bodies, cells: Cells, walls: Walls, rules: WalkRules, cache: PairCache,
+    scratch: Scratch, queue: Integers, tally: Integers, key: Words, first: int, last: int,
+) -> int:  # fmt: skip
     """Make attempts `first` ... `last` - 1; return the number of the next one.
 
     It ends early when the queue is empty or the container is full. The first entries of the queue wait, the others
-    have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in a row.
+    have entered. tally: counters in the order of `TALLY`.
     """
-    feeding = rules.schedule[0] < 0
+    feeding = rules.vibration[FED_AT] < 0
     for attempt in range(first, last):
         if not feeding and cells.lists.state[0] == 1:
-            list_all(bed, cells, walls, scratch)
+            list_all(grains, cells, walls, scratch)
         words = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
         more = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
-        enters = feeding and (tally[0] == 0 or unit_float(more[0]) < rules.shares[2])
-        turned = not enters and unit_float(more[2]) < rules.shares[1]
-        waiting = len(queue) - tally[0]
+        enters = feeding and (tally[PLACED] == 0 or unit_float(more[0]) < rules.shares[FEED])
+        turned = not enters and unit_float(more[2]) < rules.shares[ROTATION]
+        waiting = len(queue) - tally[PLACED]
         # one test of contact for both kinds of attempts: it is by far the largest part of the compiled code
         if enters:
             slot = below(words[0], waiting)
             g, moved = queue[slot], np.inf
             turns = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(2))
-            fits = _propose_entry(bed, bodies, walls, rules, scratch, g, words, turns)
-            tally[5] += 1
+            fits = _propose_entry(grains, bodies, walls, rules, scratch, g, words, turns)
+            tally[FEEDS] += 1
         else:
-            slot, fits, g = 0, True, queue[len(queue) - 1 - below(words[0], tally[0])]
-            moved = 2.0 * bed.step[g]
-            _propose_place(bed, rules, scratch, g, words, unit_float(more[1]) < _upward_share(rules, attempt))
-            tally[2] += 1
+            slot, fits, g = 0, True, queue[len(queue) - 1 - below(words[0], tally[PLACED])]
+            moved = 2.0 * grains.step[g]
+            share = upward_share(rules.shares, rules.vibration, attempt)
+            _propose_place(grains, rules, scratch, g, words, unit_float(more[1]) < share)
+            tally[MOVES] += 1
             if turned:
                 turns = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(2))
-                _propose_turn(bed, rules, scratch, g, turns)
-                tally[4] += 1
+                _propose_turn(grains, rules, scratch, g, turns)
+                tally[TURNS] += 1
             else:
-                _keep_orientation(bed, scratch, g)
-        if not fits or _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, moved):
+                for k in range(4):
+                    scratch.quaternion[k] = grains.orientation[g, k]
+        if not fits or _is_refused(grains, bodies, cells, walls, rules, cache, scratch, g, moved):
             if enters:
-                tally[6] += 1
-                if tally[6] >= rules.schedule[3]:
+                tally[REFUSED] += 1
+                if tally[REFUSED] >= rules.vibration[PATIENCE]:
                     return attempt + 1
             else:
-                bed.step[g] = max(bed.step[g] * DECAY, rules.shortest * bed.diameter[g])
+                grains.step[g] = max(grains.step[g] * DECAY, rules.shortest * grains.diameter[g])
             continue
-        _place(bed, cells, walls, scratch, g)
+        _place(grains, cells, walls, scratch, g)
         if not enters:
-            bed.step[g] = min(bed.step[g] * GROWTH, longest_step(bed, rules, g))
-            tally[1], tally[3] = tally[1] + 1, tally[3] + turned
+            grains.step[g] = min(grains.step[g] * GROWTH, longest_step(grains, rules, g))
+            tally[MOVED], tally[TURNED] = tally[MOVED] + 1, tally[TURNED] + turned
             continue
-        bed.step[g] = longest_step(bed, rules, g)
+        grains.step[g] = longest_step(grains, rules, g)
         _note_entry(queue, tally, slot, waiting)
         if waiting == 1:
             return attempt + 1
@@ -137,41 +141,22 @@ def make_attempts(
 def _note_entry(queue, tally, slot, waiting):  # type: ignore[no-untyped-def]
     """Move a grain that has entered from the waiting ones to the others."""
     queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
-    tally[0] += 1
-    tally[6] = 0
+    tally[PLACED] += 1
+    tally[REFUSED] = 0
 
 
 @bare_kernel
-def _keep_orientation(bed, scratch, g):  # type: ignore[no-untyped-def]
-    """Try the orientation that a grain has."""
-    for k in range(4):
-        scratch.quaternion[k] = bed.orientation[g, k]
-
-
-@bare_kernel
-def longest_step(bed: Bed, rules: Rules, g: int) -> float:
+def longest_step(grains: GrainPoses, rules: WalkRules, g: int) -> float:
     """Return the longest step of a grain: no point of it then moves farther than its volume over its surface.
 
     A grain that lies outside of another before a move and inside of it after the move has moved by at least twice the
     radius of a sphere within it, and thus farther.
     """
-    return min(rules.longest * bed.diameter[g], 0.5 * bed.extent[g, 2])
+    return min(rules.longest * grains.diameter[g], 0.5 * grains.extent[g, HALF_THICKNESS])
 
 
 @bare_kernel
-def _upward_share(rules, attempt):  # type: ignore[no-untyped-def]
-    """Return the share of upward moves that are kept: it dies away within each cycle and from cycle to cycle."""
-    begin, attempts, cycles = rules.schedule[0], rules.schedule[1], rules.schedule[2]
-    if begin < 0 or attempt - begin >= attempts:
-        return 0.0
-    along = (attempt - begin) / attempts * cycles
-    cycle = np.floor(along)
-    kept = 1.0 - cycle / cycles if rules.shares[3] < 0.0 else rules.shares[3] ** cycle
-    return rules.shares[0] * kept * (1.0 - (along - cycle))
-
-
-@bare_kernel
-def _propose_place(bed, rules, scratch, g, words, upward):  # type: ignore[no-untyped-def]
+def _propose_place(grains, rules, scratch, g, words, upward):  # type: ignore[no-untyped-def]
     """Move a center by a random unit vector, tilted downward unless it may go up, times a random part of the step."""
     c = 2.0 * unit_float(words[1]) - 1.0 if rules.dimension == 3 else 0.0
     s = np.sqrt(1.0 - c * c)
@@ -182,23 +167,23 @@ def _propose_place(bed, rules, scratch, g, words, upward):  # type: ignore[no-un
         # mirror what points upward, then tilt; both do nothing where gravity is zero
         add = rules.tilt + (-2.0 * along if along < 0.0 else 0.0)
         x, y, z = x + add * rules.gravity[0], y + add * rules.gravity[1], z + add * rules.gravity[2]
-    length = bed.step[g] * (1.0 - unit_float(words[3])) / np.sqrt(x * x + y * y + z * z)
-    scratch.place[0] = bed.position[g, 0] + length * x
-    scratch.place[1] = bed.position[g, 1] + length * y
-    scratch.place[2] = bed.position[g, 2] + length * z
+    length = grains.step[g] * (1.0 - unit_float(words[3])) / np.sqrt(x * x + y * y + z * z)
+    scratch.place[0] = grains.position[g, 0] + length * x
+    scratch.place[1] = grains.position[g, 1] + length * y
+    scratch.place[2] = grains.position[g, 2] + length * z
 
 
 @bare_kernel
-def _propose_turn(bed, rules, scratch, g, words):  # type: ignore[no-untyped-def]
+def _propose_turn(grains, rules, scratch, g, words):  # type: ignore[no-untyped-def]
     """Turn a grain about a random axis, in 2D about z, by an angle that moves no point of it farther than the step."""
-    reach = bed.step[g] / bed.extent[g, 0]
+    reach = grains.step[g] / grains.extent[g, RADIUS]
     half = 0.5 * reach * (2.0 * unit_float(words[0]) - 1.0)
     c = 2.0 * unit_float(words[1]) - 1.0 if rules.dimension == 3 else 1.0
     s = np.sqrt(1.0 - c * c)
     angle = 2.0 * np.pi * unit_float(words[2])
     w, f = np.cos(half), np.sin(half)
     x, y, z = f * s * np.cos(angle), f * s * np.sin(angle), f * c
-    a, b, d, e = bed.orientation[g, 0], bed.orientation[g, 1], bed.orientation[g, 2], bed.orientation[g, 3]
+    a, b, d, e = grains.orientation[g, 0], grains.orientation[g, 1], grains.orientation[g, 2], grains.orientation[g, 3]
     q = scratch.quaternion
     q[0] = w * a - x * b - y * d - z * e
     q[1] = w * b + x * a + y * e - z * d
@@ -210,18 +195,18 @@ def _propose_turn(bed, rules, scratch, g, words):  # type: ignore[no-untyped-def
 
 
 @inlined_kernel
-def _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, moved):  # type: ignore[no-untyped-def]
+def _is_refused(grains, bodies, cells, walls, rules, cache, scratch, g, moved):  # type: ignore[no-untyped-def]
     """Return whether a grain, in the pose that is tried, meets a wall or a grain; `moved` bounds how far its points
     came.
     """
     write_matrix(scratch.quaternion, scratch.turn)
-    if len(bed.span) > 0:
-        write_span(bodies.reaches.values, bed.shape[g], bed.diameter[g], scratch.turn, scratch.span)
-    if is_outside(bed, bodies, walls, walls.mesh, scratch, g, moved):
+    if len(grains.span) > 0:
+        write_span(bodies.reaches.values, grains.shape[g], grains.diameter[g], scratch.turn, scratch.span)
+    if is_outside(grains, bodies, walls, walls.mesh, scratch, g, moved):
         return True
-    if meets_own_image(bed, bodies, cells, walls, rules, memory, scratch, g, moved):
+    if meets_own_image(grains, bodies, cells, walls, rules, cache, scratch, g, moved):
         return True
-    return meets_any(bed, bodies, cells, walls, rules, memory, scratch, g, moved)
+    return meets_any(grains, bodies, cells, walls, rules, cache, scratch, g, moved)
 
 
 @bare_kernel
@@ -254,7 +239,7 @@ def _unlink(cells, g, cell):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _place(bed, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
+def _place(grains, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
     """Take over the pose that was tried, wrapped into the container."""
     place = scratch.place
     for axis in range(3):
@@ -262,8 +247,8 @@ def _place(bed, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
             length = walls.upper[axis] - walls.lower[axis]
             place[axis] -= np.floor((place[axis] - walls.lower[axis]) / length) * length
     new = _cell(cells, place)
-    if bed.placed[g] == 1:
-        old = _cell(cells, bed.position[g])
+    if grains.placed[g] == 1:
+        old = _cell(cells, grains.position[g])
         if old != new:
             _unlink(cells, g, old)
             _link(cells, g, new)
@@ -272,29 +257,29 @@ def _place(bed, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
     lists = cells.lists
     if len(lists.near) > 0 and lists.state[0] == 0:
         # grains that enter are in no list yet
-        if bed.placed[g] == 0:
+        if grains.placed[g] == 0:
             lists.state[0] = 1
         way = strayed(lists.anchor, g, place, walls.lower, walls.upper, walls.periodic)
         if way > lists.slip * lists.slip:
             lists.state[0] = 1
-    bed.placed[g] = 1
+    grains.placed[g] = 1
     for k in range(3):
-        bed.position[g, k] = place[k]
+        grains.position[g, k] = place[k]
     for k in range(4):
-        bed.orientation[g, k] = scratch.quaternion[k]
-    if len(bed.span) > 0:
+        grains.orientation[g, k] = scratch.quaternion[k]
+    if len(grains.span) > 0:
         for k in range(6):
-            bed.span[g, k] = scratch.span[k]
+            grains.span[g, k] = scratch.span[k]
 
 
 @bare_kernel
-def _propose_entry(bed, bodies, walls, rules, scratch, g, words, turns):  # type: ignore[no-untyped-def]
+def _propose_entry(grains, bodies, walls, rules, scratch, g, words, turns):  # type: ignore[no-untyped-def]
     """Put a waiting grain in a random orientation at the top or anywhere; return whether it is between the walls."""
     _random_turn(rules, scratch.quaternion, turns)
     write_matrix(scratch.quaternion, scratch.turn)
-    fits = _enter_axis(bed, bodies, walls, rules, scratch, g, 0, unit_float(words[1]))
-    fits = _enter_axis(bed, bodies, walls, rules, scratch, g, 1, unit_float(words[2])) and fits
-    return _enter_axis(bed, bodies, walls, rules, scratch, g, 2, unit_float(words[3])) and fits
+    fits = _enter_axis(grains, bodies, walls, rules, scratch, g, 0, unit_float(words[1]))
+    fits = _enter_axis(grains, bodies, walls, rules, scratch, g, 1, unit_float(words[2])) and fits
+    return _enter_axis(grains, bodies, walls, rules, scratch, g, 2, unit_float(words[3])) and fits
 
 
 @bare_kernel
@@ -310,13 +295,13 @@ def _random_turn(rules, q, words):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def enter_raised(bed: Bed, world: World, g: int, position: Floats, up: Floats, fine: float) -> bool:
+def enter_raised(grains: GrainPoses, world: World, g: int, position: Floats, up: Floats, fine: float) -> bool:
     """Let a grain enter in the turn that is tried, at a place within the walls or the first free one upward."""
-    bodies, cells, walls, rules, memory, scratch = world
+    bodies, cells, walls, rules, cache, scratch = world
     write_matrix(scratch.quaternion, scratch.turn)
     first, steps = np.zeros(3), 0
     for axis in range(3):
-        low, high = _room(bed, bodies, walls, scratch, g, axis)
+        low, high = _room(grains, bodies, walls, scratch, g, axis)
         if low > high:
             return False
         first[axis] = max(low, min(position[axis], high)) if walls.walled[axis] == 1 else position[axis]
@@ -324,17 +309,17 @@ def enter_raised(bed: Bed, world: World, g: int, position: Floats, up: Floats, f
             steps = int((walls.upper[axis] - walls.lower[axis]) / fine)
     for k in range(steps + 1):
         scratch.place[:] = first + k * fine * up
-        if not _is_refused(bed, bodies, cells, walls, rules, memory, scratch, g, np.inf):
-            _place(bed, cells, walls, scratch, g)
-            bed.step[g] = longest_step(bed, rules, g)
+        if not _is_refused(grains, bodies, cells, walls, rules, cache, scratch, g, np.inf):
+            _place(grains, cells, walls, scratch, g)
+            grains.step[g] = longest_step(grains, rules, g)
             return True
     return False
 
 
 @bare_kernel
-def _enter_axis(bed, bodies, walls, rules, scratch, g, axis, share):  # type: ignore[no-untyped-def]
+def _enter_axis(grains, bodies, walls, rules, scratch, g, axis, share):  # type: ignore[no-untyped-def]
     """Write where a grain enters along one axis; return whether there is room."""
-    low, high = _room(bed, bodies, walls, scratch, g, axis)
+    low, high = _room(grains, bodies, walls, scratch, g, axis)
     if rules.entry[axis] != 0:
         scratch.place[axis] = high if rules.entry[axis] < 0 else low
     else:
@@ -343,9 +328,9 @@ def _enter_axis(bed, bodies, walls, rules, scratch, g, axis, share):  # type: ig
 
 
 @bare_kernel
-def _room(bed, bodies, walls, scratch, g, axis):  # type: ignore[no-untyped-def]
+def _room(grains, bodies, walls, scratch, g, axis):  # type: ignore[no-untyped-def]
     """Return the least and the largest coordinate of a grain, in the turn that is tried, between two walls."""
-    s, size = bed.shape[g], bed.diameter[g]
+    s, size = grains.shape[g], grains.diameter[g]
     low, high = 0.0, 0.0
     if walls.walled[axis] == 1:
         for k in range(bodies.hull_start[s], bodies.hull_start[s + 1]):

@@ -24,8 +24,10 @@ from voxgran.shapes.spheres import Spheres
 
 #: kinds of fields
 BALLS, PLANES, GRID = 0, 1, 2
-#: columns of the head with the steepest change, and with what squares of ways gain by interpolation
-STEEP, ROUGH = 10, 11
+#: columns of the head: kind, first row and the one after the last; of a lattice its first node (3 columns), the edge of
+#: a cell, and the nodes along y, z and x; the Lipschitz constant of the interpolant above the queried depth; and eps2
+#: such that |f(p) - f(q)| <= sqrt(|p - q|^2 + eps2) outside the solid
+KIND, BEGIN, END, NODE, CELL, NODES_Y, NODES_Z, NODES_X, STEEP, ROUGH = 0, 1, 2, 3, 6, 7, 8, 9, 10, 11
 #: spheres and planes at most; more of them are sampled
 MOST_BALLS, MOST_PLANES = 24, 64
 #: cells along the longest side of a lattice, at most
@@ -39,20 +41,10 @@ SINGLE = 1e-6
 class Fields(NamedTuple):
     """Signed distances of several shapes, below 0 inside.
 
-    Attributes
-    ----------
-    head : (shapes, 12) ndarray of float
-        Kind (BALLS, PLANES or GRID), where the rows of the shape begin and end; of a lattice its first node, the edge
-        of a cell, and how many nodes there are along y, z and x; how fast values change along a way at the most, where
-        they are above the least one that is asked for; last, what is to be added to the square of a way so that values
-        above 0 change by no more than the root.
-    rows : (n, 4) ndarray of float
-        Center and radius of each sphere; outward normal and offset of each plane; of a lattice one row, with where its
-        values begin.
-    values : (m,) ndarray of float32
-        Distances at the nodes of all lattices, the last axis fastest.
-    error : (shapes,) ndarray of float
-        Largest distance that a field tells of points that lie on the surface; exact fields have 0.
+    head: (shapes, 12), by the columns above.  rows: (n, 4), center and radius of each sphere, outward normal and offset
+    of each plane, or of a lattice one row, with where its values begin.  values: distances at the nodes of all
+    lattices, the last axis fastest.  error: (shapes,), largest distance that a field reports of points on the surface;
+    exact fields have 0.
     """
 
     head: Floats
@@ -70,22 +62,10 @@ def make_fields(
     shapes: list[Shape], points: list[Floats], *, cell: float, reach: float = 0.0, depth: float = 0.0,
     margin: float = 0.0,
 ) -> Fields:  # fmt: skip
-    """Return the fields of shapes.
+    """Return the fields of shapes at unit diameter; `points` (n, 3) on the surface of each serve to measure the error.
 
-    Parameters
-    ----------
-    shapes : list of Shape
-        At unit diameter.
-    points : list of (n, 3) ndarray of float
-        Points on the surface of each, where the error is measured.
-    cell : float
-        Wanted edge of the cells of a lattice.
-    reach : float
-        Up to which distance from the surface fields have to tell distances; with 0 their sign is enough.
-    depth : float
-        How far below the surface distances are asked for.
-    margin : float
-        How much farther lattices go on around the shapes at least.
+    `cell` is the wanted edge of the cells of a lattice; distances are to be told up to `reach` outside (0: the sign is
+    enough) and `depth` inside; lattices extend by at least another `margin` around the shapes.
     """
     heads, rows, values, row, value = [], [], [], 0, 0
     for shape in shapes:
@@ -106,7 +86,7 @@ def make_fields(
         np.zeros(len(shapes)),
     )
     for k, places in enumerate(points[: len(shapes)]):
-        if fields.head[k, 0] == GRID:
+        if fields.head[k, KIND] == GRID:
             fields.error[k] = np.abs(distances(fields, k, places)).max()
     return fields
 
@@ -233,7 +213,7 @@ def field_at(
 
     Outside it is that or less, but for the interpolation; the first arguments are the fields of `Fields`.
     """
-    kind, begin, end = head[shape, 0], np.int64(head[shape, 1]), np.int64(head[shape, 2])
+    kind, begin, end = head[shape, KIND], np.int64(head[shape, BEGIN]), np.int64(head[shape, END])
     if kind == GRID:
         return _between_nodes(head, values, shape, np.int64(rows[begin, 0]), x, y, z)
     if kind == PLANES:
@@ -251,8 +231,9 @@ def field_at(
 @inlined_kernel
 def _between_nodes(head, values, s, begin, x, y, z):  # type: ignore[no-untyped-def]
     """Return the value between eight nodes, and beyond the lattice what a place is from it at least."""
-    cell, ny, nz, nx = head[s, 6], np.int64(head[s, 7]), np.int64(head[s, 8]), np.int64(head[s, 9])
-    u, v, w = (x - head[s, 3]) / cell, (y - head[s, 4]) / cell, (z - head[s, 5]) / cell
+    cell, nx = head[s, CELL], np.int64(head[s, NODES_X])
+    ny, nz = np.int64(head[s, NODES_Y]), np.int64(head[s, NODES_Z])
+    u, v, w = (x - head[s, NODE]) / cell, (y - head[s, NODE + 1]) / cell, (z - head[s, NODE + 2]) / cell
     a, b, c = min(max(u, 0.0), nx - 1.0), min(max(v, 0.0), ny - 1.0), min(max(w, 0.0), nz - 1.0)
     i, j, k = min(np.int64(a), nx - 2), min(np.int64(b), ny - 2), min(np.int64(c), nz - 2)
     p, q, r = a - i, b - j, c - k

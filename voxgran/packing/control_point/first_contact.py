@@ -14,9 +14,10 @@ from voxgran._base.rotation import normalized
 from voxgran.containers.box import Box
 from voxgran.packing.control_point.method import prepare
 from voxgran.packing.control_point.neighbours import overlaps
+from voxgran.packing.control_point.pair_cache import PairCache
 from voxgran.packing.control_point.parameters import ControlPoint
-from voxgran.packing.control_point.precompute import bed_of, precomputed_of
-from voxgran.packing.control_point.records import SDF, Bed, Bodies, Memory, Scratch
+from voxgran.packing.control_point.precompute import poses_of, precomputed_of
+from voxgran.packing.control_point.records import HALF_SPACING, HALF_THICKNESS, SDF, Bodies, GrainPoses, Scratch
 from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.sdf_contact import threshold
 from voxgran.packing.problem import Problem
@@ -72,7 +73,7 @@ class Encounter:
         )
         self._state, self._gap = prepare(problem), problem.length(distance)
         self._setting = precomputed_of(problem, self._state)
-        self._bed = bed_of(problem, self._state, self._setting)
+        self._grains = poses_of(problem, self._state, self._setting)
 
     @property
     def points(self) -> tuple[int, int]:
@@ -87,7 +88,7 @@ class Encounter:
         """
         extent = self._setting.extent
         if self._setting.bodies.contact != SDF:
-            return self._unit * float(extent[:, 1].sum())
+            return self._unit * float(extent[:, HALF_SPACING].sum())
         return self._unit * float(min(threshold(extent, 0, 1, 0.0), threshold(extent, 1, 0, 0.0)))
 
     def is_refused(self, offset: ArrayLike, turns: ArrayLike) -> bool:
@@ -107,7 +108,7 @@ class Encounter:
         """
         self._turn(turns)
         where = as_floats(offset, "offset", shape=(3,)) / self._unit
-        kept = (self._bed, self._setting.bodies, self._setting.memory, self._setting.scratch)
+        kept = (self._grains, self._setting.bodies, self._setting.cache, self._setting.scratch)
         return bool(_is_refused_at(*kept, self._gap, np.zeros(3), where, 0.0))
 
     def _turn(self, turns: ArrayLike) -> None:
@@ -151,8 +152,8 @@ class Encounter:
         setting = self._setting
         self._turn(turns)
         far = float(setting.extent[:, :2].sum()) + self._gap + 1e-3
-        step = 0.25 * float(setting.extent[:, 2].min())
-        kept = (self._bed, setting.bodies, setting.memory, setting.scratch)
+        step = 0.25 * float(setting.extent[:, HALF_THICKNESS].min())
+        kept = (self._grains, setting.bodies, setting.cache, setting.scratch)
         place = _come(*kept, self._gap, way / length, beside / self._unit, far, step)
         if place <= -far:
             raise InputError(f"aside is {beside.tolist()}: the grains pass each other on this way; bring them nearer")
@@ -161,28 +162,21 @@ class Encounter:
 
 @bare_kernel
 def _come(
-    bed: Bed,
-    bodies: Bodies,
-    memory: Memory,
-    scratch: Scratch,
-    gap: float,
-    way: Floats,
-    aside: Floats,
-    far: float,
-    step: float,
-) -> float:
+    grains: GrainPoses, bodies: Bodies, cache: PairCache, scratch: Scratch, gap: float, way: Floats, aside: Floats,
+    far: float, step: float,
+) -> float:  # fmt: skip
     """Return the place along a way at which the second grain is first refused; where it never is, the far end."""
     free, place = far, far
     while place > -far:
         place = max(place - step, -far)
-        if _is_refused_at(bed, bodies, memory, scratch, gap, way, aside, place):
+        if _is_refused_at(grains, bodies, cache, scratch, gap, way, aside, place):
             break
         free = place
     if free <= -far:
         return -far
     for _ in range(HALVINGS):
         middle = 0.5 * (free + place)
-        if _is_refused_at(bed, bodies, memory, scratch, gap, way, aside, middle):
+        if _is_refused_at(grains, bodies, cache, scratch, gap, way, aside, middle):
             place = middle
         else:
             free = middle
@@ -190,7 +184,7 @@ def _come(
 
 
 @bare_kernel
-def _is_refused_at(bed, bodies, memory, scratch, gap, way, aside, place):  # type: ignore[no-untyped-def]
+def _is_refused_at(grains, bodies, cache, scratch, gap, way, aside, place):  # type: ignore[no-untyped-def]
     """Return whether the second grain meets the first at a place along its way."""
     dx, dy, dz = place * way[0] + aside[0], place * way[1] + aside[1], place * way[2] + aside[2]
-    return overlaps(bed, bodies, bodies.contact, memory, scratch, 1, 0, gap, dx, dy, dz, np.inf)
+    return overlaps(grains, bodies, bodies.contact, cache, scratch, 1, 0, gap, dx, dy, dz, np.inf)

@@ -8,7 +8,7 @@ steps downward; during vibration a fraction of upward steps is kept, which decre
 of a grain grows after each accepted move and shrinks after each refused one.
 
 Grains are inserted as rain, in layers, or at random places. A lid is a wall opposite to gravity: after each sweep it is
-lowered by 1/32 of the median diameter or to the nearest grain, and the walk does not end before it rests on the bed.
+lowered by 1/32 of the median diameter or to the nearest grain, and the walk does not end before it rests on the grains.
 
 Control points cover the surface and, optionally, the interior. When points are compared with points, surfaces cannot
 cross between them. With signed distances, a smooth surface can bulge between its points by no more than its curvature
@@ -36,8 +36,8 @@ from voxgran._base.arrays import Floats
 from voxgran.packing.control_point.attempts import enter_raised, make_attempts
 from voxgran.packing.control_point.checks import check_distance, check_overlap, check_surfaces
 from voxgran.packing.control_point.parameters import SHORTEST_STEP, ControlPoint
-from voxgran.packing.control_point.precompute import bed_of, memory_needed, precomputed_of, put_lid
-from voxgran.packing.control_point.records import Rules
+from voxgran.packing.control_point.precompute import memory_needed, poses_of, precomputed_of, put_lid
+from voxgran.packing.control_point.records import HALF_SPACING, HALF_THICKNESS, WalkRules
 from voxgran.packing.control_point.state import ControlState
 from voxgran.packing.control_point.walls import room_of_lid
 from voxgran.packing.gravity import gravity_vector, main_axis, upward
@@ -76,25 +76,25 @@ class ControlWalker:
             state.entered[:n] = 1
             # links the grains that have entered
             extent = precomputed_of(problem, state).extent[:n]
-            state.step[:n] = np.minimum(problem.parameters.step * problem.diameter[:n], 0.5 * extent[:, 2])
+            state.step[:n] = np.minimum(problem.parameters.step * problem.diameter[:n], 0.5 * extent[:, HALF_THICKNESS])
             return
         known = precomputed_of(problem, state)
         down = main_axis(gravity_vector(problem))
         up = upward(down, problem.dimension).astype(np.float64)
-        bed, rules = bed_of(problem, state, known), _rules(problem, state)
-        world = (known.bodies, known.cells, known.walls, rules, known.memory, known.scratch)
+        grains, rules = poses_of(problem, state, known), _rules(problem, state)
+        world = (known.bodies, known.cells, known.walls, rules, known.cache, known.scratch)
         for grain in start.rising(down).tolist():
             known.scratch.quaternion[:] = start.orientation[grain]
-            fine = 0.25 * (float(known.extent[grain, 1]) + rules.gap)
-            if not enter_raised(bed, world, grain, start.position[grain], up, fine):
+            fine = 0.25 * (float(known.extent[grain, HALF_SPACING]) + rules.gap)
+            if not enter_raised(grains, world, grain, start.position[grain], up, fine):
                 refuse_start(grain)
 
     def make_attempts(self, problem: Problem, state: ControlState, last: int) -> None:
         """Run the kernel up to attempt `last`, or until no grain is waiting or too many were refused."""
         tally, known = state.tally(), precomputed_of(problem, state)
         state.done = make_attempts(
-            *(bed_of(problem, state, known), known.bodies, known.cells, known.walls, _rules(problem, state)),
-            *(known.memory, known.scratch, state.waiting, tally, known.key, state.done, last),
+            *(poses_of(problem, state, known), known.bodies, known.cells, known.walls, _rules(problem, state)),
+            *(known.cache, known.scratch, state.waiting, tally, known.key, state.done, last),
         )
         state.count(tally)
 
@@ -103,8 +103,8 @@ class ControlWalker:
         if not problem.parameters.lid or state.done == state.feeding_ended_at:
             return
         known, down = precomputed_of(problem, state), main_axis(gravity_vector(problem))
-        bed = bed_of(problem, state, known)
-        room = float(room_of_lid(bed, known.bodies, known.walls, known.scratch, down))
+        grains = poses_of(problem, state, known)
+        room = float(room_of_lid(grains, known.bodies, known.walls, known.scratch, down))
         state.lid_lowered += min(LID_STEP, room)
         put_lid(problem, known.walls, state.lid_lowered)
 
@@ -180,15 +180,15 @@ def cost(problem: Problem) -> Cost:
     )
 
 
-def _rules(problem: Problem, state: ControlState) -> Rules:
+def _rules(problem: Problem, state: ControlState) -> WalkRules:
     """Return how grains move at this stage of the run."""
     settings: ControlPoint = problem.parameters
     gravity, decay = gravity_vector(problem), -1.0 if settings.decay is None else settings.decay
-    return Rules(
+    return WalkRules(
         gravity,
         float(settings.gravity_bias),
         entry_of(problem, gravity),
-        np.array([settings.vibration_up, settings.rotation_share, feed_share(problem, state), decay]),
+        np.array([settings.vibration_up, decay, settings.rotation_share, feed_share(problem, state)]),
         vibration_schedule(problem, state),
         problem.length(settings.distance - settings.overlap),
         float(settings.step),

@@ -1,13 +1,25 @@
-"""Who is near a grain: neighbours in cells, periodic images included, and the test of contact with each."""
+"""Neighbours of a grain in cells, periodic images included, and the test of contact with each."""
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran.packing.control_point.point_contact import overlaps_by_points, recall
-from voxgran.packing.control_point.records import Bed, Bodies, Cells, Memory, Rules, Scratch, Walls
-from voxgran.packing.control_point.relative_poses import row_of_pair, take_row
-from voxgran.packing.control_point.sdf_contact import overlaps_by_sdf, recall_field
+from voxgran.packing.control_point.pair_cache import PAIR, WAY, PairCache, claim_row, row_of_pair
+from voxgran.packing.control_point.point_contact import cached_answer_by_points, overlaps_by_points
+from voxgran.packing.control_point.records import (
+    IS_SPHERE,
+    KEEP_OUT,
+    LIMIT,
+    RADIUS,
+    STRETCH,
+    Bodies,
+    Cells,
+    GrainPoses,
+    Scratch,
+    WalkRules,
+    Walls,
+)
+from voxgran.packing.control_point.sdf_contact import cached_answer_by_sdf, overlaps_by_sdf
 from voxgran.packing.control_point.separating_planes import TRIES, find_plane
 from voxgran.packing.control_point.verlet_lists import list_close, strayed
 
@@ -17,18 +29,11 @@ EXACT = 1e-12
 
 @inlined_kernel
 def meets_own_image(
-    bed: Bed,
-    bodies: Bodies,
-    cells: Cells,
-    walls: Walls,
-    rules: Rules,
-    memory: Memory,
-    scratch: Scratch,
-    g: int,
-    moved: float,
-) -> bool:
+    grains: GrainPoses, bodies: Bodies, cells: Cells, walls: Walls, rules: WalkRules, cache: PairCache,
+    scratch: Scratch, g: int, moved: float,
+) -> bool:  # fmt: skip
     """Return whether a grain meets one of its periodic images; there is none to look at in a wide container."""
-    reach = bed.extent[g, 0] + cells.reach
+    reach = grains.extent[g, RADIUS] + cells.reach
     nx, ny, nz = _images(walls, 0, reach), _images(walls, 1, reach), _images(walls, 2, reach)
     for ix in range(-nx, nx + 1):
         for iy in range(-ny, ny + 1):
@@ -37,7 +42,7 @@ def meets_own_image(
                     dx = ix * (walls.upper[0] - walls.lower[0])
                     dy = iy * (walls.upper[1] - walls.lower[1])
                     dz = iz * (walls.upper[2] - walls.lower[2])
-                    if overlaps(bed, bodies, bodies.contact, memory, scratch, g, g, rules.gap, dx, dy, dz, moved):
+                    if overlaps(grains, bodies, bodies.contact, cache, scratch, g, g, rules.gap, dx, dy, dz, moved):
                         return True
     return False
 
@@ -52,18 +57,11 @@ def _images(walls, axis, reach):  # type: ignore[no-untyped-def]
 
 @inlined_kernel
 def meets_any(
-    bed: Bed,
-    bodies: Bodies,
-    cells: Cells,
-    walls: Walls,
-    rules: Rules,
-    memory: Memory,
-    scratch: Scratch,
-    g: int,
-    moved: float,
-) -> bool:
-    """Return whether a grain meets another: first from memory, then by comparing those of whom it does not tell."""
-    pending, position = scratch.pending, bed.position
+    grains: GrainPoses, bodies: Bodies, cells: Cells, walls: Walls, rules: WalkRules, cache: PairCache,
+    scratch: Scratch, g: int, moved: float,
+) -> bool:  # fmt: skip
+    """Return whether a grain meets another: first from the cache, then by comparing the others."""
+    pending, position = scratch.pending, grains.position
     trees, fields, reaches = bodies.trees, bodies.fields, bodies.reaches
     lists, slip, close = cells.lists, cells.lists.slip, 0
     if len(lists.near) > 0 and lists.state[0] == 0:
@@ -75,61 +73,38 @@ def meets_any(
     else:
         count = list_in_cells(
             *(position, cells.head, cells.after, cells.lower, cells.width, cells.count, walls.lower, walls.upper),
-            *(walls.periodic, scratch.place, g, cells.reach + bed.extent[g, 0], pending),
+            *(walls.periodic, scratch.place, g, cells.reach + grains.extent[g, RADIUS], pending),
         )
     count = _sift(
-        *(position, bed.orientation, bed.diameter, bed.extent, bed.span, bed.shape, walls.lower, walls.upper),
-        *(memory.pairs, memory.poses, memory.lists, trees.points, fields.head, fields.rows, fields.values),
+        *(position, grains.orientation, grains.diameter, grains.extent, grains.span, grains.shape, walls.lower),
+        *(walls.upper, cache.pairs, cache.poses, cache.lists, trees.points, fields.head, fields.rows, fields.values),
         *(reaches.values, scratch.place, scratch.turn, scratch.span, scratch.way, scratch.relative, scratch.shift),
         *(pending, count, g, rules.gap, moved, bodies.contact),
     )
     for k in range(count):
         j = pending[k, 0]
-        dx = scratch.place[0] - position[j, 0] - pending[k, 1] * (walls.upper[0] - walls.lower[0])
-        dy = scratch.place[1] - position[j, 1] - pending[k, 2] * (walls.upper[1] - walls.lower[1])
-        dz = scratch.place[2] - position[j, 2] - pending[k, 3] * (walls.upper[2] - walls.lower[2])
-        if overlaps(bed, bodies, bodies.contact, memory, scratch, g, j, rules.gap, dx, dy, dz, moved):
+        dx, dy, dz = _offset(position, walls.lower, walls.upper, scratch.place, pending, k)
+        if overlaps(grains, bodies, bodies.contact, cache, scratch, g, j, rules.gap, dx, dy, dz, moved):
             return True
     return count < 0
 
 
 @inlined_kernel
 def overlaps(
-    bed: Bed,
-    bodies: Bodies,
-    contact: int | None,
-    memory: Memory,
-    scratch: Scratch,
-    g: int,
-    j: int,
-    gap: float,
-    dx: float,
-    dy: float,
-    dz: float,
-    moved: float,
-) -> bool:
+    grains: GrainPoses, bodies: Bodies, contact: int | None, cache: PairCache, scratch: Scratch, g: int, j: int,
+    gap: float, dx: float, dy: float, dz: float, moved: float,
+) -> bool:  # fmt: skip
     """Return whether two grains overlap by the test of contact, `bodies.contact`."""
     if contact is None:
-        return overlaps_by_sdf(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
-    return overlaps_by_points(bed, bodies, memory, scratch, g, j, gap, dx, dy, dz, moved)
+        return overlaps_by_sdf(grains, bodies, cache, scratch, g, j, gap, dx, dy, dz, moved)
+    return overlaps_by_points(grains, bodies, cache, scratch, g, j, gap, dx, dy, dz, moved)
 
 
 @bare_kernel
 def list_in_cells(
-    position: Floats,
-    head: Integers,
-    after: Integers,
-    origin: Floats,
-    width: Floats,
-    cells: Integers,
-    lower: Floats,
-    upper: Floats,
-    periodic: Integers,
-    place: Floats,
-    g: int,
-    reach: float,
-    pending: Integers,
-) -> int:
+    position: Floats, head: Integers, after: Integers, origin: Floats, width: Floats, cells: Integers, lower: Floats,
+    upper: Floats, periodic: Integers, place: Floats, g: int, reach: float, pending: Integers,
+) -> int:  # fmt: skip
     """List the neighbours of a grain within a reach, periodic images included, and return how many there are."""
     found = 0
     ax, bx = _cell_range(origin[0], width[0], cells[0], periodic[0], place[0], reach)
@@ -155,28 +130,38 @@ def list_in_cells(
 
 
 @inlined_kernel
+def _offset(position, lower, upper, place, pending, k):  # type: ignore[no-untyped-def]
+    """Return the way from the center of a listed neighbour, in its image, to a place."""
+    j = pending[k, 0]
+    return (
+        place[0] - position[j, 0] - pending[k, 1] * (upper[0] - lower[0]),
+        place[1] - position[j, 1] - pending[k, 2] * (upper[1] - lower[1]),
+        place[2] - position[j, 2] - pending[k, 3] * (upper[2] - lower[2]),
+    )
+
+
+@inlined_kernel
 def _sift(  # type: ignore[no-untyped-def]
     position, orientation, diameter, extent, span, shape, lower, upper, pairs, poses, lists, points, field_head,
     field_rows, field_values, reaches, place, turn, own_span, way, relative, shift, pending, count, g, gap, moved,
     contact,
 ):  # fmt: skip
-    """Keep of the neighbours those that a grain must be compared with; -1 where it surely meets one."""
+    """Filter the neighbours to those that need a full test; return how many, -1 if an overlap is already certain."""
     found = 0
     for k in range(count):
         j = pending[k, 0]
-        dx = place[0] - position[j, 0] - pending[k, 1] * (upper[0] - lower[0])
-        dy = place[1] - position[j, 1] - pending[k, 2] * (upper[1] - lower[1])
-        dz = place[2] - position[j, 2] - pending[k, 3] * (upper[2] - lower[2])
-        if extent[g, 8] * extent[j, 8] > 0.0:
-            apart = extent[g, 0] + extent[j, 0] + gap - EXACT
+        dx, dy, dz = _offset(position, lower, upper, place, pending, k)
+        if extent[g, IS_SPHERE] * extent[j, IS_SPHERE] > 0.0:
+            apart = extent[g, RADIUS] + extent[j, RADIUS] + gap - EXACT
             if dx * dx + dy * dy + dz * dz < apart * apart:
                 return -1
             continue
-        low = gap + (max(extent[g, 5], extent[j, 5]) if contact is None else extent[g, 5] + extent[j, 5])
-        near = extent[g, 0] + extent[j, 0] + low
+        own, other = extent[g, KEEP_OUT], extent[j, KEEP_OUT]
+        low = gap + (max(own, other) if contact is None else own + other)
+        near = extent[g, RADIUS] + extent[j, RADIUS] + low
         if dx * dx + dy * dy + dz * dz > near * near:
             continue
-        answer = _recall(
+        answer = _cached_answer(
             *(orientation, diameter, extent, span, shape, pairs, poses, lists, points, field_head),
             *(field_rows, field_values, reaches, turn, own_span, way, relative, shift, g, j, gap, low),
             *(dx, dy, dz, moved, contact),
@@ -191,15 +176,15 @@ def _sift(  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def _recall(  # type: ignore[no-untyped-def]
+def _cached_answer(  # type: ignore[no-untyped-def]
     orientation, diameter, extent, span, shape, pairs, poses, lists, points, field_head, field_rows, field_values,
     reaches, turn, own_span, way, relative, shift, g, j, gap, low, dx, dy, dz, moved, contact,
 ):  # fmt: skip
-    """Return whether a grain meets another, 0 no, 1 yes, 2 unknown, from planes between them and from memory."""
+    """Return whether a grain meets another, 0 no, 1 yes, 2 unknown, from planes between them and from the cache."""
     # fields near edges may tell less than distances, and not any distance
-    wide = low * max(extent[g, 6], extent[j, 6]) if low > 0.0 else low
+    wide = low * max(extent[g, STRETCH], extent[j, STRETCH]) if low > 0.0 else low
     # a plane does not tell how deep the cores of grains that may overlap lie in each other
-    planes = len(reaches) > 0 and low <= extent[g, 7] and low <= extent[j, 7] and gap >= 0.0
+    planes = len(reaches) > 0 and low <= extent[g, LIMIT] and low <= extent[j, LIMIT] and gap >= 0.0
     pair = min(g, j) * len(diameter) + max(g, j)
     row, side = row_of_pair(len(pairs), pair), 1.0 if g < j else -1.0
     if planes:
@@ -209,8 +194,8 @@ def _recall(  # type: ignore[no-untyped-def]
             return 0
         if dz + own_span[4] > span[j, 5] + wide or dz + own_span[5] < span[j, 4] - wide:
             return 0
-        way[0], way[1], way[2] = side * poses[row, 13], side * poses[row, 14], side * poses[row, 15]
-        if pairs[row, 0] != pair or (way[0] == 0.0 and way[1] == 0.0 and way[2] == 0.0):
+        way[0], way[1], way[2] = side * poses[row, WAY], side * poses[row, WAY + 1], side * poses[row, WAY + 2]
+        if pairs[row, PAIR] != pair or (way[0] == 0.0 and way[1] == 0.0 and way[2] == 0.0):
             apart = max(np.sqrt(dx * dx + dy * dy + dz * dz), 1e-300)
             way[0], way[1], way[2] = dx / apart, dy / apart, dz / apart
         way[6] = -np.inf
@@ -219,12 +204,12 @@ def _recall(  # type: ignore[no-untyped-def]
         ):
             return 0
     if contact is None:
-        answer = recall_field(
+        answer = cached_answer_by_sdf(
             *(orientation, diameter, extent, shape, pairs, poses, points, field_head, field_rows, field_values),
             *(turn, relative, shift, g, j, gap, dx, dy, dz),
         )
     else:
-        answer = recall(
+        answer = cached_answer_by_points(
             *(orientation, diameter, extent, pairs, poses, lists, points, turn, relative, shift, g, j, gap),
             *(dx, dy, dz, moved),
         )
@@ -233,8 +218,8 @@ def _recall(  # type: ignore[no-untyped-def]
             *(reaches, shape[g], diameter[g], turn, shape[j], diameter[j], orientation[j], way, dx, dy, dz, wide),
             TRIES,
         )
-        take_row(pairs, poses, pair)
-        poses[row, 13], poses[row, 14], poses[row, 15] = side * way[3], side * way[4], side * way[5]
+        claim_row(pairs, poses, pair)
+        poses[row, WAY], poses[row, WAY + 1], poses[row, WAY + 2] = side * way[3], side * way[4], side * way[5]
         return 0 if found else 2
     return answer
 

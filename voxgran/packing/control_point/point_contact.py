@@ -8,9 +8,21 @@ convex hull of a grain; the mesh of a closed container is sampled like a grain.
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.packing.control_point.point_trees import list_near, point_distance
-from voxgran.packing.control_point.records import Bed, Bodies, Memory, Scratch
-from voxgran.packing.control_point.relative_poses import invert, moved_since, relate, row_of_pair, take_row
+from voxgran.packing.control_point.pair_cache import (
+    COUNT,
+    OTHER_POINT,
+    PAIR,
+    POINT,
+    SLACK,
+    PairCache,
+    claim_row,
+    keep_pose,
+    moved_since,
+    row_of_pair,
+)
+from voxgran.packing.control_point.point_trees import list_near, placed, point_distance
+from voxgran.packing.control_point.records import HALF_SPACING, HALF_THICKNESS, RADIUS, Bodies, GrainPoses, Scratch
+from voxgran.packing.control_point.relative_poses import invert, relate
 
 #: how much farther than needed points are listed, in diameters
 HORIZON = 0.04
@@ -19,26 +31,12 @@ ROUNDING = 1e-9
 
 
 @bare_kernel
-def recall(
-    orientation: Floats,
-    diameter: Floats,
-    extent: Floats,
-    pairs: Integers,
-    poses: Floats,
-    lists: Integers,
-    points: Floats,
-    turn: Floats,
-    relative: Floats,
-    shift: Floats,
-    g: int,
-    j: int,
-    gap: float,
-    dx: float,
-    dy: float,
-    dz: float,
-    moved: float,
-) -> int:
-    """Tell from memory whether grain g meets grain j as in `overlaps_by_points`: 0 no, 1 yes, 2 unknown.
+def cached_answer_by_points(
+    orientation: Floats, diameter: Floats, extent: Floats, pairs: Integers, poses: Floats, lists: Integers,
+    points: Floats, turn: Floats, relative: Floats, shift: Floats, g: int, j: int, gap: float, dx: float, dy: float,
+    dz: float, moved: float,
+) -> int:  # fmt: skip
+    """Return from the cache whether grain g meets grain j as in `overlaps_by_points`: 0 no, 1 yes, 2 unknown.
 
     Where no point has moved by the slack since the grains were compared, only the points that were listed then can be
     too near. The answers are those that comparing the grains again would give.
@@ -46,36 +44,28 @@ def recall(
     a, b = min(g, j), max(g, j)
     pair = a * len(diameter) + b
     entry = row_of_pair(len(pairs), pair)
-    if pairs[entry, 0] != pair:
+    if pairs[entry, PAIR] != pair:
         return 2
     relate(orientation, diameter, turn, relative, shift, g, j, dx, dy, dz)
-    low = (gap + extent[a, 1] + extent[b, 1]) / diameter[b]
-    if pairs[entry, 1] >= 0 and point_distance(points, pairs[entry, 1], pairs[entry, 2], relative, shift) < low:
+    low = (gap + extent[a, HALF_SPACING] + extent[b, HALF_SPACING]) / diameter[b]
+    one, other = pairs[entry, POINT], pairs[entry, OTHER_POINT]
+    if one >= 0 and point_distance(points, one, other, relative, shift) < low:
         return 1
-    for k in range(pairs[entry, 3]):
+    for k in range(pairs[entry, COUNT]):
         if point_distance(points, lists[entry, k, 0], lists[entry, k, 1], relative, shift) < low:
-            pairs[entry, 1], pairs[entry, 2] = lists[entry, k, 0], lists[entry, k, 1]
+            pairs[entry, POINT], pairs[entry, OTHER_POINT] = lists[entry, k, 0], lists[entry, k, 1]
             return 1
-    if moved > extent[a, 2] or moved > extent[b, 2]:
+    if moved > extent[a, HALF_THICKNESS] or moved > extent[b, HALF_THICKNESS]:
         return 2
-    way = moved_since(poses, entry, relative, shift, extent[a, 0] / diameter[a])
-    return 0 if way + ROUNDING < poses[entry, 12] else 2
+    way = moved_since(poses, entry, relative, shift, extent[a, RADIUS] / diameter[a])
+    return 0 if way + ROUNDING < poses[entry, SLACK] else 2
 
 
 @bare_kernel
 def overlaps_by_points(
-    bed: Bed,
-    bodies: Bodies,
-    memory: Memory,
-    scratch: Scratch,
-    g: int,
-    j: int,
-    gap: float,
-    dx: float,
-    dy: float,
-    dz: float,
-    moved: float,
-) -> bool:
+    grains: GrainPoses, bodies: Bodies, cache: PairCache, scratch: Scratch, g: int, j: int, gap: float, dx: float,
+    dy: float, dz: float, moved: float,
+) -> bool:  # fmt: skip
     """Return whether grain g, in the pose that is tried, comes nearer than a gap to grain j, or one holds the other.
 
     (dx, dy, dz) is the way from the center of j, or of its image, to that of g; j may be g, for an image of its own.
@@ -83,22 +73,22 @@ def overlaps_by_points(
     have come to hold the other.
     """
     a, b = min(g, j), max(g, j)
-    shape_a, shape_b, size_a, size_b = bed.shape[a], bed.shape[b], bed.diameter[a], bed.diameter[b]
+    shape_a, shape_b, size_a, size_b = grains.shape[a], grains.shape[b], grains.diameter[a], grains.diameter[b]
     # surfaces that cross, or come nearer than the gap, have control points nearer than this
-    distance = gap + bed.extent[a, 1] + bed.extent[b, 1]
-    reach = bed.extent[a, 0] + bed.extent[b, 0] + distance
+    distance = gap + grains.extent[a, HALF_SPACING] + grains.extent[b, HALF_SPACING]
+    reach = grains.extent[a, RADIUS] + grains.extent[b, RADIUS] + distance
     if dx * dx + dy * dy + dz * dz > reach * reach:
         return False
     relative, shift = scratch.relative, scratch.shift
-    relate(bed.orientation, bed.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
+    relate(grains.orientation, grains.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
     low, scale = distance / size_b, size_a / size_b
     count, high = list_points(bodies, scratch, shape_a, shape_b, scale, low, low + HORIZON * min(1.0, scale))
     if a != b:
-        pair = a * len(bed.shape) + b
-        _remember(memory.pairs, memory.poses, memory.lists, pair, relative, shift, high - low, scratch.found, count)
+        pair = a * len(grains.shape) + b
+        _remember(cache.pairs, cache.poses, cache.lists, pair, relative, shift, high - low, scratch.found, count)
     if count < 0:
         return True
-    if moved <= bed.extent[a, 2] and moved <= bed.extent[b, 2]:
+    if moved <= grains.extent[a, HALF_THICKNESS] and moved <= grains.extent[b, HALF_THICKNESS]:
         return False
     if holds(bodies, shape_a, shape_b, relative, shift):
         return True
@@ -121,15 +111,12 @@ def list_points(
 @bare_kernel
 def _remember(pairs, poses, lists, pair, relative, shift, slack, found, count):  # type: ignore[no-untyped-def]
     """Note what a comparison found; one that refused (count -1) adds its two points to what was known before."""
-    entry = take_row(pairs, poses, pair)
+    entry = claim_row(pairs, poses, pair)
     if count < 0:
-        pairs[entry, 1], pairs[entry, 2] = found[0, 0], found[0, 1]
+        pairs[entry, POINT], pairs[entry, OTHER_POINT] = found[0, 0], found[0, 1]
         return
-    pairs[entry, 1], pairs[entry, 3], poses[entry, 12] = -1, count, slack
-    for m in range(3):
-        poses[entry, 9 + m] = shift[m]
-        for n in range(3):
-            poses[entry, 3 * m + n] = relative[m, n]
+    pairs[entry, POINT], pairs[entry, COUNT] = -1, count
+    keep_pose(poses, entry, relative, shift, slack)
     for k in range(count):
         lists[entry, k, 0], lists[entry, k, 1] = found[k, 0], found[k, 1]
 
@@ -139,10 +126,7 @@ def holds(bodies: Bodies, a: int, b: int, turn: Floats, shift: Floats) -> bool:
     """Return whether the solid b holds the first control point of a; surfaces do not cross when this is asked, so one
     tells for all.
     """
-    points, i = bodies.trees.points, bodies.trees.start[a]
-    x = turn[0, 0] * points[i, 0] + turn[0, 1] * points[i, 1] + turn[0, 2] * points[i, 2] + shift[0]
-    y = turn[1, 0] * points[i, 0] + turn[1, 1] * points[i, 1] + turn[1, 2] * points[i, 2] + shift[1]
-    z = turn[2, 0] * points[i, 0] + turn[2, 1] * points[i, 1] + turn[2, 2] * points[i, 2] + shift[2]
+    x, y, z = placed(bodies.trees.points, bodies.trees.start[a], turn, shift)
     if x * x + y * y + z * z > bodies.radius[b] * bodies.radius[b]:
         return False
     return is_within(bodies.triangles, bodies.triangle_start[b], bodies.triangle_start[b + 1], x, y, z)

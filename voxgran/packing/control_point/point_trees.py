@@ -20,7 +20,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 
 #: points at most in a leaf
 LEAF = 8
@@ -29,40 +29,17 @@ ROOM = 1e-12
 
 
 class Trees(NamedTuple):
-    """KD-trees of several point sets.
+    """KD-trees of several point sets."""
 
-    Attributes
-    ----------
-    points : (n, 3) ndarray of float
-        Points of all sets, each set in the order of its tree.
-    start : (sets + 1,) ndarray of int
-        Where the points of each set begin.
-    spheres : (nodes, 4) ndarray of float
-        Center and radius of each node; node k of level l of a tree is entry ``2**l - 1 + k``.
-    first : (sets + 1,) ndarray of int
-        Where the nodes of each set begin.
-    depth : (sets,) ndarray of int
-        Level of the leaves.
-    """
-
-    points: Floats
-    start: Integers
-    spheres: Floats
-    first: Integers
-    depth: Integers
+    points: Floats  # (n, 3): points of all sets, each set in the order of its tree
+    start: Integers  # (sets + 1,): where the points of each set begin
+    spheres: Floats  # (nodes, 4): center and radius; node k of level l of a tree is entry 2**l - 1 + k
+    first: Integers  # (sets + 1,): where the nodes of each set begin
+    depth: Integers  # (sets,): level of the leaves
 
 
 def make_trees(sets: Sequence[Floats]) -> Trees:
-    """Return the trees of point sets.
-
-    Parameters
-    ----------
-    sets : sequence of (n, 3) ndarray of float
-        Point sets, each in its own frame; none may be empty.
-
-    Returns
-    -------
-    Trees
+    """Return the trees of point sets (n, 3), each in its own frame.
 
     Raises
     ------
@@ -109,35 +86,17 @@ def _build(points: Floats, depth: int, spheres: Floats) -> None:
 
 @bare_kernel
 def list_near(
-    points: Floats,
-    start: Integers,
-    spheres: Floats,
-    first: Integers,
-    depth: Integers,
-    a: int,
-    b: int,
-    turn: Floats,
-    shift: Floats,
-    scale: float,
-    low: float,
-    high: float,
-    stack: Integers,
-    found: Integers,
-) -> tuple[int, float]:
+    points: Floats, start: Integers, spheres: Floats, first: Integers, depth: Integers, a: int, b: int, turn: Floats,
+    shift: Floats, scale: float, low: float, high: float, stack: Integers, found: Integers,
+) -> tuple[int, float]:  # fmt: skip
     """List the points of tree a, put into the frame of tree b, that are nearer than a distance to points of tree b.
 
     A point p of a lies at ``turn @ p + shift``, where `turn` is a rotation matrix times `scale`. The pairs that are
     nearer than `high` go to the rows of `found`; where they are too many, `high` is lowered. As soon as two points are
     nearer than `low`, the walk ends with these two in the first row. `stack` is scratch of `stack_room` rows of 2. The
     first arguments are the fields of `Trees`: numba counts no references where a kernel takes arrays and numbers only,
-    and that is most of the time of a short walk.
-
-    Returns
-    -------
-    count : int
-        Rows that were filled; -1 where two points are nearer than `low`.
-    high : float
-        Distance up to which the rows are complete.
+    and that is most of the time of a short walk. Return how many rows were filled, -1 where two points are nearer than
+    `low`, and the distance up to which the rows are complete.
     """
     leaves_a, leaves_b = (1 << depth[a]) - 1, (1 << depth[b]) - 1
     stack[0, 0], stack[0, 1], top = 0, 0, 1
@@ -145,7 +104,7 @@ def list_near(
     while top > 0:
         top -= 1
         na, nb = stack[top, 0], stack[top, 1]
-        x, y, z = _placed(spheres, first[a] + na, turn, shift)
+        x, y, z = placed(spheres, first[a] + na, turn, shift)
         at = first[b] + nb
         dx, dy, dz = x - spheres[at, 0], y - spheres[at, 1], z - spheres[at, 2]
         reach = spheres[first[a] + na, 3] * scale + spheres[at, 3] + high
@@ -169,13 +128,13 @@ def list_near(
 @bare_kernel
 def point_distance(points: Floats, i: int, j: int, turn: Floats, shift: Floats) -> float:
     """Return the distance of point i, turned and shifted, and point j."""
-    x, y, z = _placed(points, i, turn, shift)
+    x, y, z = placed(points, i, turn, shift)
     dx, dy, dz = x - points[j, 0], y - points[j, 1], z - points[j, 2]
     return float(np.sqrt(dx * dx + dy * dy + dz * dz))
 
 
-@bare_kernel
-def _placed(points, i, turn, shift):  # type: ignore[no-untyped-def]
+@inlined_kernel
+def placed(points: Floats, i: int, turn: Floats, shift: Floats) -> tuple[float, float, float]:
     """Return a point turned and shifted."""
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
     return (
@@ -194,7 +153,7 @@ def _list_leaves(points, start, depth, a, b, ka, kb, turn, shift, low, high, fou
     count_a, count_b = start[a + 1] - begin_a, start[b + 1] - begin_b
     la, lb = depth[a], depth[b]
     for i in range(begin_a + ((ka * count_a) >> la), begin_a + (((ka + 1) * count_a) >> la)):
-        x, y, z = _placed(points, i, turn, shift)
+        x, y, z = placed(points, i, turn, shift)
         for j in range(begin_b + ((kb * count_b) >> lb), begin_b + (((kb + 1) * count_b) >> lb)):
             dx, dy, dz = x - points[j, 0], y - points[j, 1], z - points[j, 2]
             square = dx * dx + dy * dy + dz * dz

@@ -1,4 +1,4 @@
-"""What follows from a problem for control-point packing: points, trees, fields, walls, cells of grains, memory."""
+"""What follows from a problem for control-point packing: points, trees, fields, walls, cells of grains, cache."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,19 +12,21 @@ from voxgran._base.seeds import philox_key
 from voxgran.containers.model import boundary_of
 from voxgran.packing.control_point.attempts import link_all, span_all
 from voxgran.packing.control_point.distance_fields import MARGIN, Fields, make_fields
+from voxgran.packing.control_point.pair_cache import PairCache
 from voxgran.packing.control_point.parameters import ControlPoint
 from voxgran.packing.control_point.point_trees import make_trees, stack_room
 from voxgran.packing.control_point.records import (
     BALL,
     FLAT,
     KDTREE,
+    KEEP_OUT,
     MESH,
+    RADIUS,
     ROUND,
     SDF,
-    Bed,
     Bodies,
     Cells,
-    Memory,
+    GrainPoses,
     Scratch,
     Walls,
 )
@@ -57,28 +59,16 @@ FLAT_SHARE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Precomputed:
-    """What follows from the problem, and the cells and walls where the grains are linked.
-
-    Attributes
-    ----------
-    bodies : Bodies
-        Samples of the shapes.
-    extent, span : ndarray of float
-        As in :class:`Bed`.
-    walls, cells, memory, scratch : NamedTuple
-        As the kernels take them.
-    key : ndarray of uint64
-        Key of the random numbers.
-    """
+    """What follows from the problem, and the cells and walls where the grains are linked; as the kernels take it."""
 
     bodies: Bodies
     extent: Floats
     span: Floats
     walls: Walls
     cells: Cells
-    memory: Memory
+    cache: PairCache
     scratch: Scratch
-    key: Any
+    key: Any  # of the random numbers
 
 
 def precomputed_of(problem: Problem, state: ControlState) -> Precomputed:
@@ -90,21 +80,21 @@ def precomputed_of(problem: Problem, state: ControlState) -> Precomputed:
         cells = _cells(problem, extent)
         scratch = _scratch(problem, bodies, cells)
         span = np.zeros((problem.count if len(bodies.reaches.values) else 0, 6))
-        made = Precomputed(bodies, extent, span, _walls(problem), cells, _memory(problem), scratch, key)
+        made = Precomputed(bodies, extent, span, _walls(problem), cells, _pair_cache(problem), scratch, key)
         put_lid(problem, made.walls, state.lid_lowered)
-        bed = bed_of(problem, state, made)
-        link_all(bed, made.cells)
-        span_all(bed, bodies, scratch)
+        grains = poses_of(problem, state, made)
+        link_all(grains, made.cells)
+        span_all(grains, bodies, scratch)
         state.derived["precomputed"] = made
     kept: Precomputed = state.derived["precomputed"]
     return kept
 
 
-def bed_of(problem: Problem, state: ControlState, known: Precomputed) -> Bed:
+def poses_of(problem: Problem, state: ControlState, known: Precomputed) -> GrainPoses:
     """Return the arrays of the state as the kernels take them."""
     poses = (state.position, state.orientation, state.entered, state.step)
     kinds = (problem.shape_id.astype(np.int64), problem.diameter.astype(np.float64))
-    return Bed(*poses, *kinds, known.extent, known.span)
+    return GrainPoses(*poses, *kinds, known.extent, known.span)
 
 
 def put_lid(problem: Problem, walls: Walls, lowered: float) -> None:
@@ -135,19 +125,19 @@ def memory_needed(problem: Problem) -> int:
     listed = LISTED if settings.contact != "sdf" else 0
     # where the grain reaches, and its list of near ones
     near = 4 * ROOM + 32 if problem.count <= MOST_GRAINS else 0
-    return int(total) + _memory_room(problem) * (listed * 16 + 160) + problem.count * (near + 112)
+    return int(total) + _cached_pairs(problem) * (listed * 16 + 160) + problem.count * (near + 112)
 
 
-def _memory(problem: Problem) -> Memory:
-    """Return an empty memory with room for the neighbours of all grains."""
-    room = _memory_room(problem)
+def _pair_cache(problem: Problem) -> PairCache:
+    """Return an empty cache with room for the neighbours of all grains."""
+    room = _cached_pairs(problem)
     listed = LISTED if problem.parameters.contact != "sdf" else 0
     lists = np.zeros((room if listed else 0, listed, 2), dtype=np.int64)
-    return Memory(np.full((room, 4), -1, dtype=np.int64), np.zeros((room, 16)), lists)
+    return PairCache(np.full((room, 4), -1, dtype=np.int64), np.zeros((room, 16)), lists)
 
 
-def _memory_room(problem: Problem) -> int:
-    """Return for how many pairs there is memory, a power of two."""
+def _cached_pairs(problem: Problem) -> int:
+    """Return for how many pairs there is a cache, a power of two."""
     return min(MOST_PAIRS, 1 << int(np.ceil(np.log2(16 * max(problem.count, 1)))))
 
 
@@ -165,7 +155,7 @@ def _scratch(problem: Problem, bodies: Bodies, cells: Cells) -> Scratch:
 
 
 def _extent(problem: Problem, bodies: Bodies) -> Floats:
-    """Return what :class:`Bed` holds of each grain besides its pose, (n, 9)."""
+    """Return the extents of the grains, (n, 9), by the columns of :mod:`voxgran.packing.control_point.records`."""
     known = len(problem.shapes)
     inner = [shape.volume / shape.surface_area for shape in problem.shapes]
     curvature = [largest_curvature(shape.geometry) for shape in problem.shapes]
@@ -173,15 +163,14 @@ def _extent(problem: Problem, bodies: Bodies) -> Floats:
     error = np.array([_point_error(shape) for shape in problem.shapes])
     error += bodies.fields.error if len(bodies.fields.error) else 0.0
     unit = np.column_stack([bodies.radius[:known], bodies.spacing[:known] / 2, inner, np.where(smooth, error, 0.0)])
-    extent = unit[problem.shape_id] * problem.diameter[:, None]
+    radius, half, inside, slack = (unit[problem.shape_id] * problem.diameter[:, None]).T
     if any(shape.is_open for shape in problem.shapes):
-        extent[:, 2] = _open_ways(problem, bodies, extent[:, 1] / KEPT)
+        inside = _open_ways(problem, bodies, half / KEPT)
     bend = np.array([-1.0 if bend is None else bend for bend in curvature])[problem.shape_id] / problem.diameter
-    half, most = extent[:, 1], float(np.maximum(bend, 0.0).max(initial=0.0))
+    most, loosest = float(np.maximum(bend, 0.0).max(initial=0.0)), float(slack.max(initial=0.0))
     # what bulges between points, or has to be kept off from thin grains; no more than half the spacing
-    bulge = 0.5 * half**2 * (np.maximum(bend, 0.0) + most) + extent[:, 3] + float(extent[:, 3].max(initial=0.0))
-    room = np.maximum(bulge, half - float(extent[:, 2].min(initial=np.inf)))
-    room = np.minimum(room, half + extent[:, 3] + float(extent[:, 3].max(initial=0.0)))
+    bulge = 0.5 * half**2 * (np.maximum(bend, 0.0) + most) + slack + loosest
+    room = np.minimum(np.maximum(bulge, half - float(inside.min(initial=np.inf))), half + slack + loosest)
     room = room if problem.parameters.contact == "sdf" else half
     reaches, stretch, limit = bodies.reaches, np.ones(problem.count), np.zeros(problem.count)
     if len(reaches.values):
@@ -189,7 +178,7 @@ def _extent(problem: Problem, bodies: Bodies) -> Floats:
     # spheres of a start may touch: they are compared by their centers
     sphere = np.array([shape.is_sphere for shape in problem.shapes], dtype=np.float64)[problem.shape_id]
     exact = sphere if problem.start is not None else np.zeros(problem.count)
-    return np.ascontiguousarray(np.column_stack([extent[:, :3], bend, extent[:, 3], room, stretch, limit, exact]))
+    return np.ascontiguousarray(np.column_stack([radius, half, inside, bend, slack, room, stretch, limit, exact]))
 
 
 def _open_ways(problem: Problem, bodies: Bodies, cover: Floats) -> Floats:
@@ -310,9 +299,9 @@ def _cells(problem: Problem, extent: Floats) -> Cells:
     lower, upper = problem.container.bounds
     span = np.where(np.arange(3) < problem.dimension, upper - lower, 1.0)
     least = (np.prod(span) / (64 * problem.count)) ** (1 / problem.dimension)
-    count = np.maximum(np.floor(span / max(2.0 * float(np.median(extent[:, 0])), least)), 1).astype(np.int64)
-    reach = float(extent[:, 0].max() + 2 * extent[:, 5].max()) + problem.length(problem.parameters.distance)
+    count = np.maximum(np.floor(span / max(2.0 * float(np.median(extent[:, RADIUS])), least)), 1).astype(np.int64)
+    reach = float(extent[:, RADIUS].max() + 2 * extent[:, KEEP_OUT].max()) + problem.length(problem.parameters.distance)
     head = np.full(int(np.prod(count)), -1, dtype=np.int64)
-    radius, periodic = float(extent[:, 0].max()), np.array(problem.container.periodic)
+    radius, periodic = float(extent[:, RADIUS].max()), np.array(problem.container.periodic)
     lists = make_lists(problem.count, (upper - lower)[periodic], radius + reach, radius)
     return Cells(lower.copy(), span / count, count, head, np.full(problem.count, -1, dtype=np.int64), reach, lists)

@@ -1,4 +1,4 @@
-"""The records that the kernels of control-point packing read: grains, shapes, walls, memory, scratch."""
+"""The records that the kernels of control-point packing read: grains, shapes, walls, scratch."""
 
 from typing import NamedTuple
 
@@ -12,6 +12,11 @@ from voxgran.packing.control_point.verlet_lists import CloseLists
 FLAT, ROUND, MESH, BALL = 0, 1, 2, 3
 #: tests of contact; with None numba leaves out what the other test calls
 SDF, KDTREE = None, 1
+#: columns of the extent of a grain: bounding radius, half the spacing of its points, volume over surface, largest
+#: curvature of its surface (below 0 where that is not smooth), error of a smooth surface, and distance that its points
+#: keep at the most from other surfaces; stretch and limit of its `Reaches`, and 1 where it is a sphere that is compared
+#: with others by its center, else 0
+RADIUS, HALF_SPACING, HALF_THICKNESS, CURVATURE, SURFACE_ERROR, KEEP_OUT, STRETCH, LIMIT, IS_SPHERE = range(9)
 
 
 class Bodies(NamedTuple):
@@ -36,14 +41,10 @@ class Bodies(NamedTuple):
     triangle_start: Integers
 
 
-class Bed(NamedTuple):
-    """Where the grains are, how long a step each one tries at the most, its `extent` and its `span`.
+class GrainPoses(NamedTuple):
+    """Positions of the grains, longest step that each one tries, its `extent` by the columns above, and its `span`.
 
-    The extent of a grain is its bounding radius, half the spacing of its points, volume over surface, the largest
-    curvature of its surface (below 0 where that is not smooth), the error of a smooth surface, and how near its points
-    are kept to other surfaces at the most; then stretch and limit of its `Reaches`, and 1 where it is a sphere that is
-    compared with others by its center, else 0. The span is how far it reaches down and up along each axis; it is empty
-    where there are no reaches.
+    The span is how far it reaches down and up along each axis; it is empty where there are no reaches.
     """
 
     position: Floats
@@ -72,21 +73,6 @@ class Walls(NamedTuple):
     offset: Floats
     lid: bool
     mesh: bool | None
-
-
-class Memory(NamedTuple):
-    """What is known of pairs of grains that were compared: tables in which later pairs push out earlier ones.
-
-    `pairs` has the number of the pair (-1: none), the two control points that refused it last (-1: none), and how many
-    rows of `lists` are filled; `poses` a relative pose (turn row by row, shift), a slack, and the direction towards
-    the grain of lower number along which the two were farthest apart last (zero: none). In that pose, all control
-    points were farther apart than they must be by the slack, those in `lists` excepted. With signed distances `lists`
-    is empty, and what refused is one control point and whether it belongs to the second grain.
-    """
-
-    pairs: Integers
-    poses: Floats
-    lists: Integers
 
 
 class Scratch(NamedTuple):
@@ -123,20 +109,18 @@ class Cells(NamedTuple):
     lists: CloseLists
 
 
-class Rules(NamedTuple):
+class WalkRules(NamedTuple):
     """How grains move.
 
     entry: the lattice vector along which gravity is strongest, against which grains enter; zero where they enter
-    anywhere.  shares: upward moves kept at the start, attempts with a turn, attempts that feed, what a cycle keeps of
-    the upward share of the one before (below 0: it dies away evenly).  schedule: attempt at which feeding ended (-1:
-    not yet), attempts of all cycles, number of cycles, refusals in a row after which the container is full.
+    anywhere.  shares, vibration: fractions and schedule by the names of :mod:`voxgran.packing.walking.vibration`.
     """
 
     gravity: Floats
     tilt: float
     entry: Integers
     shares: Floats
-    schedule: Integers
+    vibration: Integers
     gap: float
     longest: float
     shortest: float

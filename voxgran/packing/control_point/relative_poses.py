@@ -1,18 +1,31 @@
-"""Relative poses of two grains, and where a table remembers a pair."""
+"""Rotation matrices, and relative poses of two grains."""
 
-import numpy as np
+from typing import TypeAlias
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
+
+Nine: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+
+
+@inlined_kernel
+def matrix_of(q: Floats) -> Nine:
+    """Return the rotation matrix of a unit quaternion, row by row."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    return (
+        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+    )  # fmt: skip
 
 
 @bare_kernel
 def write_matrix(q: Floats, matrix: Floats) -> None:
     """Write the rotation matrix of a unit quaternion."""
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    matrix[0, 0], matrix[0, 1], matrix[0, 2] = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    matrix[1, 0], matrix[1, 1], matrix[1, 2] = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    matrix[2, 0], matrix[2, 1], matrix[2, 2] = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = matrix_of(q)
+    matrix[0, 0], matrix[0, 1], matrix[0, 2] = r0, r1, r2
+    matrix[1, 0], matrix[1, 1], matrix[1, 2] = r3, r4, r5
+    matrix[2, 0], matrix[2, 1], matrix[2, 2] = r6, r7, r8
 
 
 @inlined_kernel
@@ -29,10 +42,7 @@ def relate(
     dz: float,
 ) -> None:
     """Write the pose of the grain of lower number in the frame of the other, whose diameter is the unit."""
-    w, x, y, z = orientation[j, 0], orientation[j, 1], orientation[j, 2], orientation[j, 3]
-    r0, r1, r2 = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    r3, r4, r5 = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    r6, r7, r8 = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = matrix_of(orientation[j])
     if j == g:
         # an image of its own goes along with the pose that is tried
         r0, r1, r2 = turn[0, 0], turn[0, 1], turn[0, 2]
@@ -68,31 +78,3 @@ def invert(relative: Floats, shift: Floats, scale: float) -> None:
         relative[k, k] /= scale * scale
         for m in range(k):
             relative[k, m], relative[m, k] = relative[m, k] / (scale * scale), relative[k, m] / (scale * scale)
-
-
-@inlined_kernel
-def moved_since(poses: Floats, row: int, relative: Floats, shift: Floats, radius: float) -> float:
-    """Return how far points within a radius have moved at the most since a relative pose was remembered."""
-    way, spin = 0.0, 0.0
-    for m in range(3):
-        way += (shift[m] - poses[row, 9 + m]) ** 2
-        for n in range(3):
-            spin += (relative[m, n] - poses[row, 3 * m + n]) ** 2
-    # two rotations differ by a matrix with two equal singular values and a zero
-    return float(np.sqrt(way) + np.sqrt(0.5 * spin) * radius)
-
-
-@bare_kernel
-def row_of_pair(room: int, pair: int) -> int:
-    """Return the entry of a pair in a table whose length is a power of two."""
-    return (pair * 2654435761 >> 7) & (room - 1)
-
-
-@bare_kernel
-def take_row(pairs: Integers, poses: Floats, pair: int) -> int:
-    """Return the entry of a pair, with nothing in it where another pair had it."""
-    row = row_of_pair(len(pairs), pair)
-    if pairs[row, 0] != pair:
-        pairs[row, 0], pairs[row, 1], pairs[row, 3], poses[row, 12] = pair, -1, 0, -1.0
-        poses[row, 13], poses[row, 14], poses[row, 15] = 0.0, 0.0, 0.0
-    return row

@@ -14,22 +14,37 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.control_point.distance_fields import ROUGH, SINGLE, STEEP, field_at
+from voxgran.packing.control_point.pair_cache import (
+    OTHER_POINT,
+    PAIR,
+    POINT,
+    SLACK,
+    WAY,
+    PairCache,
+    claim_row,
+    keep_pose,
+    moved_since,
+    row_of_pair,
+)
 from voxgran.packing.control_point.point_contact import HORIZON, ROUNDING
-from voxgran.packing.control_point.records import Bed, Bodies, Memory, Scratch
-from voxgran.packing.control_point.relative_poses import invert, moved_since, relate, row_of_pair, take_row
+from voxgran.packing.control_point.point_trees import placed
+from voxgran.packing.control_point.records import (
+    CURVATURE,
+    HALF_SPACING,
+    HALF_THICKNESS,
+    RADIUS,
+    SURFACE_ERROR,
+    Bodies,
+    GrainPoses,
+    Scratch,
+)
+from voxgran.packing.control_point.relative_poses import invert, relate
 from voxgran.packing.control_point.support_tables import plane_of
-
-#: columns of the extent of a grain
-RADIUS, HALF_SPACING, HALF_THICKNESS, CURVATURE, SURFACE_ERROR = range(5)
 
 
 @inlined_kernel
 def threshold(extent: Floats, p: int, q: int, gap: float) -> float:
-    """Return how near the points of grain p may come to grain q.
-
-    extent: rows of bounding radius, covering radius of the points, volume over surface, largest curvature (below 0
-    where the surface is not smooth) and error of the surface, in median diameters.
-    """
+    """Return how near the points of grain p may come to grain q, in median diameters as the extents."""
     cover = extent[p, HALF_SPACING]
     bend = max(extent[p, CURVATURE], 0.0) + max(extent[q, CURVATURE], 0.0)
     bulge = min(cover, 0.5 * cover * cover * bend) + extent[p, SURFACE_ERROR] + extent[q, SURFACE_ERROR]
@@ -38,36 +53,16 @@ def threshold(extent: Floats, p: int, q: int, gap: float) -> float:
 
 @bare_kernel
 def find_near(
-    points: Floats,
-    start: Integers,
-    spheres: Floats,
-    first: Integers,
-    depth: Integers,
-    head: Floats,
-    rows: Floats,
-    values: NDArray[np.float32],
-    a: int,
-    b: int,
-    turn: Floats,
-    shift: Floats,
-    scale: float,
-    low: float,
-    high: float,
-    plane: Floats,
-    stack: Integers,
-) -> tuple[int, float]:
+    points: Floats, start: Integers, spheres: Floats, first: Integers, depth: Integers, head: Floats, rows: Floats,
+    values: NDArray[np.float32], a: int, b: int, turn: Floats, shift: Floats, scale: float, low: float, high: float,
+    plane: Floats, stack: Integers,
+) -> tuple[int, float]:  # fmt: skip
     """Look for a point of tree a that is nearer than `low` to the surface of shape b.
 
     A point p of a lies at ``turn @ p + shift`` in the frame of b, where `turn` is a rotation matrix times `scale`. The
     first arguments are the fields of `Trees` and `Fields`. Points with ``plane[:3] @ p > plane[3]`` are known to be
-    farther than `high`.
-
-    Returns
-    -------
-    point : int
-        One that is nearer than `low`, or -1.
-    slack : float
-        By how much all are farther than `low`, `high` - `low` at the most; 0 where one is nearer.
+    farther than `high`. Return a point that is nearer than `low`, or -1, and by how much all are farther, `high` -
+    `low` at the most; 0 where one is nearer.
     """
     level, begin, origin = depth[a], first[a], start[a]
     leaves, count = (1 << level) - 1, start[a + 1] - start[a]
@@ -118,13 +113,8 @@ def _least(spheres, head, rows, values, at, b, turn, shift, scale, steep, rough)
 @inlined_kernel
 def _told(points, head, rows, values, i, b, turn, shift):  # type: ignore[no-untyped-def]
     """Return what the field of a shape tells of a point that is turned and shifted."""
-    x, y, z = points[i, 0], points[i, 1], points[i, 2]
-    return field_at(
-        *(head, rows, values, b),
-        turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z + shift[0],
-        turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z + shift[1],
-        turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z + shift[2],
-    )
+    x, y, z = placed(points, i, turn, shift)
+    return field_at(head, rows, values, b, x, y, z)
 
 
 @bare_kernel
@@ -141,39 +131,23 @@ def _told_back(points, head, rows, values, i, b, turn, shift, scale):  # type: i
 
 
 @inlined_kernel
-def recall_field(
-    orientation: Floats,
-    diameter: Floats,
-    extent: Floats,
-    shape: Integers,
-    pairs: Integers,
-    poses: Floats,
-    points: Floats,
-    head: Floats,
-    rows: Floats,
-    values: NDArray[np.float32],
-    turn: Floats,
-    relative: Floats,
-    shift: Floats,
-    g: int,
-    j: int,
-    gap: float,
-    dx: float,
-    dy: float,
-    dz: float,
-) -> int:
-    """Tell from memory whether grain g meets grain j as in `overlaps_by_sdf`: 0 no, 1 yes, 2 unknown.
+def cached_answer_by_sdf(
+    orientation: Floats, diameter: Floats, extent: Floats, shape: Integers, pairs: Integers, poses: Floats,
+    points: Floats, head: Floats, rows: Floats, values: NDArray[np.float32], turn: Floats, relative: Floats,
+    shift: Floats, g: int, j: int, gap: float, dx: float, dy: float, dz: float,
+) -> int:  # fmt: skip
+    """Return from the cache whether grain g meets grain j as in `overlaps_by_sdf`: 0 no, 1 yes, 2 unknown.
 
     The answers are those that comparing the grains again would give.
     """
     a, b = min(g, j), max(g, j)
     pair = a * len(diameter) + b
     row = row_of_pair(len(pairs), pair)
-    if pairs[row, 0] != pair:
+    if pairs[row, PAIR] != pair:
         return 2
     relate(orientation, diameter, turn, relative, shift, g, j, dx, dy, dz)
-    point = pairs[row, 1]
-    if point >= 0 and pairs[row, 2] == 0:
+    point = pairs[row, POINT]
+    if point >= 0 and pairs[row, OTHER_POINT] == 0:
         if (
             _told(points, head, rows, values, point, shape[b], relative, shift)
             < threshold(extent, a, b, gap) / diameter[b]
@@ -186,23 +160,14 @@ def recall_field(
             return 1
     # points of b that are near a lie within its radius, the threshold and the slack, which is small
     radius = (extent[a, RADIUS] + threshold(extent, b, a, max(gap, 0.0))) / diameter[a] + 2.0 * HORIZON
-    return 0 if moved_since(poses, row, relative, shift, radius) + ROUNDING < poses[row, 12] else 2
+    return 0 if moved_since(poses, row, relative, shift, radius) + ROUNDING < poses[row, SLACK] else 2
 
 
 @inlined_kernel
 def overlaps_by_sdf(
-    bed: Bed,
-    bodies: Bodies,
-    memory: Memory,
-    scratch: Scratch,
-    g: int,
-    j: int,
-    gap: float,
-    dx: float,
-    dy: float,
-    dz: float,
-    moved: float,
-) -> bool:
+    grains: GrainPoses, bodies: Bodies, cache: PairCache, scratch: Scratch, g: int, j: int, gap: float, dx: float,
+    dy: float, dz: float, moved: float,
+) -> bool:  # fmt: skip
     """Return whether a control point of grain g, in the pose that is tried, comes too near to grain j, or the other
     way.
 
@@ -211,22 +176,22 @@ def overlaps_by_sdf(
     tested, and one point of the other grain, so that a grain within another is found.
     """
     a, b = min(g, j), max(g, j)
-    extent, size_a, size_b = bed.extent, bed.diameter[a], bed.diameter[b]
+    extent, size_a, size_b = grains.extent, grains.diameter[a], grains.diameter[b]
     low, back_low = threshold(extent, a, b, gap), threshold(extent, b, a, gap)
     reach = extent[a, RADIUS] + extent[b, RADIUS] + max(low, back_low)
     if dx * dx + dy * dy + dz * dz > reach * reach:
         return False
     relative, shift, scale = scratch.relative, scratch.shift, size_a / size_b
-    relate(bed.orientation, bed.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
+    relate(grains.orientation, grains.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
     finer = extent[a, HALF_SPACING] <= extent[b, HALF_SPACING]
     # what is learned for later is of no use to grains that move farther than that at once
     room = HORIZON * min(1.0, scale) if moved <= 2.0 * HORIZON else 0.0
     point, slack, back = np.int64(-1), room, False
-    _recall_way(bed, memory, scratch, g, a, b)
+    _write_cached_way(grains, cache, scratch, g, a, b)
     if bodies.both or finer:
-        point, slack = _find(bodies, scratch, bed.shape[a], bed.shape[b], scale, low / size_b, room)
+        point, slack = _find(bodies, scratch, grains.shape[a], grains.shape[b], scale, low / size_b, room)
     else:
-        slack = min(slack, _room_of_first(bodies, scratch, bed.shape[a], bed.shape[b], low / size_b))
+        slack = min(slack, _room_of_first(bodies, scratch, grains.shape[a], grains.shape[b], low / size_b))
     if slack < 0.0:
         return True
     if point < 0:
@@ -235,25 +200,26 @@ def overlaps_by_sdf(
         if bodies.both or not finer:
             back = True
             point, other = _find(
-                bodies, scratch, bed.shape[b], bed.shape[a], 1.0 / scale, back_low / size_a, room / scale
+                bodies, scratch, grains.shape[b], grains.shape[a], 1.0 / scale, back_low / size_a, room / scale
             )
             slack = min(slack, scale * other)
         else:
-            other = _room_of_first(bodies, scratch, bed.shape[b], bed.shape[a], back_low / size_a)
+            other = _room_of_first(bodies, scratch, grains.shape[b], grains.shape[a], back_low / size_a)
             slack = min(slack, scale * other)
         if slack < 0.0:
             return True
     if point < 0 and gap < 0.0:
         # points of the surface do not tell of grains whose centers nearly coincide: their cores must keep apart too
-        slack = min(slack, scale * _core_room(bodies, scratch, bed.shape[b], bed.shape[a], 1.0 / scale, gap / size_a))
-        relate(bed.orientation, bed.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
-        slack = min(slack, _core_room(bodies, scratch, bed.shape[a], bed.shape[b], scale, gap / size_b))
+        other = _core_room(bodies, scratch, grains.shape[b], grains.shape[a], 1.0 / scale, gap / size_a)
+        slack = min(slack, scale * other)
+        relate(grains.orientation, grains.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
+        slack = min(slack, _core_room(bodies, scratch, grains.shape[a], grains.shape[b], scale, gap / size_b))
         if slack < 0.0:
             return True
     if a != b:
         if point < 0:
-            relate(bed.orientation, bed.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
-        _remember_field(memory, a * len(bed.diameter) + b, relative, shift, point, back, slack)
+            relate(grains.orientation, grains.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
+        _remember_field(cache, a * len(grains.diameter) + b, relative, shift, point, back, slack)
     return bool(point >= 0)
 
 
@@ -270,14 +236,14 @@ def _find(bodies, scratch, s, t, scale, low, room):  # type: ignore[no-untyped-d
 
 
 @inlined_kernel
-def _recall_way(bed, memory, scratch, g, a, b):  # type: ignore[no-untyped-def]
+def _write_cached_way(grains, cache, scratch, g, a, b):  # type: ignore[no-untyped-def]
     """Write the direction along which two grains were farthest apart, from b to a, in the frame of b; or zero."""
-    pair = a * len(bed.diameter) + b
-    row, way, q = row_of_pair(len(memory.pairs), pair), scratch.way, bed.orientation[b]
+    pair = a * len(grains.diameter) + b
+    row, way, q = row_of_pair(len(cache.pairs), pair), scratch.way, grains.orientation[b]
     if g == b:
         q = scratch.quaternion
-    x, y, z = memory.poses[row, 13], memory.poses[row, 14], memory.poses[row, 15]
-    if a == b or memory.pairs[row, 0] != pair:
+    x, y, z = cache.poses[row, WAY], cache.poses[row, WAY + 1], cache.poses[row, WAY + 2]
+    if a == b or cache.pairs[row, PAIR] != pair:
         x, y, z = 0.0, 0.0, 0.0
     # the other way round is minus the vector part
     tx, ty, tz = 2 * (q[3] * y - q[2] * z), 2 * (q[1] * z - q[3] * x), 2 * (q[2] * x - q[1] * y)
@@ -330,14 +296,10 @@ def _core_room(bodies, scratch, s, t, scale, gap):  # type: ignore[no-untyped-de
 
 
 @bare_kernel
-def _remember_field(memory, pair, relative, shift, point, back, slack):  # type: ignore[no-untyped-def]
+def _remember_field(cache, pair, relative, shift, point, back, slack):  # type: ignore[no-untyped-def]
     """Note the point that refused a pose beside what was known before, or the slack of a pose that was not refused."""
-    row = take_row(memory.pairs, memory.poses, pair)
+    row = claim_row(cache.pairs, cache.poses, pair)
     if point >= 0:
-        memory.pairs[row, 1], memory.pairs[row, 2] = point, 1 if back else 0
+        cache.pairs[row, POINT], cache.pairs[row, OTHER_POINT] = point, 1 if back else 0
         return
-    memory.poses[row, 12] = slack
-    for m in range(3):
-        memory.poses[row, 9 + m] = shift[m]
-        for n in range(3):
-            memory.poses[row, 3 * m + n] = relative[m, n]
+    keep_pose(cache.poses, row, relative, shift, slack)

@@ -1,7 +1,7 @@
 """Planes between two grains: along some direction one ends before the other begins.
 
-A direction that told two grains apart mostly does so again after they moved a little, so the last one is remembered.
-Where it fails, it is mirrored at the line between the points of the two that lie farthest along it, a few times.
+A separating direction usually remains valid after a small move, so the last one is cached. If it fails, it is reflected
+about the line through the two support points, a few times (Chung & Wang 1996).
 
 References
 ----------
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran.packing.control_point.relative_poses import matrix_of
 from voxgran.packing.control_point.support_tables import plane_of
 
 #: directions that are tried one after the other
@@ -33,44 +34,17 @@ def write_span(values: NDArray[np.float32], s: int, size: float, turn: Floats, s
 
 @inlined_kernel
 def find_plane(
-    values: NDArray[np.float32],
-    s: int,
-    size: float,
-    turn: Floats,
-    t: int,
-    unit: float,
-    q: Floats,
-    way: Floats,
-    dx: float,
-    dy: float,
-    dz: float,
-    low: float,
-    tries: int,
-) -> bool:
+    values: NDArray[np.float32], s: int, size: float, turn: Floats, t: int, unit: float, q: Floats, way: Floats,
+    dx: float, dy: float, dz: float, low: float, tries: int,
+) -> bool:  # fmt: skip
     """Return whether a grain of shape s and one of shape t are apart by `low` along `way` or a direction found from it.
 
-    Parameters
-    ----------
-    values : ndarray of float32
-        Those of `Reaches`.
-    s, size, turn
-        Shape, diameter and rotation matrix of the one grain.
-    t, unit, q
-        Shape, diameter and unit quaternion of the other.
-    way : (7,) ndarray of float
-        Unit vector, about from the other grain to the one, with which to begin and which is changed to the next one to
-        be tried; the best one so far, and how far apart it tells the two.
-    dx, dy, dz : float
-        From the center of the other grain to that of the one.
-    low : float
-        How far they have to be apart.
-    tries : int
-        Directions at the most.
+    Of the first grain `size` and `turn` are diameter and rotation matrix, of the other `unit` and `q` diameter and unit
+    quaternion; (dx, dy, dz) leads from the center of the other to that of the first. `way` (7,) holds a unit vector,
+    about from the other grain to the first, with which to begin and which is changed to the next one to be tried; the
+    best one so far, and how far apart it shows the two. At most `tries` directions are tried.
     """
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    r0, r1, r2 = 1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)
-    r3, r4, r5 = 2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)
-    r6, r7, r8 = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = matrix_of(q)
     t0, t1, t2 = turn[0, 0], turn[0, 1], turn[0, 2]
     t3, t4, t5 = turn[1, 0], turn[1, 1], turn[1, 2]
     t6, t7, t8 = turn[2, 0], turn[2, 1], turn[2, 2]

@@ -10,18 +10,10 @@ from voxgran.packing.walking.state import WalkState, no_integers
 
 @dataclass(slots=True, kw_only=True)
 class ControlState(WalkState):
-    """State of control-point packing; until the walk ends, `position` and `orientation` are those of all grains.
+    """State of control-point packing; until the walk ends, `position` and `orientation` are those of all grains."""
 
-    Attributes
-    ----------
-    entered : (n,) ndarray of int
-        1 for grains that have entered, else 0.
-    step : (n,) ndarray of float
-        Present step length of each grain.
-    lid_before : float
-        Distance by which the lid had been lowered when the bed was last examined.
-    """
-
+    # (n,): 1 for grains that have entered, else 0
     entered: Integers = field(default_factory=no_integers)
+    # (n,): present step length of each grain
     step: Floats = field(default_factory=lambda: np.zeros(0))
-    lid_before: float = 0.0
+    lid_before: float = 0.0  # distance by which the lid had been lowered when the bed was last examined

@@ -16,7 +16,20 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import inlined_kernel
-from voxgran.packing.control_point.distance_fields import BALLS, GRID, PLANES, Fields
+from voxgran.packing.control_point.distance_fields import (
+    BALLS,
+    BEGIN,
+    CELL,
+    END,
+    GRID,
+    KIND,
+    NODE,
+    NODES_X,
+    NODES_Y,
+    NODES_Z,
+    PLANES,
+    Fields,
+)
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 
@@ -31,17 +44,12 @@ PRODUCTS = 2**21
 
 
 class Reaches(NamedTuple):
-    """Reaches of several shapes; without any rows where bounding spheres tell as much.
+    """Support functions of several shapes; without any rows where bounding spheres tell as much.
 
-    Attributes
-    ----------
-    values : (shapes, 8, STEPS + 1, STEPS + 1) ndarray of float32
-        Reach along the nodes of the octahedron ``|x| + |y| + |z| = 1``: octants by the signs of x, y and z, then
-        steps along x and along y; where these are more than there are, the table goes on evenly.
-    stretch : (shapes,) ndarray of float
-        By how much a distance grows until the field of the shape tells it in all directions.
-    limit : (shapes,) ndarray of float
-        Up to which distance the field keeps the promise.
+    values: (shapes, 8, STEPS + 1, STEPS + 1), at the nodes of the octahedron ``|x| + |y| + |z| = 1``: octants by the
+    signs of x, y and z, then steps along x and along y; beyond the last node the table continues each triangle.
+    stretch: factor by which a distance must be enlarged so that the signed-distance field is guaranteed to report at
+    least that distance in every direction.  limit: distance up to which this holds.
     """
 
     values: NDArray[np.float32]
@@ -55,30 +63,24 @@ def no_reaches() -> Reaches:
 
 
 def make_reaches(shapes: list[Shape], points: list[Floats], fields: Fields) -> Reaches:
-    """Return the reaches of shapes.
-
-    Parameters
-    ----------
-    shapes : list of Shape
-        At unit diameter.
-    points : list of (n, 3) ndarray of float
-        Control points of each.
-    fields : Fields
-        Of these shapes, or none where no field is asked.
-    """
+    """Return the reaches of shapes at unit diameter with their control points (n, 3) and fields, if there are any."""
     tables, stretch, limit = [], np.ones(len(shapes)), np.full(len(shapes), np.inf)
     for k, (shape, own) in enumerate(zip(shapes, points, strict=True)):
-        pad, kind = ROUNDING, fields.head[k, 0] if len(fields.head) else -1
+        pad, kind = ROUNDING, fields.head[k, KIND] if len(fields.head) else -1
         places = np.concatenate([shape.vertices, np.asarray(own)])
         if kind == GRID:
             limit[k], lack = _what_is_lacking(shape, fields, k)
             pad += lack
         if kind == PLANES:
-            offsets = fields.rows[int(fields.head[k, 1]) : int(fields.head[k, 2]), 3]
-            stretch[k] = max(1.0, shape.bounding_radius / float(offsets.min()))
-        spheres = fields.rows[int(fields.head[k, 1]) : int(fields.head[k, 2])] if kind == BALLS else np.zeros((0, 4))
+            stretch[k] = max(1.0, shape.bounding_radius / float(_rows(fields, k)[:, 3].min()))
+        spheres = _rows(fields, k) if kind == BALLS else np.zeros((0, 4))
         tables.append(_table(places, spheres, pad))
     return Reaches(np.array(tables, dtype=np.float32).reshape(-1, 8, STEPS + 1, STEPS + 1), stretch, limit)
+
+
+def _rows(fields: Fields, k: int) -> Floats:
+    """Return the spheres or planes of a shape."""
+    return fields.rows[int(fields.head[k, BEGIN]) : int(fields.head[k, END])]
 
 
 def _table(places: Floats, spheres: Floats, pad: float) -> Floats:
@@ -103,18 +105,18 @@ def _table(places: Floats, spheres: Floats, pad: float) -> Floats:
 
 
 def _what_is_lacking(shape: Shape, fields: Fields, k: int) -> tuple[float, float]:
-    """Return up to which distance a sampled field is trusted, and by how much it tells less than the distance from the
-    tessellation where it tells no more than that.
+    """Return the distance up to which a sampled field is trusted, and its largest underestimate of the distance from
+    the tessellation within that range.
     """
-    head, count = fields.head[k], fields.head[k, [9, 7, 8]].astype(np.int64)
-    begin = int(fields.rows[int(head[1]), 0])
+    head, count = fields.head[k], fields.head[k, [NODES_X, NODES_Y, NODES_Z]].astype(np.int64)
+    begin = int(fields.rows[int(head[BEGIN]), 0])
     nodes = fields.values[begin : begin + count.prod()].reshape(count).astype(np.float64)
     flat = shape.dimension == 2
     sides = [nodes[0], nodes[-1], nodes[:, 0], nodes[:, -1], *([] if flat else [nodes[:, :, 0], nodes[:, :, -1]])]
     limit = float(min(side.min() for side in sides))
     if isinstance(shape.geometry, Mesh) or flat:
         return limit, shape.tessellation_error
-    limit = min(limit, TRUSTED * float(head[6]))
+    limit = min(limit, TRUSTED * float(head[CELL]))
     asked = np.zeros(count, dtype=np.bool_)
     low = nodes < limit
     for corner in np.ndindex(2, 2, 2):
@@ -122,10 +124,9 @@ def _what_is_lacking(shape: Shape, fields: Fields, k: int) -> tuple[float, float
             into, by = (tuple(slice(c, n - 1 + c) for c, n in zip(at, count, strict=True)) for at in (corner, other))
             asked[into] |= low[by]
     # deep inside, distances are exact or more than exact
-    asked &= nodes > -2.0 * head[6]
-    places = head[3:6] + head[6] * np.argwhere(asked)
-    vertices, faces = shape.vertices, shape.faces
-    true = Mesh(vertices, faces).tree.signed_distance(places)
+    asked &= nodes > -2.0 * head[CELL]
+    places = head[NODE : NODE + 3] + head[CELL] * np.argwhere(asked)
+    true = Mesh(shape.vertices, shape.faces).tree.signed_distance(places)
     return limit, max(shape.tessellation_error, float((true - nodes[asked]).max(initial=0.0)))
 
 

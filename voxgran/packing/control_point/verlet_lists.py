@@ -1,4 +1,4 @@
-"""Lists of the grains near each grain, in place of a look into cells at each attempt.
+"""Verlet lists: the grains near each grain, in place of a search of cells at each attempt.
 
 A list has all grains that come near while neither has moved by a slip since the lists were made. When a grain has, all
 lists are made again: steps are short, so that is seldom. There are none where grains enter, where periodic images of
@@ -20,42 +20,20 @@ SLIP = 0.4
 
 
 class CloseLists(NamedTuple):
-    """Which grains are near each other.
+    """Which grains are near each other."""
 
-    Attributes
-    ----------
-    anchor : (n, 3) ndarray of float
-        Where the grains were when the lists were made.
-    near : (n, ROOM) ndarray of int32
-        Other grains near each one; without rows where there are no lists.
-    many : (n,) ndarray of int
-        How many there are.
-    state : (1,) ndarray of int
-        0: the lists hold; 1: they have to be made; 2: there was a row too short for them.
-    slip : float
-        How far a grain may move from its anchor.
-    """
-
-    anchor: Floats
-    near: NDArray[np.int32]
-    many: Integers
-    state: Integers
-    slip: float
+    anchor: Floats  # (n, 3): positions of the grains when the lists were made
+    near: NDArray[np.int32]  # (n, ROOM): other grains near each one; without rows where there are no lists
+    many: Integers  # (n,): how many there are
+    state: Integers  # (1,): 0: the lists hold; 1: they have to be made; 2: there was a row too short for them
+    slip: float  # largest displacement of a grain from its anchor
 
 
 def make_lists(count: int, lengths: Floats, reach: float, radius: float) -> CloseLists:
-    """Return lists that have to be made, or none.
+    """Return lists of some grains that have to be made, or none.
 
-    Parameters
-    ----------
-    count : int
-        Grains.
-    lengths : (k,) ndarray of float
-        Of the periodic axes.
-    reach : float
-        Largest distance of centers at which grains are compared.
-    radius : float
-        Largest bounding radius.
+    `lengths` are those of the periodic axes, `reach` is the largest distance of centers at which grains are compared,
+    `radius` the largest bounding radius.
     """
     slip = SLIP * radius
     # no grain is then near in two images
@@ -78,25 +56,14 @@ def strayed(anchor: Floats, g: int, place: Floats, lower: Floats, upper: Floats,
 
 @bare_kernel
 def list_close(
-    near: NDArray[np.int32],
-    many: Integers,
-    position: Floats,
-    lower: Floats,
-    upper: Floats,
-    periodic: Integers,
-    place: Floats,
-    g: int,
-    pending: Integers,
-) -> int:
+    near: NDArray[np.int32], many: Integers, position: Floats, lower: Floats, upper: Floats, periodic: Integers,
+    place: Floats, g: int, pending: Integers,
+) -> int:  # fmt: skip
     """List the grains near grain g with their nearest image, and return how many there are."""
-    lx, ly, lz = upper[0] - lower[0], upper[1] - lower[1], upper[2] - lower[2]
     for k in range(many[g]):
         j = np.int64(near[g, k])
-        pending[k, 0], pending[k, 1], pending[k, 2], pending[k, 3] = j, 0, 0, 0
-        if periodic[0] == 1:
-            pending[k, 1] = np.int64(np.floor((place[0] - position[j, 0]) / lx + 0.5))
-        if periodic[1] == 1:
-            pending[k, 2] = np.int64(np.floor((place[1] - position[j, 1]) / ly + 0.5))
-        if periodic[2] == 1:
-            pending[k, 3] = np.int64(np.floor((place[2] - position[j, 2]) / lz + 0.5))
+        pending[k, 0] = j
+        for axis in range(3):
+            away = (place[axis] - position[j, axis]) / (upper[axis] - lower[axis])
+            pending[k, 1 + axis] = np.int64(np.floor(away + 0.5)) if periodic[axis] == 1 else 0
     return many[g]

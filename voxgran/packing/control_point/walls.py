@@ -9,7 +9,17 @@ import numpy as np
 from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.control_point.point_contact import holds, list_points
-from voxgran.packing.control_point.records import BALL, ROUND, Bed, Bodies, Scratch, Walls
+from voxgran.packing.control_point.records import (
+    BALL,
+    HALF_SPACING,
+    HALF_THICKNESS,
+    RADIUS,
+    ROUND,
+    Bodies,
+    GrainPoses,
+    Scratch,
+    Walls,
+)
 from voxgran.packing.control_point.relative_poses import write_matrix
 
 #: how far from the top wall a grain enters, and from a grain the lid stops, in median diameters: more than rounding
@@ -20,22 +30,22 @@ EXACT = 1e-12
 
 @inlined_kernel
 def is_outside(
-    bed: Bed, bodies: Bodies, walls: Walls, mesh: bool | None, scratch: Scratch, g: int, moved: float
+    grains: GrainPoses, bodies: Bodies, walls: Walls, mesh: bool | None, scratch: Scratch, g: int, moved: float
 ) -> bool:
     """Return whether a grain in the tried pose reaches beyond a wall; `moved` bounds how far its points came.
 
     `mesh` is that of the walls: None unless the container is a mesh.
     """
     if mesh is not None:
-        if _is_outside_mesh(bed, bodies, walls, scratch, g, moved):
+        if _is_outside_mesh(grains, bodies, walls, scratch, g, moved):
             return True
         if not walls.lid:
             return False
-    s, size = bed.shape[g], bed.diameter[g]
+    s, size = grains.shape[g], grains.diameter[g]
     margin, begin, end = bodies.margin[s] * size, bodies.hull_start[s], bodies.hull_start[s + 1]
     walled, lower, upper = walls.walled, walls.lower, walls.upper
-    place, turn, hull, radius = scratch.place, scratch.turn, bodies.hull, bed.extent[g, 0]
-    spanned = len(bed.span) > 0
+    place, turn, hull, radius = scratch.place, scratch.turn, bodies.hull, grains.extent[g, RADIUS]
+    spanned = len(grains.span) > 0
     if _is_beyond_flat(
         place, turn, hull, begin, end, size, walled, lower, upper, radius, margin, scratch.span, spanned
     ):
@@ -49,21 +59,21 @@ def is_outside(
 
 
 @bare_kernel
-def room_of_lid(bed: Bed, bodies: Bodies, walls: Walls, scratch: Scratch, down: Integers) -> float:
+def room_of_lid(grains: GrainPoses, bodies: Bodies, walls: Walls, scratch: Scratch, down: Integers) -> float:
     """Return how far the lid, the flat wall against `down`, may come down before it meets a grain."""
     axis = 0 if down[0] != 0 else (1 if down[1] != 0 else 2)
     room = walls.upper[axis] - walls.lower[axis]
-    for g in range(len(bed.placed)):
-        if bed.placed[g] == 0:
+    for g in range(len(grains.placed)):
+        if grains.placed[g] == 0:
             continue
-        s, size, turn = bed.shape[g], bed.diameter[g], scratch.turn
+        s, size, turn = grains.shape[g], grains.diameter[g], scratch.turn
         lid = walls.upper[axis] if down[axis] < 0 else walls.lower[axis]
         # counted from the lid, downward
-        center = down[axis] * (bed.position[g, axis] - lid)
+        center = down[axis] * (grains.position[g, axis] - lid)
         margin = bodies.margin[s] * size + CLEAR
-        if center - bed.extent[g, 0] - margin >= room:
+        if center - grains.extent[g, RADIUS] - margin >= room:
             continue
-        write_matrix(bed.orientation[g], turn)
+        write_matrix(grains.orientation[g], turn)
         for k in range(bodies.hull_start[s], bodies.hull_start[s + 1]):
             p = bodies.hull[k]
             along = size * (turn[axis, 0] * p[0] + turn[axis, 1] * p[1] + turn[axis, 2] * p[2])
@@ -104,14 +114,14 @@ def _is_beyond_round(place, turn, hull, begin, end, size, offset, room, radius, 
 
 
 @bare_kernel
-def _is_outside_mesh(bed, bodies, walls, scratch, g, moved):  # type: ignore[no-untyped-def]
+def _is_outside_mesh(grains, bodies, walls, scratch, g, moved):  # type: ignore[no-untyped-def]
     """Return whether a grain meets the mesh of the container, or lies outside of it."""
-    s, size, last = bed.shape[g], bed.diameter[g], len(bodies.spacing) - 1
-    distance = bed.extent[g, 1] + 0.5 * bodies.spacing[last]
+    s, size, last = grains.shape[g], grains.diameter[g], len(bodies.spacing) - 1
+    distance = grains.extent[g, HALF_SPACING] + 0.5 * bodies.spacing[last]
     for k in range(3):
         scratch.shift[k] = scratch.place[k] - walls.offset[k]
         for m in range(3):
             scratch.relative[k, m] = size * scratch.turn[k, m]
     if list_points(bodies, scratch, s, last, size, distance, distance)[0] < 0:
         return True
-    return moved > bed.extent[g, 2] and not holds(bodies, s, last, scratch.relative, scratch.shift)
+    return moved > grains.extent[g, HALF_THICKNESS] and not holds(bodies, s, last, scratch.relative, scratch.shift)

@@ -8,35 +8,36 @@ import numpy as np
 from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
-from voxgran.packing.digital.bit_columns import Field, grain_words, turned_box, write_turned
+from voxgran.packing.digital.bit_columns import BankRecord, Field, Grains, grain_words, turned_box, write_turned
 from voxgran.packing.digital.fast_path import make_moves
 from voxgran.packing.digital.no_fit_tables import PairTables, enlist, look_up, relist
 from voxgran.packing.digital.periodic_images import (
     copies,
+    find_near,
     image_of,
     look_along_step,
     look_anywhere,
     looked_at,
-    lowest_corner,
+    shifted,
     stamp_images,
     stamp_step,
-    stepped,
-    wrapped,
 )
 from voxgran.packing.digital.proposals import (
-    Rules,
-    Turn,
+    MoveRules,
+    Schedule,
     cycle_start,
     guided_direction,
     pick_direction,
     pick_grain,
 )
-from voxgran.packing.digital.records import Grains, Members
 from voxgran.packing.digital.sleeping import note_rest, sleeps
 from voxgran.packing.digital.stamping import sum_blocked
+from voxgran.packing.digital.state import PAIRS, ROWS, SLEPT
+from voxgran.packing.walking.state import FEEDS, MOVED, MOVES, PLACED, REFUSED, TURNED, TURNS
+from voxgran.packing.walking.vibration import FED_AT, FEED, PATIENCE, ROTATION
 
 
-def put(field: Field, members: Members, grains: Grains, pairs: PairTables, g: int) -> None:
+def put(field: Field, members: BankRecord, grains: Grains, pairs: PairTables, g: int) -> None:
     """Write the bits of a grain that has entered, and stamp it; or note its cell where pairs have tables."""
     if len(pairs.at):
         enlist(field, pairs, g, grains.site[g])
@@ -50,70 +51,50 @@ def _put(field, members, grains, g):  # type: ignore[no-untyped-def]
     m = grains.member[g]
     grains.at[g] = _load(members, grains, g, m, grains.turn[g])
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
-    stamp_images(field, grains.bits, grains.at[g], size, lowest_corner(field, grains.site[g], low))
+    stamp_images(field, grains.bits, grains.at[g], size, shifted(field, grains.site[g], low))
 
 
 @kernel
 def enter_near(
-    field: Field, members: Members, grains: Grains, g: int, member: int, turn: int, site: Integers, ways: Integers
+    field: Field, members: BankRecord, grains: Grains, g: int, member: int, turn: int, site: Integers, ways: Integers
 ) -> int:
     """Let a grain enter at a lattice site, within the walls, or by the first of the ways from there that is free.
 
     Return which one it took, -1 where there is no place.
     """
     low, size = turned_box(members.low[member], members.size[member], members.turns[turn])
-    first = np.zeros(3, dtype=np.int64)
-    for axis in range(3):
-        first[axis] = site[axis] + low[axis]
-        if field.periodic[axis] == 0:
-            first[axis] = max(0, min(first[axis], field.shape[axis] - size[axis]))
     grains.at[g] = _load(members, grains, g, member, turn)
-    for k in range(len(ways)):
-        corner = (
-            wrapped(first[0] + ways[k, 0], field.shape[0], field.periodic[0]),
-            wrapped(first[1] + ways[k, 1], field.shape[1], field.periodic[1]),
-            wrapped(first[2] + ways[k, 2], field.shape[2], field.periodic[2]),
-        )
-        if look_anywhere(field, grains.bits, grains.at[g], size, corner) >= 0:
-            stamp_images(field, grains.bits, grains.at[g], size, corner)
-            _place(grains, g, member, turn, corner, low)
-            return k
-    return -1
+    found = find_near(field, grains.bits, grains.at[g], low, size, site, ways)
+    if found >= 0:
+        corner = shifted(field, site, low)
+        stamp_images(field, grains.bits, grains.at[g], size, corner)
+        _place(grains, g, member, turn, corner, low)
+    return found
 
 
 def make_attempts(
-    field: Field,
-    members: Members,
-    grains: Grains,
-    pairs: PairTables,
-    rules: Rules,
-    turn: Turn,
-    queue: Integers,
-    tally: Integers,
-    key: Words,
-    first: int,
-    last: int,
-) -> int:
+    field: Field, members: BankRecord, grains: Grains, pairs: PairTables, rules: MoveRules, schedule: Schedule,
+    queue: Integers, tally: Integers, key: Words, first: int, last: int,
+) -> int:  # fmt: skip
     """Make attempts `first` ... `last` - 1; return the number of the next one.
 
     It ends early when the queue is empty, the container is full, or a member of the bank is needed that has not been
-    voxelized: then `turn.wanted` tells which, and that attempt is to be made again. The first entries of the queue
-    wait, the others have entered. tally: placed, moves accepted, tried, turns accepted, tried, feeds tried, refused in
-    a row, slept through, rows of columns looked at, pairs looked up.
+    voxelized: then `schedule.wanted` tells which, and that attempt is to be made again. The first entries of the queue
+    wait, the others have entered. tally: counters in the order of `COUNTERS`.
     """
     # None takes the kernels of tables, guided moves and sleeping out of what is compiled
-    hint, slept = (array if len(array) else None for array in (turn.hint, turn.slept))
-    kept = turn._replace(hint=hint, slept=slept)  # type: ignore[arg-type]
+    hint, slept = (array if len(array) else None for array in (schedule.hint, schedule.slept))
+    kept = schedule._replace(hint=hint, slept=slept)  # type: ignore[arg-type]
     tables = pairs if len(pairs.at) else None
     return int(_make_attempts(field, members, grains, tables, rules, kept, queue, tally, key, first, last))
 
 
 @bare_kernel
-def _make_attempts(field, members, grains, pairs, rules, turn, queue, tally, key, first, last):  # type: ignore[no-untyped-def]
-    """Make attempts as `make_attempts`; `pairs`, `turn.hint` and `turn.slept` are None where they are not used."""
-    feeding = rules.schedule[0] < 0
+def _make_attempts(field, members, grains, pairs, rules, schedule, queue, tally, key, first, last):  # type: ignore[no-untyped-def]
+    """Make attempts as `make_attempts`; `pairs`, `schedule.hint` and `schedule.slept` are None where not used."""
+    feeding = rules.vibration[FED_AT] < 0
     # nothing but moves and turns, on a canvas
-    plain = not feeding and pairs is None and turn.hint is None and turn.slept is None
+    plain = not feeding and pairs is None and schedule.hint is None and schedule.slept is None
     attempt = first - 1
     while attempt + 1 < last:
         attempt += 1
@@ -121,56 +102,56 @@ def _make_attempts(field, members, grains, pairs, rules, turn, queue, tally, key
             attempt = make_moves(
                 field.words, field.stride_x, field.stride_w, field.shape, field.margin, field.periodic,
                 members.low, members.size, members.turns, grains.site, grains.member, grains.turn, grains.bits,
-                grains.at, rules.directions, rules.classes, rules.shares, rules.schedule, queue, turn.order, tally,
+                grains.at, rules.directions, rules.classes, rules.shares, rules.vibration, queue, schedule.order, tally,
                 key, attempt, last,
             )  # fmt: skip
             if attempt == last:
                 return last
         r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
         # bits that the choice of a direction does not use
-        enters = np.float64(r2 & np.uint64(0xFFFFFFFF)) < rules.shares[3] * 4294967296.0
-        if feeding and (rules.at_once or tally[0] == 0 or enters):
-            if _is_missing(members, turn, _fed_member(members, queue, tally, key, attempt, r0)):
+        enters = np.float64(r2 & np.uint64(0xFFFFFFFF)) < rules.shares[FEED] * 4294967296.0
+        if feeding and (rules.at_once or tally[PLACED] == 0 or enters):
+            if _is_missing(members, schedule, _fed_member(members, queue, tally, key, attempt, r0)):
                 return attempt
             if _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, r0):
                 return attempt + 1
             continue
-        g = pick_grain(queue, tally[0], turn.order, attempt, r0)
-        if _sleeps_on(field, members, grains, rules, turn, turn.slept, g, attempt):
-            tally[7] += 1
+        g = pick_grain(queue, tally[PLACED], schedule.order, attempt, r0)
+        if _sleeps_on(field, members, grains, rules, schedule, schedule.slept, g, attempt):
+            tally[SLEPT] += 1
             continue
-        if unit_float(r3) < rules.shares[2]:
-            if _is_missing(members, turn, members.kind[g] * members.bases + below(r1, members.bases)):
+        if unit_float(r3) < rules.shares[ROTATION]:
+            if _is_missing(members, schedule, members.kind[g] * members.bases + below(r1, members.bases)):
                 return attempt
-            tally[4] += 1
+            tally[TURNS] += 1
             pose = (below(r1, members.bases), below(r2, len(members.turns)))
-            tally[3] += _turn(field, members, grains, pairs, tally, g, pose)
+            tally[TURNED] += _turn(field, members, grains, pairs, tally, g, pose)
         else:
-            d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares, rules.schedule, attempt)
-            d = _guided(turn.hint, rules, g, d, r0, r3)
+            d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares, rules.vibration, attempt)
+            d = _guided(schedule.hint, rules, g, d, r0, r3)
             step = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2])
-            tally[2] += 1
+            tally[MOVES] += 1
             moved = _move(field, members, grains, pairs, tally, g, step)
-            tally[1] += moved
-            _note_contact(field, members, grains, g, step, moved, turn.hint)
-        _note_rest(field, members, grains, rules, turn, turn.slept, g, attempt)
+            tally[MOVED] += moved
+            _note_contact(field, members, grains, g, step, moved, schedule.hint)
+        _note_rest(field, members, grains, rules, schedule, schedule.slept, g, attempt)
     return last
 
 
 @inlined_kernel
-def _sleeps_on(field, members, grains, rules, turn, slept, g, attempt):  # type: ignore[no-untyped-def]
+def _sleeps_on(field, members, grains, rules, schedule, slept, g, attempt):  # type: ignore[no-untyped-def]
     """Return whether a grain sleeps on; where `slept` is None, no grain sleeps."""
     if slept is None:
         return False
-    return sleeps(field, members, grains, turn, g, cycle_start(rules, attempt))
+    return sleeps(field, members, grains, schedule, g, cycle_start(rules, attempt))
 
 
 @inlined_kernel
-def _note_rest(field, members, grains, rules, turn, slept, g, attempt):  # type: ignore[no-untyped-def]
+def _note_rest(field, members, grains, rules, schedule, slept, g, attempt):  # type: ignore[no-untyped-def]
     """Note whether a grain came to rest; where `slept` is None, no grain sleeps."""
     if slept is None:
         return
-    note_rest(field, members, grains, rules, turn, g, attempt)
+    note_rest(field, members, grains, rules, schedule, g, attempt)
 
 
 @inlined_kernel
@@ -182,18 +163,18 @@ def _guided(hints, rules, g, d, pick, share):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _is_missing(members, turn, member):  # type: ignore[no-untyped-def]
+def _is_missing(members, schedule, member):  # type: ignore[no-untyped-def]
     """Return whether a member has not been voxelized, and note that it is wanted."""
     if members.start[member, 0] >= 0:
         return False
-    turn.wanted[0] = member
+    schedule.wanted[0] = member
     return True
 
 
 @bare_kernel
 def _fed_member(members, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
     """Return as which member the next grain enters."""
-    g = queue[below(word, len(queue) - tally[0])]
+    g = queue[below(word, len(queue) - tally[PLACED])]
     r0, _, _, _ = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
     return members.kind[g] * members.bases + below(r0, members.bases)
 
@@ -222,8 +203,8 @@ def _note_contact(field, members, grains, g, step, moved, hints):  # type: ignor
         return
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
-    old = lowest_corner(field, grains.site[g], low)
-    new = stepped(field, old, step)
+    old = shifted(field, grains.site[g], low)
+    new = shifted(field, old, step)
     many, x, y, z = np.int64(0), np.int64(0), np.int64(0), np.int64(0)
     for ix in range(copies(field, 0, new[0], size[0])):
         for iy in range(copies(field, 1, new[1], size[1])):
@@ -251,13 +232,13 @@ def _move(field, members, grains, pairs, tally, g, step):  # type: ignore[no-unt
     """Move a grain by one voxel where nothing is in the way; return whether it moved."""
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
-    old = lowest_corner(field, grains.site[g], low)
-    new = stepped(field, old, step)
+    old = shifted(field, grains.site[g], low)
+    new = shifted(field, old, step)
     at = grains.at[g]
     if pairs is not None:
         return _move_in_cells(field, members, grains, pairs, tally, g, (m, t), (low, size, new))
     found = look_along_step(field, grains.bits, at, size, new, step)
-    tally[8] += looked_at(found)
+    tally[ROWS] += looked_at(found)
     if found < 0:
         return 0
     stamp_step(field, grains.bits, at, size, old, new, step)
@@ -272,7 +253,7 @@ def _move_in_cells(field, members, grains, pairs, tally, g, pose, box):  # type:
     site = (corner[0] - low[0], corner[1] - low[1], corner[2] - low[2])
     where = (grains.site, grains.member, grains.turn)
     found = look_up(field, pairs, members.turns, where, g, pose, (site, corner, size))
-    tally[9] += looked_at(found)
+    tally[PAIRS] += looked_at(found)
     if found < 0:
         return 0
     if grains.member[g] < 0:
@@ -291,16 +272,16 @@ def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-unt
     m, at = grains.member[g], grains.at[g]
     new_m, turn = members.kind[g] * members.bases + pose[0], pose[1]
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
-    old = lowest_corner(field, grains.site[g], low)
+    old = shifted(field, grains.site[g], low)
     new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
-    new = lowest_corner(field, grains.site[g], new_low)
+    new = shifted(field, grains.site[g], new_low)
     if pairs is not None:
         return _move_in_cells(field, members, grains, pairs, tally, g, (new_m, turn), (new_low, new_size, new))
     stamp_images(field, grains.bits, at, size, old)
     if len(members.at):
         new_at = members.at[new_m * len(members.turns) + turn]
         found = look_anywhere(field, grains.bits, new_at, new_size, new)
-        tally[8] += looked_at(found)
+        tally[ROWS] += looked_at(found)
         if found < 0:
             stamp_images(field, grains.bits, at, size, old)
             return 0
@@ -310,7 +291,7 @@ def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-unt
         start, extent = members.start[new_m], members.size[new_m]
         write_turned(members.words, start, extent, members.turns[turn], grains.scratch, zeros)
         found = look_anywhere(field, grains.scratch, zeros, new_size, new)
-        tally[8] += looked_at(found)
+        tally[ROWS] += looked_at(found)
         if found < 0:
             stamp_images(field, grains.bits, at, size, old)
             return 0
@@ -325,7 +306,7 @@ def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-unt
 @bare_kernel
 def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
     """Let a waiting grain enter in a random orientation, at the top or anywhere; return whether feeding has ended."""
-    waiting = len(queue) - tally[0]
+    waiting = len(queue) - tally[PLACED]
     slot = below(word, waiting)
     g = queue[slot]
     r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
@@ -337,13 +318,13 @@ def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word
         _entry(field, rules, 1, size[1], r2),
         _entry(field, rules, 2, size[2], r3),
     )
-    tally[5] += 1
+    tally[FEEDS] += 1
     if not _enter(field, members, grains, pairs, tally, g, (m, turn), (low, size, corner)):
-        tally[6] += 1
-        return tally[6] >= rules.schedule[3]
+        tally[REFUSED] += 1
+        return tally[REFUSED] >= rules.vibration[PATIENCE]
     queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
-    tally[0] += 1
-    tally[6] = 0
+    tally[PLACED] += 1
+    tally[REFUSED] = 0
     return waiting == 1
 
 
@@ -355,7 +336,7 @@ def _enter(field, members, grains, pairs, tally, g, pose, box):  # type: ignore[
         return _move_in_cells(field, members, grains, pairs, tally, g, pose, box) == 1
     grains.at[g] = _load(members, grains, g, pose[0], pose[1])
     found = look_anywhere(field, grains.bits, grains.at[g], size, corner)
-    tally[8] += looked_at(found)
+    tally[ROWS] += looked_at(found)
     if found < 0:
         return False
     stamp_images(field, grains.bits, grains.at[g], size, corner)

@@ -2,7 +2,8 @@
 
 Two things live here: the bank, which holds the voxels of each grain packed along each of its three axes, so that any
 of the 24 rotations of the lattice is a copy of whole columns; and the canvas, which is the packed occupancy of the
-container. :mod:`voxgran.packing.digital.stamping` tests and stamps grains word by word.
+container. :mod:`voxgran.packing.digital.stamping` tests and stamps grains word by word. (Methods that search the whole
+lattice need boolean masks and each orientation once: :mod:`voxgran.packing.digital.oriented_voxels`.)
 
 Canvas words lie as ``canvas[x, word of z, y]`` and grain words as ``bits[x, word of z, y]`` with a ring of empty
 columns, and rows are filled up with empty ones, so that eight neighbouring words along y are treated at once. On a
@@ -18,6 +19,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran.lattice.packed import PackedMask
 from voxgran.packing.digital.simd import LANES
 
 Triple: TypeAlias = tuple[int, int, int]
@@ -37,43 +39,71 @@ class Field(NamedTuple):
     periodic: Integers
 
 
-@dataclass(slots=True)
-class Bank:
-    """Voxels of members (a member is a grain in one base orientation), packed along each axis.
+class BankRecord(NamedTuple):
+    """A :class:`VoxelBank` as kernels take it; `turns` are signed permutations of the axes.
 
-    Attributes
-    ----------
-    words : (w,) ndarray of uint64
-        Packed columns; there may be room for more.
-    start : (m, 3) ndarray of int
-        Where the columns of a member along each axis begin; -1 for members that have not been needed.
-    low : (m, 3) ndarray of int
-        Lowest voxel of the member along each axis, counted from the corner at its centroid.
-    size : (m, 3) ndarray of int
-        Extents in voxels.
-    voxels : (m,) ndarray of int
-        Number of voxels.
-    filled : int
-        Words that are taken.
+    kind: of each grain; its members are `bases` from kind * bases on.  at: where each member in each turn begins in the
+    bits that all grains share; empty where each grain has bits of its own.
     """
 
     words: Words
     start: Integers
     low: Integers
     size: Integers
-    voxels: Integers
-    filled: int = 0
+    turns: Integers
+    bases: int
+    kind: Integers
+    at: Integers
+
+
+class Grains(NamedTuple):
+    """Positions of the grains: lattice site of the centroid, member of the bank (-1: waiting), turn.
+
+    at: where the bits of each begin now.  own: where its own bits begin, where it has some.
+    """
+
+    site: Integers
+    member: Integers
+    turn: Integers
+    bits: Words
+    at: Integers
+    own: Integers
+    scratch: Words
+
+
+@dataclass(slots=True)
+class VoxelBank:
+    """Voxels of members (a member is a grain in one base orientation), packed along each axis."""
+
+    words: Words  # packed columns; there may be room for more
+    start: Integers  # (m, 3): first word of a member along each axis; -1 where it has not been needed
+    low: Integers  # (m, 3): lowest voxel, counted from the corner at the centroid
+    size: Integers  # (m, 3): extents in voxels
+    voxels: Integers  # (m,): number of voxels
+    filled: int = 0  # words that are taken
+
+    @classmethod
+    def empty(cls, count: int) -> "VoxelBank":
+        """Return a bank for members that are voxelized when they are needed."""
+        start, low, size = (np.full((count, 3), value, dtype=np.int64) for value in (-1, 0, 0))
+        return cls(np.zeros(0, np.uint64), start, low, size, np.zeros(count, dtype=np.int64))
+
+    @classmethod
+    def from_masks(cls, count: int, mask_of: Callable[[int], Booleans]) -> "VoxelBank":
+        """Return a bank of all members; `mask_of` takes the number of one and returns what :meth:`add` takes."""
+        bank = cls.empty(count)
+        for member in range(count):
+            bank.add(member, mask_of(member))
+        bank.words = bank.words[: bank.filled].copy()
+        return bank
 
     def add(self, member: int, mask: Booleans) -> None:
         """Pack the voxels of a member: a centered mask, whose corner at its middle is the centroid."""
-        filled = [np.flatnonzero(mask.any(axis=tuple(k for k in range(3) if k != axis))) for axis in range(3)]
-        first = np.array([line[0] for line in filled])
-        self.size[member] = np.array([line[-1] for line in filled]) + 1 - first
-        self.low[member] = first - np.array(mask.shape) // 2
-        self.voxels[member] = np.count_nonzero(mask)
-        box = mask[tuple(slice(a, a + n) for a, n in zip(first, self.size[member], strict=True))]
+        box, self.low[member] = cut_to_box(mask)
+        self.size[member], self.voxels[member] = box.shape, np.count_nonzero(box)
         for axis in range(3):
-            columns = pack_columns(box.transpose((axis + 1) % 3, (axis + 2) % 3, axis)).reshape(-1)
+            along = box.transpose((axis + 1) % 3, (axis + 2) % 3, axis)
+            columns = PackedMask.from_mask(along).words.reshape(-1)
             end = self.filled + len(columns)
             if end > len(self.words):
                 grown = np.zeros(max(end, 2 * len(self.words)), dtype=np.uint64)
@@ -83,82 +113,60 @@ class Bank:
             self.start[member, axis] = self.filled
             self.filled = end
 
-    @property
-    def nbytes(self) -> int:
-        """Size in bytes."""
-        return self.words.nbytes + self.start.nbytes + self.low.nbytes + self.size.nbytes
+    def mask(self, member: int) -> Booleans:
+        """Return the voxels of a member, cut to their box."""
+        wide, deep, tall = (int(n) for n in self.size[member])
+        begin, many = int(self.start[member, 2]), -(-tall // 64)
+        words = self.words[begin : begin + wide * deep * many].reshape(wide, deep, many)
+        return PackedMask(words, (wide, deep, tall)).unpacked()
 
 
-def empty_bank(count: int) -> Bank:
-    """Return a bank for members that are voxelized when they are needed."""
-    start, low, size = (np.full((count, 3), value, dtype=np.int64) for value in (-1, 0, 0))
-    return Bank(np.zeros(0, np.uint64), start, low, size, np.zeros(count, dtype=np.int64))
+def cut_to_box(mask: Booleans) -> tuple[Booleans, Integers]:
+    """Return the box of the voxels of a centered mask, and its lowest voxel, counted from the corner at the middle."""
+    filled = [np.flatnonzero(mask.any(axis=tuple(k for k in range(3) if k != axis))) for axis in range(3)]
+    if not len(filled[0]):
+        return np.zeros((0, 0, 0), dtype=np.bool_), np.zeros(3, dtype=np.int64)
+    box = mask[tuple(slice(line[0], line[-1] + 1) for line in filled)]
+    return np.ascontiguousarray(box), np.array([line[0] for line in filled]) - np.array(mask.shape) // 2
 
 
-def make_bank(count: int, mask_of: Callable[[int], Booleans]) -> Bank:
-    """Pack the masks of all members.
-
-    Parameters
-    ----------
-    count : int
-        Number of members.
-    mask_of : callable
-        Member index to its mask, centered: the corner at its middle is the centroid.
-    """
-    bank = empty_bank(count)
-    for member in range(count):
-        bank.add(member, mask_of(member))
-    bank.words = bank.words[: bank.filled].copy()
-    return bank
+def signed_axes(rotations: Integers) -> Integers:
+    """Return rotations of the lattice, (r, 3, 3), as signed permutations of the axes, (r, 3); see `turned_box`."""
+    return np.abs(rotations).argmax(axis=2) + 3 * (rotations.sum(axis=2) < 0)
 
 
-def pack_columns(mask: Booleans) -> Words:
-    """Return (u, v, words) bit columns along the last axis of a (u, v, n) mask; bit b of word w is voxel 64 w + b."""
-    words = -(-mask.shape[2] // 64)
-    padded = np.zeros((*mask.shape[:2], words * 64), dtype=np.uint8)
-    padded[:, :, : mask.shape[2]] = mask
-    packed = np.packbits(padded, axis=2, bitorder="little")
-    return np.ascontiguousarray(packed).view("<u8").astype(np.uint64, copy=False)
-
-
-def unpack_columns(words: Words, height: int) -> Booleans:
-    """Return the (u, v, height) mask of (u, v, words) bit columns."""
-    flat = np.ascontiguousarray(words).astype("<u8", copy=False).view(np.uint8)
-    return np.unpackbits(flat, axis=2, count=height, bitorder="little").astype(bool)
+def turned_mask(mask: Booleans, turn: Integers) -> Booleans:
+    """Return a mask after a signed permutation of the axes."""
+    return np.ascontiguousarray(np.flip(mask.transpose(turn % 3), tuple(np.flatnonzero(turn > 2).tolist())))
 
 
 @dataclass(frozen=True, slots=True)
 class Canvas:
-    """Where the packed occupancy lies: sizes and margins.
+    """Layout of the packed occupancy."""
 
-    Attributes
-    ----------
-    shape : (3,) ndarray of int
-        Voxels of the container along x, y, z.
-    margin : (3,) ndarray of int
-        Voxels before the first and at least as many after the last: 1 at walls, the largest grain where periodic.
-    periodic : (3,) ndarray of int
-        1 where the axis is periodic.
-    """
+    shape: Integers  # (3,): voxels of the container along x, y, z
+    margin: Integers  # (3,): voxels before the first and after the last: 1 at walls, the largest grain where periodic
+    periodic: Integers  # (3,): 1 where the axis is periodic
 
-    shape: Integers
-    margin: Integers
-    periodic: Integers
+    @classmethod
+    def for_grains(cls, shape: Integers, periodic: tuple[bool, ...], extents: Integers) -> "Canvas":
+        """Return the canvas of a container for grains of some extents in voxels."""
+        wraps = np.array(periodic, dtype=np.int64)
+        return cls(shape, np.where(wraps, int(extents.max(initial=1)) + 1, 1).astype(np.int64), wraps)
 
     @property
-    def word_shape(self) -> tuple[int, int, int]:
+    def word_shape(self) -> Triple:
         """Shape of the word array: x, words along z, y."""
         full = self.shape + 2 * self.margin
         return int(full[0]), int(-(-full[2] // 64)), int(full[1])
 
-    def words(self, free: Booleans | None) -> Words:
-        """Return the canvas of an empty container, flat.
+    def field(self, words: Words) -> Field:
+        """Return the canvas with some words as kernels take it."""
+        _, many, deep = self.word_shape
+        return Field(words, many * deep, deep, self.shape, self.margin, self.periodic)
 
-        Parameters
-        ----------
-        free : ndarray of bool or None
-            Voxels that grains may take; None for all.
-        """
+    def words(self, free: Booleans | None) -> Words:
+        """Return the canvas of an empty container, flat; `free` are the voxels that grains may take, None for all."""
         nx, nw, ny = self.word_shape
         words = np.empty((nx, nw, ny), dtype=np.uint64)
         inner = [slice(m, m + n) for m, n in zip(self.margin.tolist(), self.shape.tolist(), strict=True)]
@@ -174,15 +182,26 @@ class Canvas:
                 low, high = (min(max(x, inner[0].start), inner[0].stop) for x in (begin, begin + step))
                 place = slice(low - begin, high - begin)
                 blocked[place, inner[1], inner[2]] |= ~free[low - inner[0].start : high - inner[0].start]
-            words[begin : begin + step] = pack_columns(blocked).transpose(0, 2, 1)
+            words[begin : begin + step] = column_words(blocked)
         # a row is read eight words at a time, beyond its end
         return np.concatenate([words.reshape(-1), np.zeros(LANES, dtype=np.uint64)])
 
     def occupied(self, words: Words) -> Booleans:
         """Return the (nx, ny, nz) mask of what is taken inside the container."""
         nx, nw, ny = self.word_shape
-        mask = unpack_columns(words[: nx * nw * ny].reshape(nx, nw, ny).transpose(0, 2, 1), nw * 64)
+        mask = mask_of_words(words[: nx * nw * ny].reshape(nx, nw, ny), nw * 64)
         return mask[tuple(slice(m, m + n) for m, n in zip(self.margin, self.shape, strict=True))]
+
+
+def column_words(mask: Booleans) -> Words:
+    """Return the words ``[x, word of z, y]`` of an (nx, ny, nz) mask."""
+    return PackedMask.from_mask(mask).words.transpose(0, 2, 1)
+
+
+def mask_of_words(words: Words, height: int) -> Booleans:
+    """Return the (nx, ny, height) mask of words ``[x, word of z, y]``."""
+    nx, _, ny = words.shape
+    return PackedMask(np.ascontiguousarray(words.transpose(0, 2, 1)), (nx, ny, height)).unpacked()
 
 
 def aligned_words(count: int) -> Words:

@@ -19,36 +19,15 @@ MOST_ORIENTATIONS = 10**6
 
 @dataclass(frozen=True, slots=True)
 class ContainerLattice:
-    """Voxels over the bounds of a container.
+    """Voxels over the bounds of a container."""
 
-    Attributes
-    ----------
-    corner : (3,) ndarray of float
-        Lower corner of voxel (0, 0, 0), in median diameters.
-    voxel_size : float
-        Edge of a voxel, in median diameters.
-    shape : (3,) ndarray of int
-        Whole voxels along x, y, z; 1 along z in 2D.
-    """
-
-    corner: Floats
-    voxel_size: float
-    shape: Integers
+    corner: Floats  # (3,): lower corner of voxel (0, 0, 0), in median diameters
+    voxel_size: float  # in median diameters
+    shape: Integers  # (3,): whole voxels along x, y, z; 1 along z in 2D
 
 
-def container_lattice(problem: Problem, voxel_size: float) -> ContainerLattice:
+def container_lattice(problem: Problem) -> ContainerLattice:
     """Return the lattice of the container with voxels no larger than asked, a whole number along periodic axes.
-
-    Parameters
-    ----------
-    problem : Problem
-        In the normalized frame.
-    voxel_size : float
-        Largest edge of a voxel, in median diameters.
-
-    Returns
-    -------
-    ContainerLattice
 
     Raises
     ------
@@ -57,7 +36,8 @@ def container_lattice(problem: Problem, voxel_size: float) -> ContainerLattice:
     TooLargeError
         If there are more than 2**40 voxels.
     """
-    container = problem.container
+    container, asked = problem.container, problem.parameters.voxel_size
+    voxel_size = problem.parameters.usual_voxel_size if asked is None else problem.length(asked)
     lower, upper = container.bounds
     lengths = (upper - lower)[: container.dimension]
     if float(np.log2(np.maximum(lengths / voxel_size, 1.0)).sum()) > np.log2(MOST_VOXELS):
@@ -88,19 +68,7 @@ def _dividing_size(lengths: Floats, voxel_size: float, unit: float) -> float:
 
 
 def free_voxels(container: Container, lattice: ContainerLattice) -> Booleans | None:
-    """Return which voxels lie wholly inside the container; None where all do.
-
-    Parameters
-    ----------
-    container : Container
-        In median diameters.
-    lattice : ContainerLattice
-        Its lattice.
-
-    Returns
-    -------
-    (nx, ny, nz) ndarray of bool or None
-    """
+    """Return the mask (nx, ny, nz) of the voxels that lie wholly inside the container; None where all do."""
     walls = boundary_of(container)
     if walls.is_flat:
         return None

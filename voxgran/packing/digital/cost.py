@@ -14,7 +14,6 @@ from voxgran.packing.digital.precompute import (
     digital_kinds,
     mean_width,
     tables_pay,
-    voxel_size_of,
 )
 from voxgran.packing.method import Cost
 from voxgran.packing.problem import Problem
@@ -24,7 +23,7 @@ from voxgran.packing.walking.feeding import most_attempts
 def digital_cost(problem: Problem) -> Cost:
     """Return what a run takes."""
     settings = problem.parameters
-    lattice = container_lattice(problem, voxel_size_of(problem))
+    lattice = container_lattice(problem)
     width = np.array([mean_width(shape) for shape in problem.shapes])[problem.shape_id] * problem.diameter
     radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
     wide, half = width / lattice.voxel_size + 2, np.ceil(radius / lattice.voxel_size) + 1

@@ -1,7 +1,6 @@
-"""The loop in which a walk on a canvas spends its time: moves that nothing else hangs on.
+"""Fast path of the walk on a canvas: translations only, without feeding, rotations, sleeping or guided moves.
 
-It holds what such moves need and no more, and the kernels it calls are written into it: handing arrays from one to the
-next took as long as looking at the voxels of a small grain.
+The kernels that it calls are inlined: passing arrays from one to the next takes as long as testing a small grain.
 """
 
 import numpy as np
@@ -14,19 +13,21 @@ from voxgran.packing.digital.periodic_images import (
     image_of,
     look_along_step,
     looked_at,
-    lowest_corner,
+    shifted,
     stamp_step,
-    stepped,
 )
 from voxgran.packing.digital.proposals import pick_direction, pick_grain
 from voxgran.packing.digital.stamping import look_along_low, stamp_low_move
+from voxgran.packing.digital.state import ROWS
+from voxgran.packing.walking.state import MOVED, MOVES, PLACED
+from voxgran.packing.walking.vibration import ROTATION
 
 
 @bare_kernel
 def make_moves(
     words: Words, stride_x: int, stride_w: int, shape: Integers, margin: Integers, periodic: Integers, lows: Integers,
     sizes: Integers, turns: Integers, site: Integers, member: Integers, turn: Integers, bits: Words, at: Integers,
-    directions: Integers, classes: Integers, shares: Floats, schedule: Integers, queue: Integers, order: Integers,
+    directions: Integers, classes: Integers, shares: Floats, vibration: Integers, queue: Integers, order: Integers,
     tally: Integers, key: Words, first: int, last: int,
 ) -> int:  # fmt: skip
     """Make attempts `first` ... `last` - 1 as long as they are moves; return the number of the next one.
@@ -34,19 +35,19 @@ def make_moves(
     The parameters are those of :func:`voxgran.packing.digital.attempts.make_attempts`, one by one.
     """
     field = Field(words, stride_x, stride_w, shape, margin, periodic)
-    placed, rows = tally[0], 0
+    placed, rows = tally[PLACED], 0
     for attempt in range(first, last):
         r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
-        if unit_float(r3) < shares[2]:
-            tally[8] += rows
+        if unit_float(r3) < shares[ROTATION]:
+            tally[ROWS] += rows
             return attempt
         g = pick_grain(queue, placed, order, attempt, r0)
-        d = pick_direction(unit_float(r1), r2, classes, shares, schedule, attempt)
+        d = pick_direction(unit_float(r1), r2, classes, shares, vibration, attempt)
         step = (directions[d, 0], directions[d, 1], directions[d, 2])
         low, size = turned_box(lows[member[g]], sizes[member[g]], turns[turn[g]])
-        old = lowest_corner(field, site[g], low)
-        new = stepped(field, old, step)
-        tally[2] += 1
+        old = shifted(field, site[g], low)
+        new = shifted(field, old, step)
+        tally[MOVES] += 1
         if size[2] <= 64 and _stays_whole(field, old, size):
             image = image_of(field, new, 0, 0, 0)
             found = look_along_low(field, bits, at[g], size, image, step)
@@ -62,8 +63,8 @@ def make_moves(
             stamp_step(field, bits, at[g], size, old, new, step)
         for axis in range(3):
             site[g, axis] = new[axis] - low[axis]
-        tally[1] += 1
-    tally[8] += rows
+        tally[MOVED] += 1
+    tally[ROWS] += rows
     return last
 
 

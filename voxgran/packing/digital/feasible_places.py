@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Booleans, Integers, Words
 from voxgran._base.kernels import kernel
 from voxgran._base.stopping import stop_if_asked
-from voxgran.packing.digital.bit_columns import pack_columns
+from voxgran.packing.digital.bit_columns import column_words
 
 #: words that are joined between two looks whether to stop, and runs at the least: columns are grown anew for these
 JOINED_WORDS, FEWEST_RUNS = 2**26, 16
@@ -32,21 +32,11 @@ class Room(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Differences of places at which two oriented grains overlap.
+    """Differences of places at which two oriented grains overlap."""
 
-    Attributes
-    ----------
-    words : (x, w, y) ndarray of uint64
-        Bit columns.
-    low : (3,) ndarray of int
-        Lowest difference.
-    size : (3,) ndarray of int
-        Extents.
-    """
-
-    words: Words
-    low: Integers
-    size: Integers
+    words: Words  # (x, w, y): bit columns
+    low: Integers  # (3,): lowest difference
+    size: Integers  # (3,): extents
 
     @property
     def nbytes(self) -> int:
@@ -64,16 +54,11 @@ def runs_of(mask: Booleans) -> Integers:
 def overlap_table(here: Booleans, here_low: Integers, there: Booleans, there_low: Integers) -> Table:
     """Return at which places of `there`, counted from the place of `here`, the two overlap.
 
-    Parameters
-    ----------
-    here, there : ndarray of bool
-        Voxels, cut to their boxes.
-    here_low, there_low : (3,) ndarray of int
-        Their lowest voxels, counted from the corner at the centroid.
+    Voxels are cut to their boxes, and lowest voxels counted from the corner at the centroid.
     """
     size = np.array(here.shape) + np.array(there.shape) - 1
     words = np.zeros((size[0], -(-size[2] // 64), size[1]), dtype=np.uint64)
-    columns, runs = np.ascontiguousarray(pack_columns(here).transpose(0, 2, 1)), runs_of(there)
+    columns, runs = np.ascontiguousarray(column_words(here)), runs_of(there)
     step = max(FEWEST_RUNS, JOINED_WORDS // max(columns.size, 1))
     for first in range(0, len(runs), step):
         stop_if_asked()
@@ -84,18 +69,8 @@ def overlap_table(here: Booleans, here_low: Integers, there: Booleans, there_low
 def blocked_map(room: Room, taken: Booleans | None, low: Integers, mask: Booleans, shape: Integers) -> Words:
     """Return the map of an oriented grain in an empty container: 1 where it would meet a wall or what is taken.
 
-    Parameters
-    ----------
-    room : Room
-        Places.
-    taken : (nx, ny, nz) ndarray of bool or None
-        Voxels of the lattice that grains may not take.
-    low : (3,) ndarray of int
-        Lowest voxel of the grain, counted from the corner at the centroid.
-    mask : ndarray of bool
-        Its voxels.
-    shape : (3,) ndarray of int
-        Voxels of the lattice.
+    `taken` are the voxels of the lattice of some shape that grains may not take, None for none; `low` is the lowest
+    voxel of the grain, counted from the corner at its centroid, and `mask` its voxels.
     """
     full, lines = np.uint64(0xFFFFFFFFFFFFFFFF), []
     for axis in range(3):
@@ -106,7 +81,7 @@ def blocked_map(room: Room, taken: Booleans | None, low: Integers, mask: Boolean
             lines.append((line < 0) | (line + mask.shape[axis] > shape[axis]))
     column = np.pad(lines[2], (0, room.words * 64 - len(lines[2])), constant_values=True)
     words = np.empty((len(lines[0]), room.words, len(lines[1])), dtype=np.uint64)
-    words[...] = pack_columns(column[None, None])[0, 0, :, None]
+    words[...] = column_words(column[None, None])[0]
     words[lines[0]] = full
     words[:, :, lines[1]] = full
     if taken is not None and taken.any():
@@ -195,110 +170,34 @@ def join(words: Words, places: Integers, table: Words, corner: Integers) -> None
                         row[begin + j] |= (source[first_y + j] >> np.uint64(1)) >> back
 
 
-@kernel
-def best_at(words: Words, level: int, axis: int, periodic: Integers, places: Integers) -> tuple[int, int]:
-    """Return the most blocked sides of the free places with a coordinate, and how many places have them.
+def most_blocked_at(words: Words, level: int, axis: int, room: Room) -> tuple[int, Integers]:
+    """Return the most blocked sides of the free places with a coordinate, -1 for none, and these places (k, 3).
 
     Sides along the coordinate do not count: what lies above is hardly ever blocked, and what lies below always.
     """
-    best, count = np.int64(-1), 0
-    for i in range(words.shape[0]):
-        if axis == 0 and i != level:
-            continue
-        for w in range(words.shape[1]):
-            if axis == 2 and w != level >> 6:
-                continue
-            for j in range(words.shape[2]):
-                if axis == 1 and j != level:
-                    continue
-                free = _free_bits(words, i, w, j, level, axis)
-                while free:
-                    k = 64 * w + _ones((free & (~free + np.uint64(1))) - np.uint64(1))
-                    sides = _sides_at(words, i, j, k, axis, periodic, places)
-                    if sides > best:
-                        best, count = sides, 0
-                    count += sides == best
-                    free &= free - np.uint64(1)
-    return int(best), count
+    places = np.arange(level, level + 1) if axis == 2 else np.arange(room.places[2])
+    part = words[level : level + 1] if axis == 0 else words[:, :, level : level + 1] if axis == 1 else words
+    blocked = part[:, places >> 6].transpose(0, 2, 1) >> (places & 63).astype(np.uint64) & np.uint64(1) != 0
+    if blocked.all():
+        return -1, np.zeros((0, 3), dtype=np.int64)
+    sides = np.zeros(blocked.shape, dtype=np.int64)
+    for side in (k for k in range(3) if k != axis):
+        ends = [(1, 1) if k == side else (0, 0) for k in range(3)]
+        around = np.pad(blocked, ends, "wrap") if room.periodic[side] else np.pad(blocked, ends, constant_values=True)
+        sides += np.delete(around, [0, 1], side)
+        sides += np.delete(around, [-1, -2], side)
+    sides[blocked] = -1
+    best = int(sides.max())
+    found = np.argwhere(sides == best) + level * (np.arange(3) == axis)
+    # x by x, and there word by word
+    return best, found[np.lexsort((found[:, 2], found[:, 1], found[:, 2] >> 6, found[:, 0]))]
 
 
-@kernel
-def nth_best_at(
-    words: Words, level: int, axis: int, periodic: Integers, places: Integers, best: int, rank: int, place: Integers
-) -> None:
-    """Find the place of a rank among the free ones with a coordinate and so many blocked sides."""
-    for i in range(words.shape[0]):
-        if axis == 0 and i != level:
-            continue
-        for w in range(words.shape[1]):
-            if axis == 2 and w != level >> 6:
-                continue
-            for j in range(words.shape[2]):
-                if axis == 1 and j != level:
-                    continue
-                free = _free_bits(words, i, w, j, level, axis)
-                while free:
-                    k = 64 * w + _ones((free & (~free + np.uint64(1))) - np.uint64(1))
-                    if _sides_at(words, i, j, k, axis, periodic, places) == best:
-                        if rank == 0:
-                            place[0], place[1], place[2] = i, j, k
-                            return
-                        rank -= 1
-                    free &= free - np.uint64(1)
-
-
-@kernel
-def _free_bits(words, i, w, j, level, axis):  # type: ignore[no-untyped-def]
-    """Return the free places of a word, of a level along z that one alone."""
-    free = ~words[i, w, j]
-    return free & (np.uint64(1) << np.uint64(level & 63)) if axis == 2 else free
-
-
-@kernel
-def _sides_at(words, i, j, k, axis, periodic, places):  # type: ignore[no-untyped-def]
-    """Count the blocked neighbours of a place across an axis."""
-    sides = np.int64(0)
-    for other in range(3):
-        if other == axis:
-            continue
-        for step in (-1, 1):
-            x, y, z = i, j, k
-            if other == 0:
-                x += step
-            elif other == 1:
-                y += step
-            else:
-                z += step
-            at = x if other == 0 else (y if other == 1 else z)
-            if at < 0 or at >= places[other]:
-                if not periodic[other]:
-                    sides += 1
-                    continue
-                x, y, z = (x + places[0]) % places[0], (y + places[1]) % places[1], (z + places[2]) % places[2]
-            sides += np.int64((words[x, z >> 6, y] >> np.uint64(z & 63)) & np.uint64(1))
-    return sides
-
-
-@kernel
-def free_among(words: Words, sites: Integers, room_y: int, room_z: int) -> np.int64:
-    """Count the free places of a list."""
-    count = np.int64(0)
-    for s in sites:
-        i, j, k = s // (room_y * room_z), s // room_z % room_y, s % room_z
-        count += np.int64(~(words[i, k >> 6, j] >> np.uint64(k & 63)) & np.uint64(1))
-    return count
-
-
-@kernel
-def nth_free_among(words: Words, sites: Integers, room_y: int, room_z: int, rank: int, place: Integers) -> None:
-    """Find the free place of a rank in a list."""
-    for s in sites:
-        i, j, k = s // (room_y * room_z), s // room_z % room_y, s % room_z
-        if (words[i, k >> 6, j] >> np.uint64(k & 63)) & np.uint64(1) == 0:
-            if rank == 0:
-                place[0], place[1], place[2] = i, j, k
-                return
-            rank -= 1
+def free_among(words: Words, sites: Integers, places: Integers) -> Integers:
+    """Return the free places (k, 3) of a list of flat ones."""
+    i, j, k = np.unravel_index(sites, places)
+    free = words[i, k >> 6, j] >> (k & 63).astype(np.uint64) & np.uint64(1) == 0
+    return np.column_stack([i, j, k])[free]
 
 
 @kernel

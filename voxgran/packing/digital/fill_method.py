@@ -15,43 +15,43 @@ two-dimensional irregular packing problem, doi:10.1287/opre.1060.0293.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers, Words, as_count, as_length
+from voxgran._base.arrays import Booleans, Floats, Integers, Words
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran._base.stopping import stop_if_asked
-from voxgran.packing.digital.bit_columns import Canvas, Field
-from voxgran.packing.digital.container_lattice import (
-    MOST_ORIENTATIONS,
-    ContainerLattice,
-    container_lattice,
-    free_voxels,
-    positions_on,
-)
+from voxgran.packing.digital.bit_columns import Canvas
+from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, free_voxels
 from voxgran.packing.digital.feasible_places import (
     Room,
     Table,
     add_table,
-    best_at,
     blocked_map,
     count_contacts,
     free_among,
-    nth_best_at,
-    nth_free_among,
+    most_blocked_at,
     nth_of_contacts,
     overlap_table,
     wall_shells,
 )
-from voxgran.packing.digital.oriented_voxels import Oriented, base_orientations, kinds_of, orient, stand_start
+from voxgran.packing.digital.oriented_voxels import (
+    OrientedVoxels,
+    enter_start,
+    kinds_of,
+    number_of_poses,
+    orient,
+    packing_of_sites,
+    places_of,
+)
+from voxgran.packing.digital.parameters import LatticeSearch
 from voxgran.packing.gravity import axis_of, gravity_text
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.start import Start
 
 #: a score, smaller is better, and how many places have it
 Ranked: TypeAlias = tuple[tuple[int, int], int]
@@ -63,7 +63,7 @@ SLAB_WORDS = 2**18
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class DigitalFill:
+class DigitalFill(LatticeSearch):
     """Parameters of digital filling.
 
     Raises
@@ -72,11 +72,10 @@ class DigitalFill:
         If a number is out of its range, or the lowest place is asked without gravity.
     """
 
+    usual_voxel_size: ClassVar[float] = 1 / 20
+
     voxel_size: float | None = parameter(
         None, doc="edge of a voxel; left out: 1/20 of the median diameter", unit="length"
-    )
-    cover: Literal["touch", "center"] = parameter(
-        "touch", doc="voxels that a grain takes: all that it touches, or those whose center it holds"
     )
     place: Literal["lowest", "contact", "wall"] = parameter(
         "lowest",
@@ -87,16 +86,10 @@ class DigitalFill:
         None, doc="where down is; left out: -z, in two dimensions -y"
     )
     order: Literal["random", "largest"] = parameter("random", doc="which grain comes next: any, or the largest left")
-    turned: bool = parameter(True, doc="whether grains also lie in the other rotations of the lattice")
-    orientations: int = parameter(
-        1, doc="poses of each kind that are voxelized: the given one, then random ones; each with its lattice rotations"
-    )
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        if self.voxel_size is not None:
-            as_length(self.voxel_size, "voxel_size")
-        as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
+        """Check the ranges, and that the lowest place has a direction."""
+        LatticeSearch.__post_init__(self)
         if self.place == "lowest" and self.gravity == "none":
             raise InputError("gravity is 'none': the lowest place needs a direction; choose one, or another place")
 
@@ -121,8 +114,7 @@ def prepare(problem: Problem) -> State:
         "order": np.concatenate([np.arange(n), waiting]).astype(np.int64),
     }
     state = State(arrays, dict.fromkeys(TALLY, 0), 0, problem.count - n)
-    if problem.start is not None:
-        _enter_start(problem, state, problem.start)
+    _enter_start(problem, state)
     if problem.count == n:
         state.stop_reason = "count"
     return state
@@ -156,32 +148,23 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that found a place."""
     setting = _setting(problem, state)
-    placed = np.flatnonzero(state.arrays["member"] >= 0)
-    member = state.arrays["member"][placed]
-    return problem.packing(
-        placed,
-        position=positions_on(setting.lattice, state.arrays["site"][placed], problem.dimension),
-        voxel_size=setting.lattice.voxel_size,
-        contact_gap=setting.lattice.voxel_size,
-        orientation=setting.oriented.orientation[member],
+    return packing_of_sites(
+        *(problem, state, setting.lattice, setting.oriented),
         provenance={"parameters": {"gravity": gravity_text(problem)}},
-        stop_reason=state.stop_reason,
         gravity=_gravity(problem),
     )
 
 
 def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
-    lattice = container_lattice(problem, _voxel_size(problem))
-    kinds, poses = len(kinds_of(problem)[1]), problem.parameters.orientations
-    turns = (24 if problem.dimension == 3 else 4) if problem.parameters.turned else 1
+    lattice = container_lattice(problem)
     voxels = float(np.prod(lattice.shape))
     starting = 0 if problem.start is None else problem.start.count
     shells = 9 * voxels if problem.parameters.place == "wall" else 0
     return Cost(
-        memory=int(voxels / 8 * kinds * poses * turns * 1.3 + shells + 3 * voxels + problem.byte_limit),
+        memory=int(voxels / 8 * number_of_poses(problem) * 1.3 + shells + 3 * voxels + problem.byte_limit),
         attempts=problem.count - starting,
-        voxelized_shapes=kinds * poses + starting,
+        voxelized_shapes=len(kinds_of(problem)[1]) * problem.parameters.orientations + starting,
     )
 
 
@@ -195,7 +178,7 @@ class _Setting:
 
     lattice: ContainerLattice
     kind: Integers
-    oriented: Oriented
+    oriented: OrientedVoxels
     first: Integers
     room: Room
     taken: Booleans | None
@@ -203,12 +186,6 @@ class _Setting:
     joined: Integers
     level: Integers
     shells: tuple[Integers, Integers]
-
-
-def _voxel_size(problem: Problem) -> float:
-    """Return the voxel size that is asked for, in median diameters."""
-    asked = problem.parameters.voxel_size
-    return 1 / 20 if asked is None else problem.length(asked)
 
 
 def _gravity(problem: Problem) -> Integers:
@@ -228,16 +205,9 @@ def _setting(problem: Problem, state: State) -> _Setting:
 
 def _make_setting(problem: Problem) -> _Setting:
     """Voxelize the kinds."""
-    settings: DigitalFill = problem.parameters
-    lattice = container_lattice(problem, _voxel_size(problem))
-    kind, grains = kinds_of(problem)
-    base = base_orientations(problem, len(grains), settings.orientations)
-    oriented = orient(problem, grains, base, lattice.voxel_size, turned=settings.turned, cover=settings.cover)
-    periodic = np.array(problem.container.periodic, dtype=np.int64)
-    places = lattice.shape + 1 - periodic
-    if problem.dimension == 2:
-        places[2] = 1
-    room = Room(places, int(-(-places[2] // 64)), periodic)
+    lattice, (kind, grains) = container_lattice(problem), kinds_of(problem)
+    oriented, places = orient(problem, grains, lattice), places_of(problem, lattice)
+    room = Room(places, int(-(-places[2] // 64)), np.array(problem.container.periodic, dtype=np.int64))
     free = free_voxels(problem.container, lattice)
     taken = None if free is None else ~free
     first = np.searchsorted(oriented.kind, np.arange(len(grains) + 1)).astype(np.int64)
@@ -245,7 +215,7 @@ def _make_setting(problem: Problem) -> _Setting:
     gravity = _gravity(problem)
     if gravity.max() > 0:
         level[:] = places[int(np.argmax(gravity))] - 1
-    shells = _shells(problem, lattice, room) if settings.place == "wall" else (level[:0], level[:0])
+    shells = _shells(problem, lattice, room) if problem.parameters.place == "wall" else (level[:0], level[:0])
     return _Setting(lattice, kind, oriented, first, room, taken, {}, np.zeros_like(level), level, shells)
 
 
@@ -274,7 +244,7 @@ def _update_maps(problem: Problem, state: State, setting: _Setting, kind: int) -
     for other in members:
         if other not in setting.maps:
             stop_if_asked()
-            low, mask = oriented.low[other], oriented.masks[other]
+            low, mask = oriented.record.low[other], oriented.masks[other]
             setting.maps[other] = blocked_map(room, setting.taken, low, mask, setting.lattice.shape)
         for grain in came[setting.joined[other] :].tolist():
             member = int(arrays["member"][grain])
@@ -288,9 +258,10 @@ def _update_maps(problem: Problem, state: State, setting: _Setting, kind: int) -
     return len(members) * int(np.count_nonzero(arrays["member"][since] >= 0))
 
 
-def _table(oriented: Oriented, here: int, there: int) -> Table:
+def _table(oriented: OrientedVoxels, here: int, there: int) -> Table:
     """Return the table of two oriented grains."""
-    return overlap_table(oriented.masks[here], oriented.low[here], oriented.masks[there], oriented.low[there])
+    masks, low = oriented.masks, oriented.record.low
+    return overlap_table(masks[here], low[here], masks[there], low[there])
 
 
 def _best_place(problem: Problem, setting: _Setting, kind: int, word: int) -> tuple[int, Integers] | None:
@@ -306,22 +277,18 @@ def _best_place(problem: Problem, setting: _Setting, kind: int, word: int) -> tu
     rank = int(below(np.uint64(word), int(counts.sum())))
     chosen = int(np.searchsorted(np.cumsum(counts), rank, side="right"))
     rank -= int(counts[:chosen].sum())
-    member, place = members[chosen], np.zeros(3, dtype=np.int64)
+    member = members[chosen]
     words, room = setting.maps[member], setting.room
-    if rule == "lowest":
-        level, axis = int(setting.level[member]), _axis(problem)
-        nth_best_at(words, level, axis, room.periodic, room.places, -best[1], rank, place)
-    elif rule == "wall":
-        sites, begin = setting.shells
-        level = int(setting.level[member])
-        part = sites[begin[level] : begin[level + 1]]
-        nth_free_among(words, part, int(room.places[1]), int(room.places[2]), rank, place)
-    else:
+    if rule == "contact":
+        place = np.zeros(3, dtype=np.int64)
         for first, last in _slabs(words):
             rank = int(nth_of_contacts(words, room.periodic, room.places, -best[0], rank, place, first, last))
             if rank < 0:
                 break
-    return member, place
+        return member, place
+    if rule == "wall":
+        return member, _free_in_shell(setting, member)[rank]
+    return member, most_blocked_at(words, int(setting.level[member]), _axis(problem), room)[1][rank]
 
 
 def _slabs(words: Words) -> Iterator[tuple[int, int]]:
@@ -347,25 +314,28 @@ def _lowest(problem: Problem, setting: _Setting, member: int) -> Ranked:
     end = -1 if down > 0 else int(setting.room.places[axis])
     while setting.level[member] != end:
         stop_if_asked()
-        sides, count = best_at(words, int(setting.level[member]), axis, setting.room.periodic, setting.room.places)
-        if count:
-            return (-down * int(setting.level[member]), -int(sides)), int(count)
+        sides, places = most_blocked_at(words, int(setting.level[member]), axis, setting.room)
+        if len(places):
+            return (-down * int(setting.level[member]), -sides), len(places)
         setting.level[member] -= down
     return (0, 0), 0
 
 
 def _nearest_to_wall(problem: Problem, setting: _Setting, member: int) -> Ranked:
     """Return distance and number of the free places nearest to a wall."""
-    sites, begin = setting.shells
-    while setting.level[member] < len(begin) - 1:
+    while setting.level[member] < len(setting.shells[1]) - 1:
         stop_if_asked()
-        level = int(setting.level[member])
-        part = sites[begin[level] : begin[level + 1]]
-        count = int(free_among(setting.maps[member], part, int(setting.room.places[1]), int(setting.room.places[2])))
+        count = len(_free_in_shell(setting, member))
         if count:
-            return (level, 0), count
+            return (int(setting.level[member]), 0), count
         setting.level[member] += 1
     return (0, 0), 0
+
+
+def _free_in_shell(setting: _Setting, member: int) -> Integers:
+    """Return the free places (k, 3) at the distance from the walls that a map has come to."""
+    (sites, begin), level = setting.shells, int(setting.level[member])
+    return free_among(setting.maps[member], sites[begin[level] : begin[level + 1]], setting.room.places)
 
 
 def _most_contacts(problem: Problem, setting: _Setting, member: int) -> Ranked:
@@ -377,19 +347,15 @@ def _most_contacts(problem: Problem, setting: _Setting, member: int) -> Ranked:
     return ((-int(filled[-1]), 0), int(histogram[filled[-1]])) if len(filled) else ((0, 0), 0)
 
 
-def _enter_start(problem: Problem, state: State, start: Start) -> None:
+def _enter_start(problem: Problem, state: State) -> None:
     """Put the grains of the start on the lattice, each as near to its place as there is room."""
+    if problem.start is None:
+        return
     setting = _make_setting(problem)
-    lattice, oriented = setting.lattice, setting.oriented
-    margin = np.where(setting.room.periodic, int(oriented.size.max(initial=1)) + 1, 1).astype(np.int64)
-    canvas = Canvas(lattice.shape, margin, setting.room.periodic)
-    _, words, deep = canvas.word_shape
-    empty = canvas.words(free_voxels(problem.container, lattice))
-    field = Field(empty, words * deep, deep, canvas.shape, canvas.margin, canvas.periodic)
-    sites = stand_start(problem, start, lattice, oriented, field=field, gravity=_gravity(problem))
-    state.arrays["site"][: start.count] = sites
-    state.arrays["member"][: start.count] = np.arange(len(oriented.at) - start.count, len(oriented.at))
-    state.counters["placed"] = start.count
+    lattice, record = setting.lattice, setting.oriented.record
+    canvas = Canvas.for_grains(lattice.shape, problem.container.periodic, record.size)
+    field = canvas.field(canvas.words(free_voxels(problem.container, lattice)))
+    enter_start(problem, state, lattice, record, field=field, gravity=_gravity(problem))
 
 
 registration = PackingMethod(

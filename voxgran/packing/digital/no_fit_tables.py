@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Integers, Words
+from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import bare_kernel
-from voxgran.packing.digital.bit_columns import Bank, Field, turned_box, unpack_columns
+from voxgran.packing.digital.bit_columns import Field, VoxelBank, turned_box, turned_mask
 from voxgran.packing.digital.feasible_places import overlap_table
 from voxgran.packing.digital.periodic_images import is_outside, wrapped
 
@@ -55,30 +55,21 @@ def table_bytes(size: Integers, turns: int) -> int:
     return int(turns * (both.astype(np.float64) ** 2 * (both // 64 + 1) * 8).sum())
 
 
-def make_tables(bank: Bank, rotations: Integers, turns: Integers, shape: Integers, count: int) -> PairTables:
+def make_tables(bank: VoxelBank, rotations: Integers, turns: Integers, shape: Integers, count: int) -> PairTables:
     """Return the tables of all members in all turns between them, and empty cells.
 
-    Parameters
-    ----------
-    bank : Bank
-        Voxels of the members.
-    rotations : (r, 3, 3) ndarray of int
-        Rotations of the lattice, a group.
-    turns : (r, 3) ndarray of int
-        The same as signed permutations of the axes.
-    shape : (3,) ndarray of int
-        Voxels of the container.
-    count : int
-        Number of grains.
+    `rotations` (r, 3, 3) are a group, and `turns` the same as signed permutations of the axes; `shape` are the voxels
+    of the container, `count` is the number of grains.
     """
     members, many = len(bank.size), len(turns)
-    masks = [mask_of_member(bank, member) for member in range(members)]
+    masks = [bank.mask(member) for member in range(members)]
     chunks, at, low, size = [], [], [], []
     begin = 0
     for one in range(members):
         for other in range(members):
             for turn in range(many):
-                there, there_low = _turned(masks[other], bank.low[other], bank.size[other], turns[turn])
+                there = turned_mask(masks[other], turns[turn])
+                there_low = np.array(turned_box.plain(bank.low[other], bank.size[other], turns[turn])[0])
                 table = overlap_table(masks[one], bank.low[one], there, there_low)
                 chunks.append(table.words.reshape(-1))
                 at.append(begin)
@@ -107,24 +98,6 @@ def make_tables(bank: Bank, rotations: Integers, turns: Integers, shape: Integer
 def reach_of(low: Integers, size: Integers) -> int:
     """Return the least difference along any axis at which no two grains overlap, from their tables."""
     return int(max(np.abs(low).max(initial=0), np.abs(low + size - 1).max(initial=0))) + 1
-
-
-def mask_of_member(bank: Bank, member: int) -> Booleans:
-    """Return the voxels of a member, cut to their box."""
-    wide, deep, tall = (int(n) for n in bank.size[member])
-    words = -(-tall // 64)
-    begin = int(bank.start[member, 2])
-    columns = bank.words[begin : begin + wide * deep * words].reshape(wide, deep, words)
-    return unpack_columns(columns, tall)
-
-
-def _turned(mask: Booleans, low: Integers, size: Integers, turn: Integers) -> tuple[Booleans, Integers]:
-    """Return the voxels of a member after a signed permutation of the axes, and their lowest voxel."""
-    turned = mask.transpose(turn % 3)
-    reversed_axes = tuple(int(axis) for axis in np.flatnonzero(turn > 2))
-    turned = np.flip(turned, reversed_axes) if reversed_axes else turned
-    corner, _ = turned_box.plain(low, size, turn)
-    return np.ascontiguousarray(turned), np.array(corner)
 
 
 @bare_kernel

@@ -5,50 +5,39 @@ ones if asked, and of each the rotations that map the lattice onto itself; rotat
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers, Words
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.rotation import lattice_rotations, product, quaternions_of, random_rotations
 from voxgran._base.seeds import stream
-from voxgran.packing.digital.bit_columns import Field, pack_columns, row_length
-from voxgran.packing.digital.container_lattice import ContainerLattice
+from voxgran.packing.digital.bit_columns import (
+    Field,
+    column_words,
+    cut_to_box,
+    row_length,
+    signed_axes,
+    turned_box,
+    turned_mask,
+)
+from voxgran.packing.digital.container_lattice import ContainerLattice, positions_on
 from voxgran.packing.digital.initial_sites import stand_on_lattice
-from voxgran.packing.digital.trial_sites import Parts, find_near, stamp_grain
+from voxgran.packing.digital.trial_sites import OrientedRecord, find_site, stamp_grain
+from voxgran.packing.method import State
+from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.start import Start
 
 
 @dataclass(frozen=True, slots=True)
-class Oriented:
-    """The voxels of all kinds in all their orientations.
+class OrientedVoxels:
+    """The voxels of all kinds in all their orientations."""
 
-    Attributes
-    ----------
-    words : (w,) ndarray of uint64
-        Bit columns of one after the other, ``[x, word of z, y]`` with a ring of empty columns; a row of zeros first.
-    at : (m,) ndarray of int
-        Where each begins.
-    low, size : (m, 3) ndarray of int
-        Lowest voxel, counted from the lattice corner at the centroid, and extents.
-    voxels : (m,) ndarray of int
-        Number of voxels.
-    kind : (m,) ndarray of int
-        Kind of each; they rise.
-    orientation : (m, 4) ndarray of float
-        Unit quaternions.
-    masks : tuple of ndarray of bool
-        The voxels themselves, cut to their boxes.
-    """
-
-    words: Words
-    at: Integers
-    low: Integers
-    size: Integers
-    voxels: Integers
-    kind: Integers
-    orientation: Floats
-    masks: tuple[Booleans, ...]
+    record: OrientedRecord  # bit columns, lowest voxels and extents, as kernels take them
+    voxels: Integers  # (m,): number of voxels
+    kind: Integers  # (m,): kind of each, ascending
+    orientation: Floats  # (m, 4): unit quaternions
+    masks: tuple[Booleans, ...]  # the voxels themselves, cut to their boxes
 
 
 def kinds_of(problem: Problem) -> tuple[Integers, Integers]:
@@ -63,81 +52,68 @@ def kinds_of(problem: Problem) -> tuple[Integers, Integers]:
     return rank[inverse.reshape(-1)], first[order].astype(np.int64)
 
 
+def lattice_turns(problem: Problem) -> Integers:
+    """Return the rotations (r, 3, 3) that map the lattice onto itself, in 2D about z; the first is the identity."""
+    rotations = lattice_rotations()
+    return rotations if problem.dimension == 3 else rotations[rotations[:, 2, 2] == 1]
+
+
+def places_of(problem: Problem, lattice: ContainerLattice) -> Integers:
+    """Return at how many corners of voxels a centroid may lie, along each axis, (3,)."""
+    places = lattice.shape + (1 - np.array(problem.container.periodic, dtype=np.int64))
+    if problem.dimension == 2:
+        places[2] = 1
+    return np.asarray(places, dtype=np.int64)
+
+
+def number_of_poses(problem: Problem) -> int:
+    """Return the number of poses of all kinds, in all turns, before those that look alike are counted once."""
+    turns = len(lattice_turns(problem)) if problem.parameters.turned else 1
+    return len(kinds_of(problem)[1]) * problem.parameters.orientations * turns
+
+
+def random_poses(problem: Problem, count: int) -> Floats:
+    """Return random orientations (count, 4); in 2D about z."""
+    generator = stream(problem.seed, "orientations")
+    if problem.dimension == 3:
+        return random_rotations(generator, count)
+    half = np.pi * generator.random(count)
+    return np.column_stack([np.cos(half), np.zeros((count, 2)), np.sin(half)])
+
+
 def base_orientations(problem: Problem, kinds: int, bases: int) -> Floats:
-    """Return the poses (kinds, bases, 4) that are voxelized: the given one, then random ones; in 2D about z."""
+    """Return the poses (kinds, bases, 4) that are voxelized: the given one, then random ones."""
     base = np.zeros((kinds, bases, 4))
     base[:, :, 0] = 1.0
-    if bases > 1:
-        generator = stream(problem.seed, "orientations")
-        many = kinds * (bases - 1)
-        if problem.dimension == 3:
-            drawn = random_rotations(generator, many)
-        else:
-            half = np.pi * generator.random(many)
-            drawn = np.column_stack([np.cos(half), np.zeros((many, 2)), np.sin(half)])
-        base[:, 1:] = drawn.reshape(kinds, bases - 1, 4)
+    base[:, 1:] = random_poses(problem, kinds * (bases - 1)).reshape(kinds, bases - 1, 4)
     return base
 
 
-def orient(problem: Problem, first: Integers, base: Floats, voxel_size: float, *, turned: bool, cover: str) -> Oriented:
-    """Voxelize each kind in each pose and turn the voxels.
+def orient(problem: Problem, first: Integers, lattice: ContainerLattice) -> OrientedVoxels:
+    """Voxelize each kind, of which `first` (k,) are grains, in each of its poses, and turn the voxels.
 
-    Parameters
-    ----------
-    problem : Problem
-        In the normalized frame.
-    first : (k,) ndarray of int
-        A grain of each kind.
-    base : (k, b, 4) ndarray of float
-        Poses that are voxelized.
-    voxel_size : float
-        Edge of a voxel, in median diameters.
-    turned : bool
-        Whether the rotations of the lattice are taken too.
-    cover : {"touch", "center"}
-        Which voxels are taken.
-
-    Returns
-    -------
-    Oriented
-        Grains of a start come last, each in its own pose and as a kind of its own.
+    Grains of a start come last, each in its own pose and as a kind of its own.
     """
-    rotations = lattice_rotations()
-    if problem.dimension == 2:
-        rotations = rotations[rotations[:, 2, 2] == 1]
-    if not turned:
-        rotations = rotations[(rotations == np.eye(3)).all(axis=(1, 2))]
-    quaternions = quaternions_of(rotations.astype(np.float64))
+    settings, rotations = problem.parameters, lattice_turns(problem)
+    if not settings.turned:
+        rotations = rotations[:1]
+    turns, quaternions = signed_axes(rotations), quaternions_of(rotations.astype(np.float64))
     found: list[tuple[Booleans, Integers, int, Floats]] = []
-    for kind, grain in enumerate(first.tolist()):
+    for kind, poses in enumerate(base_orientations(problem, len(first), settings.orientations)):
         seen: set[tuple[bytes, tuple[int, ...], tuple[int, ...]]] = set()
-        for pose in base[kind]:
-            mask = problem.voxels(grain, pose, voxel_size, cover=cover)
-            for matrix, quaternion in zip(rotations, quaternions, strict=True):
-                box, low = _cut(_turned(mask, matrix))
-                key = (box.tobytes(), box.shape, tuple(low.tolist()))
+        for pose in poses:
+            box, low = cut_to_box(problem.voxels(int(first[kind]), pose, lattice.voxel_size, cover=settings.cover))
+            for turn, quaternion in zip(turns, quaternions, strict=True):
+                turned, corner = turned_mask(box, turn), np.array(turned_box.plain(low, box.shape, turn)[0])
+                key = (turned.tobytes(), turned.shape, tuple(corner.tolist()))
                 if key not in seen:
                     seen.add(key)
-                    found.append((box, low, kind, product(quaternion[None], pose[None])[0]))
-    if problem.start is not None:
-        for grain, pose in enumerate(problem.start.orientation):
-            box, low = _cut(problem.voxels(grain, pose, voxel_size, cover=cover))
-            found.append((box, low, len(first) + grain, pose))
-    largest = max((max(box.shape) for box, *_ in found), default=0)
-    offset = 16 + row_length.plain(largest)
-    words, at = [np.zeros(offset, dtype=np.uint64)], []
-    for box, *_ in found:
-        row = row_length.plain(box.shape[1])
-        filled = np.pad(box, ((1, 1), (0, row - box.shape[1]), (0, 0)))
-        columns = pack_columns(filled).transpose(0, 2, 1)
-        words.append(columns.reshape(-1))
-        at.append(offset)
-        offset += columns.size
-    return Oriented(
-        np.concatenate(words),
-        np.array(at, dtype=np.int64),
-        np.array([low for _, low, *_ in found], dtype=np.int64).reshape(-1, 3),
-        np.array([box.shape for box, *_ in found], dtype=np.int64).reshape(-1, 3),
+                    found.append((turned, corner, kind, product(quaternion[None], pose[None])[0]))
+    for grain, pose in enumerate(() if problem.start is None else problem.start.orientation):
+        box, low = cut_to_box(problem.voxels(grain, pose, lattice.voxel_size, cover=settings.cover))
+        found.append((box, low, len(first) + grain, pose))
+    return OrientedVoxels(
+        _record_of([box for box, *_ in found], [low for _, low, *_ in found]),
         np.array([np.count_nonzero(box) for box, *_ in found], dtype=np.int64),
         np.array([kind for _, _, kind, _ in found], dtype=np.int64),
         np.array([pose for *_, pose in found]).reshape(-1, 4),
@@ -145,64 +121,65 @@ def orient(problem: Problem, first: Integers, base: Floats, voxel_size: float, *
     )
 
 
-def stand_start(
-    problem: Problem, start: Start, lattice: ContainerLattice, oriented: Oriented, *, field: Field, gravity: Integers
-) -> Integers:
-    """Put the grains of a start on the canvas, each as near to its place as there is room.
+def _record_of(boxes: list[Booleans], low: list[Integers]) -> OrientedRecord:
+    """Return boxes of voxels and their lowest voxels as kernels take them; a row of zeros comes first."""
+    offset = 16 + row_length.plain(max((max(box.shape) for box in boxes), default=0))
+    words, at = [np.zeros(offset, dtype=np.uint64)], []
+    for box in boxes:
+        empty = row_length.plain(box.shape[1]) - box.shape[1]
+        words.append(column_words(np.pad(box, ((1, 1), (0, empty), (0, 0)))).reshape(-1))
+        at.append(offset)
+        offset += words[-1].size
+    sizes = np.array([box.shape for box in boxes], dtype=np.int64).reshape(-1, 3)
+    lowest = np.array(low, dtype=np.int64).reshape(-1, 3)
+    return OrientedRecord(np.concatenate(words), np.array(at, dtype=np.int64), lowest, sizes)
 
-    Parameters
-    ----------
-    problem : Problem
-        In the normalized frame.
-    start : Start
-        Its poses; its grains are the last of `oriented`.
-    lattice : ContainerLattice
-        Where voxels lie.
-    oriented : Oriented
-        Voxels of all.
-    field : Field
-        The canvas.
-    gravity : (3,) ndarray of int
-        Where down is; zero for none.
 
-    Returns
-    -------
-    (m, 3) ndarray of int
-        Their sites.
+def enter_start(
+    problem: Problem, state: State, lattice: ContainerLattice, record: OrientedRecord, *, field: Field,
+    gravity: Integers,
+) -> None:  # fmt: skip
+    """Put the grains of a start, the last ones of the record, on the canvas near their positions, and note their sites.
+
+    `gravity` is a lattice vector, zero for none.
 
     Raises
     ------
     InputError
         If a grain finds no place.
     """
-    parts = Parts(oriented.words, oriented.at, oriented.low, oriented.size)
-    begin = len(oriented.at) - start.count
+    start = problem.start
+    if start is None:
+        return
+    begin = len(record.at) - start.count
 
-    def put_down(order: Integers, sites: Integers, ways: Integers) -> int:
-        for k, grain in enumerate(order.tolist()):
-            if find_near(field, parts, begin + grain, sites[grain], ways) < 0:
-                for stands in order[:k].tolist():
-                    # stamped once more it is gone
-                    stamp_grain(field, parts, begin + stands, sites[stands])
-                return grain
-            stamp_grain(field, parts, begin + grain, sites[grain])
-        return -1
+    def put(grain: int, site: Integers, ways: Integers) -> bool:
+        free = find_site(field, record, begin + grain, site, ways) >= 0
+        if free:
+            stamp_grain(field, record, begin + grain, site)
+        return free
 
-    return stand_on_lattice(problem, start, lattice, gravity, put_down)
+    def remove(grain: int, site: Integers) -> None:
+        # stamping it once more removes it
+        stamp_grain(field, record, begin + grain, site)
 
-
-def _turned(mask: Booleans, matrix: Integers) -> Booleans:
-    """Return a centered mask turned by a signed permutation of the axes about its middle corner."""
-    axes = [int(np.flatnonzero(row)[0]) for row in matrix]
-    turned = mask.transpose(axes)
-    reversed_axes = tuple(axis for axis, row in enumerate(matrix) if row.sum() < 0)
-    return np.flip(turned, reversed_axes) if reversed_axes else turned
+    sites = stand_on_lattice(problem, start, lattice, gravity, put=put, remove=remove)
+    state.arrays["site"][: start.count] = sites
+    state.arrays["member"][: start.count] = np.arange(begin, len(record.at))
+    state.counters["placed"] = start.count
 
 
-def _cut(mask: Booleans) -> tuple[Booleans, Integers]:
-    """Return the box of the taken voxels and its lowest voxel, counted from the corner at the middle."""
-    filled = [np.flatnonzero(mask.any(axis=tuple(k for k in range(3) if k != axis))) for axis in range(3)]
-    if not len(filled[0]):
-        return np.zeros((0, 0, 0), dtype=np.bool_), np.zeros(3, dtype=np.int64)
-    box = mask[tuple(slice(line[0], line[-1] + 1) for line in filled)]
-    return np.ascontiguousarray(box), np.array([line[0] for line in filled]) - np.array(mask.shape) // 2
+def packing_of_sites(
+    problem: Problem, state: State, lattice: ContainerLattice, oriented: OrientedVoxels, **more: Any
+) -> Packing:
+    """Return the packing of the grains that found a place; `more` goes to :meth:`Problem.packing`."""
+    placed = np.flatnonzero(state.arrays["member"] >= 0)
+    return problem.packing(
+        placed,
+        position=positions_on(lattice, state.arrays["site"][placed], problem.dimension),
+        orientation=oriented.orientation[state.arrays["member"][placed]],
+        voxel_size=lattice.voxel_size,
+        contact_gap=lattice.voxel_size,
+        stop_reason=state.stop_reason,
+        **more,
+    )

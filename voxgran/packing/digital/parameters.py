@@ -1,8 +1,9 @@
-"""Parameters of digital packing."""
+"""Parameters of digital packing, and those that methods share which search the whole lattice."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
+from voxgran._base.arrays import as_count, as_length
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran.packing.digital.container_lattice import MOST_ORIENTATIONS
@@ -19,6 +20,8 @@ class Digital(Walking):
         If a number is out of its range, `downward_share` and `vibration_up` exceed 1 together, or parameters do not go
         together.
     """
+
+    usual_voxel_size: ClassVar[float] = 1 / 32
 
     voxel_size: float | None = parameter(
         None, doc="edge length of a voxel; if omitted, 1/32 of the median diameter", unit="length", above=0.0
@@ -80,3 +83,31 @@ class Digital(Walking):
             "schedule is 'sleeping'": self.schedule == "sleeping",
             f"settling is {self.settling}": self.settling > 0,
         }
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LatticeSearch:
+    """Parameters of methods that put each grain at a site of the lattice, where it stays.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range.
+    """
+
+    usual_voxel_size: ClassVar[float]
+
+    voxel_size: float | None = parameter(None, doc="edge of a voxel", unit="length")
+    cover: Literal["touch", "center"] = parameter(
+        "touch", doc="voxels that a grain takes: all that it touches, or those whose center it holds"
+    )
+    turned: bool = parameter(True, doc="whether grains also lie in the other rotations of the lattice")
+    orientations: int = parameter(
+        1, doc="poses of each kind that are voxelized: the given one, then random ones; each with its lattice rotations"
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.voxel_size is not None:
+            as_length(self.voxel_size, "voxel_size")
+        as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)

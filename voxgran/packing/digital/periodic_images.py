@@ -22,22 +22,12 @@ def wrapped(x: int, n: int, periodic: int) -> int:
 
 
 @inlined_kernel
-def lowest_corner(field: Field, site: Integers, low: Triple) -> Triple:
-    """Return the lowest voxel of a grain, wrapped into the container."""
+def shifted(field: Field, voxel: Integers | Triple, shift: Triple) -> Triple:
+    """Return a voxel after a shift, wrapped into the container."""
     return (
-        wrapped(site[0] + low[0], field.shape[0], field.periodic[0]),
-        wrapped(site[1] + low[1], field.shape[1], field.periodic[1]),
-        wrapped(site[2] + low[2], field.shape[2], field.periodic[2]),
-    )
-
-
-@inlined_kernel
-def stepped(field: Field, corner: Triple, step: Triple) -> Triple:
-    """Return the lowest voxel of a grain after a step, wrapped into the container."""
-    return (
-        wrapped(corner[0] + step[0], field.shape[0], field.periodic[0]),
-        wrapped(corner[1] + step[1], field.shape[1], field.periodic[1]),
-        wrapped(corner[2] + step[2], field.shape[2], field.periodic[2]),
+        wrapped(voxel[0] + shift[0], field.shape[0], field.periodic[0]),
+        wrapped(voxel[1] + shift[1], field.shape[1], field.periodic[1]),
+        wrapped(voxel[2] + shift[2], field.shape[2], field.periodic[2]),
     )
 
 
@@ -122,6 +112,22 @@ def look_anywhere(field: Field, bits: Words, at: int, size: Triple, corner: Trip
                 if found < 0:
                     return ~rows
     return rows
+
+
+@bare_kernel
+def find_near(field: Field, bits: Words, at: int, low: Triple, size: Triple, site: Integers, ways: Integers) -> int:
+    """Move a site, within the walls, by the first of some ways that is free; return which one, -1 for none."""
+    for axis in range(3):
+        if field.periodic[axis] == 0:
+            site[axis] = max(-low[axis], min(site[axis], field.shape[axis] - size[axis] - low[axis]))
+    for k in range(len(ways)):
+        for axis in range(3):
+            site[axis] += ways[k, axis]
+        if look_anywhere(field, bits, at, size, shifted(field, site, low)) >= 0:
+            return k
+        for axis in range(3):
+            site[axis] -= ways[k, axis]
+    return -1
 
 
 @bare_kernel

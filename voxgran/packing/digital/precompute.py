@@ -9,24 +9,24 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers, Words
-from voxgran._base.rotation import lattice_rotations, random_rotations
-from voxgran._base.seeds import philox_key, stream
+from voxgran._base.seeds import philox_key
 from voxgran.containers.model import boundary_of
 from voxgran.packing.digital.attempts import put
 from voxgran.packing.digital.bit_columns import (
-    Bank,
+    BankRecord,
     Canvas,
     Field,
+    Grains,
+    VoxelBank,
     aligned_words,
-    empty_bank,
     grain_words,
-    make_bank,
     row_length,
+    signed_axes,
     write_turned,
 )
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, free_voxels
 from voxgran.packing.digital.no_fit_tables import make_tables, no_tables, table_bytes
-from voxgran.packing.digital.records import Grains, Members
+from voxgran.packing.digital.oriented_voxels import lattice_turns, random_poses
 from voxgran.packing.digital.stamping import close_layer
 from voxgran.packing.digital.state import DigitalState
 from voxgran.packing.gravity import gravity_vector, main_axis
@@ -43,61 +43,25 @@ SHARED = 2**21
 
 @dataclass(frozen=True, slots=True)
 class Precomputed:
-    """What follows from the problem.
-
-    Attributes
-    ----------
-    lattice : ContainerLattice
-        Where voxels lie.
-    canvas : Canvas
-        Where the packed occupancy lies.
-    kind : (n,) ndarray of int
-        Kind of each grain: grains of one shape and one diameter share their voxels; those of a start have their own.
-    bank : Bank
-        Voxels of all members: each kind in each of its base orientations.
-    mask_of : callable
-        Voxels of a member.
-    zeros : int
-        Words before the bits of the first grain.
-    base : (kinds * bases, 4) ndarray of float
-        Base orientations.
-    bases : int
-        How many each kind has.
-    rotations : (r, 3, 3) ndarray of int
-        Rotations of the lattice.
-    turns : (r, 3) ndarray of int
-        The same as signed permutations of the axes.
-    directions, classes : ndarray of int
-        Steps sorted downward, level, upward, and where these begin.
-    gravity : (3,) ndarray of float
-        Direction, 0 for none.
-    down : (3,) ndarray of int
-        The axis along which it is strongest, as a lattice vector.
-    own : (n + 1,) ndarray of int
-        Where the bits of each grain begin, where each has its own.
-    shared : tuple of ndarray
-        Bits of all members in all turns and where each begins; empty where they would take too much memory.
-    key : ndarray of uint64
-        Key of the random numbers.
-    """
+    """What follows from the problem."""
 
     lattice: ContainerLattice
     canvas: Canvas
-    kind: Integers
-    bank: Bank
-    mask_of: Callable[[int], Booleans]
-    zeros: int
-    base: Floats
-    bases: int
-    rotations: Integers
-    turns: Integers
-    directions: Integers
-    classes: Integers
-    gravity: Floats
-    down: Integers
-    own: Integers
-    shared: tuple[Words, Integers]
-    key: Any
+    kind: Integers  # (n,): grains of one shape and one diameter share their voxels; those of a start have their own
+    bank: VoxelBank  # each kind in each of its base orientations
+    mask_of: Callable[[int], Booleans]  # voxels of a member
+    zeros: int  # words before the bits of the first grain
+    base: Floats  # (kinds * bases, 4): base orientations
+    bases: int  # how many each kind has
+    rotations: Integers  # (r, 3, 3): rotations of the lattice
+    turns: Integers  # (r, 3): the same as signed permutations of the axes
+    directions: Integers  # steps sorted downward, level, upward
+    classes: Integers  # where these begin
+    gravity: Floats  # (3,): direction, 0 for none
+    down: Integers  # (3,): the axis along which it is strongest, as a lattice vector
+    own: Integers  # (n + 1,): where the bits of each grain begin, where each has its own
+    shared: tuple[Words, Integers]  # bits of all members in all turns, where each begins; empty if they are too many
+    key: Any  # of the random numbers
 
     @property
     def axis(self) -> int:
@@ -151,20 +115,9 @@ def tables_pay(problem: Problem, shape: Integers, *, size: Integers, low: Intege
 
     They do where grains have as many voxels as a test by columns costs more than some neighbours by bits, the tables
     take little memory, and nothing is asked for that looks at the occupancy itself: walls that are not flat, a lid,
-    guided moves, or a start. On a periodic axis no two images of a grain may come near the same neighbour.
-
-    Parameters
-    ----------
-    problem : Problem
-        What is asked for.
-    shape : (3,) ndarray of int
-        Voxels of the container.
-    size, low : (m, 3) ndarray of int
-        Extents and lowest voxels of all members.
-    voxels : float
-        Voxels of a member, on average.
-    turns : int
-        Rotations of the lattice that a member takes.
+    guided moves, or a start. On a periodic axis no two images of a grain may come near the same neighbour. `shape` are
+    the voxels of the container, `size` and `low` (m, 3) extents and lowest voxels of all members, `voxels` the mean
+    number of voxels of one, `turns` the number of its rotations.
     """
     settings = problem.parameters
     if settings.lid or settings.guided > 0 or problem.start is not None:
@@ -178,21 +131,13 @@ def tables_pay(problem: Problem, shape: Integers, *, size: Integers, low: Intege
     return bool((shape >= around)[np.array(problem.container.periodic)].all())
 
 
-def records(state: DigitalState, known: Precomputed) -> tuple[Field, Members, Grains]:
+def records(state: DigitalState, known: Precomputed) -> tuple[Field, BankRecord, Grains]:
     """Return canvas, bank and grains as the kernels take them."""
-    _, words, deep = known.canvas.word_shape
-    canvas, bank, derived = known.canvas, known.bank, state.derived
-    field = Field(derived["words"], words * deep, deep, canvas.shape, canvas.margin, canvas.periodic)
+    bank, derived = known.bank, state.derived
     own = known.turns, known.bases, known.kind, known.shared[1]
-    members = Members(bank.words, bank.start, bank.low, bank.size, *own)
+    members = BankRecord(bank.words, bank.start, bank.low, bank.size, *own)
     bits = (derived["bits"], derived["at"], known.own, derived["scratch"])
-    return field, members, Grains(state.site, state.member, state.turn, *bits)
-
-
-def voxel_size_of(problem: Problem) -> float:
-    """Return the voxel size that is asked for, in median diameters."""
-    asked = problem.parameters.voxel_size
-    return 1 / 32 if asked is None else problem.length(asked)
+    return known.canvas.field(derived["words"]), members, Grains(state.site, state.member, state.turn, *bits)
 
 
 def bases_of(problem: Problem) -> int:
@@ -234,15 +179,13 @@ def mean_width(shape: Shape) -> float:
 
 def _make(problem: Problem) -> Precomputed:
     """Voxelize the grains and lay out the canvas."""
-    lattice = container_lattice(problem, voxel_size_of(problem))
-    rotations = lattice_rotations()
-    if problem.dimension == 2:
-        rotations = rotations[(rotations[:, 2, 2] == 1)]
+    lattice = container_lattice(problem)
+    rotations = lattice_turns(problem)
     if problem.parameters.orientations == 1:
         rotations = rotations[:1]
     bases = bases_of(problem)
     kind, grains = digital_kinds(problem)
-    base = _base_orientations(problem, len(grains) * bases)
+    base = random_poses(problem, len(grains) * bases)
     if problem.start is not None:
         # the first member of each grain is the pose that it starts in
         base[: problem.start.count * bases : bases] = problem.start.orientation
@@ -252,11 +195,9 @@ def _make(problem: Problem) -> Precomputed:
         return problem.voxels(grain, base[member], lattice.voxel_size, cover=problem.parameters.cover)
 
     lazy = bases >= LAZY
-    bank = empty_bank(len(grains) * bases) if lazy else make_bank(len(grains) * bases, mask_of)
+    bank = VoxelBank.empty(len(grains) * bases) if lazy else VoxelBank.from_masks(len(grains) * bases, mask_of)
     most = _largest_sizes(problem, grains, lattice.voxel_size) if lazy else bank.size
-    turns = np.array([[int(np.flatnonzero(row)[0]) + (3 if row.sum() < 0 else 0) for row in m] for m in rotations])
-    periodic = np.array(problem.container.periodic, dtype=np.int64)
-    margin = np.where(periodic, int(most.max(initial=1)) + 1, 1).astype(np.int64)
+    turns, canvas = signed_axes(rotations), Canvas.for_grains(lattice.shape, problem.container.periodic, most)
     directions, classes, gravity = _directions(problem)
     members = 1 if lazy else bases
     rows = np.array([_most_words(most[k * members : (k + 1) * members]) for k in range(len(grains))], dtype=np.int64)
@@ -265,10 +206,9 @@ def _make(problem: Problem) -> Precomputed:
     shared = nothing if lazy else _shared_bits(bank, turns, first)
     alone = rows[kind] if not len(shared[1]) else np.zeros(problem.count, dtype=np.int64)
     own = first + np.concatenate([[0], np.cumsum(alone)]).astype(np.int64)
-    canvas, key = Canvas(lattice.shape, margin, periodic), philox_key(problem.seed, "digital")
     return Precomputed(
         lattice, canvas, kind, bank, mask_of, first, base, bases, rotations, turns, directions, classes, gravity,
-        main_axis(gravity), own, shared, key,
+        main_axis(gravity), own, shared, philox_key(problem.seed, "digital"),
     )  # fmt: skip
 
 
@@ -280,7 +220,7 @@ def _largest_sizes(problem: Problem, grains: Integers, voxel_size: float) -> Int
     return np.column_stack([wide, wide, tall])
 
 
-def _shared_bits(bank: Bank, turns: Integers, first: int) -> tuple[Words, Integers]:
+def _shared_bits(bank: VoxelBank, turns: Integers, first: int) -> tuple[Words, Integers]:
     """Return the bits of all members in all turns after some zeros, and where they begin; nothing where it is much."""
     size = bank.size + 2
     volume = size.prod(axis=1) // 64 + size.max(axis=1, initial=0) ** 2
@@ -297,15 +237,6 @@ def _shared_bits(bank: Bank, turns: Integers, first: int) -> tuple[Words, Intege
         member, t = divmod(k, len(turns))
         write_turned(bank.words, bank.start[member], bank.size[member], turns[t], words, int(place))
     return words, at
-
-
-def _base_orientations(problem: Problem, many: int) -> Floats:
-    """Return the random base orientations of all members; in 2D about z."""
-    generator = stream(problem.seed, "orientations")
-    if problem.dimension == 3:
-        return random_rotations(generator, many)
-    half = np.pi * generator.random(many)
-    return np.column_stack([np.cos(half), np.zeros((len(half), 2)), np.sin(half)])
 
 
 def _most_words(size: Integers) -> int:

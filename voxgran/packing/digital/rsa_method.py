@@ -12,61 +12,44 @@ doi:10.1103/RevModPhys.65.1281
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar
 
 import numpy as np
 
-from voxgran._base.arrays import Integers, as_count, as_length
+from voxgran._base.arrays import Integers
 from voxgran._base.config import parameter
 from voxgran._base.errors import TooLargeError
 from voxgran._base.seeds import philox_key, stream
-from voxgran.packing.digital.bit_columns import Canvas, Field
-from voxgran.packing.digital.container_lattice import (
-    MOST_ORIENTATIONS,
-    ContainerLattice,
-    container_lattice,
-    free_voxels,
-    positions_on,
+from voxgran.packing.digital.bit_columns import Canvas
+from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, free_voxels
+from voxgran.packing.digital.oriented_voxels import (
+    OrientedVoxels,
+    enter_start,
+    kinds_of,
+    number_of_poses,
+    orient,
+    packing_of_sites,
+    places_of,
 )
-from voxgran.packing.digital.oriented_voxels import Oriented, base_orientations, kinds_of, orient, stand_start
-from voxgran.packing.digital.trial_sites import Lists, Parts, add_at_random, stamp_grain
+from voxgran.packing.digital.parameters import LatticeSearch
+from voxgran.packing.digital.trial_sites import TALLY, Lists, add_at_random, stamp_grain
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.start import Start
 
 #: most candidates, places times orientations times kinds
 MOST_CANDIDATES = 2**40
-#: what the kernel counts, in its order
-TALLY = ("placed", "skipped", "refused")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class DigitalRsa:
-    """Parameters of random sequential addition on a lattice.
+class DigitalRsa(LatticeSearch):
+    """Parameters of random sequential addition on a lattice."""
 
-    Raises
-    ------
-    InputError
-        If a number is out of its range.
-    """
+    usual_voxel_size: ClassVar[float] = 1 / 16
 
     voxel_size: float | None = parameter(
         None, doc="edge of a voxel; left out: 1/16 of the median diameter", unit="length"
     )
-    cover: Literal["touch", "center"] = parameter(
-        "touch", doc="voxels that a grain takes: all that it touches, or those whose center it holds"
-    )
-    turned: bool = parameter(True, doc="whether grains also lie in the other rotations of the lattice")
-    orientations: int = parameter(
-        1, doc="poses of each kind that are voxelized: the given one, then random ones; each with its lattice rotations"
-    )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        if self.voxel_size is not None:
-            as_length(self.voxel_size, "voxel_size")
-        as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
 
 
 def prepare(problem: Problem) -> State:
@@ -79,7 +62,7 @@ def prepare(problem: Problem) -> State:
     InputError
         If no voxel size fits the periodic lengths, or a grain of the start finds no place.
     """
-    lattice = container_lattice(problem, _voxel_size(problem))
+    lattice = container_lattice(problem)
     many = _most_candidates(problem, lattice)
     if many > MOST_CANDIDATES:
         raise TooLargeError(
@@ -95,10 +78,12 @@ def prepare(problem: Problem) -> State:
         "order": np.concatenate([np.arange(n), order[order >= n]]),
         "tried": np.zeros(len(setting.bounds) - 1, dtype=np.int64),
     }
-    state = State(arrays, {**dict.fromkeys(TALLY, 0)}, 0, int(setting.bounds[-1]) + problem.count)
+    state = State(arrays, dict.fromkeys(TALLY, 0), 0, int(setting.bounds[-1]) + problem.count)
     state.derived["setting"] = setting
     if problem.start is not None:
-        _enter_start(problem, state, problem.start)
+        gravity = -np.eye(3, dtype=np.int64)[problem.dimension - 1] * (1 - setting.canvas.periodic)
+        field, record = _setting(problem, state).canvas.field(state.derived["words"]), setting.oriented.record
+        enter_start(problem, state, setting.lattice, record, field=field, gravity=gravity)
     _look(problem, state)
     return state
 
@@ -110,7 +95,8 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     setting, arrays = _setting(problem, state), state.arrays
     tally = np.array([state.counters[name] for name in TALLY], dtype=np.int64)
     lists = Lists(arrays["order"], setting.kind, setting.bounds, arrays["tried"], setting.places)
-    where = _field(state, setting), _parts(setting), arrays["site"], arrays["member"]
+    field, record = setting.canvas.field(state.derived["words"]), setting.oriented.record
+    where = field, record, arrays["site"], arrays["member"]
     key = philox_key(problem.seed, "digital_rsa")
     state.done = int(add_at_random(*where, lists, tally, key, state.done, state.done + attempts))
     state.counters.update(zip(TALLY, tally.tolist(), strict=True))
@@ -121,28 +107,22 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that found a place."""
     setting = _setting(problem, state)
-    placed = np.flatnonzero(state.arrays["member"] >= 0)
-    member = state.arrays["member"][placed]
+    member = state.arrays["member"][state.arrays["member"] >= 0]
     free = free_voxels(problem.container, setting.lattice)
     room = int(np.prod(setting.lattice.shape)) if free is None else int(np.count_nonzero(free))
-    return problem.packing(
-        placed,
-        position=positions_on(setting.lattice, state.arrays["site"][placed], problem.dimension),
-        voxel_size=setting.lattice.voxel_size,
-        contact_gap=setting.lattice.voxel_size,
-        orientation=setting.oriented.orientation[member],
+    return packing_of_sites(
+        *(problem, state, setting.lattice, setting.oriented),
         provenance={
             "candidates": int(setting.bounds[-1]),
             "candidates_left": int(setting.bounds[-1] - state.arrays["tried"].sum()),
             "voxel_solid_fraction": float(setting.oriented.voxels[member].sum() / max(room, 1)),
         },
-        stop_reason=state.stop_reason,
     )
 
 
 def cost(problem: Problem) -> Cost:
     """Return what a run takes."""
-    lattice = container_lattice(problem, _voxel_size(problem))
+    lattice = container_lattice(problem)
     candidates = min(_most_candidates(problem, lattice), MOST_CANDIDATES)
     starting = 0 if problem.start is None else problem.start.count
     return Cost(
@@ -159,45 +139,23 @@ class _Setting:
     lattice: ContainerLattice
     canvas: Canvas
     kind: Integers
-    oriented: Oriented
+    oriented: OrientedVoxels
     places: Integers
-    first: Integers
     bounds: Integers
-
-
-def _voxel_size(problem: Problem) -> float:
-    """Return the voxel size that is asked for, in median diameters."""
-    asked = problem.parameters.voxel_size
-    return 1 / 16 if asked is None else problem.length(asked)
-
-
-def _places(problem: Problem, lattice: ContainerLattice) -> Integers:
-    """Return at how many corners of voxels a centroid may lie, along each axis."""
-    places = lattice.shape + (1 - np.array(problem.container.periodic, dtype=np.int64))
-    if problem.dimension == 2:
-        places[2] = 1
-    return np.asarray(places, dtype=np.int64)
 
 
 def _most_candidates(problem: Problem, lattice: ContainerLattice) -> int:
     """Return the number of candidates before orientations that look alike are counted once."""
-    turns = (24 if problem.dimension == 3 else 4) if problem.parameters.turned else 1
-    poses = len(kinds_of(problem)[1]) * problem.parameters.orientations
-    return int(np.prod(_places(problem, lattice))) * poses * turns
+    return int(np.prod(places_of(problem, lattice))) * number_of_poses(problem)
 
 
 def _make_setting(problem: Problem) -> _Setting:
     """Voxelize the kinds and lay out the canvas."""
-    settings: DigitalRsa = problem.parameters
-    lattice = container_lattice(problem, _voxel_size(problem))
-    kind, grains = kinds_of(problem)
-    base = base_orientations(problem, len(grains), settings.orientations)
-    oriented = orient(problem, grains, base, lattice.voxel_size, turned=settings.turned, cover=settings.cover)
-    periodic = np.array(problem.container.periodic, dtype=np.int64)
-    margin = np.where(periodic, int(oriented.size.max(initial=1)) + 1, 1).astype(np.int64)
-    canvas, places = Canvas(lattice.shape, margin, periodic), _places(problem, lattice)
+    lattice, (kind, grains) = container_lattice(problem), kinds_of(problem)
+    oriented, places = orient(problem, grains, lattice), places_of(problem, lattice)
+    canvas = Canvas.for_grains(lattice.shape, problem.container.periodic, oriented.record.size)
     first = np.searchsorted(oriented.kind, np.arange(len(grains) + 1)).astype(np.int64)
-    return _Setting(lattice, canvas, kind, oriented, places, first, (first - first[:1]) * int(np.prod(places)))
+    return _Setting(lattice, canvas, kind, oriented, places, (first - first[:1]) * int(np.prod(places)))
 
 
 def _setting(problem: Problem, state: State) -> _Setting:
@@ -207,36 +165,10 @@ def _setting(problem: Problem, state: State) -> _Setting:
     made: _Setting = state.derived["setting"]
     if "words" not in state.derived:
         state.derived["words"] = made.canvas.words(free_voxels(problem.container, made.lattice))
-        field, parts = _field(state, made), _parts(made)
+        field, record = made.canvas.field(state.derived["words"]), made.oriented.record
         for grain in np.flatnonzero(state.arrays["member"] >= 0).tolist():
-            stamp_grain(field, parts, int(state.arrays["member"][grain]), state.arrays["site"][grain])
+            stamp_grain(field, record, int(state.arrays["member"][grain]), state.arrays["site"][grain])
     return made
-
-
-def _field(state: State, setting: _Setting) -> Field:
-    """Return the canvas as kernels take it."""
-    _, words, deep = setting.canvas.word_shape
-    canvas = setting.canvas
-    return Field(state.derived["words"], words * deep, deep, canvas.shape, canvas.margin, canvas.periodic)
-
-
-def _parts(setting: _Setting) -> Parts:
-    """Return the oriented voxels as kernels take them."""
-    oriented = setting.oriented
-    return Parts(oriented.words, oriented.at, oriented.low, oriented.size)
-
-
-def _enter_start(problem: Problem, state: State, start: Start) -> None:
-    """Put the grains of the start on the lattice, each as near to its place as there is room."""
-    setting = _setting(problem, state)
-    gravity = np.zeros(3, dtype=np.int64)
-    gravity[problem.dimension - 1] = -1
-    gravity *= not problem.container.periodic[problem.dimension - 1]
-    oriented, field = setting.oriented, _field(state, setting)
-    sites = stand_start(problem, start, setting.lattice, oriented, field=field, gravity=gravity)
-    state.arrays["site"][: start.count] = sites
-    state.arrays["member"][: start.count] = np.arange(len(oriented.at) - start.count, len(oriented.at))
-    state.counters["placed"] = start.count
 
 
 def _look(problem: Problem, state: State) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 
 from voxgran.lattice.morton import morton_order
 from voxgran.packing.digital.container_lattice import container_lattice
-from voxgran.packing.digital.precompute import layer_of_lid, precomputed_of, records, voxel_size_of, walls_of_layers
+from voxgran.packing.digital.precompute import layer_of_lid, precomputed_of, records, walls_of_layers
 from voxgran.packing.digital.stamping import close_layer, count_layer
 from voxgran.packing.digital.state import DigitalState
 from voxgran.packing.problem import Problem
@@ -19,7 +19,7 @@ def begin_schedule(problem: Problem, state: DigitalState) -> None:
     if problem.parameters.guided > 0:
         state.hint = np.zeros((n, 3), dtype=np.int64)
     if problem.parameters.schedule == "sleeping":
-        lattice = container_lattice(problem, voxel_size_of(problem))
+        lattice = container_lattice(problem)
         edge = max(4, int(np.ceil(0.5 / lattice.voxel_size)))
         state.cells = np.append(-(-lattice.shape // edge) + 1, edge).astype(np.int64)
         state.stirred = np.full(int(np.prod(state.cells[:3])), -1, dtype=np.int64)

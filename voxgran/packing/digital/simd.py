@@ -16,17 +16,9 @@ LANES = 8
 
 @instruction
 def meets_lanes(
-    _: Any,
-    bits: Any,
-    here: Any,
-    under: Any,
-    old: Any,
-    old_under: Any,
-    canvas: Any,
-    cell: Any,
-    shift: Any,
+    _: Any, bits: Any, here: Any, under: Any, old: Any, old_under: Any, canvas: Any, cell: Any, shift: Any,
     old_shift: Any,
-) -> Any:
+) -> Any:  # fmt: skip
     """Return which of eight columns meet taken voxels of the canvas with bits that they did not have before.
 
     A column is a word shifted up, with what comes from the word under it.
@@ -46,17 +38,9 @@ def meets_low_lanes(
 
 @instruction
 def flip_lanes(
-    _: Any,
-    bits: Any,
-    here: Any,
-    under: Any,
-    old: Any,
-    old_under: Any,
-    canvas: Any,
-    cell: Any,
-    shift: Any,
+    _: Any, bits: Any, here: Any, under: Any, old: Any, old_under: Any, canvas: Any, cell: Any, shift: Any,
     old_shift: Any,
-) -> Any:
+) -> Any:  # fmt: skip
     """Flip those bits of eight columns on the canvas that they have now and did not have before, or the reverse."""
     takes = (bits, here, under, old, old_under, canvas, cell, shift, old_shift)
     return load("numba").types.void(*takes), _flipping(_joined)

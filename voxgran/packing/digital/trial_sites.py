@@ -7,12 +7,20 @@ import numpy as np
 from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import kernel
 from voxgran._base.seeds import shuffled
-from voxgran.packing.digital.bit_columns import Field, Triple
-from voxgran.packing.digital.periodic_images import look_anywhere, stamp_images, wrapped
+from voxgran.packing.digital.bit_columns import Field
+from voxgran.packing.digital.periodic_images import find_near, look_anywhere, shifted, stamp_images
+
+#: counters of random sequential addition, and their places
+TALLY = ("placed", "skipped", "refused")
+PLACED, SKIPPED, REFUSED = range(3)
 
 
-class Parts(NamedTuple):
-    """Oriented voxels as kernels take them."""
+class OrientedRecord(NamedTuple):
+    """Oriented voxels as kernels take them: flat bit columns ``[x, word of z, y]`` with a ring of empty columns.
+
+    at: where each one begins, (m,).  low, size: lowest voxel, counted from the lattice corner at the centroid, and
+    extents, (m, 3).
+    """
 
     words: Words
     at: Integers
@@ -36,57 +44,39 @@ class Lists(NamedTuple):
 
 
 @kernel
-def stamp_grain(field: Field, parts: Parts, member: int, site: Integers) -> None:
+def stamp_grain(field: Field, record: OrientedRecord, member: int, site: Integers) -> None:
     """Flip the voxels of a grain whose centroid lies at a lattice corner, and of its periodic images."""
-    stamp_images(field, parts.words, parts.at[member], _extent(parts, member), _lowest(field, parts, member, site))
+    corner = shifted(field, site, _triple(record.low[member]))
+    stamp_images(field, record.words, record.at[member], _triple(record.size[member]), corner)
 
 
 @kernel
-def find_near(field: Field, parts: Parts, member: int, site: Integers, ways: Integers) -> int:
+def find_site(field: Field, record: OrientedRecord, member: int, site: Integers, ways: Integers) -> int:
     """Move a site, within the walls, by the first of some ways that is free; return which one, -1 for none."""
-    size = parts.size[member]
-    for axis in range(3):
-        if field.periodic[axis] == 0:
-            low = parts.low[member, axis]
-            site[axis] = max(-low, min(site[axis], field.shape[axis] - size[axis] - low))
-    for k in range(len(ways)):
-        for axis in range(3):
-            site[axis] += ways[k, axis]
-        corner = _lowest(field, parts, member, site)
-        if look_anywhere(field, parts.words, parts.at[member], _extent(parts, member), corner) >= 0:
-            return k
-        for axis in range(3):
-            site[axis] -= ways[k, axis]
-    return -1
+    low, size = _triple(record.low[member]), _triple(record.size[member])
+    return find_near(field, record.words, record.at[member], low, size, site, ways)
 
 
 @kernel
 def add_at_random(
-    field: Field,
-    parts: Parts,
-    site: Integers,
-    member: Integers,
-    lists: Lists,
-    tally: Integers,
-    key: Words,
-    first: int,
-    last: int,
-) -> int:
+    field: Field, record: OrientedRecord, site: Integers, member: Integers, lists: Lists, tally: Integers, key: Words,
+    first: int, last: int,
+) -> int:  # fmt: skip
     """Make attempts `first` ... `last` - 1, a candidate each; return the number of the next one.
 
-    It ends early when all grains are placed or skipped. tally: placed, skipped, refused.
+    It ends early when all grains are placed or skipped. tally: counters in the order of `TALLY`.
     """
     place = np.zeros(3, dtype=np.int64)
     many = lists.places[0] * lists.places[1] * lists.places[2]
     for attempt in range(first, last):
-        while tally[0] + tally[1] < len(lists.order):
-            kind = lists.kind[lists.order[tally[0] + tally[1]]]
+        while tally[PLACED] + tally[SKIPPED] < len(lists.order):
+            kind = lists.kind[lists.order[tally[PLACED] + tally[SKIPPED]]]
             if lists.tried[kind] < lists.begin[kind + 1] - lists.begin[kind]:
                 break
-            tally[1] += 1
-        if tally[0] + tally[1] == len(lists.order):
+            tally[SKIPPED] += 1
+        if tally[PLACED] + tally[SKIPPED] == len(lists.order):
             return attempt
-        g = lists.order[tally[0] + tally[1]]
+        g = lists.order[tally[PLACED] + tally[SKIPPED]]
         kind = lists.kind[g]
         begin = lists.begin[kind]
         # never tried again, whether it is taken now or blocked for ever
@@ -97,29 +87,19 @@ def add_at_random(
         place[0] = rest // (lists.places[1] * lists.places[2])
         place[1] = rest // lists.places[2] % lists.places[1]
         place[2] = rest % lists.places[2]
-        corner = _lowest(field, parts, m, place)
-        if look_anywhere(field, parts.words, parts.at[m], _extent(parts, m), corner) < 0:
-            tally[2] += 1
+        corner, extent = shifted(field, place, _triple(record.low[m])), _triple(record.size[m])
+        if look_anywhere(field, record.words, record.at[m], extent, corner) < 0:
+            tally[REFUSED] += 1
             continue
-        stamp_images(field, parts.words, parts.at[m], _extent(parts, m), corner)
+        stamp_images(field, record.words, record.at[m], extent, corner)
         member[g] = m
         for axis in range(3):
             site[g, axis] = place[axis]
-        tally[0] += 1
+        tally[PLACED] += 1
     return last
 
 
 @kernel
-def _extent(parts, member):  # type: ignore[no-untyped-def]
-    """Return the extents of an oriented grain."""
-    return parts.size[member, 0], parts.size[member, 1], parts.size[member, 2]
-
-
-@kernel
-def _lowest(field: Field, parts: Parts, member: int, site: Integers) -> Triple:
-    """Return the lowest voxel of a grain, wrapped into the container."""
-    return (
-        wrapped(site[0] + parts.low[member, 0], field.shape[0], field.periodic[0]),
-        wrapped(site[1] + parts.low[member, 1], field.shape[1], field.periodic[1]),
-        wrapped(site[2] + parts.low[member, 2], field.shape[2], field.periodic[2]),
-    )
+def _triple(row):  # type: ignore[no-untyped-def]
+    """Return a row as three numbers."""
+    return row[0], row[1], row[2]

@@ -35,10 +35,10 @@ from voxgran.packing.digital.container_lattice import container_lattice, positio
 from voxgran.packing.digital.cost import digital_cost
 from voxgran.packing.digital.initial_sites import stand_on_lattice
 from voxgran.packing.digital.parameters import Digital
-from voxgran.packing.digital.precompute import need_member, precomputed_of, records, voxel_size_of
-from voxgran.packing.digital.proposals import Rules, Turn
+from voxgran.packing.digital.precompute import need_member, precomputed_of, records
+from voxgran.packing.digital.proposals import MoveRules, Schedule
 from voxgran.packing.digital.schedule import SORT_SWEEPS, begin_schedule, lower_lid, sort_grains
-from voxgran.packing.digital.state import DigitalState
+from voxgran.packing.digital.state import COUNTERS, DigitalState
 from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
@@ -46,14 +46,11 @@ from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start
 from voxgran.packing.walking.feeding import SETTLE_SWEEPS, entry_of, feed_share
 from voxgran.packing.walking.finishing import Finishing
-from voxgran.packing.walking.state import TALLY
 from voxgran.packing.walking.vibration import vibration_schedule
 from voxgran.packing.walking.walk import advance, begin, finished
 
 #: mean sinking per grain between two examinations, in voxels, below which the bed is settled
 SETTLE_VOXELS = 0.02
-#: counters that the kernel changes, in its order
-COUNTERS = (*TALLY, "slept_through", "rows_read", "pairs_read")
 
 
 class DigitalWalker:
@@ -68,30 +65,29 @@ class DigitalWalker:
             If a grain finds no place.
         """
         known = precomputed_of(problem, state)
-        upright = int(np.flatnonzero((known.rotations == np.eye(3, dtype=np.int64)).all(axis=(1, 2)))[0])
-        taken = records(state, known)
+        # the first rotation of the lattice is none
+        taken, upright = records(state, known), 0
 
-        def put_down(order: Integers, sites: Integers, ways: Integers) -> int:
-            for k, grain in enumerate(order.tolist()):
-                if enter_near(*taken, grain, grain * known.bases, upright, sites[grain], ways) < 0:
-                    for stands in order[:k].tolist():
-                        # stamping it once more removes it
-                        put(*taken, state.derived["pairs"], stands)
-                    state.member[order[:k]] = -1
-                    return grain
-            return -1
+        def enter(grain: int, site: Integers, ways: Integers) -> bool:
+            return int(enter_near(*taken, grain, grain * known.bases, upright, site, ways)) >= 0
 
-        stand_on_lattice(problem, start, known.lattice, known.down, put_down)
+        def remove(grain: int, _: Integers) -> None:
+            # stamping it once more removes it
+            put(*taken, state.derived["pairs"], grain)
+            state.member[grain] = -1
+
+        stand_on_lattice(problem, start, known.lattice, known.down, put=enter, remove=remove)
 
     def make_attempts(self, problem: Problem, state: DigitalState, last: int) -> None:
         """Run the kernel up to attempt `last`, or until no grain is waiting or too many were refused."""
         known, tally = precomputed_of(problem, state), state.tally(COUNTERS)
         names, wanted = ("order", "hint", "calm", "depth", "slept", "stirred", "cells"), np.full(1, -1, dtype=np.int64)
-        turn, rules = Turn(**{name: getattr(state, name) for name in names}, wanted=wanted), _rules(problem, state)
+        schedule = Schedule(**{name: getattr(state, name) for name in names}, wanted=wanted)
+        rules, queue = _rules(problem, state), state.waiting
         try:
             while True:
                 taken = *records(state, known), state.derived["pairs"]
-                state.done = int(make_attempts(*taken, rules, turn, state.waiting, tally, known.key, state.done, last))
+                state.done = int(make_attempts(*taken, rules, schedule, queue, tally, known.key, state.done, last))
                 if wanted[0] < 0:
                     break
                 stop_if_asked()
@@ -163,21 +159,21 @@ def finish(problem: Problem, state: DigitalState) -> Packing:
 
 def _voxel_size(problem: Problem) -> float:
     """Return the edge of a voxel on the lattice of the container, in median diameters."""
-    return container_lattice(problem, voxel_size_of(problem)).voxel_size
+    return container_lattice(problem).voxel_size
 
 
-def _rules(problem: Problem, state: DigitalState) -> Rules:
+def _rules(problem: Problem, state: DigitalState) -> MoveRules:
     """Return how grains move at this stage of the run."""
     settings, known = problem.parameters, precomputed_of(problem, state)
     turns = settings.rotation_share if len(known.turns) * known.bases > 1 else 0.0
     decay, feed = -1.0 if settings.decay is None else settings.decay, feed_share(problem, state)
-    return Rules(
+    return MoveRules(
         known.directions,
         known.classes,
         known.down,
         entry_of(problem, known.gravity),
         settings.feed == "at_once" or not known.down.any(),
-        np.array([settings.downward_share, settings.vibration_up, turns, feed, settings.guided, decay]),
+        np.array([settings.vibration_up, decay, turns, feed, settings.downward_share, settings.guided]),
         vibration_schedule(problem, state),
     )
 

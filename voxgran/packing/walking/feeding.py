@@ -68,18 +68,8 @@ def most_attempts(problem: Problem, grains: int) -> int:
 def examine_feeding(problem: Problem, state: WalkState, due: int, positions: Callable[[], Floats]) -> None:
     """End feeding when all grains have entered or none enters any more; interrupt it while a layer sinks.
 
-    After too many refusals feeding is interrupted as well, and resumed if the grains below the entry have sunk.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem.
-    state : WalkState
-        The state, which is changed.
-    due : int
-        Attempt at which the interruption ends.
-    positions : callable
-        Returns the centroids of the grains that have entered.
+    After too many refusals feeding is interrupted as well, and resumed if the grains below the entry have sunk. `due`
+    is the attempt at which the interruption ends; `positions` returns the centroids of the grains that have entered.
     """
     layer = problem.parameters.feed == "layers" and state.placed > state.layer_placed
     if state.placed == problem.count:

@@ -32,30 +32,14 @@ SHAKE_STEP, SHAKE_SWEEPS = 0.05, 3
 
 @dataclass(frozen=True, slots=True)
 class Finishing:
-    """What follows the walk.
-
-    Attributes
-    ----------
-    settings : Settling
-        Parameters of the method.
-    gravity : (3,) ndarray of float
-        Unit vector, zero where there is no gravity.
-    seed : int
-        Seed of the run.
-    parts : bool
-        Whether grains may overlap, or be too near, and have to be parted.
-    step : float
-        First step of settling, in median diameters.
-    distance : float
-        Distance that surfaces have to keep, in median diameters, where grains are parted and do not settle.
-    """
+    """What follows the walk; lengths in median diameters."""
 
     settings: Settling
-    gravity: Floats
+    gravity: Floats  # (3,): unit vector, zero where there is no gravity
     seed: int
-    parts: bool
-    step: float
-    distance: float = 0.0
+    parts: bool  # whether grains may overlap, or be too near, and have to be parted
+    step: float  # first step of settling
+    distance: float = 0.0  # that surfaces have to keep where grains are parted and do not settle
 
     @property
     def sweeps(self) -> int:

@@ -19,63 +19,39 @@ TALLY = (
     *("placed", "moves_accepted", "moves_tried", "turns_accepted", "turns_tried"),
     *("feeds_tried", "feeds_refused_in_a_row"),
 )
+#: their places in the array that a kernel takes
+PLACED, MOVED, MOVES, TURNED, TURNS, FEEDS, REFUSED = range(7)
 
 
 @dataclass(slots=True, kw_only=True)
 class WalkState(TypedState):
-    """Where a walk stands, from feeding to settling.
+    """State of a walk, from feeding to settling."""
 
-    Attributes
-    ----------
-    placed : int
-        Number of grains that have entered.
-    moves_accepted, moves_tried, turns_accepted, turns_tried, feeds_tried, feeds_refused_in_a_row : int
-        Translations, rotations, and attempts to insert a grain.
-    feeding_ended_at, layer_ends : int or None
-        Attempts at which feeding ended and at which it is to be resumed while it is interrupted.
-    layer_placed : int
-        Number of grains that had entered when feeding was last resumed.
-    walk_end, walked : int or None, int
-        Why the walk ended, an index into `finishing.ENDS`, and after how many attempts.
-    parting_sweeps, left_overlapping, settling_at, settling_sweeps : int
-        Sweeps of parting, overlaps after the last one, attempt at which settling began (-1: not yet), and its sweeps.
-    waiting : (n,) ndarray of int
-        All grains: first those that are waiting, then those that have entered.
-    height : float
-        Sum of the heights of the centroids when the bed was last examined.
-    surface_height, surface_grains : float, int
-        Sum of the heights of grains near the entry when feeding was interrupted, and their number.
-    lid_lowered : float
-        Distance by which the lid has been lowered, in median diameters.
-    position, orientation : ndarray of float
-        Poses of the grains that have entered, once the walk has ended; before, as a method uses them.
-    settling : (3,) ndarray of float
-        Step of settling, mean height at its beginning, and first step.
-    """
-
-    placed: int = 0
-    moves_accepted: int = 0
+    placed: int = 0  # grains that have entered
+    moves_accepted: int = 0  # translations
     moves_tried: int = 0
-    turns_accepted: int = 0
+    turns_accepted: int = 0  # rotations
     turns_tried: int = 0
-    feeds_tried: int = 0
+    feeds_tried: int = 0  # attempts to insert a grain
     feeds_refused_in_a_row: int = 0
-    feeding_ended_at: int | None = None
-    layer_ends: int | None = None
-    layer_placed: int = 0
-    walk_end: int | None = None
-    walked: int = 0
+    feeding_ended_at: int | None = None  # attempt at which feeding ended
+    layer_ends: int | None = None  # attempt at which feeding is to be resumed while it is interrupted
+    layer_placed: int = 0  # grains that had entered when feeding was last resumed
+    walk_end: int | None = None  # why the walk ended, an index into `finishing.ENDS`
+    walked: int = 0  # attempts of the walk
     parting_sweeps: int = 0
-    left_overlapping: int = 0
-    settling_at: int = -1
+    left_overlapping: int = 0  # overlaps after the last sweep of parting
+    settling_at: int = -1  # attempt at which settling began (-1: not yet)
     settling_sweeps: int = 0
-    surface_grains: int = 0
-    waiting: Integers = field(default_factory=no_integers)
-    height: float = math.inf
-    surface_height: float = 0.0
-    lid_lowered: float = 0.0
+    surface_grains: int = 0  # grains near the entry when feeding was interrupted
+    waiting: Integers = field(default_factory=no_integers)  # (n,): first grains that are waiting, then the others
+    height: float = math.inf  # sum of the heights of the centroids when the bed was last examined
+    surface_height: float = 0.0  # sum of the heights of the `surface_grains`
+    lid_lowered: float = 0.0  # distance by which the lid has been lowered, in median diameters
+    # poses of the grains that have entered, once the walk has ended; before, as a method uses them
     position: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     orientation: Floats = field(default_factory=lambda: np.zeros((0, 4)))
+    # (3,): step of settling, mean height at its beginning, and first step
     settling: Floats = field(default_factory=lambda: np.zeros(3))
 
     @property
