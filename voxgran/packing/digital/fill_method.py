@@ -19,8 +19,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers, Words, as_count, as_length
-from voxgran._base.config import parameter
+from voxgran._base.arrays import Booleans, Floats, Integers, Words
+from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran._base.stopping import stop_if_asked
@@ -73,7 +73,7 @@ class DigitalFill:
     """
 
     voxel_size: float | None = parameter(
-        None, doc="edge of a voxel; left out: 1/20 of the median diameter", unit="length"
+        None, doc="edge of a voxel; left out: 1/20 of the median diameter", unit="length", above=0.0
     )
     cover: Literal["touch", "center"] = parameter(
         "touch", doc="voxels that a grain takes: all that it touches, or those whose center it holds"
@@ -89,14 +89,15 @@ class DigitalFill:
     order: Literal["random", "largest"] = parameter("random", doc="which grain comes next: any, or the largest left")
     turned: bool = parameter(True, doc="whether grains also lie in the other rotations of the lattice")
     orientations: int = parameter(
-        1, doc="poses of each kind that are voxelized: the given one, then random ones; each with its lattice rotations"
+        1,
+        doc="poses of each kind that are voxelized: the given one, then random ones; each with its lattice rotations",
+        at_least=1,
+        at_most=MOST_ORIENTATIONS,
     )
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.voxel_size is not None:
-            as_length(self.voxel_size, "voxel_size")
-        as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
+        check_bounds(self)
         if self.place == "lowest" and self.gravity == "none":
             raise InputError("gravity is 'none': the lowest place needs a direction; choose one, or another place")
 

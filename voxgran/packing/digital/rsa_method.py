@@ -16,8 +16,8 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Integers, as_count, as_length
-from voxgran._base.config import parameter
+from voxgran._base.arrays import Integers
+from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import TooLargeError
 from voxgran._base.seeds import philox_key, stream
 from voxgran.packing.digital.bit_columns import Canvas, Field
@@ -52,21 +52,22 @@ class DigitalRsa:
     """
 
     voxel_size: float | None = parameter(
-        None, doc="edge of a voxel; left out: 1/16 of the median diameter", unit="length"
+        None, doc="edge of a voxel; left out: 1/16 of the median diameter", unit="length", above=0.0
     )
     cover: Literal["touch", "center"] = parameter(
         "touch", doc="voxels that a grain takes: all that it touches, or those whose center it holds"
     )
     turned: bool = parameter(True, doc="whether grains also lie in the other rotations of the lattice")
     orientations: int = parameter(
-        1, doc="poses of each kind that are voxelized: the given one, then random ones; each with its lattice rotations"
+        1,
+        doc="poses of each kind that are voxelized: the given one, then random ones; each with its lattice rotations",
+        at_least=1,
+        at_most=MOST_ORIENTATIONS,
     )
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.voxel_size is not None:
-            as_length(self.voxel_size, "voxel_size")
-        as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
+        check_bounds(self)
 
 
 def prepare(problem: Problem) -> State:
