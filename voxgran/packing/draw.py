@@ -32,16 +32,9 @@ MOST_ASKED = 100_000_000
 
 @dataclass(frozen=True, slots=True)
 class DrawnGrains:
-    """Grains without poses.
+    """Grains without poses: their shapes and equivalent diameters, (n,), in the unit of lengths.
 
-    Attributes
-    ----------
-    shape_id : (n,) ndarray of int
-        Shape of each grain.
-    diameter : (n,) ndarray of float
-        Equivalent diameters, in the unit of lengths.
-    removed : dict
-        Count and volume of the drawn grains that cannot fit.
+    removed: count and volume of the drawn grains that cannot fit.
     """
 
     shape_id: Integers
@@ -61,32 +54,10 @@ def draw_grains(
     seed: int,
     surplus: bool = False,
 ) -> DrawnGrains:
-    """Draw the grains of a packing.
+    """Draw the grains of a packing, for arguments of :func:`voxgran.packing.pack.pack`.
 
-    Parameters
-    ----------
-    shapes : sequence of Shape
-        Shapes to draw from.
-    container : Container
-        Container of the grains.
-    sizes : SizeDistribution or None
-        Distribution of the equivalent diameters; None keeps the size of each shape.
-    count : int or None
-        Number of grains; None leaves it to the solid fraction.
-    solid_fraction : float or None
-        Requested solid fraction; None draws as many grains as fill the container completely.
-    weights : (len(shapes),) array_like of float or None
-        Shares of the shapes; equal if None.
-    weights_by : {"number", "volume"}
-        Quantity that the shares refer to.
-    seed : int
-        Seed of the run.
-    surplus : bool
-        Whether the grains may have more volume than the container: the method places those that fit.
-
-    Returns
-    -------
-    DrawnGrains
+    Without a count and a solid fraction as many grains are drawn as fill the container completely; `surplus` allows
+    grains of more volume than the container, of which the method places those that fit.
 
     Raises
     ------

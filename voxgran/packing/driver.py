@@ -48,50 +48,21 @@ class Recorder(Protocol):
 
 @dataclass(slots=True)
 class Drive:
-    """Options of a run that do not change its result.
+    """Options of a run that do not change its result."""
 
-    Attributes
-    ----------
-    checkpoint : path-like or None
-        File that is written every ten seconds, when the run is asked to stop, and at the end; a large one less often,
-        so that it takes no more than a twentieth of the time.
-    resume : bool
-        Whether to resume from that file if it exists.
-    on_step : callable or None
-        Called after each chunk.
-    chunk : int or None
-        Attempts per chunk; None adapts it to the clock.
-    time_limit : float or None
-        Seconds after which the run stops, though not before the first attempt.
-    recorder : Recorder or None
-        Receives the packing whenever a snapshot is due.
-    """
-
+    # written every ten seconds, when the run is asked to stop, and at the end; a large one less often, so that it takes
+    # no more than a twentieth of the time
     checkpoint: str | os.PathLike[str] | None = None
-    resume: bool = False
-    on_step: OnStep | None = None
-    chunk: int | None = None
-    time_limit: float | None = None
-    recorder: Recorder | None = None
+    resume: bool = False  # whether to resume from the checkpoint if it exists
+    on_step: OnStep | None = None  # called after each chunk
+    chunk: int | None = None  # attempts per chunk; None adapts it to the clock
+    time_limit: float | None = None  # seconds after which the run stops, though not before the first attempt
+    recorder: Recorder | None = None  # receives the packing whenever a snapshot is due
     started: float = field(default_factory=time.monotonic)
 
 
 def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
-    """Run a method until it stops.
-
-    Parameters
-    ----------
-    method : PackingMethod
-        The method.
-    problem : Problem
-        The packing task.
-    how : Drive
-        Checkpoint, progress and limits.
-
-    Returns
-    -------
-    RunState
-        With `stop_reason` set.
+    """Run a method until it stops; return its state, with `stop_reason` set.
 
     Raises
     ------
@@ -248,12 +219,7 @@ def _farewell(how: Drive, state: RunState) -> str:
 
 
 def check_drive(checkpoint: Any, resume: Any, on_step: Any, recorder: Any) -> None:
-    """Check the options of a run.
-
-    Parameters
-    ----------
-    checkpoint, resume, on_step, recorder
-        As :func:`voxgran.packing.pack.pack` takes them.
+    """Check the options of a run, as :func:`voxgran.packing.pack.pack` takes them.
 
     Raises
     ------

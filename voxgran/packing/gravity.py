@@ -24,12 +24,8 @@ class HasGravity(Protocol):
 def as_down(asked: Any, container: Container) -> Down | None:
     """Return the unit vector in which gravity acts, or None.
 
-    Parameters
-    ----------
-    asked : str or (3,) array_like of float or None
-        An axis such as ``"-z"``, a vector, or None or ``"none"``; ``"down"`` is the usual axis where it has walls.
-    container : Container
-        The container.
+    It is asked for as an axis such as ``"-z"``, a vector (3,), or None or ``"none"``; ``"down"`` is the usual axis
+    where it has walls.
 
     Raises
     ------

@@ -31,20 +31,11 @@ SAMPLING_BYTES = 310 * 2**20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:
-    """Cost of a run, known before it starts.
+    """Cost of a run, known before it starts."""
 
-    Attributes
-    ----------
-    memory : int
-        Bytes at the peak, without the libraries; an estimate.
-    attempts : int
-        Largest number of attempts.
-    voxelized_shapes, sampled_shapes : int
-        Number of solids that are voxelized and sampled: exactly what the run counts.
-    """
-
-    memory: int
-    attempts: int
+    memory: int  # estimated bytes at the peak, without the libraries
+    attempts: int  # largest number of attempts
+    # number of solids that are voxelized and sampled: exactly what the run counts
     voxelized_shapes: int = 0
     sampled_shapes: int = 0
 
@@ -71,20 +62,10 @@ class RunState(Protocol):
 
 @dataclass(slots=True)
 class State:
-    """State of a run, with arrays and counters by name.
+    """State of a run, with arrays and counters by name, which a checkpoint holds.
 
-    Attributes
-    ----------
-    arrays : dict of str to ndarray
-        All data that change; a checkpoint holds these.
-    counters : dict of str to int
-        Attempts, acceptances and other counts of the method; a checkpoint holds these.
-    done, total : int
-        Attempts made, and largest number of attempts.
-    stop_reason : str
-        Empty while the method has not stopped.
-    derived : dict of str to ndarray
-        Data that follow from the problem and the other attributes; computed again when missing, never saved.
+    done, total: attempts made, and largest number of attempts.  stop_reason: empty while the method has not stopped.
+    derived: data that follow from the problem and the other fields; computed again when missing, never saved.
     """
 
     arrays: dict[str, Array]
@@ -101,19 +82,11 @@ class State:
 
 @dataclass(slots=True, kw_only=True)
 class TypedState:
-    """Where a run stands, with typed fields, from which its arrays and counters derive.
+    """State of a run with typed fields, from which its arrays and counters derive; the other fields are those of
+    `State`.
 
     The fields that a subclass adds are arrays, floats, integers, or None for a number that is not known yet. A
     checkpoint holds arrays and floats as arrays, and the rest as counters.
-
-    Attributes
-    ----------
-    done, total : int
-        Attempts made, and attempts after which the method stops at the latest.
-    stop_reason : str
-        Empty while there is more to do.
-    derived : dict of str to object
-        What follows from the problem and the rest and is made again when it is missing; never saved.
     """
 
     done: int = 0
@@ -203,13 +176,6 @@ def packing_methods() -> tuple[str, ...]:
 def packing_memory(method: PackingMethod, problem: Problem) -> int:
     """Return the estimated peak memory of a packing in bytes, with the libraries.
 
-    Parameters
-    ----------
-    method : PackingMethod
-        The method.
-    problem : Problem
-        The packing task.
-
     Raises
     ------
     InputError
@@ -222,16 +188,7 @@ def packing_memory(method: PackingMethod, problem: Problem) -> int:
 
 
 def check_memory(method: PackingMethod, needed: int, what: str) -> None:
-    """Check that this machine has enough memory.
-
-    Parameters
-    ----------
-    method : PackingMethod
-        The method, whose parameters decide the remedy.
-    needed : int
-        Bytes that are needed.
-    what : str
-        Subject of the message.
+    """Check that this machine has the bytes that `what` needs.
 
     Raises
     ------

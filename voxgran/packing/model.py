@@ -1,4 +1,4 @@
-"""Packing: grains where a method left them, the type that the packing room hands on."""
+"""Packing: the grains and poses that a packing method returns, with their provenance."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -332,14 +332,7 @@ class Packing(GrainSequence):
 
 
 def check_packing(packing: Any, name: str) -> None:
-    """Check that something is a packing.
-
-    Parameters
-    ----------
-    packing : Packing
-        What was given.
-    name : str
-        What the message calls it.
+    """Check that the argument `name` is a packing.
 
     Raises
     ------

@@ -42,7 +42,7 @@ COARSEST = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What `pack` was asked, checked and drawn, before anything is computed."""
+    """The checked arguments of `pack` and the drawn grains, before anything is computed."""
 
     method: PackingMethod
     problem: Problem
@@ -206,7 +206,7 @@ def prepare_task(
     unit: str | None = None,
     density: float | None = None,
 ) -> Task:
-    """Check what was asked, draw the grains and put all into the normalized frame; nothing is packed.
+    """Check the arguments of :func:`pack`, draw the grains and put all into the normalized frame; nothing is packed.
 
     Raises
     ------
@@ -264,12 +264,7 @@ def prepare_task(
 
 
 def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Shape, ...]:
-    """Return the shapes as a tuple.
-
-    Parameters
-    ----------
-    shapes, container, sizes, start
-        Arguments of :func:`pack`.
+    """Check these arguments of :func:`pack`, and return the shapes as a tuple.
 
     Raises
     ------
@@ -368,13 +363,8 @@ def with_provenance(task: Task, state: RunState, packing: Packing, *, seconds: f
 def _ended_by_solid_fraction(task: Task) -> bool:
     """Return whether the solid fraction, and not the count, decided how many grains were drawn."""
     count, solid_fraction = task.asked["count"], task.asked["solid_fraction"]
-    drawn = task.problem.count - _started(task) + task.removed["count"]
+    drawn = task.problem.count - task.problem.started + task.removed["count"]
     return solid_fraction is not None and (count is None or drawn < count)
-
-
-def _started(task: Task) -> int:
-    """Return the number of grains that were there from the beginning; no target counts them."""
-    return 0 if task.problem.start is None else task.problem.start.count
 
 
 def _misses(task: Task, packing: Packing) -> dict[str, float]:
@@ -383,7 +373,7 @@ def _misses(task: Task, packing: Packing) -> dict[str, float]:
     The count and the solid fraction are met together, by whichever comes first. Where the grains grew at the end, all
     of this is said of the packing before: its sizes and its solid fraction were asked for.
     """
-    growth, started = packing.provenance.get("growth"), _started(task)
+    growth, started = packing.provenance.get("growth"), task.problem.started
     count, solid_fraction = task.asked["count"], task.asked["solid_fraction"]
     drawn = task.problem.count - started
     wanted = drawn if count is None else max(drawn, count - int(task.removed["count"]))
@@ -421,7 +411,7 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
     missed, asked, reason = packing.provenance["missed"], task.asked, packing.stop_reason
     parts = []
     if asked["count"] is not None and missed["count"] > 0:
-        placed = packing.count - _started(task)
+        placed = packing.count - task.problem.started
         parts.append(f"{placed} of {asked['count']} grains were placed before the method stopped ({reason})")
     if asked["solid_fraction"] is not None and missed["solid_fraction"] > 0:
         reached = asked["solid_fraction"] - missed["solid_fraction"]

@@ -36,54 +36,23 @@ TINY, NOTHING = 1e-3, 1e-6
 
 @dataclass(eq=False)
 class Problem:
-    """A packing task in the normalized frame.
+    """A packing task in the normalized frame."""
 
-    Attributes
-    ----------
-    shapes : tuple of Shape
-        The different shapes at unit equivalent diameter.
-    shape_id : (n,) ndarray of int
-        Shape of each grain.
-    diameter : (n,) ndarray of float
-        Equivalent diameter of each grain, in median diameters; the factor on the lengths of its shape.
-    container : Container
-        The container, in median diameters.
-    parameters : object
-        Parameter object of the method; its lengths are in `unit_length`.
-    seed : int
-        Seed of the run.
-    unit_length : float
-        The median diameter in the user's unit of lengths.
-    original : tuple of Shape
-        The shapes as the user gave them.
-    start : Start or None
-        Poses of the first grains, which are present from the beginning.
-    unit : str
-        The user's unit of lengths.
-    density : float
-        Density of the material.
-    target : bool
-        Whether a count or a solid fraction is requested; otherwise there are as many grains as could be needed.
-    byte_limit : int
-        Largest size of the cached representations.
-    made : dict of str to set of int
-        Hashes of all representations computed so far, by their counter; a checkpoint holds these, so that
-        representations that are computed again are not counted again.
-    """
-
-    shapes: tuple[Shape, ...]
-    shape_id: Integers
-    diameter: Floats
-    container: Container
-    parameters: Any
+    shapes: tuple[Shape, ...]  # of unit equivalent diameter
+    shape_id: Integers  # (n,) shape of each grain
+    diameter: Floats  # (n,) equivalent diameters, in median diameters: the factors on the lengths of the shapes
+    container: Container  # in median diameters
+    parameters: Any  # of the method, with lengths in the user's unit
     seed: int
-    unit_length: float
-    original: tuple[Shape, ...]
-    start: Start | None = None
-    unit: str = "1"
+    unit_length: float  # the median diameter, in the user's unit
+    original: tuple[Shape, ...]  # the shapes as the user gave them
+    start: Start | None = None  # poses of the first grains, which are present from the beginning
+    unit: str = "1"  # the user's unit of lengths
     density: float = 1.0
-    target: bool = False
-    byte_limit: int = 2**26
+    target: bool = False  # whether a count or a solid fraction is requested; if not, grains are more than enough
+    byte_limit: int = 2**26  # largest size of the cached representations
+    # hashes of all representations computed so far, by their counter; a checkpoint holds these, so that none is counted
+    # again when it is computed again
     made: dict[str, set[int]] = field(default_factory=lambda: {"voxelized_shapes": set(), "sampled_shapes": set()})
     _kept: "OrderedDict[tuple[Any, ...], Any]" = field(default_factory=OrderedDict)
     _bytes: int = 0
@@ -97,6 +66,11 @@ class Problem:
     def dimension(self) -> int:
         """2 or 3."""
         return self.container.dimension
+
+    @property
+    def started(self) -> int:
+        """Number of grains of the start; they are the first ones."""
+        return 0 if self.start is None else self.start.count
 
     @property
     def volumes(self) -> Floats:
@@ -131,26 +105,11 @@ class Problem:
         contact_gap: float = 0.0,
         voxel_size: float | None = None,
     ) -> Packing:
-        """Return the packing of grains in the user's unit of lengths.
+        """Return the packing of the grains with indices `placed`, (m,), in the user's unit of lengths.
 
-        Parameters
-        ----------
-        placed : (m,) ndarray of int
-            Indices of the grains.
-        position : (m, 3) ndarray of float
-            Centroids, in median diameters.
-        stop_reason : str
-            Empty while the method has not stopped.
-        orientation : (m, 4) ndarray of float, optional
-            Unit quaternions; no rotation where omitted.
-        provenance : mapping, optional
-            Record of the method; its parameters are added.
-        gravity : (3,) array_like of float, optional
-            Unit vector in which gravity acts; zero or None where there is none.
-        contact_gap : float
-            Distance of surfaces up to which the method leaves touching grains apart, in median diameters.
-        voxel_size : float, optional
-            Edge of a voxel, in median diameters, for methods on a lattice.
+        Positions (m, 3), the contact gap and the voxel size of methods on a lattice are in median diameters; grains
+        without orientation (m, 4) are not rotated. The parameters are added to the provenance. An empty stop reason
+        becomes ``"interrupted"``; a zero gravity is none.
         """
         shape_id, unit = self.shape_id[placed], self.unit_length
         own = np.array([shape.diameter for shape in self.original])
@@ -175,7 +134,7 @@ class Problem:
         )
 
     def voxels(self, grain: int, orientation: Floats, voxel_size: float, *, cover: str) -> Booleans:
-        """Return the voxels of a grain on a cubic lattice with a voxel corner at its centroid.
+        """Return the voxels of a grain on a cubic lattice with a voxel corner at its centroid, the middle of the array.
 
         Parameters
         ----------
@@ -191,7 +150,7 @@ class Problem:
         Returns
         -------
         (2 k, 2 k, 2 k) ndarray of bool
-            In 2D (2 k, 2 k, 1). The centroid is at the middle corner.
+            In 2D (2 k, 2 k, 1).
 
         Raises
         ------
@@ -221,15 +180,7 @@ class Problem:
         return self.keep(key, make)
 
     def points(self, shape: int, spacing: float) -> SurfacePoints:
-        """Return control points on a shape of unit diameter, every surface point within spacing / 2 of one.
-
-        Parameters
-        ----------
-        shape : int
-            Index of the shape.
-        spacing : float
-            Requested spacing, in diameters of the shape.
-        """
+        """Return control points on a shape of unit diameter, every surface point within spacing / 2 of one."""
         key = ("points", shape, spacing)
 
         def make() -> SurfacePoints:
@@ -262,13 +213,7 @@ def stands_free(problem: Problem, start: Start) -> bool:
 
 
 def warn_of_units(problem: Problem) -> None:
-    """Warn if grains are so small and so few that sizes and container are likely in different units.
-
-    Parameters
-    ----------
-    problem : Problem
-        The problem, with its grains drawn.
-    """
+    """Warn if the drawn grains are so small and so few that sizes and container are likely in different units."""
     if problem.start is not None or not problem.count:
         return
     bounds = problem.container.bounds

@@ -19,26 +19,11 @@ EXACT = 1 + 1e-12
 
 
 def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, diameter: Floats) -> Booleans:
-    """Return which grains are not certainly too large.
+    """Return which grains, (n,), are not certainly too large, by their shapes and equivalent diameters.
 
     Grains are too large if they have more volume than the container, contain a sphere wider than the container along an
     axis, or are longer than its longest line. A rod may lie along a diagonal, and one that is longer than a period
     beside its own images.
-
-    Parameters
-    ----------
-    shapes : sequence of Shape
-        The different shapes.
-    container : Container
-        Container of the grains.
-    shape_id : (n,) ndarray of int
-        Shape of each grain.
-    diameter : (n,) ndarray of float
-        Equivalent diameter of each grain, in the unit of the container.
-
-    Returns
-    -------
-    (n,) ndarray of bool
     """
     dimension = container.dimension
     lengths = (container.bounds[1] - container.bounds[0])[:dimension]

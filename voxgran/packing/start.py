@@ -19,15 +19,7 @@ from voxgran.containers.model import Container
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Poses of the first grains of a problem.
-
-    Attributes
-    ----------
-    position : (m, 3) ndarray of float
-        Centroids, in median diameters.
-    orientation : (m, 4) ndarray of float
-        Unit quaternions.
-    """
+    """Poses of the first grains of a problem: centroids (m, 3) in median diameters, and unit quaternions (m, 4)."""
 
     position: Floats
     orientation: Floats

@@ -15,16 +15,8 @@ from voxgran.packing.pack import prepare_task
 def kill_and_resume(request: dict[str, Any], checkpoint: Path, shares: list[float], chunk: int | None) -> None:
     """Kill a run after each of some shares of its whole time, resuming it each time, and at last let it end.
 
-    Parameters
-    ----------
-    request : dict
-        Arguments of :func:`prepare_task`.
-    checkpoint : Path
-        The checkpoint.
-    shares : list of float
-        When to kill, in times of a whole run.
-    chunk : int or None
-        Attempts per chunk; None adapts it to the clock.
+    The request are arguments of :func:`prepare_task`; `chunk` is the number of attempts per chunk, None adapts it to
+    the clock.
     """
     driver.CHECKPOINT_SECONDS = 0.0
     seconds = 0.0

@@ -13,8 +13,8 @@ from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.seeds import philox_block, philox_key
 from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.packing.rsa.available_cells import Open, all_edges, cut_cells
-from voxgran.packing.rsa.level_grid import Grains
 from voxgran.packing.rsa.method import registration as rsa
+from voxgran.packing.rsa.overlaps import Grains
 from voxgran.packing.rsa.precompute import congruential
 
 GRADED = vg.sizes.discrete([1.0, 0.6, 0.3], [1, 2, 3])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from voxgran.packing.advancing_front.level_grid import is_free, lay_cells, link, link_all, unlink
+from voxgran.packing.advancing_front.sphere_cells import is_free, lay_cells, link, link_all, unlink
 
 CASES = {
     "a box": ((9.0, 7.0, 11.0), (0, 0, 0), 3, 400),
@@ -34,7 +34,7 @@ def test_free_places_are_free(case, spread):
     spheres[:, :3] = generator.random((many, 3)) * region
     spheres[:, 3] = 0.9 * spread ** -generator.random(many)
     cells = lay_cells(lengths, periodic, spheres[:, 3], dimension)
-    assert len(cells.head) <= 3 * many + 8 * len(cells.largest)
+    assert len(cells.head) <= 3 * many + 8 * len(cells.first)
     link_all(cells, spheres, many)
     found = []
     for _ in range(400):

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from voxgran.packing.advancing_front.level_grid import BITS, HERE
+from voxgran.packing.advancing_front.sphere_cells import BITS, HERE
 from voxgran.packing.advancing_front.tangent_spheres import PLANE, SIDE, place_at, touch_disks, touch_spheres
 
 LENGTHS = np.array([20.0, 20.0, 30.0])

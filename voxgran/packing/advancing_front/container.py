@@ -18,21 +18,10 @@ MOST_CELLS = 64
 
 
 def front_container(container: Container, smallest: float) -> tuple[KernelContainer, Floats]:
-    """Return a container in coordinates from its lower corner, and where it is widest.
+    """Return a container in coordinates from its lower corner, and the point (3,) farthest from the walls.
 
-    Parameters
-    ----------
-    container : Container
-        What holds the spheres.
-    smallest : float
-        Radius of the smallest sphere, in the unit of the container.
-
-    Returns
-    -------
-    walls : KernelContainer
-        The container; a closed mesh with a map of clearances.
-    widest : (3,) ndarray of float
-        The point farthest from the walls: the middle of the bounds, in a closed mesh by the map of clearances.
+    `smallest` is the radius of the smallest sphere. A closed mesh has a map of clearances, which decides the point;
+    otherwise it is the middle of the bounds.
     """
     longest = float((container.bounds[1] - container.bounds[0]).max())
     slack = 1e-12 * smallest + 8 * float(np.spacing(longest))

@@ -9,7 +9,7 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import KernelContainer, wall_of_mesh
-from voxgran.packing.advancing_front.level_grid import BITS
+from voxgran.packing.advancing_front.sphere_cells import BITS
 from voxgran.packing.advancing_front.tangent_spheres import ON_A_LINE, center_of, place_at
 
 #: the wall of a mesh, among the walls of :mod:`voxgran.packing.advancing_front.tangent_spheres`

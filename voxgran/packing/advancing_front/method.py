@@ -19,8 +19,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_count, as_number
-from voxgran._base.config import parameter
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key, stream
@@ -30,9 +30,10 @@ from voxgran.containers.kernel_container import KernelContainer
 from voxgran.containers.model import boundary_of
 from voxgran.packing.advancing_front.container import front_container
 from voxgran.packing.advancing_front.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Front, FrontRules, Spheres
-from voxgran.packing.advancing_front.level_grid import BITS, SphereCells, lay_cells, link_all
 from voxgran.packing.advancing_front.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
+from voxgran.packing.advancing_front.sphere_cells import BITS, lay_cells, link_all
 from voxgran.packing.gravity import as_down
+from voxgran.packing.level_grid import LevelGrid
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -72,16 +73,16 @@ class AdvancingFront:
     order: Literal["random", "nearest", "lowest"] = parameter(
         "nearest", doc="next position: random, the nearest to the widest point of the container, or the lowest"
     )
-    tries: int = parameter(5, doc="number of grains, in their order, that are tried at a position")
+    tries: int = parameter(5, doc="number of grains, in their order, that are tried at a position", at_least=1)
     grow: float = parameter(
         1.0,
         doc="largest factor by which grains grow about their centroids at the end, until each touches another; 1: none",
+        at_least=1.0,
     )
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        as_count(self.tries, "tries", at_least=1)
-        as_number(self.grow, "grow", at_least=1.0)
+        check_bounds(self)
         if self.mode == "dense" and self.order == "random":
             raise InputError(
                 "order is 'random': dense packing takes the best position; choose nearest or lowest, or loose"
@@ -100,7 +101,7 @@ def prepare(problem: Problem) -> State:
     """
     if problem.count >= MOST:
         raise TooLargeError(f"count is {problem.count}: the front takes fewer than {MOST} grains; pack in parts")
-    n = 0 if problem.start is None else problem.start.count
+    n = problem.started
     order = stream(problem.seed, "order").permutation(np.arange(n, problem.count, dtype=np.int64))
     arrays = {
         "spheres": _spheres(problem),
@@ -170,9 +171,8 @@ def _grown(problem: Problem, packing: Packing) -> Packing:
     asked: AdvancingFront = problem.parameters
     if asked.grow == 1.0:
         return packing
-    here = 0 if problem.start is None else problem.start.count
-    drawn = problem.diameter[here:] * problem.unit_length
-    missed = size_distance(drawn, packing.diameters[here:])
+    drawn = problem.diameter[problem.started :] * problem.unit_length
+    missed = size_distance(drawn, packing.diameters[problem.started :])
     grown = grow(packing, max_factor=asked.grow)
     growth = {**grown.provenance["growth"], "gradation_missed_before": missed}
     return replace(grown, provenance={**grown.provenance, "growth": growth})
@@ -189,7 +189,7 @@ class Precomputed:
 
     radius: Floats
     walls: KernelContainer
-    cells: SphereCells
+    cells: LevelGrid
     rules: FrontRules
 
 
@@ -260,8 +260,7 @@ def _is_narrow(problem: Problem, state: State) -> bool:
     """Return whether no loose front was started: in such a slab or tube walls must replace spheres."""
     if problem.parameters.mode == "dense" or state.counters["narrow"]:
         return False
-    n = 0 if problem.start is None else problem.start.count
-    return state.counters["placed"] - n < problem.dimension
+    return state.counters["placed"] - problem.started < problem.dimension
 
 
 def _make_room(state: State, missing: int) -> None:
@@ -291,7 +290,7 @@ def _most_attempts(problem: Problem, *, dense: bool) -> int:
 
 def _orientations(problem: Problem, grains: Integers) -> Floats | None:
     """Return orientations: those of the start, and random ones of all grains that are not spheres."""
-    n = 0 if problem.start is None else problem.start.count
+    n = problem.started
     if all(shape.is_sphere for shape in problem.shapes) and not n:
         return None
     turns = stream(problem.seed, "turns").normal(size=(problem.count, 4))

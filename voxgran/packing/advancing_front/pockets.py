@@ -23,9 +23,10 @@ from voxgran.packing.advancing_front.front import (
     push,
     rank,
 )
-from voxgran.packing.advancing_front.level_grid import BITS, HERE, SphereCells, cell_range
 from voxgran.packing.advancing_front.mesh_pockets import WALL, place_in
+from voxgran.packing.advancing_front.sphere_cells import BITS, HERE
 from voxgran.packing.advancing_front.tangent_spheres import ABOVE, BENEATH, PLANE, SIDE, foot_of_spheres
+from voxgran.packing.level_grid import LevelGrid, cells_near
 
 #: overlap that is ignored here, in radii: the visit decides
 LENIENT = 1e-9
@@ -54,7 +55,7 @@ class Scratch(NamedTuple):
 def advance_front(
     packed: Spheres,
     front: Front,
-    cells: SphereCells,
+    cells: LevelGrid,
     walls: KernelContainer,
     rules: FrontRules,
     scratch: Scratch,
@@ -116,11 +117,11 @@ def _gather(spheres, cells, walls, pocket, scratch, sphere):  # type: ignore[no-
     """
     many = 0
     x, y, z, r = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], spheres[sphere, 3]
-    for level in range(len(cells.largest)):
-        reach = r + cells.largest[level] + 2.0 * pocket
-        i0, i1 = cell_range(cells, level, 0, x, reach)
-        j0, j1 = cell_range(cells, level, 1, y, reach)
-        k0, k1 = cell_range(cells, level, 2, z, reach)
+    for level in range(len(cells.first)):
+        reach = r + cells.reach[level, 0] + 2.0 * pocket
+        i0, i1 = cells_near(cells, level, 0, x, reach)
+        j0, j1 = cells_near(cells, level, 1, y, reach)
+        k0, k1 = cells_near(cells, level, 2, z, reach)
         ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
         for i in range(i0, i1 + 1):
             turn_i = 0 if 0 <= i < ni else i // ni
@@ -201,7 +202,10 @@ def _at_walls(spheres, walls, rules, scratch, sphere, many, found):  # type: ign
     """
     here = (sphere << BITS) + HERE
     if walls.kind == MESH:
-        return _at_mesh(spheres, walls, rules, scratch, sphere, many, found)
+        reach = spheres[sphere, 3] + 2.0 * rules.pocket
+        if rules.dense and is_near_mesh(walls, spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], reach):
+            found = _at_wall(spheres, walls, rules, scratch, sphere, many, WALL, found)
+        return found
     low, high = (SIDE, 0) if rules.dense else (PLANE, PLANE + 1)
     if walls.kind == ROUND:
         # the wall of a spherical container is a sphere of negative radius: the last row
@@ -212,19 +216,13 @@ def _at_walls(spheres, walls, rules, scratch, sphere, many, found):  # type: ign
             spheres[sphere, 2] - walls.radius,
         )
         near = walls.radius - math.sqrt(dx * dx + dy * dy + dz * dz) < spheres[sphere, 3] + 2.0 * rules.pocket
-        for u in range(many if near and rules.dense else 0):
-            if scratch.ref[u] >= 0:
-                found = _try_at(spheres, walls, rules, scratch, sphere, many, here, scratch.ref[u], wall, u, found)
-                found = _try_at(spheres, walls, rules, scratch, sphere, many, scratch.ref[u], here, wall, u, found)
-        return found
+        return _at_wall(spheres, walls, rules, scratch, sphere, many, wall, found) if near and rules.dense else found
     for wall in range(low, high):
         if not _is_wall_near(spheres, walls, rules.pocket, wall, sphere):
             continue
         # disks lie in their plane: it is one of the three
-        for u in range(many if walls.dimension == 3 or wall == PLANE else 0):
-            if scratch.ref[u] >= 0:
-                found = _try_at(spheres, walls, rules, scratch, sphere, many, here, scratch.ref[u], wall, u, found)
-                found = _try_at(spheres, walls, rules, scratch, sphere, many, scratch.ref[u], here, wall, u, found)
+        if walls.dimension == 3 or wall == PLANE:
+            found = _at_wall(spheres, walls, rules, scratch, sphere, many, wall, found)
         for second in range(low, high):
             if walls.dimension == 2 and PLANE not in (wall, second):
                 continue
@@ -242,15 +240,13 @@ def _at_walls(spheres, walls, rules, scratch, sphere, many, found):  # type: ign
 
 
 @bare_kernel
-def _at_mesh(spheres, walls, rules, scratch, sphere, many, found):  # type: ignore[no-untyped-def]
-    """Write the pockets between two spheres and the wall of a mesh; return the number of all pockets."""
-    here, reach = (sphere << BITS) + HERE, spheres[sphere, 3] + 2.0 * rules.pocket
-    if not rules.dense or not is_near_mesh(walls, spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], reach):
-        return found
+def _at_wall(spheres, walls, rules, scratch, sphere, many, wall, found):  # type: ignore[no-untyped-def]
+    """Write the pockets between a sphere, each other one and a wall; return the number of all pockets."""
+    here = (sphere << BITS) + HERE
     for u in range(many):
         if scratch.ref[u] >= 0:
-            found = _try_at(spheres, walls, rules, scratch, sphere, many, here, scratch.ref[u], WALL, u, found)
-            found = _try_at(spheres, walls, rules, scratch, sphere, many, scratch.ref[u], here, WALL, u, found)
+            found = _try_at(spheres, walls, rules, scratch, sphere, many, here, scratch.ref[u], wall, u, found)
+            found = _try_at(spheres, walls, rules, scratch, sphere, many, scratch.ref[u], here, wall, u, found)
     return found
 
 

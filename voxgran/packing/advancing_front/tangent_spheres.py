@@ -9,7 +9,7 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.packing.advancing_front.level_grid import BITS, HERE, IMAGES
+from voxgran.packing.advancing_front.sphere_cells import BITS, HERE, IMAGES
 
 #: walls are negative numbers: -1 - 2 * axis for a low one, -2 - 2 * axis for a high one, the plane of disks, and the
 #: side of an upright cylinder

@@ -75,17 +75,17 @@ class DigitalFill(LatticeSearch):
     usual_voxel_size: ClassVar[float] = 1 / 20
 
     voxel_size: float | None = parameter(
-        None, doc="edge of a voxel; left out: 1/20 of the median diameter", unit="length"
+        None, doc="edge of a voxel; default: 1/20 of the median diameter", unit="length", above=0.0
     )
     place: Literal["lowest", "contact", "wall"] = parameter(
         "lowest",
-        doc="which feasible place: the lowest, of several the one blocked on most sides; the one blocked on most sides "
-        "anywhere; or the one nearest to a wall",
+        doc="choice among the feasible places: the lowest (of several, the one blocked on most sides), the one "
+        "blocked on most sides, or the one nearest to a wall",
     )
     gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | None = parameter(
-        None, doc="where down is; left out: -z, in two dimensions -y"
+        None, doc="direction of gravity; default: -z, in two dimensions -y"
     )
-    order: Literal["random", "largest"] = parameter("random", doc="which grain comes next: any, or the largest left")
+    order: Literal["random", "largest"] = parameter("random", doc="order of insertion: random, or the largest first")
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the lowest place has a direction."""

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from voxgran._base.arrays import as_count, as_length
-from voxgran._base.config import parameter
+from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
 from voxgran.packing.digital.container_lattice import MOST_ORIENTATIONS
 from voxgran.packing.walking.parameters import Walking
@@ -97,17 +96,18 @@ class LatticeSearch:
 
     usual_voxel_size: ClassVar[float]
 
-    voxel_size: float | None = parameter(None, doc="edge of a voxel", unit="length")
+    voxel_size: float | None = parameter(None, doc="edge of a voxel", unit="length", above=0.0)
     cover: Literal["touch", "center"] = parameter(
-        "touch", doc="voxels that a grain takes: all that it touches, or those whose center it holds"
+        "touch", doc="voxels that a grain takes: all that it touches, or those whose center it contains"
     )
-    turned: bool = parameter(True, doc="whether grains also lie in the other rotations of the lattice")
+    turned: bool = parameter(True, doc="whether grains may also take the other rotations of the lattice")
     orientations: int = parameter(
-        1, doc="poses of each kind that are voxelized: the given one, then random ones; each with its lattice rotations"
+        1,
+        doc="voxelized poses of each kind: the given one, then random ones; each with its lattice rotations",
+        at_least=1,
+        at_most=MOST_ORIENTATIONS,
     )
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.voxel_size is not None:
-            as_length(self.voxel_size, "voxel_size")
-        as_count(self.orientations, "orientations", at_least=1, at_most=MOST_ORIENTATIONS)
+        check_bounds(self)

@@ -1,5 +1,3 @@
 """Door of the packing method rsa: :mod:`voxgran.packing.rsa.method`."""
 
-from voxgran.packing.rsa.method import registration
-
-__all__ = ["registration"]
+from voxgran.packing.rsa.method import registration as registration

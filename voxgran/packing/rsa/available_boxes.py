@@ -12,7 +12,8 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.kernel_container import KernelContainer
-from voxgran.packing.rsa.level_grid import Cells, Grains, gather
+from voxgran.packing.level_grid import LevelGrid
+from voxgran.packing.rsa.overlaps import Grains, gather
 
 #: largest number of grains tested near a cell; further ones only keep it open longer
 NEAR = 256
@@ -24,17 +25,10 @@ NARROW = 16.0
 AT_ONCE = 2**15
 
 
-def open_boxes(grains: Grains, cells: Cells, walls: KernelContainer, before: Floats, half: Floats) -> Floats:
-    """Return the available parts of boxes for the centers of grains, (m, 6): lower corners and edges.
+def open_boxes(grains: Grains, cells: LevelGrid, walls: KernelContainer, before: Floats, half: Floats) -> Floats:
+    """Return the available parts of boxes for the centers of grains of half extents `half`, (3,).
 
-    Parameters
-    ----------
-    grains, cells, walls
-        Grains and container.
-    before : (k, 6) ndarray of float
-        Lower corners and edges.
-    half : (3,) ndarray of float
-        Half the extents of the grains to be placed.
+    Boxes before, (k, 6), and after, (m, 6), are lower corners and edges.
 
     Raises
     ------
@@ -53,12 +47,7 @@ def open_boxes(grains: Grains, cells: Cells, walls: KernelContainer, before: Flo
 
 
 def slices(many: int) -> Iterator[slice]:
-    """Yield slices of cells that are processed between two tests whether to stop.
-
-    Parameters
-    ----------
-    many : int
-        Number of cells.
+    """Yield slices of `many` cells that are processed between two tests whether to stop.
 
     Raises
     ------

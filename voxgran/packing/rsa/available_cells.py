@@ -27,9 +27,10 @@ from voxgran._base.arrays import WHOLE, Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.containers.kernel_container import KernelContainer, is_barred, is_between, is_held
+from voxgran.packing.level_grid import LevelGrid
 from voxgran.packing.rsa.available_boxes import NEAR, open_boxes, slices
 from voxgran.packing.rsa.candidates import PLACED, REFUSED, TRIED, TURN
-from voxgran.packing.rsa.level_grid import Cells, Grains, enter, extents, find_overlap, gather, is_within
+from voxgran.packing.rsa.overlaps import Grains, enter, extents, find_overlap, gather, is_within
 
 #: misses, per open cell, after which cells are halved
 PATIENCE = 1
@@ -82,22 +83,10 @@ class Open(NamedTuple):
 def make_classes(
     half: Floats, kind: NDArray[np.int32], queue: NDArray[np.int32], walls: KernelContainer, dimension: int, tries: int
 ) -> Classes:
-    """Return the size classes and the layout of their initial cells.
+    """Return the size classes of the grains of a queue, and the layout of their initial cells.
 
-    Parameters
-    ----------
-    half : (n, 1 or 3) ndarray of float
-        Half the extents of the grains.
-    kind : (n,) ndarray of int
-        Their classes.
-    queue : (m,) ndarray of int
-        Grains to be placed.
-    walls : KernelContainer
-        The container.
-    dimension : int
-        2 or 3.
-    tries : int
-        Failed throws after which a grain is deferred, in a class of several sizes.
+    `half`, (n, 1 or 3), are half the extents of all grains and `kind`, (n,), their classes. In a class of several sizes
+    a grain is deferred after `tries` failed throws.
     """
     grains = np.bincount(kind[queue])
     many = len(grains)
@@ -123,15 +112,7 @@ def make_classes(
 
 
 def first_cells(classes: Classes, boxes: bool) -> Open:
-    """Return the initial cells of all classes.
-
-    Parameters
-    ----------
-    classes : Classes
-        The classes.
-    boxes : bool
-        Whether the grains are boxes.
-    """
+    """Return the initial cells of all classes; those of `boxes` have any size."""
     many = len(classes.base) - 1
     nothing = np.zeros(len(classes.base), dtype=np.int64)
     width = _width(classes, nothing)
@@ -147,20 +128,10 @@ def first_cells(classes: Classes, boxes: bool) -> Open:
     return Open(np.concatenate(cells), bounds, nothing, nothing.copy())
 
 
-def cut_cells(grains: Grains, cells: Cells, walls: KernelContainer, classes: Classes, known: Open, kind: int) -> Open:
-    """Return the open cells with those of one class cut, and the excluded parts closed.
-
-    Parameters
-    ----------
-    grains, cells, walls
-        Grains and container.
-    classes : Classes
-        The classes.
-    known : Open
-        The present open cells; they are overwritten.
-    kind : int
-        Index of the class.
-    """
+def cut_cells(
+    grains: Grains, cells: LevelGrid, walls: KernelContainer, classes: Classes, known: Open, kind: int
+) -> Open:
+    """Return the open cells with those of class `kind` cut and the excluded parts closed; `known` is overwritten."""
     begin, end = int(known.bounds[kind]), int(known.bounds[kind + 1])
     misses, depth = known.misses.copy(), known.depth.copy()
     misses[kind], depth[kind] = 0, depth[kind] + 1
@@ -231,7 +202,7 @@ def deepest_cut(classes: Classes, boxes: bool) -> Integers:
 @bare_kernel
 def throw_into_cells(
     grains: Grains,
-    cells: Cells,
+    cells: LevelGrid,
     walls: KernelContainer,
     classes: Classes,
     known: Open,
@@ -249,12 +220,6 @@ def throw_into_cells(
 
     Parameters
     ----------
-    grains, cells, walls
-        Grains and container.
-    classes : Classes
-        The classes.
-    known : Open
-        Their open cells.
     edge : (k, 3) ndarray of float
         Edges of the cells of each class; empty for boxes.
     volume : (m,) ndarray of float
@@ -267,17 +232,11 @@ def throw_into_cells(
         Grains in their order.
     tally : ndarray of int
         Turn, tries of the grain, placed, moved, rejected, given up without proof, deferred.
-    key : (2,) ndarray of uint64
-        Key of the random stream.
-    first, last : int
-        Numbers of attempts.
 
     Returns
     -------
-    attempt : int
-        Number of the next attempt.
-    kind : int
-        Class whose cells must be cut before it; -1 for none.
+    attempt, kind : int
+        Number of the next attempt, and the class whose cells must be cut before it; -1 for none.
     """
     attempt = first
     while attempt < last and tally[TURN] < len(queue):

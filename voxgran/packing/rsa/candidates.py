@@ -15,7 +15,8 @@ from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
-from voxgran.packing.rsa.level_grid import Cells, Grains, enter, extents, find_overlap
+from voxgran.packing.level_grid import LevelGrid
+from voxgran.packing.rsa.overlaps import Grains, enter, extents, find_overlap
 
 #: where the radius of a rejected candidate is tried next: nowhere, at the next coordinate, at all unused coordinates
 DROP, NEXT, SCAN = 0, 1, 2
@@ -51,7 +52,7 @@ class Coordinates(NamedTuple):
 @bare_kernel
 def add_candidates(
     grains: Grains,
-    cells: Cells,
+    cells: LevelGrid,
     walls: KernelContainer,
     rules: CandidateRules,
     coordinates: Coordinates,

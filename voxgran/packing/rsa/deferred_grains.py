@@ -13,20 +13,13 @@ from voxgran._base.arrays import Floats
 from voxgran.containers.kernel_container import KernelContainer
 from voxgran.packing.rsa.available_boxes import NARROW
 from voxgran.packing.rsa.available_cells import PATIENCE, Classes, Open
-from voxgran.packing.rsa.level_grid import Grains
+from voxgran.packing.rsa.overlaps import Grains
 
 
 def left_out(grains: Grains, queue: NDArray[np.int32]) -> NDArray[np.int32]:
     """Return the grains of a queue that are not placed, each no smaller along any axis than those before it.
 
     The result is empty if there is no such order: a box may be longer and narrower than another.
-
-    Parameters
-    ----------
-    grains : Grains
-        The grains.
-    queue : (m,) ndarray of int
-        Grains to be placed.
     """
     waiting = np.sort(queue[grains.entered[queue] == 0])
     waiting = waiting[np.lexsort(grains.half[waiting].T)]
@@ -35,19 +28,7 @@ def left_out(grains: Grains, queue: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def aim(grains: Grains, walls: KernelContainer, classes: Classes, late: NDArray[np.int32], turn: int) -> None:
-    """Make the last class that of a deferred grain, in the lattice of the class of the first of them.
-
-    Parameters
-    ----------
-    grains, walls
-        Grains and container.
-    classes : Classes
-        The classes, of which the last is changed.
-    late : (m,) ndarray of int
-        Deferred grains.
-    turn : int
-        Index of the grain in `late`.
-    """
+    """Make the last class that of deferred grain `late[turn]`, in the lattice of the class of the first of them."""
     kind, half = classes.kind[late[0]], grains.half[late[turn]]
     for array in (classes.low, classes.span, classes.base, classes.parts):
         array[-1] = array[kind]
@@ -60,22 +41,9 @@ def aim(grains: Grains, walls: KernelContainer, classes: Classes, late: NDArray[
 def open_late(
     grains: Grains, walls: KernelContainer, classes: Classes, known: Open, late: NDArray[np.int32], turn: int
 ) -> Open:
-    """Return the open cells with those of a deferred grain.
+    """Return the open cells with those of deferred grain `late[turn]`, which has the last class.
 
     Those of the first one are to be cut at once: after so many failed throws its class has too many.
-
-    Parameters
-    ----------
-    grains, walls
-        Grains and container.
-    classes : Classes
-        The classes, of which the last is that of the grain.
-    known : Open
-        The open cells so far.
-    late : (m,) ndarray of int
-        Deferred grains.
-    turn : int
-        Index of the grain in `late`.
     """
     last = len(classes.base) - 1
     kind = last if turn else int(classes.kind[late[0]])

@@ -32,8 +32,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Integers, Words, as_count
-from voxgran._base.config import parameter
+from voxgran._base.arrays import Integers, Words
+from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.contacts.verify import verify
@@ -53,8 +53,8 @@ from voxgran.packing.rsa.available_cells import (
 )
 from voxgran.packing.rsa.candidates import DROP, NEXT, SCAN, TRIED, TURN, Coordinates, add_candidates
 from voxgran.packing.rsa.deferred_grains import aim, left_out, open_late
-from voxgran.packing.rsa.level_grid import Grains, link_all
-from voxgran.packing.rsa.precompute import Precomputed, coordinate_count, newcomers, orientations, precompute, searches
+from voxgran.packing.rsa.overlaps import Grains, link_all
+from voxgran.packing.rsa.precompute import Precomputed, coordinate_count, orientations, precompute, searches
 from voxgran.packing.start import Start
 
 #: what the kernels count, in their order
@@ -92,6 +92,7 @@ class Rsa:
         doc="coordinates drawn; while the available space is searched, the failed throws after which a grain is "
         "deferred if there are more than 32 sizes",
         unit="per grain",
+        at_least=1,
     )
     retry: Literal["scan", "next"] = parameter(
         "scan",
@@ -99,7 +100,9 @@ class Rsa:
         "coordinate only",
         former="retain",
     )
-    corrections: int = parameter(2, doc="largest number of moves of a candidate, in schemes 1, 3, 4b and 4d")
+    corrections: int = parameter(
+        2, doc="largest number of moves of a candidate, in schemes 1, 3, 4b and 4d", at_least=1
+    )
     order: Literal["given", "largest", "random"] = parameter(
         "given", doc="order of insertion: as drawn, largest first, or random"
     )
@@ -115,8 +118,7 @@ class Rsa:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        as_count(self.tries, "tries", at_least=1)
-        as_count(self.corrections, "corrections", at_least=1)
+        check_bounds(self)
         if self.until == "saturated" and (self.scheme != "classic" or self.numbers != "philox"):
             raise InputError(
                 f"scheme {self.scheme!r} with {self.numbers} numbers is asked for until saturated: the proof needs "
@@ -157,7 +159,7 @@ def prepare(problem: Problem) -> State:
     TooLargeError
         If more than 2**31 coordinates would have to be stored.
     """
-    n, many = problem.count, problem.parameters.tries * newcomers(problem)
+    n, many = problem.count, problem.parameters.tries * (problem.count - problem.started)
     arrays: dict[str, Any] = {"position": np.zeros((n, 3)), "entered": np.zeros(n, dtype=np.int8)}
     state = State(arrays, dict.fromkeys(TALLY, 0), 0, _most_attempts(problem))
     state.counters["search_from"] = 0 if problem.parameters.until == "saturated" else -1
@@ -239,7 +241,7 @@ def cost(problem: Problem) -> Cost:
 def _most_attempts(problem: Problem) -> int:
     """Return the largest number of attempts of a run."""
     settings: Rsa = problem.parameters
-    m = newcomers(problem)
+    m = problem.count - problem.started
     if settings.until == "saturated":
         return THROWS * m
     if settings.retaining == SCAN:
@@ -271,7 +273,7 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
 def _keep(problem: Problem, state: State, made: Precomputed) -> None:
     """Store the precomputed data, with the placed grains linked into its cells in the order of their insertion."""
     late = state.arrays.get("late", made.queue[:0])
-    first = np.arange(problem.count - newcomers(problem), dtype=np.int32)
+    first = np.arange(problem.started, dtype=np.int32)
     entering = np.concatenate([first, made.queue[~np.isin(made.queue, late)], late])
     link_all(_grains_of(state, made), made.cells, made.walls, entering)
     state.derived["precomputed"] = made
@@ -302,7 +304,6 @@ def _throw(state: State, made: Precomputed, grains: Grains, tally: Integers, key
             tally[PUT_OFF] = 0
         else:
             state.arrays["late"] = late
-            aim(grains, walls, classes, late, 0)
             state.arrays.update(open_late(grains, walls, classes, _open_of(state), late, 0)._asdict())
     late, done = state.arrays["late"], True
     while done and tally[LATE] < len(late):
@@ -321,7 +322,6 @@ def _throw(state: State, made: Precomputed, grains: Grains, tally: Integers, key
         elif done:
             tally[LATE] = turn + 1
             if turn + 1 < len(late):
-                aim(grains, walls, classes, late, turn + 1)
                 state.arrays.update(open_late(grains, walls, classes, _open_of(state), late, turn + 1)._asdict())
 
 

@@ -10,10 +10,11 @@ from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import philox_key, stream
 from voxgran.containers.kernel_container import FLAT, KernelContainer, kernel_container
+from voxgran.packing.level_grid import LevelGrid
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import Classes, make_classes
 from voxgran.packing.rsa.candidates import SCAN, CandidateRules, fill_table
-from voxgran.packing.rsa.level_grid import Cells, lay_out, sort_into_levels
+from voxgran.packing.rsa.overlaps import lay_out, sort_into_levels
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
@@ -31,41 +32,17 @@ FACTOR, SUMMAND, MODULUS, FIRST = 2053, 13849, 65536, (20001, 60001, 40001)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Precomputed:
-    """Data that follow from the problem.
+    """Data that follow from the problem."""
 
-    Attributes
-    ----------
-    half : (n, 1 or 3) ndarray of float
-        Half the extents of the grains; of spheres one column, the radii.
-    level : (n,) ndarray of int
-        Their levels in the grid.
-    walls : KernelContainer
-        The container.
-    cells : Cells
-        Cells of the placed grains.
-    queue : (m,) ndarray of int
-        Grains to be placed, in their order.
-    kind : (n,) ndarray of int
-        Size classes; empty where they are not needed.
-    table : (c, 3) ndarray of float
-        Coordinates; empty where they are not computed beforehand.
-    rules : CandidateRules
-        How candidates are made.
-    classes : Classes or None
-        Size classes, if the available space is searched.
-    boxes : bool
-        Whether grains are boxes.
-    """
-
-    half: Floats
-    level: NDArray[np.int8]
+    half: Floats  # half the extents of the grains, (n, 3) of boxes, (n, 1) of spheres, the radii
+    level: NDArray[np.int8]  # their levels in the grid
     walls: KernelContainer
-    cells: Cells
-    queue: NDArray[np.int32]
-    kind: NDArray[np.int32]
-    table: Floats
+    cells: LevelGrid  # of the placed grains
+    queue: NDArray[np.int32]  # grains to be placed, in their order
+    kind: NDArray[np.int32]  # size classes of the grains; empty where they are not needed
+    table: Floats  # coordinates, (c, 3); empty where they are not computed beforehand
     rules: CandidateRules
-    classes: Classes | None
+    classes: Classes | None  # if the available space is searched
     boxes: bool
 
 
@@ -84,12 +61,7 @@ def searches(problem: Problem) -> bool:
 def precompute(problem: Problem, search_from: int) -> Precomputed:
     """Return the precomputed data of a problem, with empty cells.
 
-    Parameters
-    ----------
-    problem : Problem
-        In the normalized frame.
-    search_from : int
-        Turn from which on the available space is searched; -1 for never.
+    The available space is searched from turn `search_from` on; -1 for never.
 
     Raises
     ------
@@ -136,7 +108,7 @@ def coordinate_count(problem: Problem) -> int:
         If more than 2**31 would have to be stored.
     """
     settings = problem.parameters
-    many: int = settings.tries * newcomers(problem)
+    many: int = settings.tries * (problem.count - problem.started)
     if (settings.tabled or settings.retaining == SCAN) and many > MOST_COORDINATES:
         raise TooLargeError(
             f"tries gives {many} coordinates to be sorted, replayed or scanned: at most {MOST_COORDINATES} can be "
@@ -185,16 +157,9 @@ def _half_of_box(shape: Shape) -> Floats:
 
 
 def orientations(problem: Problem, placed: Integers) -> Floats | None:
-    """Return the orientations of grains, (m, 4), or None if no grain is rotated.
+    """Return the orientations of the placed grains, (m, 4), or None if no grain is rotated.
 
     They are random, except those of spheres, of aligned boxes and of the start.
-
-    Parameters
-    ----------
-    problem : Problem
-        In the normalized frame.
-    placed : (m,) ndarray of int
-        Indices of the grains.
     """
     spheres = all(shape.is_sphere for shape in problem.shapes)
     if problem.start is None and (spheres or problem.parameters.aligned):
@@ -213,42 +178,21 @@ def orientations(problem: Problem, placed: Integers) -> Floats | None:
     return orientation
 
 
-def newcomers(problem: Problem) -> int:
-    """Return the number of grains that are not of the start."""
-    return problem.count - (0 if problem.start is None else problem.start.count)
-
-
 def queue_of(problem: Problem, half: Floats, walls: KernelContainer) -> NDArray[np.int32]:
-    """Return the grains to be placed, in their order, without those wider than the container.
-
-    Parameters
-    ----------
-    problem : Problem
-        In the normalized frame.
-    half : (n, 1 or 3) ndarray of float
-        Half the extents of the grains.
-    walls : KernelContainer
-        The container.
-    """
-    n, m = problem.count, newcomers(problem)
-    queue = np.arange(n - m, n, dtype=np.int32)
+    """Return the grains to be placed, in their order, without those wider than the container."""
+    queue = np.arange(problem.started, problem.count, dtype=np.int32)
     if problem.parameters.order == "largest":
         queue = queue[np.argsort(-problem.volumes[queue], kind="stable")]
     elif problem.parameters.order == "random":
-        queue = queue[stream(problem.seed, "order").permutation(m)]
+        queue = queue[stream(problem.seed, "order").permutation(len(queue))]
     across = slice(0, problem.dimension)
     return queue[(2 * half[queue, across] <= walls.lengths[across] + walls.slack).all(axis=1)]
 
 
 def sizes_of(half: Floats, most: int | None = None) -> Integers:
-    """Return the size class of each grain; grains of a class have the same extents.
+    """Return the size class of each grain, (n,), by its half extents, (n, 1 or 3), which are equal within a class.
 
-    Parameters
-    ----------
-    half : (n, 1 or 3) ndarray of float
-        Half the extents.
-    most : int or None
-        Largest number of classes; more sizes are merged by their geometric mean extents.
+    More than `most` sizes are merged by their geometric mean extents.
     """
     if (half == half[:1]).all():
         return np.zeros(len(half), dtype=np.int64)
@@ -280,15 +224,7 @@ def coordinate_table(problem: Problem, many: int) -> Floats:
 
 
 def congruential(first: int, many: int) -> Integers:
-    """Return the linear congruential sequence x' = (2053 x + 13849) mod 65536 after its first number.
-
-    Parameters
-    ----------
-    first : int
-        The first number, which is not returned.
-    many : int
-        Number of values.
-    """
+    """Return `many` values of the sequence x' = (2053 x + 13849) mod 65536 that follow on `first`."""
     cycle = np.zeros(MODULUS, dtype=np.int64)
     x = first
     for k in range(min(many, MODULUS)):

@@ -1,11 +1,7 @@
-"""Hierarchical grid of linked cells: search of the grains that a new one overlaps, for any size ratio.
+"""Search of the grains that a new one overlaps, for any size ratio.
 
-Grains are sorted into levels by size, each level half as large as the one before, and each level has cells of its own
-that are about as wide as its largest grain. A query visits few cells of each level, whatever the ratio of the sizes.
-Grains are spheres (in two dimensions disks) or boxes along the axes.
-
-The advancing front has a grid of its own (:mod:`voxgran.packing.advancing_front.level_grid`): the order in which both
-traverse their cells decides which of several equal answers is found, and with it the bits of a packing.
+Grains are spheres (in two dimensions disks) or boxes along the axes, in a hierarchical grid of linked cells whose
+levels are halves of each other in size.
 """
 
 import math
@@ -14,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import WHOLE, Floats, Integers
+from voxgran._base.arrays import WHOLE, Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import KernelContainer
+from voxgran.packing.level_grid import LevelGrid, cells_near, empty_grid, link_at
 
 #: largest number of cells of a level, per grain
 CELLS_PER_GRAIN = 2
@@ -38,50 +35,16 @@ class Grains(NamedTuple):
     boxes: bool
 
 
-class Cells(NamedTuple):
-    """Cells of all levels one after the other: the first grain of each, and the next grain after each (-1: none).
-
-    count, width: number and edges of the cells along the axes, of each level.  first: first cell of each level.
-    reach: largest half extents of each level.  filled: number of linked grains of each level.
-    """
-
-    count: Integers  # type: ignore[assignment]
-    width: Floats
-    first: Integers
-    reach: Floats
-    filled: Integers
-    head: NDArray[np.int32]
-    after: NDArray[np.int32]
-
-
 def sort_into_levels(half: Floats) -> NDArray[np.int8]:
-    """Return the level of each grain by its largest half extent; 0 is that of the largest grain.
-
-    Parameters
-    ----------
-    half : (n, 1, 2 or 3) ndarray of float
-        Half the extents along the axes, of spheres the radii.
-    """
+    """Return the level of each grain by its largest half extent (n, axes); 0 is that of the largest grain."""
     size = half.max(axis=1, initial=0.0)
     largest = size.max(initial=0.0)
     exact = np.log2(largest / size) if len(size) else np.zeros(0)
     return np.clip(np.floor(exact + WHOLE), 0, LEVELS - 1).astype(np.int8)
 
 
-def lay_out(half: Floats, level: NDArray[np.int8], walls: KernelContainer, dimension: int) -> Cells:
-    """Return empty cells.
-
-    Parameters
-    ----------
-    half : (n, 1 or 3) ndarray of float
-        Half the extents of the grains.
-    level : (n,) ndarray of int
-        Their levels.
-    walls : KernelContainer
-        The container.
-    dimension : int
-        2 or 3.
-    """
+def lay_out(half: Floats, level: NDArray[np.int8], walls: KernelContainer, dimension: int) -> LevelGrid:
+    """Return empty cells for grains of half extents `half`, (n, 1 or 3), and their levels."""
     levels = int(level.max(initial=0)) + 1
     many = np.bincount(level, minlength=levels)
     reach = np.zeros((levels, 3))
@@ -94,66 +57,40 @@ def lay_out(half: Floats, level: NDArray[np.int8], walls: KernelContainer, dimen
             most = max(CELLS_PER_GRAIN * many[k], 1)
             wanted *= min(1.0, (most / np.prod(wanted)) ** (1 / dimension))
             count[k, :dimension] = np.maximum(np.floor(wanted + WHOLE), 1)
-    first = np.concatenate([[0], np.cumsum(np.prod(count, axis=1))]).astype(np.int64)
-    return Cells(
-        *(count, walls.lengths / count, first[:-1], reach, np.zeros(levels, dtype=np.int64)),
-        # untouched zeros take no memory until grains are linked
-        *(np.full(int(first[-1]), -1, dtype=np.int32), np.zeros(len(half), dtype=np.int32)),
-    )
+    wraps = np.tile(walls.periodic, (levels, 1))
+    return empty_grid(walls.lengths * walls.periodic, reach, walls.lengths / count, count, wraps, len(half))
 
 
 @bare_kernel
-def enter(grains: Grains, cells: Cells, walls: KernelContainer, g: int, x: float, y: float, z: float) -> None:
+def enter(grains: Grains, cells: LevelGrid, walls: KernelContainer, g: int, x: float, y: float, z: float) -> None:
     """Place a grain at a position, wrapped into the container along periodic axes."""
     grains.position[g, 0] = _wrapped(walls, 0, x)
     grains.position[g, 1] = _wrapped(walls, 1, y)
     grains.position[g, 2] = _wrapped(walls, 2, z)
     grains.entered[g] = 1
-    link(grains, cells, walls, g)
+    _link(grains, cells, walls, g)
 
 
 @bare_kernel
-def link(grains: Grains, cells: Cells, walls: KernelContainer, g: int) -> None:
+def _link(grains, cells, walls, g):  # type: ignore[no-untyped-def]
     """Link a grain that has its position into its cell."""
-    level = grains.level[g]
-    flat = 0
-    for axis in range(3):
-        index = math.floor((grains.position[g, axis] - walls.lower[axis]) / cells.width[level, axis])
-        flat = flat * cells.count[level, axis] + min(max(index, 0), cells.count[level, axis] - 1)
-    flat += cells.first[level]
-    cells.after[g] = cells.head[flat]
-    cells.head[flat] = g
-    cells.filled[level] += 1
+    x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
+    link_at(cells, g, grains.level[g], x - walls.lower[0], y - walls.lower[1], z - walls.lower[2])
 
 
 @bare_kernel
-def link_all(grains: Grains, cells: Cells, walls: KernelContainer, order: NDArray[np.int32]) -> None:
+def link_all(grains: Grains, cells: LevelGrid, walls: KernelContainer, order: NDArray[np.int32]) -> None:
     """Link all placed grains into empty cells, in the given order."""
     for k in range(len(order)):
-        if grains.entered[order[k]] == 1:
-            link(grains, cells, walls, order[k])
-
-
-@bare_kernel
-def cells_near(
-    lower: Floats, periodic: Integers, count: Integers, width: Floats, level: int, axis: int, x: float, reach: float
-) -> tuple[int, int]:
-    """Return the first and the last cell of a level along an axis within `reach` of x.
-
-    Along a periodic axis they may lie beyond the ends, in the images.
-    """
-    begin = math.floor((x - reach - lower[axis]) / width[level, axis])
-    end = math.floor((x + reach - lower[axis]) / width[level, axis])
-    if periodic[axis] == 0:
-        last = count[level, axis] - 1
-        return min(max(begin, 0), last), min(max(end, 0), last)
-    return begin, end
+        g = order[k]
+        if grains.entered[g] == 1:
+            _link(grains, cells, walls, g)
 
 
 @bare_kernel
 def find_overlap(
     grains: Grains,
-    cells: Cells,
+    cells: LevelGrid,
     walls: KernelContainer,
     x: float,
     y: float,
@@ -164,39 +101,20 @@ def find_overlap(
     slack: float,
     deepest: bool,
 ) -> tuple[int, float, float, float, float]:
-    """Return a grain that a new one overlaps by more than `slack`, or -1.
+    """Return a grain that a new one at (x, y, z) overlaps by more than `slack`, or -1; the deepest one, or just any.
 
-    Parameters
-    ----------
-    grains, cells, walls
-        Grains and container.
-    x, y, z : float
-        Center of the new grain, inside the container.
-    hx, hy, hz : float
-        Half its extents.
-    slack : float
-        Overlap that is ignored.
-    deepest : bool
-        Whether to return the grain with the deepest overlap, not just any.
-
-    Returns
-    -------
-    grain : int
-        Index of the grain.
-    overlap : float
-        Depth of the overlap.
-    dx, dy, dz : float
-        Vector from its center, in the image that overlaps, to that of the new one.
+    The overlap follows, and the vector from its center, in the image that overlaps, to that of the new grain, which has
+    the half extents (hx, hy, hz).
     """
-    position, half, boxes, lower, periodic = grains.position, grains.half, grains.boxes, walls.lower, walls.periodic
-    count, width, head, after = cells.count, cells.width, cells.head, cells.after
+    position, half, boxes, lower = grains.position, grains.half, grains.boxes, walls.lower
+    count, span, head, after = cells.count, cells.span, cells.head, cells.after
     best, most, bx, by, bz = -1, slack, 0.0, 0.0, 0.0
     for level in range(len(cells.first)):
         if cells.filled[level] == 0:
             continue
-        x0, x1 = cells_near(lower, periodic, count, width, level, 0, x, hx + cells.reach[level, 0])
-        y0, y1 = cells_near(lower, periodic, count, width, level, 1, y, hy + cells.reach[level, 1])
-        z0, z1 = cells_near(lower, periodic, count, width, level, 2, z, hz + cells.reach[level, 2])
+        x0, x1 = cells_near(cells, level, 0, x - lower[0], hx + cells.reach[level, 0])
+        y0, y1 = cells_near(cells, level, 1, y - lower[1], hy + cells.reach[level, 1])
+        z0, z1 = cells_near(cells, level, 2, z - lower[2], hz + cells.reach[level, 2])
         nx, ny, nz = count[level, 0], count[level, 1], count[level, 2]
         for ix in range(x0, x1 + 1):
             kx = ix // nx
@@ -207,9 +125,9 @@ def find_overlap(
                     kz = iz // nz
                     g = head[row + iz - kz * nz]
                     while g >= 0:
-                        dx = x - position[g, 0] - kx * walls.lengths[0]
-                        dy = y - position[g, 1] - ky * walls.lengths[1]
-                        dz = z - position[g, 2] - kz * walls.lengths[2]
+                        dx = x - position[g, 0] - kx * span[0]
+                        dy = y - position[g, 1] - ky * span[1]
+                        dz = z - position[g, 2] - kz * span[2]
                         if boxes:
                             overlap = _box_overlap(half, g, dx, dy, dz, hx, hy, hz)
                         else:
@@ -225,7 +143,7 @@ def find_overlap(
 @bare_kernel
 def gather(
     grains: Grains,
-    cells: Cells,
+    cells: LevelGrid,
     walls: KernelContainer,
     x: float,
     y: float,
@@ -238,34 +156,21 @@ def gather(
     ez: float,
     near: Floats,
 ) -> int:
-    """List the grains that exclude a part of a box for the center of a new grain.
+    """List the grains that exclude a part of a box for the center of a new grain; return their number.
 
-    Parameters
-    ----------
-    grains, cells, walls
-        Grains and container.
-    x, y, z, ex, ey, ez : float
-        Middle of the box and half its edges.
-    hx, hy, hz : float
-        Half the extents of the new grain.
-    near : (m, 6) ndarray of float
-        Output: vector from the middle of the box to the center of each grain, and half extents of the region that it
-        excludes (of spheres the radius).
-
-    Returns
-    -------
-    int
-        Number of these grains, at most m; -1 if one of them excludes the whole box.
+    The box has its middle at (x, y, z) and half edges (ex, ey, ez); the half extents of the new grain are (hx, hy, hz).
+    Rows of `near`, (m, 6), are the vector from the middle to the center of each grain, and half extents of the region
+    that it excludes (of spheres the radius). The number is at most m; -1 if one grain excludes the whole box.
     """
-    position, half, lower, periodic = grains.position, grains.half, walls.lower, walls.periodic
-    count, width, head, after = cells.count, cells.width, cells.head, cells.after
+    position, half, lower = grains.position, grains.half, walls.lower
+    count, span, head, after = cells.count, cells.span, cells.head, cells.after
     many = 0
     for level in range(len(cells.first)):
         if cells.filled[level] == 0:
             continue
-        x0, x1 = cells_near(lower, periodic, count, width, level, 0, x, ex + hx + cells.reach[level, 0])
-        y0, y1 = cells_near(lower, periodic, count, width, level, 1, y, ey + hy + cells.reach[level, 1])
-        z0, z1 = cells_near(lower, periodic, count, width, level, 2, z, ez + hz + cells.reach[level, 2])
+        x0, x1 = cells_near(cells, level, 0, x - lower[0], ex + hx + cells.reach[level, 0])
+        y0, y1 = cells_near(cells, level, 1, y - lower[1], ey + hy + cells.reach[level, 1])
+        z0, z1 = cells_near(cells, level, 2, z - lower[2], ez + hz + cells.reach[level, 2])
         nx, ny, nz = count[level, 0], count[level, 1], count[level, 2]
         for ix in range(x0, x1 + 1):
             kx = ix // nx
@@ -276,9 +181,9 @@ def gather(
                     kz = iz // nz
                     g = head[row + iz - kz * nz]
                     while g >= 0 and many < len(near):
-                        near[many, 0] = position[g, 0] + kx * walls.lengths[0] - x
-                        near[many, 1] = position[g, 1] + ky * walls.lengths[1] - y
-                        near[many, 2] = position[g, 2] + kz * walls.lengths[2] - z
+                        near[many, 0] = position[g, 0] + kx * span[0] - x
+                        near[many, 1] = position[g, 1] + ky * span[1] - y
+                        near[many, 2] = position[g, 2] + kz * span[2] - z
                         gx, gy, gz = extents(half, g)
                         near[many, 3], near[many, 4], near[many, 5] = hx + gx, hy + gy, hz + gz
                         if is_within(grains.boxes, near, many, 0.0, 0.0, 0.0, ex, ey, ez):

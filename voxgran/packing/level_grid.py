@@ -1,0 +1,90 @@
+"""Hierarchical grid of linked cells, for neighbour searches among grains of any size ratio.
+
+Grains of similar size share a level, and each level has cells of its own that are about as wide as its largest grain,
+so that a query visits few cells of each level. Random sequential addition and the advancing front lay out and traverse
+the cells in their own ways.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import inlined_kernel
+
+
+class LevelGrid(NamedTuple):
+    """Cells of all levels, level by level, for positions from the lower corner of the container.
+
+    span: lengths of the periodic axes, 0 of others.  reach: (k, 3) largest half extents of each
+    level.  width, count: (k, 3) edges and numbers of the cells.  wraps: (k, 3), 1 where the cells repeat along an axis:
+    as images of a periodic axis, or on others to limit their number; distant grains then share a cell.  first: first
+    cell of each level in `head`.  filled: number of linked grains of each level.  head: the grain linked last in each
+    cell; after: the grain linked before each (-1: none).
+    """
+
+    span: Floats
+    reach: Floats
+    width: Floats
+    count: Integers  # type: ignore[assignment]
+    wraps: Integers
+    first: Integers
+    filled: Integers
+    head: NDArray[np.int32]
+    after: NDArray[np.int32]
+
+
+def empty_grid(span: Floats, reach: Floats, width: Floats, count: Integers, wraps: Integers, grains: int) -> LevelGrid:
+    """Return a grid for so many grains, none of which is linked."""
+    first = np.concatenate([[0], np.cumsum(count.prod(axis=1))]).astype(np.int64)
+    # untouched zeros take no memory until grains are linked
+    links = np.full(int(first[-1]), -1, dtype=np.int32), np.zeros(grains, dtype=np.int32)
+    return LevelGrid(span, reach, width, count, wraps, first[:-1], np.zeros(len(count), dtype=np.int64), *links)
+
+
+@inlined_kernel
+def link_at(cells: LevelGrid, grain: int, level: int, x: float, y: float, z: float) -> None:
+    """Link a grain at (x, y, z) into its cell."""
+    cell = _cell_at(cells, level, x, y, z)
+    cells.after[grain] = cells.head[cell]
+    cells.head[cell] = grain
+    cells.filled[level] += 1
+
+
+@inlined_kernel
+def unlink_at(cells: LevelGrid, grain: int, level: int, x: float, y: float, z: float) -> None:
+    """Remove the grain that was linked last."""
+    cells.head[_cell_at(cells, level, x, y, z)] = cells.after[grain]
+    cells.filled[level] -= 1
+
+
+@inlined_kernel
+def _cell_at(cells, level, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the cell of a position."""
+    i, j, k = _index_at(cells, level, 0, x), _index_at(cells, level, 1, y), _index_at(cells, level, 2, z)
+    return cells.first[level] + (i * cells.count[level, 1] + j) * cells.count[level, 2] + k
+
+
+@inlined_kernel
+def _index_at(cells, level, axis, x):  # type: ignore[no-untyped-def]
+    """Return the index of a cell along an axis."""
+    count = cells.count[level, axis]
+    index = math.floor(x / cells.width[level, axis])
+    if cells.wraps[level, axis] and cells.span[axis] == 0.0:
+        index -= index // count * count
+    # rounding may move a grain on a face beyond the last cell
+    return min(max(index, 0), count - 1)
+
+
+@inlined_kernel
+def cells_near(cells: LevelGrid, level: int, axis: int, x: float, reach: float) -> tuple[int, int]:
+    """Return the first and the last cell within reach along an axis; they may lie beyond the ends if cells repeat."""
+    width, count = cells.width[level, axis], cells.count[level, axis]
+    low, high = math.floor((x - reach) / width), math.floor((x + reach) / width)
+    if not cells.wraps[level, axis]:
+        return min(max(low, 0), count - 1), min(max(high, 0), count - 1)
+    if cells.span[axis] == 0.0 and high - low >= count:
+        return 0, count - 1
+    return low, high
