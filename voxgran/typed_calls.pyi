@@ -61,11 +61,11 @@ class DigitalRsaKeywords(PackKeywords, total=False):
 class DigitalFillKeywords(PackKeywords, total=False):
     voxel_size: Number | None
     cover: Literal["touch", "center"]
+    turned: bool
+    orientations: Whole
     place: Literal["lowest", "contact", "wall"]
     gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | None
     order: Literal["random", "largest"]
-    turned: bool
-    orientations: Whole
 
 class DigitalKeywords(PackKeywords, total=False):
     settling: Whole
@@ -192,7 +192,7 @@ class RandomSurfaceKeywords(MakeShapeKeywords, total=False):
     aspect: Sequence[Number]
     height: Number
     waves: Whole
-    most: Number
+    max_frequency: Number
     diameter: Number | None
 
 class PolygonKeywords(MakeShapeKeywords, total=False):

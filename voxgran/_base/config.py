@@ -7,6 +7,7 @@ bounds, which :func:`check_bounds` enforces and the help prints.
 """
 
 import dataclasses
+import inspect
 import math
 import types
 import typing
@@ -72,11 +73,11 @@ def parameter(
 
 
 def parameters_of(cls: type) -> tuple[Parameter, ...]:
-    """Return the fields of a parameter class in their order."""
-    hints = typing.get_type_hints(cls)
+    """Return the fields of a parameter class: its own in their order, then those of the groups that it inherits."""
+    hints, own = typing.get_type_hints(cls), inspect.get_annotations(cls)
     return tuple(
         Parameter(name=field.name, type=hints[field.name], default=field.default, **field.metadata)
-        for field in dataclasses.fields(cls)
+        for field in sorted(dataclasses.fields(cls), key=lambda field: field.name not in own)
         if field.init
     )
 

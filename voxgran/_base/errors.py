@@ -43,6 +43,10 @@ class CallError(InputError, TypeError):
     """A call whose arguments do not fit the signature."""
 
 
+class GrainIndexError(InputError, IndexError):
+    """An index, mask or list that chooses no grains of a packing."""
+
+
 class DirtyMeshError(InputError):
     """A surface that does not bound one solid."""
 

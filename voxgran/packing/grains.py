@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.errors import InputError, shown
+from voxgran._base.errors import GrainIndexError, shown
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.surfaces import merged_surfaces
@@ -79,7 +79,7 @@ class GrainSequence(Assembly):
 
         Raises
         ------
-        InputError
+        GrainIndexError
             If there is no such grain, or what is given is no index, slice, mask or list of indices.
         """
         every = np.arange(self.count)
@@ -87,7 +87,7 @@ class GrainSequence(Assembly):
             wanted = chosen if isinstance(chosen, slice) else np.asarray(chosen)
             kept = every[wanted.astype(int) if isinstance(wanted, np.ndarray) and not wanted.size else wanted]
         except (IndexError, ValueError) as error:
-            raise InputError(
+            raise GrainIndexError(
                 f"{shown(chosen)} chooses no grains of the {self.count} here ({error}): give an index, a slice, a mask "
                 f"of {self.count} or a list of indices"
             ) from None

@@ -52,7 +52,7 @@ def test_some_grains_are_a_packing(chosen, kept):
 
 @pytest.mark.parametrize("chosen", [3, [True], "large", [0.5], [-4]])
 def test_what_chooses_no_grain_is_an_error(chosen):
-    with pytest.raises(InputError, match="give an index, a slice, a mask of 3"):
+    with pytest.raises(IndexError, match="give an index, a slice, a mask of 3"):
         three()[chosen]
 
 
