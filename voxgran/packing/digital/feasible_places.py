@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Booleans, Integers, Words
 from voxgran._base.kernels import kernel
 from voxgran._base.stopping import stop_if_asked
-from voxgran.packing.digital.bit_columns import column_words
+from voxgran.packing.digital.bit_columns import column_words, mask_of_words
 
 #: words that are joined between two looks whether to stop, and runs at the least: columns are grown anew for these
 JOINED_WORDS, FEWEST_RUNS = 2**26, 16
@@ -46,9 +46,11 @@ class Table:
 
 def runs_of(mask: Booleans) -> Integers:
     """Return the runs of a mask along z: x, y, first z and length, (r, 4)."""
-    edges = np.diff(mask.astype(np.int8), axis=2, prepend=np.int8(0), append=np.int8(0))
-    start, end = np.argwhere(edges == 1), np.argwhere(edges == -1)
-    return np.column_stack([start, end[:, 2] - start[:, 2]]).astype(np.int64)
+    # an empty voxel above each column ends its last run
+    padded = np.pad(mask, ((0, 0), (0, 0), (0, 1)))
+    edges = np.flatnonzero(np.diff(padded.reshape(-1), prepend=np.False_))
+    start, end = edges[::2], edges[1::2]
+    return np.column_stack([*np.unravel_index(start, padded.shape), end - start]).astype(np.int64)
 
 
 def overlap_table(here: Booleans, here_low: Integers, there: Booleans, there_low: Integers) -> Table:
@@ -170,27 +172,39 @@ def join(words: Words, places: Integers, table: Words, corner: Integers) -> None
                         row[begin + j] |= (source[first_y + j] >> np.uint64(1)) >> back
 
 
-def most_blocked_at(words: Words, level: int, axis: int, room: Room) -> tuple[int, Integers]:
-    """Return the most blocked sides of the free places with a coordinate, -1 for none, and these places (k, 3).
+def blocked_sides(words: Words, level: int, axis: int, room: Room) -> NDArray[np.int8]:
+    """Return the number of blocked sides of the places with a coordinate, a plane, -1 for places that are blocked.
 
     Sides along the coordinate do not count: what lies above is hardly ever blocked, and what lies below always.
     """
-    places = np.arange(level, level + 1) if axis == 2 else np.arange(room.places[2])
-    part = words[level : level + 1] if axis == 0 else words[:, :, level : level + 1] if axis == 1 else words
-    blocked = part[:, places >> 6].transpose(0, 2, 1) >> (places & 63).astype(np.uint64) & np.uint64(1) != 0
+    if axis == 2:
+        blocked = words[:, level >> 6] >> np.uint64(level & 63) & np.uint64(1) != 0
+    else:
+        part = words[level : level + 1] if axis == 0 else words[:, :, level : level + 1]
+        blocked = mask_of_words(part, int(room.places[2])).squeeze(axis)
     if blocked.all():
-        return -1, np.zeros((0, 3), dtype=np.int64)
-    sides = np.zeros(blocked.shape, dtype=np.int64)
-    for side in (k for k in range(3) if k != axis):
-        ends = [(1, 1) if k == side else (0, 0) for k in range(3)]
-        around = np.pad(blocked, ends, "wrap") if room.periodic[side] else np.pad(blocked, ends, constant_values=True)
-        sides += np.delete(around, [0, 1], side)
-        sides += np.delete(around, [-1, -2], side)
+        return np.full(blocked.shape, -1, dtype=np.int8)
+    across = [k for k in range(3) if k != axis]
+    around = np.ones((blocked.shape[0] + 2, blocked.shape[1] + 2), dtype=np.int8)
+    around[1:-1, 1:-1] = blocked
+    if room.periodic[across[0]]:
+        around[[0, -1], 1:-1] = blocked[[-1, 0]]
+    if room.periodic[across[1]]:
+        around[1:-1, [0, -1]] = blocked[:, [-1, 0]]
+    sides = around[:-2, 1:-1] + around[2:, 1:-1] + around[1:-1, :-2] + around[1:-1, 2:]
     sides[blocked] = -1
-    best = int(sides.max())
-    found = np.argwhere(sides == best) + level * (np.arange(3) == axis)
-    # x by x, and there word by word
-    return best, found[np.lexsort((found[:, 2], found[:, 1], found[:, 2] >> 6, found[:, 0]))]
+    return sides
+
+
+def places_with(sides: NDArray[np.int8], best: int, level: int, axis: int) -> Integers:
+    """Return the places (k, 3) of a plane of :func:`blocked_sides` with so many."""
+    found = np.argwhere(sides == best)
+    if axis == 0:
+        # word by word
+        found = found[np.lexsort((found[:, 1], found[:, 0], found[:, 1] >> 6))]
+    places = np.full((len(found), 3), level)
+    places[:, [k for k in range(3) if k != axis]] = found
+    return places
 
 
 def free_among(words: Words, sites: Integers, places: Integers) -> Integers:

@@ -31,11 +31,12 @@ from voxgran.packing.digital.feasible_places import (
     Table,
     add_table,
     blocked_map,
+    blocked_sides,
     count_contacts,
     free_among,
-    most_blocked_at,
     nth_of_contacts,
     overlap_table,
+    places_with,
     wall_shells,
 )
 from voxgran.packing.digital.oriented_voxels import (
@@ -288,7 +289,8 @@ def _best_place(problem: Problem, setting: _Setting, kind: int, word: int) -> tu
         return member, place
     if rule == "wall":
         return member, _free_in_shell(setting, member)[rank]
-    return member, most_blocked_at(words, int(setting.level[member]), _axis(problem), room)[1][rank]
+    level, axis = int(setting.level[member]), _axis(problem)
+    return member, places_with(blocked_sides(words, level, axis, room), -best[1], level, axis)[rank]
 
 
 def _slabs(words: Words) -> Iterator[tuple[int, int]]:
@@ -314,9 +316,10 @@ def _lowest(problem: Problem, setting: _Setting, member: int) -> Ranked:
     end = -1 if down > 0 else int(setting.room.places[axis])
     while setting.level[member] != end:
         stop_if_asked()
-        sides, places = most_blocked_at(words, int(setting.level[member]), axis, setting.room)
-        if len(places):
-            return (-down * int(setting.level[member]), -sides), len(places)
+        sides = blocked_sides(words, int(setting.level[member]), axis, setting.room)
+        best = int(sides.max())
+        if best >= 0:
+            return (-down * int(setting.level[member]), -best), int(np.count_nonzero(sides == best))
         setting.level[member] -= down
     return (0, 0), 0
 

@@ -10,10 +10,11 @@ from voxgran.packing.digital.feasible_places import (
     Room,
     add_table,
     blocked_map,
+    blocked_sides,
     count_contacts,
-    most_blocked_at,
     nth_of_contacts,
     overlap_table,
+    places_with,
     runs_of,
 )
 
@@ -108,12 +109,13 @@ def test_contacts_are_counted_side_by_side(periodic):
     for axis, level in ((0, 2), (1, 0), (2, 65)):
         own = [p for p in free if p[axis] == level]
         across = [k for k in range(3) if k != axis]
-        best, places_there = most_blocked_at(words, level, axis, Room(places, 2, turns))
+        sides = blocked_sides(words, level, axis, Room(places, 2, turns))
+        best = int(sides.max())
         scores = [sides_of(p, across) for p in own]
         assert best == max(scores)
-        seen = [tuple(place) for place in places_there.tolist()]
+        seen = [tuple(place) for place in places_with(sides, best, level, axis).tolist()]
         order = sorted(seen, key=lambda p: (p[0], p[2] // 64, p[1], p[2]))
         assert seen == order == [p for p in order if p in own]
         assert set(seen) == {p for p, score in zip(own, scores, strict=True) if score == best}
     full = np.full_like(words, np.uint64(0xFFFFFFFFFFFFFFFF))
-    assert most_blocked_at(full, 2, 0, Room(places, 2, turns))[0] == -1
+    assert (blocked_sides(full, 2, 0, Room(places, 2, turns)) == -1).all()
