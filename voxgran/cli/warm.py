@@ -7,6 +7,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
+from typing import Any
 
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.kernels import cache_folder
@@ -72,7 +73,7 @@ def _methods() -> list[str]:
 
 def pack_few(method: str, family: str) -> None:
     """Pack a few grains by a method, check, measure and voxelize them."""
-    few = {"sweeps": 100} if method in ("control_point", "digital") else {}
+    few: dict[str, Any] = {"sweeps": 100} if method in ("control_point", "digital") else {}
     box = Box((3, 3, 4), periodic=(True, True, False))
     packing = pack(make_shape(family), box, method, count=4, sizes=lognormal(1.0, 0.1), seed=1, **few)
     verify(packing)
@@ -82,7 +83,7 @@ def pack_few(method: str, family: str) -> None:
 
 def pack_settled() -> None:
     """Let grains settle as true shapes under a lid, and deform them."""
-    few = {"sweeps": 50, "settling": 5, "friction": 0.3, "shaking": 2, "lid": True}
+    few: dict[str, Any] = {"sweeps": 50, "settling": 5, "friction": 0.3, "shaking": 2, "lid": True}
     deform(pack(make_shape("solid_union"), Box((2, 2, 3)), "digital", count=4, seed=1, **few))
 
 
