@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from typing import Any, ClassVar, ParamSpec, Protocol, TypeVar
@@ -155,7 +156,8 @@ def document(cls: type) -> None:
         default = "" if item.default in (dataclasses.MISSING, None) else f", default {item.default!r}"
         optional = ", optional" if item.default is None else ""
         unit = f", in {item.unit}" if item.unit and item.unit != "length" else ""
-        lines += [f"{item.name} : {item.type_text}{optional}{default}", f"    {item.doc}{unit}."]
+        lines.append(f"{item.name} : {item.type_text}{optional}{default}")
+        lines += textwrap.wrap(f"{item.doc}{unit}.", 100, initial_indent="    ", subsequent_indent="    ")
     summary, _, rest = text.partition("\n\n")
     parts = [summary, "\n    ".join(lines), rest.strip()]
     cls.__doc__ = "\n\n    ".join(part for part in parts if part) + "\n"
