@@ -209,10 +209,10 @@ def test_shaking_pulls_nobody_further_than_its_step():
     for strength in (0.25, 1.0, 4.0):
         wish = shaken_fall(many, 0.05 * DOWN, strength, stream(1, "test"))
         part = 0.05 / max(1.0, strength)
-        pull = np.linalg.norm(wish.slide - part * DOWN, axis=1)
+        pull = np.linalg.norm(wish.translation - part * DOWN, axis=1)
         assert pull.max() == pytest.approx(part * strength, rel=1e-9)
-        assert np.abs(wish.slide.mean(axis=0) - part * DOWN).max() < 0.05 * part * strength
-        assert np.linalg.norm(wish.spin, axis=1).max() == pytest.approx(part * strength / 0.5, rel=1e-9)
+        assert np.abs(wish.translation.mean(axis=0) - part * DOWN).max() < 0.05 * part * strength
+        assert np.linalg.norm(wish.rotation, axis=1).max() == pytest.approx(part * strength / 0.5, rel=1e-9)
 
 
 def test_corners_near_a_face_are_found():
