@@ -8,6 +8,8 @@ Literal arguments (an axis 0, 1 or 2) do not make specializations of a callee, s
 This file is loaded when a kernel is compiled, never before: it imports numba.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, ClassVar
 
 from numba import types
@@ -40,28 +42,34 @@ class KernelFlags(Flags):
         return bool(mine == theirs or {**self._defaults, **mine} == {**self._defaults, **theirs})
 
 
-#: signatures of calls in kernels, by function, context and types
-_signatures: dict[Any, Any] = {}
-_resolve = BaseFunction.get_call_type
+@contextmanager
+def signatures_kept() -> Iterator[None]:
+    """Keep numba's signatures of calls while a kernel and its callees are compiled; other functions are not concerned.
 
-
-def _signature_of(self: Any, context: Any, args: Any, kws: Any) -> Any:
-    """Return numba's signature of a call; in kernels it is found once for each function and combination of types.
-
-    numba tries all definitions of an operator at each place where it stands, which took a sixth of a compilation.
+    numba tries all definitions of an operator at each place where it stands, which took a sixth of a compilation. The
+    lookup is replaced only while numba's lock of the compiler is held, and put back afterwards.
     """
-    if kws or not isinstance(ConfigStack.top_or_none(), KernelFlags):
-        return _resolve(self, context, args, kws)
-    key = (self, context, tuple(args))
-    if key not in _signatures:
-        found = _resolve(self, context, args, kws)
-        if found is None:
-            return None
-        _signatures[key] = found
-    return _signatures[key]
+    resolve = BaseFunction.get_call_type
+    if getattr(resolve, "keeps", False):
+        yield
+        return
+    kept: dict[Any, Any] = {}
 
+    def signature_of(self: Any, context: Any, args: Any, kws: Any) -> Any:
+        if kws or not isinstance(ConfigStack.top_or_none(), KernelFlags):
+            return resolve(self, context, args, kws)
+        key = (self, context, tuple(args))
+        found = kept.get(key) or resolve(self, context, args, kws)
+        if found is not None:
+            kept[key] = found
+        return found
 
-BaseFunction.get_call_type = _signature_of  # type: ignore[method-assign]
+    signature_of.keeps = True  # type: ignore[attr-defined]
+    BaseFunction.get_call_type = signature_of  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        BaseFunction.get_call_type = resolve  # type: ignore[method-assign]
 
 
 class CalleeDispatcher(CPUDispatcher):
@@ -137,6 +145,11 @@ class CallerCompiler(Compiler):
     def __init__(self, *context: Any) -> None:
         *before, flags, local_types = context
         super().__init__(*before, KernelFlags(flags), local_types)
+
+    def compile_extra(self, func: Any) -> Any:
+        """Compile a function and, nested in it, what it calls."""
+        with signatures_kept():
+            return super().compile_extra(func)
 
     def define_pipelines(self) -> Any:
         """Return numba's own steps, which fill a library of the class that is wanted."""
