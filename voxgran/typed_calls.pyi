@@ -271,7 +271,7 @@ class FitClumpKeywords(TypedDict, total=False):
     tolerance: Number | None
 
 class InscribedKeywords(FitClumpKeywords, total=False):
-    smallest: Number
+    min_radius: Number
 
 @overload
 def fit_clump(

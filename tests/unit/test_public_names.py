@@ -226,7 +226,7 @@ sizes = vg.sizes.lognormal(median=1.0, sigma=0.2)
 settings: dict[str, Any] = {"tries": 50}
 vg.pack([grain, rock], box, method="rsa", sizes=sizes, weights=[1, 2], start=bed, **settings)
 vg.pack([grain, rock], box, method="digital", solid_fraction=0.2, weights=np.ones(2), gravity=(0, 0, -1), cycles=None)
-clump = vg.fit_clump(rock, max_spheres=counts[1], smallest=2)
+clump = vg.fit_clump(rock, max_spheres=counts[1], min_radius=2)
 number: int = len(bed[bed.diameter > 0.5] + again)
 print(bed[0].shape, bed.verify().ok, [one.diameter for one in bed], number, vg.make_shape(names[0]), clump.radii)
 """

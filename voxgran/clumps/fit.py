@@ -44,7 +44,7 @@ def fit_clump(
     shape_or_voxels : Shape or Voxels
         Solid to approximate; three-dimensional.
     method : str or parameter object, optional
-        Name of a clump method, or its parameters, such as ``vg.clumps.Inscribed(smallest=2)``. Default:
+        Name of a clump method, or its parameters, such as ``vg.clumps.Inscribed(min_radius=2)``. Default:
         ``"inscribed"``.
     max_spheres : int, optional
         Largest number of spheres. Default: 100, or 100 000 if `target` or `tolerance` is given.

@@ -172,16 +172,16 @@ def test_bad_input_is_refused(eros):
     assert clump_methods() == ("inscribed",)
     with pytest.raises(UnknownNameError, match="inscribed"):
         fit_clump(eros, method="inscribd")
-    with pytest.raises(UnknownNameError, match="smallest"):
-        fit_clump(eros, smalest=1)
-    with pytest.raises(InputError, match="smallest"):
-        fit_clump(eros, smallest=-1.0)
+    with pytest.raises(UnknownNameError, match="min_radius"):
+        fit_clump(eros, min_radios=1)
+    with pytest.raises(InputError, match="min_radius"):
+        fit_clump(eros, min_radius=-1.0)
     with pytest.raises(InputError, match="max_spheres"):
         fit_clump(eros, max_spheres=0)
     with pytest.raises(InputError, match="target"):
         fit_clump(eros, target=1.5)
     with pytest.raises(InputError, match="no sphere"):
-        fit_clump(eros, smallest=1000.0)
+        fit_clump(eros, min_radius=1000.0)
     with pytest.raises(InputError, match="flat"):
         fit_clump(vg.make_shape("disk"))
     mask = np.zeros((9, 5, 5), dtype=bool)

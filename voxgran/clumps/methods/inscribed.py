@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_number
-from voxgran._base.config import parameter
+from voxgran._base.arrays import Floats
+from voxgran._base.config import check_bounds, parameter
 from voxgran._base.kernels import kernel
 from voxgran.clumps.method import ClumpMethod, Wanted
 from voxgran.lattice.distance import inside_distance
@@ -39,17 +39,19 @@ class Inscribed:
         If the smallest radius is negative.
     """
 
-    smallest: float = parameter(0.0, doc="smallest radius of a sphere, in voxels", unit="voxels")
+    min_radius: float = parameter(
+        0.0, doc="smallest radius of a sphere", unit="voxels", former="smallest", at_least=0.0
+    )
 
     def __post_init__(self) -> None:
         """Check the range."""
-        as_number(self.smallest, "smallest", at_least=0.0)
+        check_bounds(self)
 
 
 def fit(voxels: Voxels, wanted: Wanted, parameters: Inscribed) -> tuple[Floats, Floats]:
     """Return centers (n, 3) and radii (n,) of the greedy choice."""
     room = inside_distance(voxels.mask, 1.0)
-    places = np.argwhere(_maximal(np.pad(room, 1)) & (room >= parameters.smallest))
+    places = np.argwhere(_maximal(np.pad(room, 1)) & (room >= parameters.min_radius))
     radii = room[tuple(places.T)]
     # largest first; ties in the order of the lattice, so that the result repeats
     order = np.argsort(-radii, kind="stable")
