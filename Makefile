@@ -7,7 +7,7 @@ WORKERS ?= 2
 # the environment of the lowest versions, and what is tested there: a file or folder of each library
 LOWEST ?= .venv-lowest
 QUICK := $(addprefix tests/unit/,_base lattice containers io measures points clumps/test_fit.py shapes/test_families.py \
-  shapes/test_image_files.py report/test_figures.py packing/test_digital.py packing/test_verify.py test_cli.py)
+  shapes/test_image_files.py report/test_figures.py packing/digital/test_walk.py contacts/test_verify.py test_cli.py)
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
