@@ -45,6 +45,8 @@ class Particles:
     unit: str | None = None
     #: 1 where the file gives none or several
     density: float = 1.0
+    #: gravity and contact gap of a packing of ours
+    fields: Mapping[str, Any] = field(default_factory=dict)
     #: what was taken for granted, by subject
     assumed: Mapping[str, str] = field(default_factory=dict)
     #: whether they are disks in the plane z = 0
@@ -125,6 +127,8 @@ def packing_of(
         density=particles.density,
         provenance={"method": "file", "parameters": {"path": str(path)}} | ({"assumed": assumed} if assumed else {}),
         unit=unit or named,
+        # gravity is a direction in the container of the file
+        **(particles.fields if held is particles.container else {}),
         **grains,
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, with_article
 from voxgran._base.files import written_whole
-from voxgran.io.tables import CONTAINER, UNIT
+from voxgran.io.tables import CONTAINER, FIELDS, UNIT
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -23,8 +23,9 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
 
     Where there are clumps, a fifth column tells the clump of each sphere, -1 for none, as YADE reads it. With the
     suffix ``.csv`` the file is a table with the names of the columns in its first line and values separated by commas,
-    as pandas and spreadsheets read it; else values are separated by blanks, and container and unit stand in comments at
-    the top, where :func:`voxgran.load` finds them. Numbers have as many digits as read back to the same bits.
+    as pandas and spreadsheets read it; else values are separated by blanks, and container, unit, gravity and contact
+    gap stand in comments at the top, where :func:`voxgran.load` finds them. Numbers have as many digits as read back to
+    the same bits.
 
     Raises
     ------
@@ -46,6 +47,7 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
     if mark == " ":
         held = json.dumps(packing.container.to_mapping())
         head = f"# {head}{UNIT}{packing.unit}\n{CONTAINER}{held}\n"
+        head += "".join(f"# {name} {json.dumps(getattr(packing, name))}\n" for name in FIELDS)
     with written_whole(path, overwrite=overwrite) as draft, draft.open("w", encoding="utf-8") as file:
         file.write(head)
         for start in range(0, len(rows), _ROWS_AT_ONCE):

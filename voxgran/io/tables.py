@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,9 @@ from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
 from voxgran.io.particles import LARGEST_CLUMP, SPHERE_RULE, Particles, good_spheres
 
-#: comments at the top in which :func:`save_spheres` keeps container and unit
+#: comments at the top in which :func:`save_spheres` keeps container, unit, and the fields gravity and contact gap
 CONTAINER, UNIT = "# container ", "# unit "
+FIELDS = ("gravity", "contact_gap")
 
 #: names of columns, in lower case and without unit, blanks and separators
 NAMES: dict[str, tuple[str, ...]] = {
@@ -77,12 +79,13 @@ def read_table(path: Path) -> Particles:
     try:
         layout = _layout(path)
         table = np.zeros((0, 4)) if layout is None else _rows(path, layout)
-        container, unit = _comments(path)
+        container, unit, fields = _comments(path)
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path} is no text ({error.reason}): give spheres as lines of x y z r") from error
     if layout is None:
         flat = container is not None and container.dimension == 2
-        return Particles(centers=table[:, :3], radii=table[:, 3], container=container, unit=unit, flat=flat)
+        centers, radii = table[:, :3], table[:, 3]
+        return Particles(centers=centers, radii=radii, container=container, unit=unit, fields=fields, flat=flat)
     columns, assumed = layout.columns, {}
     clump = None
     if "clump" in columns:
@@ -104,6 +107,7 @@ def read_table(path: Path) -> Particles:
         clump=clump,
         container=container,
         unit=unit or layout.unit,
+        fields=fields,
         assumed=assumed,
         flat=flat,
     )
@@ -254,9 +258,9 @@ def _slow_rows(path: Path, layout: Layout) -> Floats:
     return np.array(rows, dtype=np.float64).reshape(-1, layout.width)
 
 
-def _comments(path: Path) -> tuple[Container | None, str | None]:
-    """Return container and unit from the comments at the top."""
-    container, unit = None, None
+def _comments(path: Path) -> tuple[Container | None, str | None, dict[str, Any]]:
+    """Return container, unit and fields of the packing from the comments at the top."""
+    container, unit, fields = None, None, {}
     with path.open(encoding="utf-8-sig") as file:
         for number, line in enumerate(file, 1):
             if not line.startswith("#"):
@@ -265,7 +269,14 @@ def _comments(path: Path) -> tuple[Container | None, str | None]:
                 unit = line.removeprefix(UNIT).strip()
             elif line.startswith(CONTAINER):
                 container = _container(line.removeprefix(CONTAINER), path, number)
-    return container, unit
+            elif container is not None and (words := line[1:].split(maxsplit=1))[0] in FIELDS:
+                try:
+                    fields[words[0]] = json.loads(words[1])
+                except (IndexError, ValueError, RecursionError):
+                    raise FileFormatError(
+                        f"{path}, line {number}: {words[0]} is no JSON; mend or remove the line"
+                    ) from None
+    return container, unit, fields
 
 
 def _container(text: str, path: Path, number: int) -> Container:

@@ -34,6 +34,8 @@ def test_a_round_trip_is_exact(spheres, suffix, tmp_path):
     assert again.position.tobytes() == spheres.position.tobytes()
     assert again.scale.tobytes() == spheres.scale.tobytes()
     assert again.container == spheres.container
+    if suffix != "csv":
+        assert (again.gravity, again.contact_gap) == (spheres.gravity, spheres.contact_gap)
     assert again.unit == "mm"
     assert "assumed" not in again.provenance
     assert again.solid_fraction == pytest.approx(spheres.solid_fraction, rel=1e-15)
@@ -192,3 +194,17 @@ def test_other_grains_are_refused_with_a_remedy(mixed, tmp_path):
     with pytest.raises(InputError, match=r"grain 0 is a mesh: .* save as .vtp"):
         save_spheres(mixed, tmp_path / "p.txt")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("gravity", [None, (0.6, 0.0, -0.8)])
+def test_gravity_and_contact_gap_are_kept(gravity, tmp_path):
+    box = Box((3, 3, 3))
+    made = Packing.of([make_shape("sphere")], box, position=[[1, 1, 1]], gravity=gravity, contact_gap=0.25)
+    save_spheres(made, tmp_path / "p.txt")
+    again = load(tmp_path / "p.txt")
+    assert (again.gravity, again.contact_gap) == (gravity, 0.25)
+    # in another container the direction may not be allowed
+    assert load(tmp_path / "p.txt", container=Box((3, 3, 3), periodic="xyz")).gravity is None
+    (tmp_path / "p.txt").write_text((tmp_path / "p.txt").read_text().replace("# contact_gap 0.25", "# contact_gap a"))
+    with pytest.raises(FileFormatError, match="line 5: contact_gap is no JSON"):
+        load(tmp_path / "p.txt")
