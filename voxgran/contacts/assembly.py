@@ -104,27 +104,29 @@ class Assembly:
     @cached_property
     def matrices(self) -> Floats:
         """Rotation matrices, (n, 3, 3)."""
-        return rotation_matrices(self.orientation)
+        return read_only(rotation_matrices(self.orientation))
 
     @cached_property
     def volumes(self) -> Floats:
         """True volumes of the grains (areas in 2D), (n,)."""
-        return self._of_shapes([shape.volume for shape in self.shapes]) * self.scale**self.dimension
+        return read_only(self._of_shapes([shape.volume for shape in self.shapes]) * self.scale**self.dimension)
 
     @cached_property
     def surface_areas(self) -> Floats:
         """True surface areas of the grains (perimeters in 2D, of open surfaces that of one side), (n,)."""
-        return self._of_shapes([shape.surface_area for shape in self.shapes]) * self.scale ** (self.dimension - 1)
+        return read_only(
+            self._of_shapes([shape.surface_area for shape in self.shapes]) * self.scale ** (self.dimension - 1)
+        )
 
     @cached_property
     def diameters(self) -> Floats:
         """Equivalent diameters of the grains, (n,), in the unit of lengths."""
-        return self._of_shapes([shape.diameter for shape in self.shapes]) * self.scale
+        return read_only(self._of_shapes([shape.diameter for shape in self.shapes]) * self.scale)
 
     @cached_property
     def bounding_radii(self) -> Floats:
         """Radii of the bounding spheres about the centroids, (n,)."""
-        return self._of_shapes([shape.bounding_radius for shape in self.shapes]) * self.scale
+        return read_only(self._of_shapes([shape.bounding_radius for shape in self.shapes]) * self.scale)
 
     def world_vertices(self, grain: int) -> Floats:
         """Return the vertices (v, 3) of the tessellation of one grain in its pose."""

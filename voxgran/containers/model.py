@@ -92,6 +92,9 @@ def check_container(container: Any) -> None:
     InputError
         If it lacks attributes of :class:`Container`, or is smaller than 1e-60 or larger than 1e60.
     """
+    if isinstance(container, Shape):
+        remedy = "a Rectangle" if container.dimension == 2 else "a Box, or ClosedMesh(shape)"
+        raise InputError(f"container is {shown(container)}: a Shape is no container; give {remedy}")
     missing = [name for name in NEEDED if not hasattr(container, name)]
     if isinstance(container, type) or "signed_distance" in missing:
         raise InputError(f"container is {shown(container)}: it must be a container; give a Box, or a Rectangle in 2D")

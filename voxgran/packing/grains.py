@@ -40,6 +40,16 @@ class Grain:
     scale: float
     diameter: float
 
+    def __eq__(self, other: object) -> bool:
+        return self._values() == other._values() if isinstance(other, Grain) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._values())
+
+    def _values(self) -> tuple[Any, ...]:
+        """Return what two equal grains share."""
+        return self.shape, tuple(self.position.tolist()), tuple(self.orientation.tolist()), self.scale, self.diameter
+
 
 @dataclass(frozen=True, eq=False)
 class GrainSequence(Assembly):
@@ -82,18 +92,52 @@ class GrainSequence(Assembly):
         GrainIndexError
             If there is no such grain, or what is given is no index, slice, mask or list of indices.
         """
+        kept = self._kept(chosen[0] if isinstance(chosen, tuple) and len(chosen) == 1 else chosen)
+        if kept.ndim == 0:
+            return self._grain(int(kept))
+        return self._chosen(kept)
+
+    def _kept(self, chosen: Any) -> Integers:
+        """Return the indices (m,) of the chosen grains, or () for an index.
+
+        Raises
+        ------
+        GrainIndexError
+            As :meth:`__getitem__`.
+        """
         every = np.arange(self.count)
         try:
-            wanted = chosen if isinstance(chosen, slice) else np.asarray(chosen)
-            kept = every[wanted.astype(int) if isinstance(wanted, np.ndarray) and not wanted.size else wanted]
-        except (IndexError, ValueError) as error:
+            if isinstance(chosen, slice):
+                return every[chosen]
+            # NumPy takes an empty list for numbers that are not whole
+            wanted = np.zeros(0, int) if isinstance(chosen, list) and not chosen else np.asarray(chosen)
+            if wanted.ndim > 1 or (wanted.ndim == 0 and wanted.dtype.kind == "b"):
+                raise IndexError(f"it is an array of {wanted.ndim} dimensions of {wanted.dtype}")
+            if wanted.dtype.kind == "b" and len(wanted) != self.count:
+                raise IndexError(f"it is a mask of {len(wanted)}")
+            if wanted.dtype.kind in "iu":
+                self._refuse_outside(wanted)
+            return np.asarray(every[wanted])
+        except GrainIndexError:
+            raise
+        except (IndexError, TypeError, ValueError) as error:
             raise GrainIndexError(
                 f"{shown(chosen)} chooses no grains of the {self.count} here ({error}): give an index, a slice, a mask "
                 f"of {self.count} or a list of indices"
             ) from None
-        if kept.ndim == 0:
-            return self._grain(int(kept))
-        return self._chosen(kept)
+
+    def _refuse_outside(self, wanted: Integers) -> None:
+        """Refuse indices, () or (m,), of grains that do not exist.
+
+        Raises
+        ------
+        GrainIndexError
+            If there is one.
+        """
+        outside = wanted[(wanted < -self.count) | (wanted >= self.count)]
+        if outside.size:
+            rule = f"it must be from {-self.count} to {self.count - 1}" if self.count else "the packing has no grains"
+            raise GrainIndexError(f"index {outside.flat[0]} is out of range: {rule}; give the index of a grain")
 
     def _chosen(self, kept: Integers) -> Self:
         """Return some of the grains."""

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from voxgran._base import public
 from voxgran._base.arrays import Integers, as_choice, as_number, as_positive, check_type
 from voxgran._base.errors import InputError, shown
-from voxgran._base.units import as_unit, unit_factor
+from voxgran._base.units import NO_UNIT, as_unit, unit_factor
 from voxgran.contacts.assembly import checked_arrays
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.model import Contacts
@@ -21,7 +22,7 @@ from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
 from voxgran.packing.grains import GrainSequence
 from voxgran.packing.gravity import Down, as_down
-from voxgran.shapes.model import Shape
+from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws import SizeDistribution
 from voxgran.shapes.thumbnail import card, picture
 
@@ -30,6 +31,16 @@ if TYPE_CHECKING:
 
 #: why a method stopped
 STOP_REASONS = ("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted")
+#: reasons that hold for all grains of a packing together
+_OF_THE_WHOLE = ("saturated", "full")
+#: how packings become alike in what they must share for a sum
+_REMEDIES = {
+    "unit": "convert one with to_unit",
+    "container": "make one anew in the container of the other with Packing.of",
+    "density": "give one the density of the other with dataclasses.replace",
+    "gravity": "give one the gravity of the other with dataclasses.replace",
+    "lid": "give one the lid of the other with dataclasses.replace",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +81,7 @@ class Packing(GrainSequence):
     @classmethod
     def of(
         cls,
-        shapes: Sequence[Shape],
+        shapes: Shape | Sequence[Shape],
         container: Container,
         *,
         position: ArrayLike,
@@ -89,7 +100,7 @@ class Packing(GrainSequence):
 
         Parameters
         ----------
-        shapes : sequence of Shape
+        shapes : Shape or sequence of Shape
             The different shapes.
         container : Container
             What holds the grains.
@@ -125,14 +136,14 @@ class Packing(GrainSequence):
         Raises
         ------
         InputError
-            If an array has the wrong length, a scale or the density is not above 0, a shape index is out of range,
-            the dimension of a shape is not that of the container, a grain lies off the plane in 2D, the stop reason
-            is unknown, gravity is no direction or has a part along a periodic axis or out of the plane, the contact gap
-            is negative, or shapes have several units and none is given.
+            If `shapes` is neither a Shape nor a list of them, an array has the wrong length, a scale or the density is
+            not above 0, a shape index is out of range, the dimension of a shape is not that of the container, a grain
+            lies off the plane in 2D, the stop reason is unknown, gravity is no direction or has a part along a periodic
+            axis or out of the plane, the contact gap is negative, or shapes have several units and none is given.
         UnknownNameError
             If the unit is unknown; the message gives the nearest one.
         """
-        shapes, container, unit = in_one_unit(shapes, container, unit)
+        shapes, container, unit = in_one_unit(check_shapes(shapes), container, unit)
         return cls(
             *checked_arrays(shapes, container, position, scale, shape_id, orientation),
             container,
@@ -170,7 +181,7 @@ class Packing(GrainSequence):
             shapes=shapes,
             position=self.position * factor,
             container=container,
-            provenance={**self.provenance, "converted": {"from": self.unit, "to": target}},
+            provenance={**deepcopy(self.provenance), "converted": {"from": self.unit, "to": target}},
             unit=target,
             contact_gap=self.contact_gap * factor,
             asked_sizes=None if self.asked_sizes is None else self.asked_sizes.scaled(factor),
@@ -178,8 +189,9 @@ class Packing(GrainSequence):
 
     def _chosen(self, kept: Integers) -> "Packing":
         """Return the packing of some of the grains."""
-        record = {**self.provenance, "chosen": {"count": len(kept), "of": self.count}}
-        return replace(super()._chosen(kept), provenance=record, asked_sizes=None)
+        record = {**deepcopy(self.provenance), "chosen": {"count": len(kept), "of": self.count}}
+        reason = self.stop_reason if np.array_equal(np.sort(kept), np.arange(self.count)) else "count"
+        return replace(super()._chosen(kept), provenance=record, stop_reason=reason, asked_sizes=None)
 
     def __add__(self, other: "Packing") -> "Packing":
         """Return the packing of the grains of both; nothing is moved, so that they may overlap.
@@ -191,15 +203,9 @@ class Packing(GrainSequence):
         """
         if not isinstance(other, Packing):
             return NotImplemented
-        mine, its = self._frame(), other._frame()
-        for name, value in mine.items():
-            if value != its[name]:
-                raise InputError(
-                    f"{name} of the packings is {shown(value)} and {shown(its[name])}: grains are put together in one "
-                    "container, unit and material; convert one with to_unit, or make it anew with Packing.of"
-                )
-        shapes = tuple(dict.fromkeys((*self.shapes, *other.shapes)))
-        ids = [np.array([shapes.index(shape) for shape in one.shapes], int)[one.shape_id] for one in (self, other)]
+        _refuse_unlike(self._frame(), other._frame())
+        shapes, *ids = self._common_shapes(other)
+        kept = self.stop_reason == other.stop_reason and self.stop_reason not in _OF_THE_WHOLE
         return replace(
             self,
             shapes=shapes,
@@ -207,30 +213,37 @@ class Packing(GrainSequence):
             scale=np.concatenate([self.scale, other.scale]),
             position=np.concatenate([self.position, other.position]),
             orientation=np.concatenate([self.orientation, other.orientation]),
-            provenance={"method": "sum", "parts": [dict(self.provenance), dict(other.provenance)]},
+            provenance={"method": "sum", "parts": [deepcopy(dict(one.provenance)) for one in (self, other)]},
+            stop_reason=self.stop_reason if kept else "count",
             contact_gap=max(self.contact_gap, other.contact_gap),
             asked_sizes=None,
         )
+
+    def _common_shapes(self, other: "Packing") -> tuple[tuple[Shape, ...], Integers, Integers]:
+        """Return the different shapes of two packings, and which of them each grain of one and of the other has."""
+        place = {shape: k for k, shape in enumerate(dict.fromkeys((*self.shapes, *other.shapes)))}
+        mine, its = (np.array([place[shape] for shape in one.shapes], int)[one.shape_id] for one in (self, other))
+        return tuple(place), mine, its
 
     def _frame(self) -> dict[str, Any]:
         """Return all that two packings must share so that their grains can be put together."""
         lid = None if self.lid is None else (*self.lid.normal.tolist(), self.lid.level)
         container = self.container.to_mapping()
-        return {"container": container, "unit": self.unit, "density": self.density, "gravity": self.gravity, "lid": lid}
+        return {"unit": self.unit, "container": container, "density": self.density, "gravity": self.gravity, "lid": lid}
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Packing):
             return NotImplemented
-        arrays = ("shape_id", "scale", "position", "orientation")
+        arrays = ("scale", "position", "orientation")
         return (
             all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
             and self.contact_gap == other.contact_gap
-            and self.shapes == other.shapes
             and self._frame() == other._frame()
+            and np.array_equal(*self._common_shapes(other)[1:])
         )
 
     def __hash__(self) -> int:
-        return hash((self.unit, self.position.tobytes()))
+        return hash((self.unit, (self.position + 0.0).tobytes()))  # -0.0 equals 0.0
 
     @cached_property
     def solid_fraction(self) -> float:
@@ -329,6 +342,30 @@ class Packing(GrainSequence):
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""
         return f"Packing({self.count} grains, solid_fraction={self.solid_fraction:.4f}, {self.stop_reason})"
+
+
+def _refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:
+    """Refuse two packings that differ in what `Packing._frame` returns of them.
+
+    Raises
+    ------
+    InputError
+        If they differ; the message says in what, and what to do.
+    """
+    for name, value in mine.items():
+        one, other, what, remedy = value, its[name], name, _REMEDIES[name]
+        if one == other:
+            continue
+        if name == "unit" and NO_UNIT in (one, other):
+            remedy = "state the unknown one with dataclasses.replace"
+        if name == "container":
+            keys = [key for key in {**one, **other} if one.get(key) != other.get(key)]
+            one, other = ({key: box[key] for key in keys if key in box} for box in (one, other))
+            what = f"container ({', '.join(keys)})"
+        raise InputError(
+            f"{what} of the packings is {shown(one)} and {shown(other)}: grains are put together in one container, "
+            f"unit and material; {remedy}"
+        )
 
 
 def check_packing(packing: Any, name: str) -> None:

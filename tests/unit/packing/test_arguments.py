@@ -16,6 +16,8 @@ SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
         ({"shapes": None}, "shapes is None"),
         ({"shapes": 3}, "shapes is 3"),
         ({"container": (4, 4, 4)}, "container is .4, 4, 4.: it must be a container"),
+        ({"container": vg.shapes.box()}, "a Shape is no container; give a Box, or ClosedMesh.shape."),
+        ({"container": vg.make_shape("disk")}, "a Shape is no container; give a Rectangle"),
         ({"container": None}, "container is None"),
         ({"sizes": 3}, "sizes is 3: it must be a size distribution"),
         ({"start": 3}, "start is 3: it must be a Packing"),

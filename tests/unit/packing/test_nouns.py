@@ -1,5 +1,6 @@
 """What a packing does as a sequence of grains, and what it answers itself."""
 
+import dataclasses
 import pickle
 
 import numpy as np
@@ -12,10 +13,8 @@ from voxgran._base.errors import InputError, UnknownNameError
 def three(**more):
     """Return two spheres and a cone in a box."""
     shapes = [vg.make_shape("sphere"), vg.make_shape("cone")]
-    position = [[1, 1, 1], [3, 3, 3], [1, 3, 1]]
-    return vg.Packing.of(
-        shapes, vg.Box((4, 4, 4)), position=position, shape_id=[0, 1, 0], **{"scale": [1, 1.5, 0.5], **more}
-    )
+    given = {"position": [[1, 1, 1], [3, 3, 3], [1, 3, 1]], "scale": [1, 1.5, 0.5], **more}
+    return vg.Packing.of(shapes, vg.Box((4, 4, 4)), shape_id=[0, 1, 0], **given)
 
 
 def test_grains_are_counted_and_visited():
@@ -37,6 +36,9 @@ def test_grains_are_counted_and_visited():
         (np.array([2, 0]), [2, 0]),
         ([], []),
         (np.zeros(3, bool), []),
+        (np.zeros(0, int), []),
+        ((np.array([0, 2]),), [0, 2]),
+        (np.array([True, False, True]).nonzero(), [0, 2]),
     ],
 )
 def test_some_grains_are_a_packing(chosen, kept):
@@ -50,10 +52,62 @@ def test_some_grains_are_a_packing(chosen, kept):
     assert some
 
 
-@pytest.mark.parametrize("chosen", [3, [True], "large", [0.5], [-4]])
+@pytest.mark.parametrize(
+    "chosen",
+    [
+        *([True], "large", [0.5], None, slice("a")),
+        *(True, np.True_, [[0, 1]], [[]], np.argwhere([True, False, True]), np.ones((2, 2)).nonzero()),
+        *(np.zeros((0, 3)), np.zeros((0, 3), int), np.zeros(0, bool), np.zeros(0), ()),
+    ],
+    ids=str,
+)
 def test_what_chooses_no_grain_is_an_error(chosen):
     with pytest.raises(IndexError, match="give an index, a slice, a mask of 3"):
         three()[chosen]
+
+
+@pytest.mark.parametrize("chosen", [3, -4, [0, 3], (3,), np.uint8(3)], ids=str)
+def test_an_index_out_of_range_is_an_error(chosen):
+    with pytest.raises(IndexError, match=r"index -?[34] is out of range: it must be from -3 to 2"):
+        three()[chosen]
+    with pytest.raises(IndexError, match="the packing has no grains"):
+        three()[[]][chosen]
+
+
+def test_grains_of_equal_shape_and_pose_are_equal():
+    packing = three()
+    assert packing[0] in packing
+    assert packing[0] == three(position=[[1, 1, 1], [2, 2, 2], [1, 3, 1]])[0]
+    assert packing[2] not in packing[:2]
+    assert len({packing[0], three()[0], packing[1]}) == 2
+    assert packing[0] != 1
+
+
+def test_a_part_or_a_sum_says_how_it_came_about():
+    record = {"asked": {"count": 3}}
+    full = three(stop_reason="saturated", provenance=record)
+    assert [full[some].stop_reason for some in (slice(2), [2, 1, 0], [0, 0, 1])] == ["count", "saturated", "count"]
+    assert (full + full).stop_reason == "count"
+    settled = three(stop_reason="settled")
+    assert (settled + settled).stop_reason == "settled"
+    assert (settled + three(stop_reason="steps")).stop_reason == "count"
+    parts = (full[:2], full + full)
+    parts[0].provenance["asked"]["count"] = parts[1].provenance["parts"][0]["asked"]["count"] = 5
+    assert full.provenance["asked"]["count"] == 3
+
+
+def test_one_shape_is_enough():
+    sphere = vg.make_shape("sphere")
+    assert vg.Packing.of(sphere, vg.Box((2, 2, 2)), position=[[1, 1, 1]]).shapes == (sphere,)
+    with pytest.raises(InputError, match="it must be a Shape or a list of them"):
+        vg.Packing.of("sphere", vg.Box((2, 2, 2)), position=[[1, 1, 1]])
+
+
+def test_what_is_kept_cannot_be_changed():
+    packing = three()
+    for name in ("diameter", "volumes", "surface_areas", "matrices", "bounding_radii"):
+        with pytest.raises(ValueError, match="read-only"):
+            getattr(packing, name)[0] = 2.0
 
 
 def test_two_packings_are_put_together():
@@ -63,9 +117,17 @@ def test_two_packings_are_put_together():
     assert len(both.shapes) == 2
     assert len(packing + packing) == 6
     assert both.provenance["method"] == "sum"
-    for other in (three(unit="mm"), three(density=2.0), three(gravity=None)):
-        with pytest.raises(InputError, match="of the packings is"):
+    taller = dataclasses.replace(packing, container=vg.Box((4, 4, 5)))
+    for other, message in (
+        (three(unit="mm"), "unit of the packings is .*state the unknown one"),
+        (three(density=2.0), "density of the packings is 1.0 and 2.0.*give one the density"),
+        (three(gravity=None), "gravity of the packings is .*give one the gravity"),
+        (taller, r"container .lengths. of the packings is .*5.0.*make one anew in the container"),
+    ):
+        with pytest.raises(InputError, match=message):
             packing + other
+    with pytest.raises(InputError, match="convert one with to_unit"):
+        three(unit="m") + three(unit="mm")
     with pytest.raises(TypeError):
         packing + 1
 
@@ -77,6 +139,14 @@ def test_equal_packings():
     assert packing != three(contact_gap=0.1)
     assert packing != three(scale=[1, 1.5, 0.6])
     assert packing != packing[:2]
+    assert packing != packing[[2, 1, 0]]
+    shapes = [vg.shapes.cone(), vg.shapes.box(), vg.shapes.sphere(), vg.shapes.sphere()]
+    again = vg.Packing.of(shapes, packing.container, position=packing.position, scale=packing.scale, shape_id=[2, 0, 3])
+    assert again == packing
+    assert packing != dataclasses.replace(again, shape_id=np.array([2, 1, 3]))
+    zero, minus = (three(position=[[x, 1, 1], [3, 3, 3], [1, 3, 1]]) for x in (0.0, -0.0))
+    assert zero == minus
+    assert hash(zero) == hash(minus)
     assert packing != 3
 
 
