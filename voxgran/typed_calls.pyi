@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Any, Literal, TypedDict, Unpack, overload
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.calls import Parameters
 from voxgran._base.progress import OnStep
@@ -76,7 +76,7 @@ class DigitalKeywords(PackKeywords, total=False):
     cycles: Whole | None
     period: Whole | None
     decay: Number | None
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | Sequence[Number] | None
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | (Sequence[Number] | NDArray[Any]) | None
     feed: Literal["rain", "layers", "at_once"]
     rate: Number
     layer_sweeps: Whole
@@ -99,13 +99,13 @@ class ControlPointKeywords(PackKeywords, total=False):
     cycles: Whole | None
     period: Whole | None
     decay: Number | None
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | Sequence[Number] | None
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | (Sequence[Number] | NDArray[Any]) | None
     feed: Literal["rain", "layers", "at_once"]
     rate: Number
     layer_sweeps: Whole
     lid: bool
     spacing: Number
-    contact: Literal["sdf", "points", "kdtree"]
+    contact: Literal["sdf", "kdtree"]
     points: Literal["surface", "all"]
     tested_points: Literal["both", "one"]
     distance: Number
@@ -173,9 +173,9 @@ class SphereKeywords(MakeShapeKeywords, total=False):
     radius: Number | None
 
 class SolidUnionKeywords(MakeShapeKeywords, total=False):
-    solids: Whole | Sequence[Whole]
-    kinds: Sequence[Kind]
-    lengths: Sequence[Number]
+    solids: Whole | (Sequence[Whole] | NDArray[Any])
+    kinds: Sequence[Kind] | NDArray[Any]
+    lengths: Sequence[Number] | NDArray[Any]
     diameter: Number | None
 
 class ShellKeywords(MakeShapeKeywords, total=False):
@@ -183,13 +183,13 @@ class ShellKeywords(MakeShapeKeywords, total=False):
     diameter: Number | None
 
 class SheetKeywords(MakeShapeKeywords, total=False):
-    aspect: Sequence[Number] | None
+    aspect: Sequence[Number] | NDArray[Any] | None
     roll: Number
     diameter: Number | None
-    lengths: Sequence[Number] | None
+    lengths: Sequence[Number] | NDArray[Any] | None
 
 class RandomSurfaceKeywords(MakeShapeKeywords, total=False):
-    aspect: Sequence[Number]
+    aspect: Sequence[Number] | NDArray[Any]
     height: Number
     waves: Whole
     max_frequency: Number
@@ -199,16 +199,16 @@ class PolygonKeywords(MakeShapeKeywords, total=False):
     corners: Whole | None
     stretch: Number | None
     diameter: Number | None
-    vertices: Sequence[Sequence[Number]] | None
+    vertices: Sequence[Sequence[Number] | NDArray[Any]] | NDArray[Any] | None
 
 class PlatonicKeywords(MakeShapeKeywords, total=False):
     solid: Literal["tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"]
     diameter: Number | None
 
 class EllipsoidKeywords(MakeShapeKeywords, total=False):
-    aspect: Sequence[Number] | None
+    aspect: Sequence[Number] | NDArray[Any] | None
     diameter: Number | None
-    semi_axes: Sequence[Number] | None
+    semi_axes: Sequence[Number] | NDArray[Any] | None
 
 class DiskKeywords(MakeShapeKeywords, total=False):
     diameter: Number | None
@@ -222,7 +222,7 @@ class CylinderKeywords(MakeShapeKeywords, total=False):
 
 class ConvexPolyhedronKeywords(MakeShapeKeywords, total=False):
     points: Whole
-    aspect: Sequence[Number]
+    aspect: Sequence[Number] | NDArray[Any]
     diameter: Number | None
 
 class ConeKeywords(MakeShapeKeywords, total=False):
@@ -232,9 +232,9 @@ class ConeKeywords(MakeShapeKeywords, total=False):
     height: Number | None
 
 class BoxKeywords(MakeShapeKeywords, total=False):
-    aspect: Sequence[Number] | None
+    aspect: Sequence[Number] | NDArray[Any] | None
     diameter: Number | None
-    lengths: Sequence[Number] | None
+    lengths: Sequence[Number] | NDArray[Any] | None
 
 @overload
 def make_shape(family: Literal["box"], **keywords: Unpack[BoxKeywords]) -> Shape: ...

@@ -67,11 +67,53 @@ def test_shapes_and_clumps(tmp_path, capsys):
     mesh, spheres = tmp_path / "grain.stl", tmp_path / "rock.csv"
     assert main(["shape", "solid_union", "--seed", "7", "--solids", "3,4", "-o", str(mesh), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["diameter"] == pytest.approx(1.0)
-    assert main(["clump", str(mesh), "--spheres", "5", "-o", str(spheres), "--json"]) == 0
+    assert main(["clump", str(mesh), "--max-spheres", "5", "-o", str(spheres), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["spheres"] == 5
     rows = spheres.read_text().splitlines()
     assert rows[0] == "x,y,z,r"
     assert len(rows) == 6
+
+
+@pytest.mark.filterwarnings("always::DeprecationWarning")
+@pytest.mark.parametrize(
+    ("command", "former", "present"),
+    [
+        ("repair", "--largest-hole", "--max-hole"),
+        ("cloud", "--largest-hole", "--max-gap"),
+        ("clump", "--spheres", "--max-spheres"),
+    ],
+)
+def test_former_flags_warn_and_are_hidden(command, former, present, capsys):
+    assert main([command, "none.stl", former, "1"]) == 2
+    assert f"warning: flag {former} is now {present}" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    shown = capsys.readouterr().out.split()
+    assert present in shown
+    assert former not in shown
+
+
+def test_numbers_in_json_are_whole_or_null(tmp_path, capsys):
+    packing = vg.Packing.of([vg.shapes.sphere()], vg.Box((2, 2, 2)), position=[[1, 1, 1]])
+    packing.save(tmp_path / "one.vtp")
+    assert main(["measure", str(tmp_path / "one.vtp"), "--json"]) == 0
+    text = capsys.readouterr().out
+    assert "NaN" not in text
+    found = json.loads(text)
+    assert found["count"] == 1
+    assert isinstance(found["count"], int)
+    assert None in found.values()
+
+
+def test_one_method_in_json_has_its_parameters(capsys):
+    assert main(["methods", "digital", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["packing methods"]["digital"]
+    assert found["summary"]
+    assert "doi" in found["source"]
+    assert found["parameters"]["settling"]["default"] == 0
+    for name in ("inscribed", "box", "density"):
+        assert main(["methods", name, "--json"]) == 0
+    assert main(["methods", "--json"]) == 0
 
 
 def test_methods_are_listed(capsys):

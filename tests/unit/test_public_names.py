@@ -21,10 +21,14 @@ PACKAGE = Path(vg.__file__).parent
 NAMESPACES = [vg.containers, vg.clumps, vg.methods, vg.families]
 SHAPES_HEAD = '''"""Functions that make shapes, one for each family of `voxgran.shapes.families`."""
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from numpy.typing import NDArray
 
 from voxgran.shapes.families.solid_union import Kind
 from voxgran.shapes.model import Shape as Shape
+from voxgran.typed_calls import Number, Whole
 
 '''
 CALLS_HEAD = '''"""Types of the functions that take a name with keywords: one overload for each name.
@@ -38,7 +42,7 @@ from collections.abc import Sequence
 from typing import Any, Literal, TypedDict, Unpack, overload
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.calls import Parameters
 from voxgran._base.progress import OnStep
@@ -63,8 +67,12 @@ CALLS = (
 )
 
 
+#: former values by parameter: calls accept them with a warning, types do not offer them
+FORMER_VALUES = {"contact": "'points', "}
+
+
 class WhatIsAccepted(ast.NodeTransformer):
-    """Turns the type that a parameter has into that which a call accepts: also NumPy's numbers, and lists."""
+    """Turns the type that a parameter has into that which a call accepts: also NumPy's numbers, lists and arrays."""
 
     def visit_Name(self, node):
         return ast.Name({"int": "Whole", "float": "Number"}.get(node.id, node.id))
@@ -72,7 +80,13 @@ class WhatIsAccepted(ast.NodeTransformer):
     def visit_Subscript(self, node):
         if ast.unparse(node.value) != "tuple":
             return node
-        return ast.Subscript(ast.Name("Sequence"), self.visit(node.slice.elts[0]))
+        entry = ast.unparse(self.visit(node.slice.elts[0]))
+        return ast.parse(f"Sequence[{entry}] | NDArray[Any]", mode="eval").body
+
+
+def accepted(key, kind):
+    """Return the text of the type that a call accepts for a parameter, without former values."""
+    return ast.unparse(WhatIsAccepted().visit(kind)).replace(FORMER_VALUES.get(key, "no former value"), "")
 
 
 def default_of(value):
@@ -96,7 +110,7 @@ def fields_of(cls):
 
 def keywords_class(name, parent, annotations):
     """Return the text of a class of keywords."""
-    lines = [f"    {key}: {ast.unparse(WhatIsAccepted().visit(kind))}\n" for key, kind in annotations.items()]
+    lines = [f"    {key}: {accepted(key, kind)}\n" for key, kind in annotations.items()]
     return f"class {name}({parent}, total=False):\n{''.join(lines) or '    ...'}\n"
 
 
@@ -128,8 +142,8 @@ def shapes_stub():
     for name in families().names():
         entry = families().get(name)
         fields = fields_of(entry.parameters).items()
-        words = [f"{key}: {ast.unparse(kind)} = {ast.unparse(default)}" for key, (kind, default) in fields]
-        words += ["seed: int = 0"] if entry.random else []
+        words = [f"{key}: {accepted(key, kind)} = {ast.unparse(default)}" for key, (kind, default) in fields]
+        words += ["seed: Whole = 0"] if entry.random else []
         text += f"def {name}(*, {', '.join(words)}) -> Shape: ...\n"
     return text
 
@@ -207,6 +221,12 @@ def test_wrong_choices_are_explained():
         vg.shapes.sphere(radius=1, diameter=2)
     with pytest.raises(UnknownNameError, match="radius"):
         vg.shapes.sphere(raduis=1)
+    with pytest.raises(CallError, match=r"did you mean 'voxel_size'.*write Digital\("):
+        vg.methods.Digital(voxelsize=0.1)
+    with pytest.raises(CallError, match="by position"):
+        vg.clumps.Inscribed(2)
+    with pytest.raises(UnknownNameError, match="did you mean 'max_spheres'"):
+        vg.fit_clump(shape, spheres=5)
 
 
 USERS_CODE = """
@@ -217,6 +237,9 @@ import voxgran as vg
 
 box = vg.containers.Box((4, 4, 4), periodic="xyz")
 grain = vg.shapes.sphere(radius=0.5)
+brick = vg.shapes.box(lengths=[1, 2, 3]), vg.shapes.sphere(radius=np.float64(2))
+blobs = vg.shapes.ellipsoid(semi_axes=np.ones(3)), vg.make_shape("ellipsoid", semi_axes=np.ones(3))
+tile = vg.shapes.polygon(vertices=[[0, 0], [1, 0], [0, 1]]), vg.shapes.polygon(vertices=np.eye(3)[:, :2])
 rock = vg.make_shape("solid_union", solids=[3, 6], seed=2)
 bed = vg.pack([grain], box, vg.methods.Digital(voxel_size=0.1), count=20, seed=1)
 again = vg.pack(grain, box, "digital", count=20, voxel_size=0.1)
@@ -228,6 +251,7 @@ vg.pack([grain, rock], box, method="rsa", sizes=sizes, weights=[1, 2], start=bed
 vg.pack([grain, rock], box, method="digital", solid_fraction=0.2, weights=np.ones(2), gravity=(0, 0, -1), cycles=None)
 clump = vg.fit_clump(rock, max_spheres=counts[1], min_radius=2)
 number: int = len(bed[bed.diameter > 0.5] + again)
+vg.measure(bed, "density"), bed.measure("density"), vg.measure(bed, which=["density"])
 print(bed[0].shape, bed.verify().ok, [one.diameter for one in bed], number, vg.make_shape(names[0]), clump.radii)
 """
 #: a mistake in a call, and a word of what mypy says
@@ -243,6 +267,12 @@ MISTAKES = {
     "vg.methods.Digital(voxle_size=0.1)": "voxle_size",
     "vg.methods.Digital(voxel_size='0.1')": "voxel_size",
     "vg.shapes.sphere(raduis=1)": "raduis",
+    "vg.shapes.box(lengths='3')": "lengths",
+    "vg.shapes.box(lengths=3)": "lengths",
+    "vg.pack(grain, box, 'control_point', contact='points')": "pack",
+    "bed.plot(color='taste')": "color",
+    "vg.plot(grain, color='taste')": "color",
+    "vg.measure(bed, 2)": "measure",
     "vg.measure(bed, wich=['density'])": "wich",
     "vg.no_such_name": "no_such_name",
 }

@@ -147,7 +147,14 @@ def chosen(
 
 
 def document(cls: type) -> None:
-    """Append the section ``Parameters`` to the docstring of a parameter class, from its fields, if it is missing."""
+    """Append the section ``Parameters`` to the docstring of a parameter class, from its fields, if it is missing, and
+    explain calls of its constructor that do not fit.
+    """
+    constructor: Any = vars(cls)["__init__"]
+    if not hasattr(constructor, "__wrapped__"):
+        keyword = next((f"{item.name}=..." for item in parameters_of(cls)), "")
+        # setattr, since mypy refuses the assignment of a method
+        setattr(cls, "__init__", explained(hint=f"{cls.__name__}({keyword})")(constructor))  # noqa: B010
     text = cls.__doc__ or ""
     if "Parameters\n" in text:
         return

@@ -3,6 +3,7 @@
 import argparse
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import MISSING
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,7 @@ def measure(options: argparse.Namespace) -> None:
     tree = voxgran.measure(_packing(options), which=options.which or None)
     if options.output:
         voxgran.save_statistics(tree, options.output, overwrite=options.overwrite)
-    show({str(name): float(value) for name, value in tree.dataset.data_vars.items() if value.ndim == 0}, options)
+    show({str(name): value.item() for name, value in tree.dataset.data_vars.items() if value.ndim == 0}, options)
 
 
 def _fields(source: Any, *names: str) -> dict[str, Any]:
@@ -215,7 +216,7 @@ def clump(options: argparse.Namespace) -> None:
         mend="use 'voxgran repair'", keep_open="", choose="choose with 'voxgran repair --bodies largest'"
     )
     body = shape_of_file(options.file, remedies=remedies)
-    made = voxgran.fit_clump(body, max_spheres=options.spheres, method=options.method)
+    made = voxgran.fit_clump(body, max_spheres=options.max_spheres, method=options.method)
     if options.output:
         rows = [
             "x,y,z,r",
@@ -249,7 +250,10 @@ def methods(options: argparse.Namespace) -> None:
         known = [name for registry in groups.values() for name in registry.names()]
         raise UnknownNameError(unknown("method, family or measure", options.name, known))
     if options.json:
-        print(json.dumps({title: names for title, names in named.items() if names}, indent=2))
+        found: dict[str, Any] = {title: names for title, names in named.items() if names}
+        if options.name is not None:
+            found = {title: {options.name: _described(groups[title].get(options.name))} for title in found}
+        print(json.dumps(found, indent=2))
         return
     for title, names in named.items():
         if names:
@@ -262,6 +266,17 @@ def methods(options: argparse.Namespace) -> None:
                 entry_line(f"      {item.name}", parameter_text(item))
         if names:
             print()
+
+
+def _described(entry: Any) -> dict[str, Any]:
+    """Return summary, source and parameters of an entry of a registry, for JSON."""
+    items = parameters_of(entry.parameters) if hasattr(entry, "parameters") else ()
+    told = {
+        item.name: {"doc": item.doc, "type": item.type_text, "unit": item.unit}
+        | ({} if item.default is MISSING else {"default": item.default})
+        for item in items
+    }
+    return {"summary": entry.summary, "source": getattr(entry, "source", ""), "parameters": told}
 
 
 def bench(options: argparse.Namespace) -> None:

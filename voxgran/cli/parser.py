@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 import voxgran
 from voxgran._base.config import Parameter, parameters_of
+from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.lazy import load
 from voxgran._base.registry import unknown
@@ -39,6 +40,22 @@ Flag = tuple[tuple[str, ...], dict[str, Any]]
 def _flag(*names: str, **keywords: Any) -> Flag:
     """Return the arguments of :meth:`argparse.ArgumentParser.add_argument`."""
     return names, keywords
+
+
+class _Former(argparse.Action):
+    """A former flag: stores its value under the present one, named by `dest`, and what to say of it in `former`."""
+
+    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
+        """Store the value."""
+        present = f"--{self.dest.replace('_', '-')}"
+        namespace.former = f"flag {option_string} is now {present}; write that name"
+        setattr(namespace, self.dest, values)
+
+
+def _former(flag: str, present: str, kind: Callable[[str], Any]) -> Flag:
+    """Return the arguments of a former flag, which the help does not show."""
+    dest = present.removeprefix("--").replace("-", "_")
+    return _flag(flag, dest=dest, action=_Former, type=kind, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
 
 
 #: what a command line holds beside flags of its command
@@ -96,11 +113,11 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
         _flag(
             "--max-hole",
-            "--largest-hole",
             type=float,
             default=0.25,
             help="widest hole that is closed, in diagonals of the bounding box",
         ),
+        _former("--largest-hole", "--max-hole", float),
         _flag(
             "--bodies", choices=("refuse", "largest", "all"), default="refuse", help="what becomes of several solids"
         ),
@@ -112,16 +129,17 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--spacing", type=float, help="thin the cloud to one point for each cube of this edge"),
         _flag(
             "--max-gap",
-            "--largest-hole",
             type=float,
             default=5.0,
             help="how far the surface may be from the nearest point, in spacings",
         ),
+        _former("--largest-hole", "--max-gap", float),
         _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
     ),
     "clump": (
         _flag("file", help="mesh file"),
-        _flag("--spheres", type=int, default=50, help="most spheres"),
+        _flag("--max-spheres", type=int, default=50, help="largest number of spheres"),
+        _former("--spheres", "--max-spheres", int),
         _flag("--method", default="inscribed", help="clump method; 'voxgran methods' lists them"),
         _flag("-o", "--output", help="CSV file: x,y,z,r in the frame of the centroid"),
     ),
@@ -144,7 +162,7 @@ EXAMPLES: dict[str, str] = {
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --max-hole 0.1",
     "cloud": "voxgran cloud scan.ply --outliers 2 -o rock.stl",
-    "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv",
+    "clump": "voxgran clump rock.stl --max-spheres 50 -o rock.csv",
     "methods": "voxgran methods\n  voxgran methods digital",
     "bench": "voxgran bench voxelize -o figures",
     "doctor": "voxgran doctor\n  voxgran doctor --warm",
@@ -205,6 +223,8 @@ def parse(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., 
         If something is missing, superfluous or cannot be read.
     """
     options, rest = make_parser(words, commands).parse_known_args(words)
+    if hasattr(options, "former"):
+        warn_former(vars(options).pop("former"))
     for word in rest:
         flag, _, _ = word.partition("=")
         if flag.startswith("-"):

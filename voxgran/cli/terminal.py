@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import json
+import math
 import shutil
 import sys
 import textwrap
@@ -46,12 +47,21 @@ def progress(options: argparse.Namespace) -> Iterator[OnStep | None]:
 def show(numbers: Mapping[str, Any], options: argparse.Namespace, last: str = "") -> None:
     """Print numbers by name, or as JSON."""
     if options.json:
-        print(json.dumps(numbers, indent=2, default=str))
+        print(json.dumps(_finite(numbers), indent=2, default=str))
         return
     for name, value in numbers.items():
         print(f"{name.replace('_', ' '):24} {_plain(value)}")
     if last:
         print(last)
+
+
+def _finite(value: Any) -> Any:
+    """Return values for JSON, which has no number for NaN and infinity: None in their place."""
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _plain(value: Any) -> str:

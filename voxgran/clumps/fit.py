@@ -20,6 +20,8 @@ from voxgran.voxels.occupy import voxelize
 
 __all__ = ["clump_methods", "fit_clump"]
 
+#: keywords beside the parameters of the method, suggested for unknown ones
+BESIDE = ("max_spheres", "target", "tolerance")
 #: voxels per equivalent diameter at which a shape is voxelized
 RESOLUTION = 64
 #: largest number of spheres without any other stopping rule, and with one
@@ -68,7 +70,7 @@ def fit_clump(
     UnknownNameError
         If the method or a parameter is unknown.
     """
-    _, entry, settings = chosen(clump_registry(), method, parameters, where="clump method")
+    _, entry, settings = chosen(clump_registry(), method, parameters, where="clump method", beside=BESIDE)
     shape, voxels = _both(shape_or_voxels)
     if max_spheres is None:
         most = DEFAULT_SPHERES if target is None and tolerance is None else MOST_SPHERES

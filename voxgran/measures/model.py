@@ -4,13 +4,14 @@ Each measure is one file of the folder ``registered`` with a line ``registration
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base.arrays import check_type
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
 from voxgran.measures.accessor import register_accessor
@@ -52,15 +53,15 @@ def measures() -> tuple[str, ...]:
     return measure_registry().names()
 
 
-def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTree":
+def measure(packing: Packing, which: str | Sequence[str] | None = None) -> "DataTree":
     """Measure a packing.
 
     Parameters
     ----------
     packing : Packing
         The packing; zero grains are allowed.
-    which : sequence of str, optional
-        Names of measures, of :func:`voxgran.packing_measures`. Only these and the provenance are computed. Default: all
+    which : str or sequence of str, optional
+        Names of measures; `voxgran methods` lists them. Only these and the provenance are computed. Default: all
         that apply to the packing.
 
     Returns
@@ -72,7 +73,7 @@ def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTre
     Raises
     ------
     InputError
-        If `packing` is not a packing.
+        If `packing` is not a packing, or `which` is neither a name nor a sequence of names.
     UnknownNameError
         If there is no measure of that name.
 
@@ -91,6 +92,7 @@ def measure(packing: Packing, *, which: Sequence[str] | None = None) -> "DataTre
     if which is None:
         chosen = [entry for entry in map(registry.get, registry.names()) if entry.applies(packing)]
     else:
+        check_type(which, Iterable, "which", "a name or a list of names, such as ['density']")
         names = [which] if isinstance(which, str) else which
         chosen = [registry.get(name) for name in dict.fromkeys([*names, *ALWAYS])]
     groups: dict[str, Any] = {"/": dataset({"count": variable((), packing.count, "1", "number of grains")})}

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -309,7 +309,7 @@ class Packing(GrainSequence):
         """
         public("save")(self, path, overwrite=overwrite)
 
-    def plot(self, *, color: str = "diameter") -> Any:
+    def plot(self, *, color: Literal["diameter", "shape", "coordination", "distance"] = "diameter") -> Any:
         """Show the packing in a window, or return a picture of it, as :func:`voxgran.plot`.
 
         Parameters

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import check_type
+from voxgran._base.arrays import as_choice, check_type
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
-from voxgran.report.colors import coloring
+from voxgran.report.colors import COLOR_BY, ColorBy, coloring
 from voxgran.report.scenes import COLORS, GRAIN_COLOR, SMOOTH, picture_packing
 from voxgran.report.stage import look_at, shot, stage_of
 from voxgran.shapes.model import Shape
 
 
-def plot(what: Packing | Shape, *, color: str = "diameter", window: tuple[int, int] = (900, 900)) -> Any:
+def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[int, int] = (900, 900)) -> Any:
     """Show a packing or a shape.
 
     Parameters
@@ -38,6 +38,7 @@ def plot(what: Packing | Shape, *, color: str = "diameter", window: tuple[int, i
         If it is neither a packing nor a shape, or `color` is unknown.
     """
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
+    as_choice(color, "color", COLOR_BY)
     if _has_window():
         plotter = load("pyvista").Plotter(window_size=list(window))
         mesh, look = what.to_pyvista(), {"color": GRAIN_COLOR}
@@ -46,7 +47,9 @@ def plot(what: Packing | Shape, *, color: str = "diameter", window: tuple[int, i
             mesh.cell_data[found.label] = found.values[mesh.cell_data["grain"]]
             look = {"scalars": found.label, "cmap": COLORS}
             plotter.add_mesh(load("pyvista").PolyData.from_regular_faces(*what.container.mesh()), style="wireframe")
-        plotter.add_mesh(mesh, **look)
+        # PyVista refuses empty meshes
+        if mesh.n_points:
+            plotter.add_mesh(mesh, **look)
         plotter.show()
         return None
     if isinstance(what, Packing):

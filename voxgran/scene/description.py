@@ -2,13 +2,13 @@
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, Self
 
 from voxgran._base.arrays import as_count, as_number, as_positive, check_type
-from voxgran._base.config import from_mapping, parameter, to_mapping
+from voxgran._base.config import from_mapping, parameter, parameters_of, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
@@ -209,7 +209,7 @@ class SceneDescription:
         count, solid = packing.pop("count", None), packing.pop("solid_fraction", None)
         start = packing.pop("start", None)
         beside = ("method", "count", "solid_fraction", "start")
-        from_mapping(method_registry().get(method).parameters, packing, "[packing]", beside=beside)
+        packing = _present(method_registry().get(method).parameters, packing, "[packing]", beside=beside)
         return cls(
             general=_general(mapping.get("scene", {})),
             shapes=_shape_entries(mapping["shape"], place),
@@ -267,6 +267,16 @@ class SceneDescription:
             If the file is no packing.
         """
         return None if self.start is None else load(self.start)
+
+
+def _present(cls: type[Any], mapping: Mapping[str, Any], where: str, *, beside: Iterable[str] = ()) -> dict[str, Any]:
+    """Return checked parameters as given, with present names and words in place of former ones, so that they are not
+    warned of again.
+    """
+    made: Any = from_mapping(cls, mapping, where, beside=beside)
+    present = {item.former: item.name for item in parameters_of(cls) if item.former}
+    found = {present.get(key, key): value for key, value in mapping.items()}
+    return {key: getattr(made, key) if isinstance(value, str) else value for key, value in found.items()}
 
 
 def _general(mapping: Mapping[str, Any]) -> General:
@@ -338,7 +348,7 @@ def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
             made.append(ShapeEntry("file", str(existing_file(path)), share, rest))
             continue
         family = rest.pop("family")
-        settings = {key: value for key, value in rest.items() if key != "seed"}
-        from_mapping(families().get(family).parameters, settings, f"[[shape]] {family}")
-        made.append(ShapeEntry("family", family, share, rest))
+        seed = {key: rest.pop(key) for key in ("seed",) if key in rest}
+        settings = _present(families().get(family).parameters, rest, f"[[shape]] {family}")
+        made.append(ShapeEntry("family", family, share, settings | seed))
     return tuple(made)

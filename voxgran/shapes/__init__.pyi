@@ -1,79 +1,83 @@
 """Functions that make shapes, one for each family of `voxgran.shapes.families`."""
 
-from typing import Literal
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from numpy.typing import NDArray
 
 from voxgran.shapes.families.solid_union import Kind
 from voxgran.shapes.model import Shape as Shape
+from voxgran.typed_calls import Number, Whole
 
 def box(
     *,
-    aspect: tuple[float, float, float] | None = None,
-    diameter: float | None = None,
-    lengths: tuple[float, float, float] | None = None,
+    aspect: Sequence[Number] | NDArray[Any] | None = None,
+    diameter: Number | None = None,
+    lengths: Sequence[Number] | NDArray[Any] | None = None,
 ) -> Shape: ...
 def cone(
     *,
-    aspect: float | None = None,
-    diameter: float | None = None,
-    radius: float | None = None,
-    height: float | None = None,
+    aspect: Number | None = None,
+    diameter: Number | None = None,
+    radius: Number | None = None,
+    height: Number | None = None,
 ) -> Shape: ...
 def convex_polyhedron(
     *,
-    points: int = 20,
-    aspect: tuple[float, float, float] = (1.0, 1.0, 1.0),
-    diameter: float | None = None,
-    seed: int = 0,
+    points: Whole = 20,
+    aspect: Sequence[Number] | NDArray[Any] = (1.0, 1.0, 1.0),
+    diameter: Number | None = None,
+    seed: Whole = 0,
 ) -> Shape: ...
 def cylinder(
     *,
-    aspect: float | None = None,
-    diameter: float | None = None,
-    radius: float | None = None,
-    height: float | None = None,
+    aspect: Number | None = None,
+    diameter: Number | None = None,
+    radius: Number | None = None,
+    height: Number | None = None,
 ) -> Shape: ...
-def disk(*, diameter: float | None = None, radius: float | None = None) -> Shape: ...
+def disk(*, diameter: Number | None = None, radius: Number | None = None) -> Shape: ...
 def ellipsoid(
     *,
-    aspect: tuple[float, float, float] | None = None,
-    diameter: float | None = None,
-    semi_axes: tuple[float, float, float] | None = None,
+    aspect: Sequence[Number] | NDArray[Any] | None = None,
+    diameter: Number | None = None,
+    semi_axes: Sequence[Number] | NDArray[Any] | None = None,
 ) -> Shape: ...
 def platonic(
     *,
     solid: Literal["tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"] = "icosahedron",
-    diameter: float | None = None,
+    diameter: Number | None = None,
 ) -> Shape: ...
 def polygon(
     *,
-    corners: int | None = None,
-    stretch: float | None = None,
-    diameter: float | None = None,
-    vertices: tuple[tuple[float, float], ...] | None = None,
+    corners: Whole | None = None,
+    stretch: Number | None = None,
+    diameter: Number | None = None,
+    vertices: Sequence[Sequence[Number] | NDArray[Any]] | NDArray[Any] | None = None,
 ) -> Shape: ...
 def random_surface(
     *,
-    aspect: tuple[float, float] = (1.0, 1.0),
-    height: float = 0.15,
-    waves: int = 6,
-    max_frequency: float = 1.5,
-    diameter: float | None = None,
-    seed: int = 0,
+    aspect: Sequence[Number] | NDArray[Any] = (1.0, 1.0),
+    height: Number = 0.15,
+    waves: Whole = 6,
+    max_frequency: Number = 1.5,
+    diameter: Number | None = None,
+    seed: Whole = 0,
 ) -> Shape: ...
 def sheet(
     *,
-    aspect: tuple[float, float] | None = None,
-    roll: float = 0.0,
-    diameter: float | None = None,
-    lengths: tuple[float, float] | None = None,
+    aspect: Sequence[Number] | NDArray[Any] | None = None,
+    roll: Number = 0.0,
+    diameter: Number | None = None,
+    lengths: Sequence[Number] | NDArray[Any] | None = None,
 ) -> Shape: ...
-def shell(*, opening: float = 180.0, diameter: float | None = None) -> Shape: ...
+def shell(*, opening: Number = 180.0, diameter: Number | None = None) -> Shape: ...
 def solid_union(
     *,
-    solids: int | tuple[int, int] = (3, 6),
-    kinds: tuple[Kind, ...] = ("box", "cylinder", "cone", "ellipsoid", "sphere"),
-    lengths: tuple[float, float] = (0.4, 1.0),
-    diameter: float | None = None,
-    seed: int = 0,
+    solids: Whole | (Sequence[Whole] | NDArray[Any]) = (3, 6),
+    kinds: Sequence[Kind] | NDArray[Any] = ("box", "cylinder", "cone", "ellipsoid", "sphere"),
+    lengths: Sequence[Number] | NDArray[Any] = (0.4, 1.0),
+    diameter: Number | None = None,
+    seed: Whole = 0,
 ) -> Shape: ...
-def sphere(*, diameter: float | None = None, radius: float | None = None) -> Shape: ...
+def sphere(*, diameter: Number | None = None, radius: Number | None = None) -> Shape: ...

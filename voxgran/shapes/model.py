@@ -211,7 +211,7 @@ class Shape:
         if self.is_open:
             raise InputError(
                 f"shape {self.name!r} is an open surface: {what} need a solid, with an inside; use it with "
-                "control_point and contact 'points', or give it thickness"
+                "control_point and contact 'kdtree', or give it thickness"
             )
 
     @property

@@ -183,6 +183,11 @@ def test_it_verifies_measures_and_saves_itself(tmp_path, monkeypatch):
     assert np.asarray(packing.plot(color="shape")).shape == (900, 900, 3)
     with pytest.raises((InputError, UnknownNameError), match="color"):
         packing.plot(color="taste")
+    with pytest.raises(InputError, match=r"^color is 'taste'"):
+        vg.plot(vg.shapes.cone(), color="taste")
+    assert vg.measure(packing, "coordination").equals(packing.measure("coordination"))
+    with pytest.raises(InputError, match="which is 2"):
+        packing.measure(2)
 
 
 def test_a_window_shows_grains_in_colour(monkeypatch):
@@ -205,3 +210,5 @@ def test_a_window_shows_grains_in_colour(monkeypatch):
     (_, (grains, look)), ((_, plain),) = shown
     assert set(grains.cell_data[look["scalars"]]) == {0, 1}
     assert "color" in plain
+    vg.Packing.of([vg.shapes.cone()], vg.Box((2, 2, 2)), position=np.zeros((0, 3))).plot()
+    assert [look.get("style") for _, look in shown[-1]] == ["wireframe"]

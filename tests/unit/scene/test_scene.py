@@ -241,3 +241,11 @@ def test_a_folder_that_only_can_be_read_is_read(write, tmp_path):
     stamp = (tmp_path / "out").stat().st_mtime_ns
     scene.run(tmp_path / "out", resume=True)
     assert (tmp_path / "out").stat().st_mtime_ns == stamp
+
+
+def test_former_names_warn_once(write):
+    with pytest.warns(DeprecationWarning, match=r"\[packing\] up is called vibration_up now") as warned:
+        scene = vg.Scene.from_toml(write("sweeps = 100", "sweeps = 100\nup = 0.5"))
+    assert len(warned) == 1
+    scene.plan()  # any warning is an error
+    assert scene.to_mapping()["packing"]["vibration_up"] == 0.5
