@@ -23,7 +23,7 @@ from voxgran.cli.terminal import complain, warn
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run a command and return the exit status: 0, or 2 for bad input, 1 for failure, 130 and 143 after an interrupt.
 
-    The arguments are the words after the program's name; left out: those of this process.
+    The arguments are the words after the name of the program; by default those of this process.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     with warnings.catch_warnings():

@@ -100,7 +100,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     ),
     "labels": (
         _flag("file", help="label image: .npy, .npz, .tif, .vti or .nrrd"),
-        _flag("--voxel-size", type=float, help="edge of a voxel; left out: as the file says"),
+        _flag("--voxel-size", type=float, help="edge of a voxel; default: as the file says"),
         _flag("--border", choices=("keep", "drop"), default="keep", help="grains that the image cuts"),
         _flag("--surface", choices=("smooth", "voxel"), default="smooth", help="smooth, or faces of voxels"),
         _flag("--periodic", default="", help="axes along which the image repeats, such as xy"),
@@ -143,7 +143,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--method", default="inscribed", help="clump method; 'voxgran methods' lists them"),
         _flag("-o", "--output", help="CSV file: x,y,z,r in the frame of the centroid"),
     ),
-    "methods": (_flag("name", nargs="?", help="one method, family or measure; left out: all"),),
+    "methods": (_flag("name", nargs="?", help="one method, family or measure; default: all of them"),),
     "bench": (_flag("name", help="trade-off"), _flag("-o", "--output", default="bench", help="folder")),
     "doctor": (_flag("--warm", action="store_true", help="compile the kernels of usual scenes, which takes minutes"),),
     "demo": (_flag("-o", "--output", default="out/demo", help="folder for the results"),),

@@ -83,7 +83,7 @@ def save_cloud(
         File in PLY or PCD format (with the property `grain`), or XYZ (rows of x y z, the normal if there is one, and
         the grain if there is one).
     spacing : float, optional
-        Of the points on grains, in the unit of lengths; left out: a tenth of the median diameter. For packings only.
+        Of the points on grains, in the unit of lengths; default: a tenth of the median diameter. For packings only.
     overwrite : bool
         Whether a file that is there may be replaced.
 

@@ -12,7 +12,7 @@ from voxgran.points.sample import sample_surface
 def cloud_of_packing(packing: Packing, spacing: float | None = None) -> Cloud:
     """Return points on the surfaces of all grains in the frame of the container, each with the number of its grain.
 
-    `spacing` is the largest one, in the unit of lengths; left out: a tenth of the median diameter. A shape is sampled
+    `spacing` is the largest one, in the unit of lengths; default: a tenth of the median diameter. A shape is sampled
     once, for its largest grain, so smaller grains are covered more finely.
 
     Raises

@@ -78,12 +78,12 @@ def load(
         Recognized by its content: a ``.vtp`` that :func:`save` wrote; spheres as text (``x y z r``, YADE's
         ``x y z r clumpId``, CSV with a header); a LAMMPS data or dump file; ``.vtp`` or ``.vtu`` points with radii.
     container : Container, optional
-        What holds the spheres of another program; left out: as the file says, or else the box around them.
+        What holds the spheres of another program; default: as the file says, or else the box around them.
     unit : str, optional
-        Unit of lengths of such a file; left out: as it says, or else ``"1"``.
+        Unit of lengths of such a file; default: as it says, or else ``"1"``.
     periodic : str, bool or sequence, optional
         Axes along which their box is periodic, such as ``"xy"``, as of
-        :class:`voxgran.Box`; left out: as the file says, or else none.
+        :class:`voxgran.Box`; default: as the file says, or else none.
     frame : int
         Which frame of a dump file, from 0; negative: from the end.
 

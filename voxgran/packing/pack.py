@@ -108,7 +108,7 @@ def pack(
         Unit of all lengths that have none of their own: container, sizes, parameters, regular shapes. Shapes of other
         units are converted to it. Left out: that of the start, or else the one of the shapes, where it is known.
     density : float, optional
-        Density of the material; left out: that of the start, or else 1.
+        Density of the material; default: that of the start, or else 1.
     checkpoint : path-like, optional
         File for checkpoints, written every ten seconds, when the run is asked to stop, and at the end. It holds the
         poses and little more: some hundred bytes a grain, whatever the shapes.

@@ -48,7 +48,7 @@ class DigitalRsa(LatticeSearch):
     usual_voxel_size: ClassVar[float] = 1 / 16
 
     voxel_size: float | None = parameter(
-        None, doc="edge of a voxel; left out: 1/16 of the median diameter", unit="length", above=0.0
+        None, doc="edge of a voxel; default: 1/16 of the median diameter", unit="length", above=0.0
     )
 
 

@@ -33,7 +33,7 @@ def packing_of_labels(
     source : path-like or (nx, ny, nz) ndarray of int
         As :func:`voxgran.load_labels`.
     voxel_size : float or (3,) array_like of float, optional
-        Edges of a voxel; left out: as the file says.
+        Edges of a voxel; default: as the file says.
     border : {"keep", "drop"}
         What becomes of grains that touch the border of the image, where they are cut: they are kept, and end in the
         wall, as the sample does; or they are left out.

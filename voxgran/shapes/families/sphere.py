@@ -14,7 +14,7 @@ from voxgran.shapes.primitive import Primitive
 class Sphere:
     """Parameters of a sphere."""
 
-    diameter: float | None = parameter(None, doc="diameter; left out: 1", unit="length")
+    diameter: float | None = parameter(None, doc="diameter; default: 1", unit="length")
     radius: float | None = parameter(None, doc="radius, in place of the diameter", unit="length")
 
 

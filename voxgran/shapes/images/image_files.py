@@ -46,7 +46,7 @@ def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
         ``.png`` (one page, as grey values; y upward),
         ``.vti`` or ``.nrrd``, by its suffix.
     key : str, optional
-        Which array of an ``.npz`` or ``.vti`` file; left out: the only one.
+        Which array of an ``.npz`` or ``.vti`` file; default: the only one.
 
     Returns
     -------

@@ -65,7 +65,7 @@ def load_labels(
         A file as :func:`voxgran.load_image` takes it, or labels with 0 for void; a memory map may be larger than the
         memory.
     voxel_size : float or (3,) array_like of float, optional
-        Edges of a voxel; left out: as the file says.
+        Edges of a voxel; default: as the file says.
     border : {"keep", "drop"}
         What becomes of grains that touch the border of the image, where they are cut: they are kept as they are, with a
         warning, or left out. As in :func:`voxgran.packing_of_labels` no grain is left out unasked.
@@ -128,7 +128,7 @@ def label_table(
     source : path-like or (nx, ny, nz) ndarray of int
         As :func:`load_labels`.
     voxel_size : float or (3,) array_like of float, optional
-        Edges of a voxel; left out: as the file says.
+        Edges of a voxel; default: as the file says.
     key : str, optional
         Which array of an ``.npz`` or ``.vti`` file.
 

@@ -40,7 +40,7 @@ def load_outlines(
         particles brighter than the level; of bool, or of labels (integers, 0 for void), each of which is traced by
         itself.
     level : float, optional
-        Value at the boundary; left out: halfway between the smallest and the largest. Labels have none.
+        Value at the boundary; default: halfway between the smallest and the largest. Labels have none.
     pixel_size : float
         Edge of a pixel, in the unit of lengths.
     min_area : float
