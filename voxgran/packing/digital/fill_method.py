@@ -173,7 +173,7 @@ def cost(problem: Problem) -> Cost:
 class _Setting:
     """What follows from the problem and the placed grains: lattice, orientations, maps and how far they are.
 
-    taken: voxels that the container does not leave free.  maps: of the orientations of the kind to be placed.  joined: how
+    taken: voxels that the container does not leave free.  maps: of the orientations of the present kind.  joined: how
     many of the order have been joined to each.  level: up to where each is known to be full.
     """
 
