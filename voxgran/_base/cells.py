@@ -32,30 +32,27 @@ def near_pairs(
     order = np.argsort(flat, kind="stable")
     start = np.searchsorted(flat[order], np.arange(int(np.prod(cells)) + 1))
     around = np.where(wraps & (reach > span / cells), np.ceil(reach / (span / cells)), 1).astype(np.int64)
-    arguments = (wrapped, radii, float(gap), index, order, start, cells, around, wraps, span)
-    nothing = np.zeros((0, 5), dtype=np.int64)
-    pairs = np.zeros((_visit_pairs(*arguments, nothing, False), 5), dtype=np.int64)
-    _visit_pairs(*arguments, pairs, True)
-    pairs = pairs[np.lexsort(pairs.T[::-1])]
-    i, j = pairs[:, 0], pairs[:, 1]
-    return i, j, pairs[:, 2:] + turns[i] - turns[j]
+    packed = np.column_stack([wrapped, radii])[order]
+    arguments = (packed, float(gap), index, order, start, cells, around, wraps, span)
+    pairs = np.zeros((16 * n, 5), dtype=np.int64)
+    while (found := _visit_pairs(*arguments, pairs)) > len(pairs):
+        pairs = np.zeros((found, 5), dtype=np.int64)
+    i, j = pairs[:found, 0].copy(), pairs[:found, 1].copy()
+    return i, j, pairs[:found, 2:] + turns[i] - turns[j]
 
 
 @kernel
-def _is_near(centers, radii, gap, i, j, sx, sy, sz):  # type: ignore[no-untyped-def]
-    """Return whether sphere i and sphere j, shifted, are within the gap."""
-    dx = centers[j, 0] + sx - centers[i, 0]
-    dy = centers[j, 1] + sy - centers[i, 1]
-    dz = centers[j, 2] + sz - centers[i, 2]
-    reach = radii[i] + radii[j] + gap
-    return reach >= 0.0 and dx * dx + dy * dy + dz * dz <= reach * reach
+def _visit_pairs(packed, gap, index, order, start, cells, around, wraps, span, pairs):  # type: ignore[no-untyped-def]
+    """Walk the cells around each sphere, write the pairs in lexical order, and return how many there are.
 
-
-@kernel
-def _visit_pairs(centers, radii, gap, index, order, start, cells, around, wraps, span, pairs, fill):  # type: ignore[no-untyped-def]
-    """Walk the cells around each sphere; count the pairs and, where `fill`, write them."""
-    count = 0
-    for i in range(len(centers)):
+    Where they are more than `pairs` has rows for, those that have no row are counted only.
+    """
+    count, place = 0, np.zeros(len(order), dtype=np.int64)
+    for k in range(len(order)):
+        place[order[k]] = k
+    for i in range(len(order)):
+        first, here = count, place[i]
+        x, y, z, r = packed[here, 0], packed[here, 1], packed[here, 2], packed[here, 3] + gap
         for ox in range(-around[0], around[0] + 1):
             cx = index[i, 0] + ox
             ix = cx // cells[0]
@@ -74,13 +71,36 @@ def _visit_pairs(centers, radii, gap, index, order, start, cells, around, wraps,
                     own = ix == 0 and iy == 0 and iz == 0
                     ahead = ix > 0 or (ix == 0 and (iy > 0 or (iy == 0 and iz > 0)))
                     cell = ((cx - ix * cells[0]) * cells[1] + cy - iy * cells[1]) * cells[2] + cz - iz * cells[2]
+                    px, py, pz = x - ix * span[0], y - iy * span[1], z - iz * span[2]
                     for k in range(start[cell], start[cell + 1]):
+                        dx, dy, dz = packed[k, 0] - px, packed[k, 1] - py, packed[k, 2] - pz
+                        reach = packed[k, 3] + r
+                        if dx * dx + dy * dy + dz * dz > reach * reach or reach < 0.0:
+                            continue
                         j = order[k]
                         if j < i or (j == i and (own or not ahead)):
                             continue
-                        if _is_near(centers, radii, gap, i, j, ix * span[0], iy * span[1], iz * span[2]):
-                            if fill:
-                                pairs[count, 0], pairs[count, 1] = i, j
-                                pairs[count, 2], pairs[count, 3], pairs[count, 4] = ix, iy, iz
-                            count += 1
+                        if count < len(pairs):
+                            _insert(pairs, first, count, i, j, ix, iy, iz)
+                        count += 1
     return count
+
+
+@kernel
+def _insert(pairs, first, count, i, j, ix, iy, iz):  # type: ignore[no-untyped-def]
+    """Insert a pair among those of sphere i, rows first to count, so that they stay in lexical order."""
+    k = count
+    while k > first and (
+        pairs[k - 1, 1] > j
+        or (
+            pairs[k - 1, 1] == j
+            and (
+                pairs[k - 1, 2] > ix
+                or (pairs[k - 1, 2] == ix and (pairs[k - 1, 3] > iy or (pairs[k - 1, 3] == iy and pairs[k - 1, 4] > iz)))
+            )
+        )
+    ):
+        for c in range(5):
+            pairs[k, c] = pairs[k - 1, c]
+        k -= 1
+    pairs[k, 0], pairs[k, 1], pairs[k, 2], pairs[k, 3], pairs[k, 4] = i, j, ix, iy, iz

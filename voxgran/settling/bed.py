@@ -1,0 +1,224 @@
+"""A bed: grains, their near pairs and their contacts, changed in place step by step.
+
+Lengths are in median diameters and times in sqrt(d / g); the inverse mass of a grain of the median diameter is 1.
+Grains are kept in the order of their heights at the beginning, so that neighbours lie close in memory.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.rotation import normalized
+from voxgran.contacts.assembly import Assembly, Lid
+from voxgran.settling.contact_rows import ROW, ContactRows, Grains, PairList
+from voxgran.settling.finders import ContactFinders, kinds_of
+from voxgran.settling.impulses import move_bodies, write_matrices
+from voxgran.settling.pair_list import no_pairs, renewed
+
+#: distance up to which pairs are listed, in median diameters
+SKIN = 0.5
+#: numbers of a body: velocity (3), angular velocity (3), inverse mass and inverse moment of inertia
+BODY = 8
+
+
+class Bed:
+    """Grains in a container under gravity.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains, with lengths in median diameters.
+    gravity : (3,) ndarray of float
+        Unit vector in which gravity acts.
+    lid_weight : float
+        Weight of the lid, if the assembly has one, in weights of a grain of the median diameter.
+    scale : (n,) ndarray of float, optional
+        Factors on the lengths of the shapes, if they are not yet those of the assembly.
+
+    Raises
+    ------
+    InputError
+        If a shape is an open surface, or the walls of the container are not known.
+    """
+
+    def __init__(
+        self, assembly: Assembly, gravity: Floats, *, lid_weight: float = 1.0, scale: Floats | None = None
+    ) -> None:
+        self.assembly, self.gravity = assembly, np.array(gravity, dtype=np.float64)
+        self.order: Integers = np.argsort(-(assembly.position @ gravity), kind="stable")
+        order, n = self.order, assembly.count
+        factor = np.ones(n) if scale is None else (scale / assembly.scale)[order]
+        self.orientation: Floats = assembly.orientation[order].copy()
+        self.bounding: Floats = assembly.bounding_radii[order].copy()
+        self.grains = Grains(
+            position=assembly.position[order].copy(),
+            matrix=np.zeros((n, 3, 3)),
+            scale=assembly.scale[order] * factor,
+            radius=self.bounding * factor,
+            shape=assembly.shape_id[order].astype(np.int64),
+            kind=kinds_of(assembly.shapes)[assembly.shape_id[order]],
+            way=np.zeros(n),
+        )
+        write_matrices(self.orientation, self.grains.matrix)
+        self.diameter: Floats = assembly.diameters[order].copy()
+        self.bodies, self.motion = _bodies(assembly, order, lid_weight), np.zeros((n + 1, 6))
+        self.lid_level = math.inf if assembly.lid is None else float(assembly.lid.level)
+        self.pairs: PairList = no_pairs()
+        self.rows = _no_rows(8 * n + 64)
+        self.m = 0
+        self.wall_first, self.wall_count = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+        self.listed = False
+        self.finders = ContactFinders(assembly)
+
+    @property
+    def count(self) -> int:
+        """Number of grains."""
+        return len(self.orientation)
+
+    @property
+    def gap(self) -> Floats:
+        """Gaps of the contacts that were last found, (m,), counted from the rest distance."""
+        return self.rows.row[: self.m, 9]
+
+    @property
+    def kinetic_energy(self) -> float:
+        """Mean kinetic energy of translation of a grain, for its mass."""
+        return 0.5 * float((self.bodies[: self.count, :3] ** 2).sum(axis=1).mean()) if self.count else 0.0
+
+    @property
+    def height(self) -> float:
+        """Mean height of the centroids, along gravity."""
+        return -float((self.grains.position @ self.gravity).mean()) if self.count else 0.0
+
+    def find(self, margin: float, rest: float) -> None:
+        """Find the contacts nearer than a margin; gaps count from a rest distance.
+
+        The rows of before become the old ones, whose impulses the new ones take over.
+        """
+        way = self.grains.way
+        two = np.partition(way, -2)[-2:].sum() if len(way) > 1 else 2.0 * float(way.max(initial=0.0))
+        if not self.listed or two + margin > SKIN:
+            self.pairs = renewed(self.pairs, self.grains, self.assembly.container, SKIN)
+            self.listed = True
+        self.rows = self.rows._replace(row=self.rows.old, old=self.rows.row)
+        places = (self.pairs.first, self.pairs.count, self.wall_first, self.wall_count)
+        before = [place.copy() for place in places]
+        while (found := self._found(margin, rest)) < 0:
+            self.rows = _doubled(self.rows)
+            for place, old in zip(places, before, strict=True):
+                place[:] = old
+        self.m = found
+
+    def _found(self, margin: float, rest: float) -> int:
+        """Return the number of contacts, or -1 where they are more than the rows."""
+        return self.finders.find(
+            self.grains, self.pairs, self.rows, at_walls=(self.wall_first, self.wall_count), lid_level=self.lid_level,
+            margin=margin, rest=rest,
+        )  # fmt: skip
+
+    def move(self, motion: Floats, most: float) -> float:
+        """Move the grains, and the lid along gravity, by no more than `most`; return the largest translation."""
+        grains, n = self.grains, self.count
+        far = move_bodies(grains.position, self.orientation, grains.matrix, motion, grains.radius, grains.way, most)
+        if math.isfinite(self.lid_level):
+            self.lid_level -= float(np.clip(motion[n, :3] @ self.gravity, -most, most))
+        return float(far)
+
+    def resize(self, factor: Floats) -> None:
+        """Give the grains sizes of `factor` (n,) times their final ones."""
+        old = self.grains.radius.copy()
+        self.grains.scale[:] = self.assembly.scale[self.order] * factor
+        self.grains.radius[:] = self.bounding * factor
+        self.grains.way[:] += np.maximum(self.grains.radius - old, 0.0)
+
+    def poses(self) -> tuple[Floats, Floats]:
+        """Return centroids (n, 3), within the periodic sides, and orientations (n, 4), in the order of the assembly."""
+        position, orientation = np.zeros_like(self.grains.position), np.zeros_like(self.orientation)
+        position[self.order], orientation[self.order] = self.grains.position, self.orientation
+        lower, upper = self.assembly.container.bounds
+        for axis in range(3):
+            if self.assembly.container.periodic[axis]:
+                length = upper[axis] - lower[axis]
+                inside = lower[axis] + (position[:, axis] - lower[axis]) % length
+                position[:, axis] = np.where(inside < upper[axis], inside, lower[axis])
+        return position, normalized(orientation)
+
+    def moved_assembly(self) -> Assembly:
+        """Return the grains in their present poses, with the lid where it is."""
+        position, orientation = self.poses()
+        lid = self.assembly.lid
+        if lid is not None:
+            lid = Lid(lid.normal, self.lid_level)
+        return replace(self.assembly, position=position, orientation=orientation, lid=lid)
+
+    @property
+    def arrays(self) -> dict[str, Floats | Integers]:
+        """All that the next step depends on, for a checkpoint."""
+        grains = self.grains
+        return {
+            **{"position": grains.position, "orientation": self.orientation, "bodies": self.bodies},
+            **{"scale": grains.scale, "radius": grains.radius, "way": grains.way, "order": self.order},
+            **{f"pair_{name}": getattr(self.pairs, name) for name in PairList._fields},
+            **{"row": self.rows.row[: self.m], "row_i": self.rows.i[: self.m], "row_j": self.rows.j[: self.m]},
+            **{"wall_first": self.wall_first, "wall_count": self.wall_count, "lid_level": np.array(self.lid_level)},
+        }
+
+    def restore(self, arrays: Mapping[str, Floats | Integers]) -> None:
+        """Take over the arrays of a checkpoint."""
+        held = {name: np.array(array) for name, array in arrays.items()}
+        self.order = held["order"]
+        self.orientation, self.bodies = held["orientation"], held["bodies"]
+        matrix = np.zeros((len(self.orientation), 3, 3))
+        names = {name: held[name] for name in ("position", "scale", "radius", "way")}
+        shape = self.assembly.shape_id[self.order].astype(np.int64)
+        kind = kinds_of(self.assembly.shapes)[shape]
+        self.grains = Grains(matrix=matrix, shape=shape, kind=kind, **names)
+        write_matrices(self.orientation, matrix)
+        self.bounding = self.assembly.bounding_radii[self.order].copy()
+        self.diameter = self.assembly.diameters[self.order].copy()
+        self.pairs = PairList(*(held[f"pair_{name}"] for name in PairList._fields))
+        self.listed = True
+        self.m = len(held["row"])
+        self.rows = _no_rows(2 * self.m + 64)
+        self.rows.row[: self.m], self.rows.i[: self.m], self.rows.j[: self.m] = (
+            held["row"],
+            held["row_i"],
+            held["row_j"],
+        )
+        self.wall_first, self.wall_count = held["wall_first"], held["wall_count"]
+        self.lid_level = float(held["lid_level"])
+
+
+def _bodies(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
+    """Return the rows (n + 1, 8) of grains at rest, and of the lid."""
+    n = assembly.count
+    bodies = np.zeros((n + 1, BODY))
+    unit = math.pi / 6 if assembly.dimension == 3 else math.pi / 4
+    mass = assembly.volumes[order] / unit
+    bodies[:n, 6] = 1.0 / mass
+    # the mean of the three principal moments stands for all: rest does not depend on them
+    own = [
+        np.trace(shape.inertia) / 3 if assembly.dimension == 3 else shape.inertia[2, 2] for shape in assembly.shapes
+    ]
+    power = assembly.dimension + 2
+    moment = np.array(own)[assembly.shape_id[order]] * assembly.scale[order] ** power / unit if n else np.zeros(0)
+    bodies[:n, 7] = 1.0 / moment
+    bodies[n, 6] = 1.0 / lid_weight if assembly.lid is not None else 0.0
+    return bodies
+
+
+def _no_rows(size: int) -> ContactRows:
+    """Return room for rows of contacts."""
+    return ContactRows(
+        np.zeros((size, ROW)), np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64), np.zeros((size, ROW))
+    )
+
+
+def _doubled(rows: ContactRows) -> ContactRows:
+    """Return rows with twice the room; the old ones are kept."""
+    made = _no_rows(2 * len(rows.row))
+    made.old[: len(rows.old)] = rows.old
+    return made

@@ -1,0 +1,282 @@
+"""Contact dynamics with small substeps: impulses of contacts, and the motions that they leave.
+
+In each substep the velocities are first those of free motion with the impulses of the substep before; one projected
+Gauss-Seidel sweep then changes the impulses so that no gap closes within the substep, with Coulomb friction as a cone.
+Gaps count with what the bodies have moved since the contacts were found. A second sweep, after the motion, takes away
+the velocity by which overlaps were pushed open, so that no energy comes from there; with restitution it makes bodies
+that have met rebound.
+
+Moreau 1988, doi:10.1007/978-3-7091-2624-0_1. Macklin et al. 2019, doi:10.1145/3309486.3340247 (small substeps).
+"""
+
+import math
+
+from voxgran._base.arrays import Floats
+from voxgran._base.kernels import bare_kernel, kernel
+from voxgran.settling.contact_rows import ContactRows
+
+#: velocity of approach, in sqrt(g d), below which bodies do not rebound
+SLOW = 0.05
+
+
+@bare_kernel
+def add_impulse(b, rx, ry, rz, px, py, pz):  # type: ignore[no-untyped-def]
+    """Add an impulse p at an arm r to the velocities of a body."""
+    m, t = b[6], b[7]
+    b[0] += m * px
+    b[1] += m * py
+    b[2] += m * pz
+    b[3] += t * (ry * pz - rz * py)
+    b[4] += t * (rz * px - rx * pz)
+    b[5] += t * (rx * py - ry * px)
+
+
+@bare_kernel
+def add_to_partner(bodies, j, n, ax, ay, az, rx, ry, rz, px, py, pz):  # type: ignore[no-untyped-def]
+    """Add an impulse to a partner: a grain, or the lid (j == n), which moves along a only."""
+    b = bodies[j]
+    if j < n:
+        add_impulse(b, rx, ry, rz, px, py, pz)
+    else:
+        along = b[6] * (px * ax + py * ay + pz * az)
+        b[0] += along * ax
+        b[1] += along * ay
+        b[2] += along * az
+
+
+@bare_kernel
+def effective_masses(row, a, b, paired):  # type: ignore[no-untyped-def]
+    """Return the inverse effective masses of a contact along its normal and across it; b counts where `paired`."""
+    x, y, z = row[0], row[1], row[2]
+    along = row[3] * x + row[4] * y + row[5] * z
+    square = row[3] * row[3] + row[4] * row[4] + row[5] * row[5]
+    normal = a[6] + a[7] * (square - along * along)
+    across = a[6] + a[7] * square
+    if paired:
+        along = row[6] * x + row[7] * y + row[8] * z
+        square = row[6] * row[6] + row[7] * row[7] + row[8] * row[8]
+        normal += b[6] + b[7] * (square - along * along)
+        across += b[6] + b[7] * square
+    return normal, across
+
+
+@bare_kernel
+def _prepare(rows, bodies, m, part):  # type: ignore[no-untyped-def]
+    """Write the effective masses, and scale the impulses of the last step."""
+    for k in range(m):
+        row, j = rows.row[k], rows.j[k]
+        normal, across = effective_masses(row, bodies[rows.i[k]], bodies[max(j, 0)], j >= 0)
+        row[14] = 1.0 / normal if normal > 0.0 else 0.0
+        row[15] = 1.0 / across if across > 0.0 else 0.0
+        for column in range(10, 14):
+            row[column] *= part
+
+
+@bare_kernel
+def _apply_old(rows, bodies, m, n, gravity):  # type: ignore[no-untyped-def]
+    """Apply the impulses of the last substep."""
+    for k in range(m):
+        row = rows.row[k]
+        push = row[10]
+        px, py, pz = push * row[0] + row[11], push * row[1] + row[12], push * row[2] + row[13]
+        if px == 0.0 and py == 0.0 and pz == 0.0:
+            continue
+        add_impulse(bodies[rows.i[k]], row[3], row[4], row[5], -px, -py, -pz)
+        if rows.j[k] >= 0:
+            add_to_partner(
+                bodies, rows.j[k], n, gravity[0], gravity[1], gravity[2], row[6], row[7], row[8], px, py, pz
+            )
+
+
+@bare_kernel
+def _sweep(rows, bodies, motion, m, n, gravity, rate, friction, opening, fastest, restitution, approach, moving, back):  # type: ignore[no-untyped-def]
+    """Make one projected Gauss-Seidel sweep over the impulses.
+
+    moving: whether gaps still close within this substep, at most by `rate` times themselves; overlaps are then opened
+    by a share `opening` of themselves a substep, not faster than `fastest`. Otherwise bodies only stop, or rebound by
+    the share `restitution` of their approach.
+    """
+    for q in range(m):
+        k = m - 1 - q if back else q
+        row, i, j = rows.row[k], rows.i[k], rows.j[k]
+        a, da = bodies[i], motion[i]
+        nx, ny, nz = row[0], row[1], row[2]
+        rx, ry, rz = row[3], row[4], row[5]
+        sx, sy, sz = row[6], row[7], row[8]
+        ux = -(a[0] + a[4] * rz - a[5] * ry)
+        uy = -(a[1] + a[5] * rx - a[3] * rz)
+        uz = -(a[2] + a[3] * ry - a[4] * rx)
+        gap = (
+            row[9]
+            - nx * (da[0] + da[4] * rz - da[5] * ry)
+            - ny * (da[1] + da[5] * rx - da[3] * rz)
+            - nz * (da[2] + da[3] * ry - da[4] * rx)
+        )
+        if j >= 0:
+            b, db = bodies[j], motion[j]
+            ux += b[0] + b[4] * sz - b[5] * sy
+            uy += b[1] + b[5] * sx - b[3] * sz
+            uz += b[2] + b[3] * sy - b[4] * sx
+            gap += (
+                nx * (db[0] + db[4] * sz - db[5] * sy)
+                + ny * (db[1] + db[5] * sx - db[3] * sz)
+                + nz * (db[2] + db[3] * sy - db[4] * sx)
+            )
+        speed = ux * nx + uy * ny + uz * nz
+        excess = speed
+        if gap > 0.0:
+            excess = speed + gap * rate
+        elif moving:
+            excess = speed + max(opening * gap * rate, -fastest)
+        if not moving and restitution > 0.0 and approach[k] < 0.0 and row[10] > 0.0:
+            excess = speed + restitution * approach[k]
+        old = row[10]
+        push = max(old - excess * row[14], 0.0)
+        row[10] = push
+        change = push - old
+        px, py, pz = change * nx, change * ny, change * nz
+        if friction > 0.0 and (push > 0.0 or row[11] != 0.0 or row[12] != 0.0 or row[13] != 0.0):
+            mass = row[15]
+            tx = row[11] - (ux - speed * nx) * mass
+            ty = row[12] - (uy - speed * ny) * mass
+            tz = row[13] - (uz - speed * nz) * mass
+            # the old impulse leans out of the tangent plane when the normal has turned
+            lean = tx * nx + ty * ny + tz * nz
+            tx -= lean * nx
+            ty -= lean * ny
+            tz -= lean * nz
+            square, limit = tx * tx + ty * ty + tz * tz, friction * push
+            if square > limit * limit:
+                part = limit / math.sqrt(square)
+                tx *= part
+                ty *= part
+                tz *= part
+            px += tx - row[11]
+            py += ty - row[12]
+            pz += tz - row[13]
+            row[11], row[12], row[13] = tx, ty, tz
+        if px != 0.0 or py != 0.0 or pz != 0.0:
+            add_impulse(a, rx, ry, rz, -px, -py, -pz)
+            if j >= 0:
+                add_to_partner(bodies, j, n, gravity[0], gravity[1], gravity[2], sx, sy, sz, px, py, pz)
+
+
+@bare_kernel
+def _note_approach(rows, bodies, m, approach):  # type: ignore[no-untyped-def]
+    """Write the velocity with which the bodies of each contact approach each other; 0 where it is small."""
+    for k in range(m):
+        row, j = rows.row[k], rows.j[k]
+        speed = -normal_velocity(row, bodies[rows.i[k]], 3)
+        if j >= 0:
+            speed += normal_velocity(row, bodies[j], 6)
+        approach[k] = speed if speed < -SLOW else 0.0
+
+
+@bare_kernel
+def normal_velocity(row, b, arm):  # type: ignore[no-untyped-def]
+    """Return the velocity of a body at its arm, which begins in a column of the row, along the normal."""
+    x, y, z = row[arm], row[arm + 1], row[arm + 2]
+    return (
+        row[0] * (b[0] + b[4] * z - b[5] * y)
+        + row[1] * (b[1] + b[5] * x - b[3] * z)
+        + row[2] * (b[2] + b[3] * y - b[4] * x)
+    )
+
+
+@kernel
+def advance_bodies(
+    rows: ContactRows, bodies: Floats, motion: Floats, m: int, n: int, gravity: Floats, dt: float, substeps: int,
+    friction: float, restitution: float, opening: float, fastest: float, most: float, part: float, approach: Floats,
+) -> None:  # fmt: skip
+    """Advance velocities and impulses by a step of `substeps` substeps, and write the motions (n + 1, 6) of the bodies.
+
+    gravity: (3,) acceleration.  opening, fastest: share of an overlap that is opened in a substep, and the largest
+    velocity for it.  most: largest velocity.  part: factor on the impulses of the step before.
+    """
+    h = dt / substeps
+    motion[:] = 0.0
+    _prepare(rows, bodies, m, part)
+    size = math.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
+    axis = gravity / size if size > 0.0 else gravity
+    for _ in range(substeps):
+        for i in range(n + 1):
+            b = bodies[i]
+            if b[6] == 0.0:
+                b[:6] = 0.0
+                continue
+            square = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
+            slower = most / math.sqrt(square) if square > most * most else 1.0
+            for c in range(3):
+                b[c] = b[c] * slower + gravity[c] * h
+        if restitution > 0.0:
+            _note_approach(rows, bodies, m, approach)
+        _apply_old(rows, bodies, m, n, axis)
+        _sweep(
+            rows, bodies, motion, m, n, axis, 1.0 / h, friction, opening, fastest, restitution, approach, True, False
+        )  # fmt: skip
+        for i in range(n + 1):
+            for c in range(6):
+                motion[i, c] += h * bodies[i, c]
+        _sweep(
+            rows, bodies, motion, m, n, axis, 1.0 / h, friction, opening, fastest, restitution, approach, False, True
+        )  # fmt: skip
+
+
+@kernel
+def move_bodies(position: Floats, orientation: Floats, matrix: Floats, motion: Floats, radius: Floats, way: Floats,
+    most: float) -> float:  # fmt: skip
+    """Translate and rotate grains by motions (n, 6), each point by no more than `most`; return the largest translation.
+
+    `way` grows by a bound of how far any point of the surface moves. Also writes the rotation matrices.
+    """
+    far = 0.0
+    for i in range(len(position)):
+        dx, dy, dz = motion[i, 0], motion[i, 1], motion[i, 2]
+        wx, wy, wz = motion[i, 3], motion[i, 4], motion[i, 5]
+        shift = math.sqrt(dx * dx + dy * dy + dz * dz)
+        angle = math.sqrt(wx * wx + wy * wy + wz * wz)
+        if shift > most:
+            part = most / shift
+            dx, dy, dz, shift = dx * part, dy * part, dz * part, most
+        if angle * radius[i] > most:
+            part = most / (angle * radius[i])
+            wx, wy, wz, angle = wx * part, wy * part, wz * part, angle * part
+        position[i, 0] += dx
+        position[i, 1] += dy
+        position[i, 2] += dz
+        way[i] += shift + angle * radius[i]
+        far = max(far, shift)
+        half = 0.5 * angle
+        sine = math.sin(half) / angle if angle > 1e-12 else 0.5
+        turn, wx, wy, wz = math.cos(half), wx * sine, wy * sine, wz * sine
+        a, b, c, d = orientation[i, 0], orientation[i, 1], orientation[i, 2], orientation[i, 3]
+        p = turn * a - wx * b - wy * c - wz * d
+        q = turn * b + wx * a + wy * d - wz * c
+        r = turn * c + wy * a + wz * b - wx * d
+        s = turn * d + wz * a + wx * c - wy * b
+        norm = 1.0 / math.sqrt(p * p + q * q + r * r + s * s)
+        orientation[i, 0], orientation[i, 1], orientation[i, 2], orientation[i, 3] = p * norm, q * norm, r * norm, s * norm
+        rotate(orientation[i], matrix[i])
+    return far
+
+
+@bare_kernel
+def rotate(q, matrix):  # type: ignore[no-untyped-def]
+    """Write the rotation matrix of a unit quaternion."""
+    a, b, c, d = q[0], q[1], q[2], q[3]
+    matrix[0, 0] = 1.0 - 2.0 * (c * c + d * d)
+    matrix[0, 1] = 2.0 * (b * c - a * d)
+    matrix[0, 2] = 2.0 * (b * d + a * c)
+    matrix[1, 0] = 2.0 * (b * c + a * d)
+    matrix[1, 1] = 1.0 - 2.0 * (b * b + d * d)
+    matrix[1, 2] = 2.0 * (c * d - a * b)
+    matrix[2, 0] = 2.0 * (b * d - a * c)
+    matrix[2, 1] = 2.0 * (c * d + a * b)
+    matrix[2, 2] = 1.0 - 2.0 * (b * b + c * c)
+
+
+@kernel
+def write_matrices(orientation: Floats, matrix: Floats) -> None:
+    """Write the rotation matrices (n, 3, 3) of unit quaternions (n, 4)."""
+    for i in range(len(orientation)):
+        rotate(orientation[i], matrix[i])
