@@ -119,6 +119,17 @@ class Bed:
             margin=margin, rest=rest,
         )  # fmt: skip
 
+    def forces(self) -> Floats:
+        """Return the forces of the contacts on their partners, (m, 3)."""
+        row = self.rows.row[: self.m]
+        return row[:, 10:11] * row[:, :3] + row[:, 11:14]
+
+    def keep_forces(self, forces: Floats) -> None:
+        """Keep forces (m, 3), from which the next solution starts."""
+        row = self.rows.row[: self.m]
+        row[:, 10] = (forces * row[:, :3]).sum(axis=1)
+        row[:, 11:14] = forces - row[:, 10:11] * row[:, :3]
+
     def move(self, motion: Floats, most: float) -> float:
         """Move the grains, and the lid along gravity, by no more than `most`; return the largest translation."""
         grains, n = self.grains, self.count

@@ -1,0 +1,96 @@
+"""Parameters of settling: how grains fall, rub, are shaken and pressed, and what counts as rest."""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from voxgran._base.config import check_bounds, parameter
+
+
+@dataclass(frozen=True, slots=True)
+class Shaking:
+    """Random accelerations of all grains, with moments, which fall linearly to zero.
+
+    Parameters
+    ----------
+    acceleration : float
+        Amplitude at the beginning, in gravitational accelerations.
+    duration : float
+        How long grains are shaken, in sqrt(d / g) with the median diameter d.
+
+    Raises
+    ------
+    InputError
+        If one of them is not above 0.
+    """
+
+    acceleration: float = parameter(
+        1.0, doc="amplitude at the beginning", unit="gravitational accelerations", above=0.0
+    )
+    duration: float = parameter(
+        10.0, doc="how long grains are shaken, in sqrt(d / g) with the median diameter d", above=0.0
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_bounds(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Lid:
+    """A flat plate that lies on the bed and moves along gravity only.
+
+    Parameters
+    ----------
+    weight : float
+        Weight, in weights of all grains together.
+
+    Raises
+    ------
+    InputError
+        If it is not above 0.
+    """
+
+    weight: float = parameter(1.0, doc="weight, in weights of all grains together", above=0.0)
+
+    def __post_init__(self) -> None:
+        """Check the range."""
+        check_bounds(self)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Settling:
+    """How a bed settles.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range.
+    """
+
+    usual_fall: ClassVar[float] = 20.0
+
+    friction: float = parameter(
+        0.5, doc="Coulomb coefficient of friction between grains and at walls", at_least=0.0, at_most=100.0
+    )
+    restitution: float = parameter(
+        0.0, doc="ratio of the velocities after and before an impact, along the normal", at_least=0.0, at_most=1.0
+    )
+    shaking: Shaking | None = parameter(None, doc="random accelerations after the fall; if omitted, none")
+    lid: Lid | None = parameter(None, doc="plate that lies on the bed; if omitted, none")
+    fall_time: float | None = parameter(
+        None,
+        doc="longest time of the fall with inertia, in sqrt(d / g) with the median diameter d; if omitted, until the "
+        "mean grain sinks by less than 0.05 d in that time unit",
+        at_least=0.0,
+    )
+    rest: float = parameter(
+        0.95, doc="share of the grains that must be proven to rest so that the bed counts as settled", above=0.0,
+        at_most=1.0,
+    )  # fmt: skip
+    parts: Literal["exact", "hulls"] = parameter(
+        "exact", doc="shapes that settle: the true ones, or the convex hulls of meshes that are not convex"
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_bounds(self)

@@ -1,0 +1,237 @@
+"""The stages of settling: growth, fall, shaking, quasi-static steps to rest, parting, and the proof.
+
+Each stage is made of steps; all that a step depends on is in the bed and in the :class:`Progress`, so that a run may
+stop between any two steps and go on with the same bits. Lengths are in median diameters, times in sqrt(d / g).
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.seeds import stream
+from voxgran.contacts.assembly import Assembly
+from voxgran.settling.bed import Bed
+from voxgran.settling.fall import Fall, fall_step, stop_falling
+from voxgran.settling.parameters import Settling
+from voxgran.settling.parting import part_grains
+from voxgran.settling.quasi_static import balance_of, quasi_static_step
+
+#: stages, in their order: growth to full size, an examination of grains that may rest already, fall, shaking, the fall
+#: after it, quasi-static steps, and the last examination
+GROWTH, START, FALL, SHAKING, AGAIN, STILL, ENDED = range(7)
+#: distance that surfaces keep, and up to which they touch
+KEPT, TOUCHING = 5e-4, 1e-3
+#: sinking in a unit of time, and kinetic energy, below which the fall ends; units of time that it lasts at least
+SINKING, ENERGY, SHORTEST = 0.05, 0.05, 4.0
+#: surfaces move at most so far in a step of growth, which lasts at least so many steps
+GROWTH_STEP, GROWTH_STEPS = 0.03, 40
+#: steps of the fall for which a grain is shaken in one direction
+SHAKEN_STEPS = 4
+#: largest number of quasi-static steps, iterations in each, twice as many in beds of more layers than these
+STILL_STEPS, ITERATIONS, DEEP = 150, 30, 40.0
+#: length of the first step of spheres, of convex grains and of others, of the last one, and how lengths shrink
+FIRST, FIRST_CONVEX, FIRST_SURFACE, LAST, SHRINK = 0.3, 0.2, 0.15, 0.1, 0.9
+#: length of steps after overlapping grains were parted
+AFTER_PARTING = 0.05
+#: volume of a grain of unit diameter by dimension, whose mass is 1
+UNIT = {2: math.pi / 4, 3: math.pi / 6}
+#: share of moving grains below which steps become shorter, and below which the bed is examined
+SLOW, CALM = 0.03, 0.015
+#: iterations of an examination, and of the last one
+QUICK, THOROUGH = 300, 3000
+#: distance to which overlapping grains are parted, rounds for it, and how often that is tried
+PARTED, ROUNDS, TRIALS = 1e-4, 60, 3
+
+
+@dataclass(slots=True)
+class Progress:
+    """How far the settling of a bed is."""
+
+    stage: int = START
+    step: int = 0  # steps in all
+    stage_step: int = 0  # steps of the stage
+    length: float = FIRST  # of the next quasi-static step
+    substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
+    trials: int = 0  # times that overlapping grains were parted
+    moving: float = 1.0  # share of the grains that do not rest, when last examined
+    smallest: float = 0.0  # gap, when last examined
+    proven: int = 0  # whether the bed is known to rest
+    heights: Floats = field(default_factory=lambda: np.zeros(0))  # of the last unit of time of the fall
+    residual: Floats = field(default_factory=lambda: np.zeros(0))  # of the last examination, in the order of the bed
+    torque: Floats = field(default_factory=lambda: np.zeros(0))
+
+
+class Settler:
+    """Settles a bed, step by step.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains, with lengths in median diameters; they may overlap.
+    how : Settling
+        Parameters.
+    gravity : (3,) ndarray of float
+        Unit vector in which gravity acts.
+    seed : int
+        Of the random accelerations of shaking.
+    small : (n,) ndarray of float, optional
+        Factors on the sizes from which the grains grow to their own ones, with contacts.
+
+    Raises
+    ------
+    InputError
+        If a shape is an open surface, or the walls of the container are not known.
+    """
+
+    def __init__(
+        self, assembly: Assembly, how: Settling, gravity: Floats, *, seed: int = 0, small: Floats | None = None
+    ) -> None:
+        self.how, self.seed = how, seed
+        weight = how.lid.weight * float(assembly.volumes.sum()) / UNIT[assembly.dimension] if how.lid else 1.0
+        self.bed = Bed(assembly, gravity, lid_weight=weight)
+        self.small = small
+        self.progress = Progress(stage=START if small is None else GROWTH)
+        if small is not None:
+            self.bed.resize(small[self.bed.order])
+        self._fall = Fall(how.friction, how.restitution)
+        self._first = (FIRST, FIRST_CONVEX, FIRST_SURFACE)[min(int(self.bed.grains.kind.max(initial=0)), 2)]
+        layers = np.ptp(self.bed.grains.position @ gravity) if assembly.count else 0.0
+        self._iterations = ITERATIONS if layers <= DEEP else 2 * ITERATIONS
+        if not assembly.count:
+            self.progress.stage, self.progress.proven = ENDED, 1
+
+    @property
+    def ended(self) -> bool:
+        """Whether all stages have ended."""
+        return self.progress.stage == ENDED
+
+    @property
+    def most_steps(self) -> int:
+        """Largest number of steps, those that were made included."""
+        growth = 0 if self.small is None else self._growth_steps()
+        shaking = 0 if self.how.shaking is None else math.ceil(self.how.shaking.duration / self._fall.step)
+        return growth + 1 + shaking + 2 * self._fall_steps() + STILL_STEPS + 1
+
+    def step(self) -> None:
+        """Make the next step."""
+        progress = self.progress
+        stage = progress.stage
+        _STEPS[stage](self)
+        progress.step += 1
+        progress.stage_step = progress.stage_step + 1 if progress.stage == stage else 0
+
+    def _grow(self) -> None:
+        """Make a step of growth."""
+        assert self.small is not None
+        steps, small = self._growth_steps(), self.small[self.bed.order]
+        part = (self.progress.stage_step + 1) / steps
+        self.bed.resize(small + (1.0 - small) * part)
+        self._advance(None)
+        if self.progress.stage_step + 1 >= steps:
+            self.progress.stage = FALL
+
+    def _growth_steps(self) -> int:
+        """Return the number of steps of growth."""
+        assert self.small is not None
+        far = float((self.bed.assembly.bounding_radii * (1.0 - self.small)).max(initial=0.0))
+        return max(GROWTH_STEPS, math.ceil(far / GROWTH_STEP))
+
+    def _begin(self) -> None:
+        """Examine the grains before any of them moves: a bed that rests stays as it is."""
+        self.progress.stage = FALL
+        if self.how.shaking is None:
+            self._examine(THOROUGH)
+            if self._rests():
+                self.progress.stage = ENDED
+                return
+        self.bed.rows.row[:, 10:14] = 0.0
+
+    def _drop(self) -> None:
+        """Make a step of the fall."""
+        progress, unit = self.progress, round(1.0 / self._fall.step)
+        self._advance(None)
+        progress.heights = np.append(progress.heights, self.bed.height)[-unit - 1 :]
+        sunk = abs(progress.heights[0] - progress.heights[-1])
+        lasted = progress.stage_step + 1 >= SHORTEST * unit
+        calm = lasted and sunk < SINKING and self.bed.kinetic_energy < ENERGY
+        if not calm and progress.stage_step + 1 < self._fall_steps():
+            return
+        if progress.stage == FALL and self.how.shaking is not None:
+            progress.stage = SHAKING
+            return
+        stop_falling(self.bed, self._fall.step / self._fall.substeps)
+        progress.stage, progress.length, progress.substep = STILL, self._first, 0.0
+
+    def _fall_steps(self) -> int:
+        """Return the largest number of steps of a fall."""
+        if self.how.fall_time is not None:
+            return max(1, round(self.how.fall_time / self._fall.step))
+        lower, upper = self.bed.assembly.container.bounds
+        tall = float(np.abs((upper - lower) @ self.bed.gravity))
+        # as fast as grains may fall, and then some time to come to rest
+        return round((Settling.usual_fall + tall / (self._fall.most / self._fall.step)) / self._fall.step)
+
+    def _shake(self) -> None:
+        """Make a step in which each grain is accelerated in a direction of its own."""
+        shaking, progress, bed = self.how.shaking, self.progress, self.bed
+        assert shaking is not None
+        steps = math.ceil(shaking.duration / self._fall.step)
+        draws = stream(self.seed, "shaking", progress.stage_step // SHAKEN_STEPS).normal(size=(bed.count, 6))
+        if bed.assembly.dimension == 2:
+            draws[:, 2:5] = 0.0
+        strength = shaking.acceleration * (1.0 - progress.stage_step / steps)
+        # grains of any size turn as far as they move
+        pull = strength * draws * np.where(np.arange(6) < 3, 1.0, 2.0 / bed.diameter[:, None])
+        self._advance(np.ascontiguousarray(pull))
+        if progress.stage_step + 1 >= steps:
+            progress.stage, progress.heights = AGAIN, np.zeros(0)
+
+    def _advance(self, pull: Floats | None) -> None:
+        """Advance the bed by a step with inertia."""
+        fall_step(self.bed, self._fall, self.progress.substep, pull)
+        self.progress.substep = self._fall.step / self._fall.substeps
+
+    def _rest(self) -> None:
+        """Make a quasi-static step, and examine the bed when it hardly moves."""
+        progress, bed = self.progress, self.bed
+        moving = quasi_static_step(
+            bed, self.how.friction, progress.length, rest=KEPT, iterations=self._iterations
+        )
+        if moving < SLOW:
+            progress.length = max(LAST, SHRINK * progress.length)
+        last = progress.stage_step + 1 >= STILL_STEPS
+        if moving >= CALM and not last:
+            return
+        self._examine(QUICK)
+        if progress.smallest < 0.0 and progress.trials < TRIALS:
+            progress.trials += 1
+            part_grains(bed, PARTED, ROUNDS)
+            progress.length = min(progress.length, AFTER_PARTING)
+            self._examine(QUICK)
+        if last or (progress.moving < CALM and progress.smallest >= 0.0):
+            if progress.smallest < 0.0:
+                part_grains(bed, PARTED, ROUNDS)
+            self._examine(THOROUGH)
+            self._rests()
+            progress.stage = ENDED
+
+    def _examine(self, iterations: int) -> None:
+        """Note how well forces at the contacts balance the grains."""
+        found = balance_of(self.bed, self.how.friction, reach=TOUCHING, iterations=iterations)
+        progress = self.progress
+        progress.residual, progress.torque = found.residual, found.torque
+        progress.moving, progress.smallest = found.moving, found.gap
+
+    def _rests(self) -> bool:
+        """Return whether the bed counts as resting, as last examined, and note it."""
+        progress = self.progress
+        progress.proven = int(progress.moving <= 1.0 - self.how.rest and progress.smallest >= 0.0)
+        return bool(progress.proven)
+
+
+_STEPS = {
+    GROWTH: Settler._grow, START: Settler._begin, FALL: Settler._drop, SHAKING: Settler._shake, AGAIN: Settler._drop,
+    STILL: Settler._rest,
+}  # fmt: skip
