@@ -1,0 +1,437 @@
+"""Forces at contacts, within their friction cones, that balance the weights of grains: two iterative solvers.
+
+The unknowns are forces f, one for each contact, which act on its body j and with opposite sign on its body i. They give
+the bodies accelerations a = gravity + (sum of forces and of their moments) / (mass and moment of inertia). A quasi-static
+step of length dt moves bodies by a dt^2 from rest, so that its contacts obey ``0 <= f_n, 0 <= a_n + gap / dt^2 + skin
+f_n``, and one of both is 0; across the normal a force of friction is at most `friction` times as large as f_n. Without
+the gaps it is the question whether the bodies rest.
+
+`accelerated_projected_gradient` minimises half the sum of squared accelerations, weighted by mass and moment of inertia,
+over the friction cones: a convex problem. `gauss_seidel_forces` solves for the law of Coulomb, with which sliding does
+not open contacts.
+
+References
+----------
+Anitescu & Tasora 2010, An iterative approach for cone complementarity problems for nonsmooth dynamics,
+doi:10.1007/s10589-008-9223-4
+Mazhar, Heyn, Negrut & Tasora 2015, Using Nesterov's method to accelerate multibody dynamics with friction and contact,
+doi:10.1145/2735627
+O'Donoghue & Candes 2015, Adaptive restart for accelerated gradient schemes, doi:10.1007/s10208-013-9150-3
+"""
+
+import math
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran._base.stopping import stop_if_asked
+
+#: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three forces (3):
+#: that of now, the extrapolated one, and that of the iteration before; three cache lines
+WORK = 24
+#: columns of bodies, and of accelerations in the work: inverse mass and inverse moment of inertia
+INVERSE_MASS, INVERSE_MOMENT = 6, 7
+#: iterations of the projected gradient between two looks at its distance from the optimum
+AT_ONCE = 16
+
+
+def net_accelerations(
+    row: Floats, i: Integers, j: Integers, m: int, bodies: Floats, gravity: Floats, forces: Floats
+) -> Floats:
+    """Return the accelerations (n + 1, 6) of bodies under gravity and under the forces (m, 3) at contacts.
+
+    The first three are those of the centroids, in units of gravity; then the angular ones. Bodies without inverse mass
+    are fixed.
+    """
+    accelerations = np.zeros((len(bodies), 6))
+    add_forces(row, i, j, m, bodies, gravity, forces, accelerations)
+    return accelerations
+
+
+def gauss_seidel_forces(
+    row: Floats, i: Integers, j: Integers, m: int, bodies: Floats, gravity: Floats, forces: Floats, openness: Floats,
+    *, friction: float, skin: float, iterations: int, tolerance: float = 1e-6,
+) -> tuple[Floats, int]:  # fmt: skip
+    """Change the forces (m, 3) to those of a quasi-static step; return accelerations (n + 1, 6) and iterations made.
+
+    Projected Gauss-Seidel sweeps over the contacts, forwards and backwards in turn, with the momentum of Nesterov and
+    restarts. An iteration is two sweeps.
+
+    forces: the first guess, changed in place.  openness: (m,) gaps divided by the square of the length of the step.
+    skin: acceleration by which a contact may approach for a unit of its force.  tolerance: relative change of the
+    forces in an iteration at which they end.
+    """
+    order, pair = np.empty(m, dtype=np.int64), np.empty((m, 2), dtype=np.int64)
+    order_independent(i, j, m, np.zeros(len(bodies), dtype=np.int64), pair, np.zeros(m + 1, dtype=np.int64), order)
+    work, state = np.empty((m, WORK)), np.empty((len(bodies), 8))
+    alone = np.ones(len(bodies))
+    _fill_work(row, i, j, bodies, gravity, forces, openness, skin, alone, order, pair, work)
+    accelerations = net_accelerations(row, i, j, m, bodies, gravity, forces)
+    made = _gauss_seidel(
+        pair, work, state, bodies, gravity, friction, skin, iterations, tolerance, order, accelerations, forces
+    )
+    return net_accelerations(row, i, j, m, bodies, gravity, forces), made
+
+
+def accelerated_projected_gradient(
+    row: Floats, i: Integers, j: Integers, m: int, bodies: Floats, gravity: Floats, forces: Floats,
+    *, friction: float, iterations: int, tolerance: float, near: float,
+) -> tuple[Floats, int, float]:  # fmt: skip
+    """Change the forces (m, 3), within their friction cones, to those that balance all bodies best.
+
+    Return the accelerations (n + 1, 6) that are left, the number of iterations made, and about how far the accelerations
+    are from those of the optimum, which are unique: the root mean square of the difference, weighted by mass.
+
+    forces: the first guess, changed in place.  tolerance: the iterations end where no body accelerates by more, nor its
+    points at the radius of gyration.  near: they also end at this distance from the optimum.
+    """
+    order, pair = np.arange(m), np.empty((m, 2), dtype=np.int64)
+    work, last = np.empty((m, WORK)), len(bodies) - 1
+    share = np.bincount(i[:m], minlength=last + 1) + np.bincount(j[:m][j[:m] >= 0], minlength=last + 1)
+    share = np.maximum(share, 1).astype(np.float64)
+    _fill_work(row, i, j, bodies, gravity, forces, np.zeros(m), 0.0, share, order, pair, work)
+    accelerations = net_accelerations(row, i, j, m, bodies, gravity, forces)
+    new, extrapolated, state = accelerations.copy(), accelerations.copy(), np.array([1.0, 0.0])
+    inverse = bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
+    masses = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), 0.0)
+    made, distance = 0, math.inf
+    while made < iterations:
+        stop_if_asked()
+        for _ in range(min(AT_ONCE, iterations - made)):
+            _descend(pair, work, bodies, gravity, friction, accelerations, new, extrapolated, state)
+            made += 1
+        # squares of the motions, by mass; the optimum, which has the least sum, is no farther than they are large
+        squares = (accelerations.reshape(-1, 2, 3) ** 2).sum(axis=2) * masses
+        excess = max(_excess(pair, work, last, friction, accelerations), 0.0)
+        distance = math.sqrt(min(excess, float(squares.sum())) / max(float(masses[:, 0].sum()), 1e-300))
+        if distance <= near or not (squares > tolerance**2 * masses[:, :1]).any():
+            break
+    forces[:m] = work[:, 12:15]
+    return net_accelerations(row, i, j, m, bodies, gravity, forces), made, distance
+
+
+@inlined_kernel
+def _add(body, inverse_mass, inverse_moment, rx, ry, rz, x, y, z):  # type: ignore[no-untyped-def]
+    """Add to an acceleration what a force does at an arm."""
+    body[0] += inverse_mass * x
+    body[1] += inverse_mass * y
+    body[2] += inverse_mass * z
+    body[3] += inverse_moment * (ry * z - rz * y)
+    body[4] += inverse_moment * (rz * x - rx * z)
+    body[5] += inverse_moment * (rx * y - ry * x)
+
+
+@inlined_kernel
+def _add_to_lid(lid, inverse_mass, gravity, x, y, z):  # type: ignore[no-untyped-def]
+    """Add to the acceleration of a lid, which moves along gravity only, what a force does."""
+    along = inverse_mass * (x * gravity[0] + y * gravity[1] + z * gravity[2])
+    lid[0] += along * gravity[0]
+    lid[1] += along * gravity[1]
+    lid[2] += along * gravity[2]
+
+
+@bare_kernel
+def add_forces(row, i, j, m, bodies, gravity, forces, accelerations):  # type: ignore[no-untyped-def]
+    """Write the accelerations (n + 1, 6) of bodies under gravity and under forces (m, 3)."""
+    last = len(bodies) - 1
+    for k in range(last + 1):
+        free = 1.0 if bodies[k, INVERSE_MASS] > 0.0 else 0.0
+        for c in range(3):
+            accelerations[k, c] = free * gravity[c]
+            accelerations[k, 3 + c] = 0.0
+    for k in range(m):
+        x, y, z = forces[k, 0], forces[k, 1], forces[k, 2]
+        if x == 0.0 and y == 0.0 and z == 0.0:
+            continue
+        c, one, other = row[k], i[k], j[k]
+        b = bodies[one]
+        _add(accelerations[one], -b[6], -b[7], c[3], c[4], c[5], x, y, z)
+        if other == last:
+            _add_to_lid(accelerations[last], bodies[last, 6], gravity, x, y, z)
+        elif other >= 0:
+            b = bodies[other]
+            _add(accelerations[other], b[6], b[7], c[6], c[7], c[8], x, y, z)
+
+
+@bare_kernel
+def order_independent(i, j, m, level, pair, start, order):  # type: ignore[no-untyped-def]
+    """Write an order of the contacts in which neighbours share no body, and those that do keep their order.
+
+    A Gauss-Seidel sweep in this order changes the same numbers in the same way as one in the order of the rows: each
+    contact meets the same accelerations of its two bodies. But a processor can work on several contacts at once. The
+    rows are sorted by the length of the longest chain of rows up to them of which each shares a body with the next.
+
+    level: (n + 1,) zeros, pair: (m, 2) and start: (m + 1,) zeros, to work with.
+    """
+    for k in range(m):
+        one, other = i[k], j[k]
+        here = level[one]
+        if other >= 0:
+            here = max(here, level[other])
+            level[other] = here + 1
+        level[one] = here + 1
+        pair[k, 0] = here
+        start[here + 1] += 1
+    for k in range(m):
+        start[k + 1] += start[k]
+    for k in range(m):
+        here = pair[k, 0]
+        order[start[here]] = k
+        start[here] += 1
+
+
+@bare_kernel
+def _effective(c, first, mass, moment, coupled):  # type: ignore[no-untyped-def]
+    """Return the inverse effective masses, along the normal and at most across it, that a body has at an arm.
+
+    coupled: whether they shall bound the whole matrix from above, whose two directions are coupled.
+    """
+    x, y, z = c[first], c[first + 1], c[first + 2]
+    along = x * c[0] + y * c[1] + z * c[2]
+    square = x * x + y * y + z * z
+    across = max(square - along * along, 0.0)
+    if coupled:
+        both = abs(along) * math.sqrt(across)
+        return mass + moment * (across + both), mass + moment * max(square, along * along + both)
+    return mass + moment * across, mass + moment * square
+
+
+@bare_kernel
+def _fill_work(row, i, j, bodies, gravity, forces, openness, skin, share, order, pair, work):  # type: ignore[no-untyped-def]
+    """Write the contacts in another order: bodies, and rows of `WORK` numbers.
+
+    share: (n + 1,) in how many parts the mass of a body is split among its contacts; 1 where they are solved in turn.
+    """
+    last = len(bodies) - 1
+    for q in range(len(order)):
+        k = order[q]
+        c, w, one, other = row[k], work[q], i[k], j[k]
+        pair[q, 0], pair[q, 1] = one, other
+        coupled = share[one] > 1.0
+        normal, across = _effective(c, 3, share[one] * bodies[one, 6], share[one] * bodies[one, 7], coupled)
+        if other == last:
+            cosine = c[0] * gravity[0] + c[1] * gravity[1] + c[2] * gravity[2]
+            normal += share[last] * bodies[last, 6] * (abs(cosine) if coupled else cosine * cosine)
+            across += share[last] * bodies[last, 6] * math.sqrt(max(1.0 - cosine * cosine, 0.0))
+        elif other >= 0:
+            coupled = share[other] > 1.0
+            more = _effective(c, 6, share[other] * bodies[other, 6], share[other] * bodies[other, 7], coupled)
+            normal, across = normal + more[0], across + more[1]
+            if other == one:
+                # of a grain and its own image, whose arms point opposite ways
+                normal, across = 2.0 * normal, 2.0 * across
+        for s in range(9):
+            w[s] = c[s]
+        # of two fixed bodies there is nothing to solve for
+        w[9] = openness[k]
+        w[10] = 1.0 / (normal + skin) if normal > 0.0 else 0.0
+        w[11] = 1.0 / across if across > 0.0 else 0.0
+        for s in range(3):
+            w[12 + s] = w[15 + s] = w[18 + s] = forces[k, s]
+
+
+@bare_kernel
+def _gauss_seidel(  # type: ignore[no-untyped-def]
+    pair, work, state, bodies, gravity, friction, skin, iterations, tolerance, order, accelerations, forces
+):
+    """Solve, write the forces and return the number of iterations."""
+    last = len(bodies) - 1
+    for k in range(last + 1):
+        for c in range(6):
+            state[k, c] = accelerations[k, c]
+        state[k, 6], state[k, 7] = bodies[k, 6], bodies[k, 7]
+    t, momentum, made = 1.0, 0.0, 0
+    while made < iterations:
+        for k in range(last + 1):
+            for c in range(6):
+                here = state[k, c]
+                state[k, c] = here + momentum * (here - accelerations[k, c])
+                accelerations[k, c] = here
+        _sweep(pair, work, state, last, gravity, friction, skin, momentum, False)
+        turned, change, size = _sweep(pair, work, state, last, gravity, friction, skin, momentum, True)
+        made += 1
+        if change <= tolerance * tolerance * size:
+            break
+        if turned > 0.0:
+            t = 1.0
+        after = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
+        momentum = (t - 1.0) / after
+        t = after
+    for q in range(len(order)):
+        for s in range(3):
+            forces[order[q], s] = work[q, 12 + s]
+    return made
+
+
+@bare_kernel
+def _sweep(pair, work, state, last, gravity, friction, skin, momentum, backwards):  # type: ignore[no-untyped-def]
+    """Visit all contacts once; extrapolate their forces on the way forwards, and compare them on the way backwards.
+
+    Return, of the way backwards, the product of the way back from the extrapolated forces with the change since the
+    iteration before, the square of this change and that of the forces.
+    """
+    m, turned, change, size = len(pair), 0.0, 0.0, 0.0
+    for q in range(m):
+        k = m - 1 - q if backwards else q
+        c, one, other = work[k], pair[k, 0], pair[k, 1]
+        a, x, y, z = state[one], c[0], c[1], c[2]
+        f0, f1, f2 = c[12], c[13], c[14]
+        if not backwards:
+            e0, e1, e2 = f0 + momentum * (f0 - c[18]), f1 + momentum * (f1 - c[19]), f2 + momentum * (f2 - c[20])
+            c[18], c[19], c[20] = f0, f1, f2
+            c[15], c[16], c[17] = e0, e1, e2
+            f0, f1, f2 = e0, e1, e2
+        a0, a1, a2, a3, a4, a5 = a[0], a[1], a[2], a[3], a[4], a[5]
+        r0, r1, r2 = c[3], c[4], c[5]
+        u0 = -(a0 + a4 * r2 - a5 * r1)
+        u1 = -(a1 + a5 * r0 - a3 * r2)
+        u2 = -(a2 + a3 * r1 - a4 * r0)
+        if other >= 0:
+            b = state[other]
+            u0 += b[0] + b[4] * c[8] - b[5] * c[7]
+            u1 += b[1] + b[5] * c[6] - b[3] * c[8]
+            u2 += b[2] + b[3] * c[7] - b[4] * c[6]
+        un = u0 * x + u1 * y + u2 * z
+        fn = f0 * x + f1 * y + f2 * z
+        push = fn - c[10] * (un + c[9] + skin * fn)
+        if push <= 0.0:
+            p0 = p1 = p2 = 0.0
+        else:
+            st, limit = c[11], friction * push
+            t0 = f0 - fn * x - st * (u0 - un * x)
+            t1 = f1 - fn * y - st * (u1 - un * y)
+            t2 = f2 - fn * z - st * (u2 - un * z)
+            square = t0 * t0 + t1 * t1 + t2 * t2
+            part = 1.0
+            if square > limit * limit:
+                part = limit / math.sqrt(square)
+            p0, p1, p2 = push * x + part * t0, push * y + part * t1, push * z + part * t2
+        c[12], c[13], c[14] = p0, p1, p2
+        if backwards:
+            e0, e1, e2 = p0 - c[18], p1 - c[19], p2 - c[20]
+            turned += (c[15] - p0) * e0 + (c[16] - p1) * e1 + (c[17] - p2) * e2
+            change += e0 * e0 + e1 * e1 + e2 * e2
+            size += p0 * p0 + p1 * p1 + p2 * p2
+        p0, p1, p2 = p0 - f0, p1 - f1, p2 - f2
+        if p0 == 0.0 and p1 == 0.0 and p2 == 0.0:
+            continue
+        mass, moment = -a[6], -a[7]
+        a[0], a[1], a[2] = a0 + mass * p0, a1 + mass * p1, a2 + mass * p2
+        a[3] = a3 + moment * (r1 * p2 - r2 * p1)
+        a[4] = a4 + moment * (r2 * p0 - r0 * p2)
+        a[5] = a5 + moment * (r0 * p1 - r1 * p0)
+        if other == last:
+            b = state[other]
+            _add_to_lid(b, b[6], gravity, p0, p1, p2)
+        elif other >= 0:
+            b = state[other]
+            _add(b, b[6], b[7], c[6], c[7], c[8], p0, p1, p2)
+    return turned, change, size
+
+
+@bare_kernel
+def _descend(pair, work, bodies, gravity, friction, accelerations, new, extrapolated, state):  # type: ignore[no-untyped-def]
+    """Make one iteration of the projected gradient: a step from the extrapolated forces, and the next momentum.
+
+    accelerations: under the forces, new: to be written, extrapolated: under the extrapolated forces.  state: the two
+    numbers t and momentum.
+    """
+    last, momentum, turned = len(bodies) - 1, state[1], 0.0
+    for k in range(last + 1):
+        free = 1.0 if bodies[k, 6] > 0.0 else 0.0
+        for s in range(3):
+            new[k, s], new[k, 3 + s] = free * gravity[s], 0.0
+    for k in range(len(pair)):
+        c, one, other = work[k], pair[k, 0], pair[k, 1]
+        y0, y1, y2 = (
+            c[12] + momentum * (c[12] - c[18]),
+            c[13] + momentum * (c[13] - c[19]),
+            c[14] + momentum * (c[14] - c[20]),
+        )
+        c[18], c[19], c[20] = c[12], c[13], c[14]
+        x, y, z = c[0], c[1], c[2]
+        u0, u1, u2 = _approach(c, extrapolated, one, other)
+        un, yn = u0 * x + u1 * y + u2 * z, y0 * x + y1 * y + y2 * z
+        sn, st = c[10], c[11]
+        t0 = y0 - yn * x - st * (u0 - un * x)
+        t1 = y1 - yn * y - st * (u1 - un * y)
+        t2 = y2 - yn * z - st * (u2 - un * z)
+        push, part = _onto_cone(yn - sn * un, math.sqrt(t0 * t0 + t1 * t1 + t2 * t2), friction, sn, st)
+        p0, p1, p2 = push * x + part * t0, push * y + part * t1, push * z + part * t2
+        c[12], c[13], c[14] = p0, p1, p2
+        e0, e1, e2 = p0 - c[18], p1 - c[19], p2 - c[20]
+        y0, y1, y2 = y0 - p0, y1 - p1, y2 - p2
+        if sn > 0.0 and st > 0.0:
+            along = (e0 * x + e1 * y + e2 * z) * (y0 * x + y1 * y + y2 * z)
+            turned += along / sn + (y0 * e0 + y1 * e1 + y2 * e2 - along) / st
+        if p0 != 0.0 or p1 != 0.0 or p2 != 0.0:
+            b = bodies[one]
+            _add(new[one], -b[6], -b[7], c[3], c[4], c[5], p0, p1, p2)
+            if other == last:
+                _add_to_lid(new[last], bodies[last, 6], gravity, p0, p1, p2)
+            elif other >= 0:
+                b = bodies[other]
+                _add(new[other], b[6], b[7], c[6], c[7], c[8], p0, p1, p2)
+    t = 1.0 if turned > 0.0 else state[0]
+    state[0] = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
+    state[1] = momentum = (t - 1.0) / state[0]
+    for k in range(last + 1):
+        for s in range(6):
+            here = new[k, s]
+            extrapolated[k, s] = here + momentum * (here - accelerations[k, s])
+            accelerations[k, s] = here
+
+
+@inlined_kernel
+def _approach(c, accelerations, one, other):  # type: ignore[no-untyped-def]
+    """Return the acceleration of a contact point of body j relative to that of body i."""
+    a = accelerations[one]
+    u0 = -(a[0] + a[4] * c[5] - a[5] * c[4])
+    u1 = -(a[1] + a[5] * c[3] - a[3] * c[5])
+    u2 = -(a[2] + a[3] * c[4] - a[4] * c[3])
+    if other >= 0:
+        b = accelerations[other]
+        u0 += b[0] + b[4] * c[8] - b[5] * c[7]
+        u1 += b[1] + b[5] * c[6] - b[3] * c[8]
+        u2 += b[2] + b[3] * c[7] - b[4] * c[6]
+    return u0, u1, u2
+
+
+@bare_kernel
+def _onto_cone(push, rub, friction, sn, st):  # type: ignore[no-untyped-def]
+    """Return the normal force, and the factor on the force across, of the nearest point of a friction cone.
+
+    It is the nearest one in the metric in which the steps sn along the normal and st across it are those of a gradient.
+    """
+    if rub <= friction * push:
+        return push, 1.0
+    metric = sn / st if st > 0.0 else 0.0
+    nearest = (push + friction * rub * metric) / (1.0 + friction * friction * metric)
+    if nearest <= 0.0:
+        return 0.0, 0.0
+    return nearest, friction * nearest / rub if rub > 0.0 else 0.0
+
+
+@bare_kernel
+def _excess(pair, work, last, friction, accelerations):  # type: ignore[no-untyped-def]
+    """Return a bound of the squared distance from the optimum in accelerations, weighted by mass.
+
+    The accelerations of the optimum are the least ones within a convex set. The square of the distance from them is
+    therefore at most the product of these accelerations with the distance, which is the power of the forces less that
+    of the forces of the optimum. Where contact points approach each other, that is at most the approach times the
+    normal force, which is taken to be at most that of now and a mean one.
+    """
+    power, short, weighted, mean = 0.0, 0.0, 0.0, 0.0
+    for k in range(len(pair)):
+        c = work[k]
+        u0, u1, u2 = _approach(c, accelerations, pair[k, 0], pair[k, 1])
+        un = u0 * c[0] + u1 * c[1] + u2 * c[2]
+        fn = c[12] * c[0] + c[13] * c[1] + c[14] * c[2]
+        across = math.sqrt(max(u0 * u0 + u1 * u1 + u2 * u2 - un * un, 0.0))
+        approach = max(friction * across - un, 0.0)
+        power += c[12] * u0 + c[13] * u1 + c[14] * u2
+        short += approach
+        weighted += approach * fn
+        mean += fn / len(pair)
+    return power + weighted + short * mean

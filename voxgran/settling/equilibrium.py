@@ -1,0 +1,203 @@
+"""Proof of rest: forces at the contacts, within their friction cones, that balance every grain.
+
+A packing in which nothing moves may still be out of balance, since motions that are damped are slow. Here no motion is
+looked at: the grains rest if there are forces at their contact points that balance the weight and the torque of each,
+that press, and that across the normal are at most `friction` times as large as along it. Such forces are the minimum, 0,
+of a convex problem; where there are none, the minimum is what is left over.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, as_number, as_positive, check_type
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+from voxgran.contacts.assembly import Assembly
+from voxgran.settling.balance import accelerated_projected_gradient
+from voxgran.settling.contact_rows import ARM_I, GAP, NORMAL, ContactRows
+from voxgran.settling.interior_point import frictionless_forces
+from voxgran.settling.packing_contacts import bodies_of, contact_rows_of
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+#: most iterations of the projected gradient
+ITERATIONS = 20_000
+#: distance from the optimum, in tolerances, at which it ends
+NEAR = 0.1
+#: number of the partner at a wall and at a lid
+WALL, LID = -1, -2
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """Forces at contacts, and by how much they fail to balance the grains.
+
+    Attributes
+    ----------
+    forces : (m, 3) ndarray of float
+        On grain j of each contact, and with opposite sign on grain i, in weights of a median grain.
+    residual : (n,) ndarray of float
+        Net force on each grain, in its weight.
+    residual_torque : (n,) ndarray of float
+        Net torque on each grain, in its weight times its radius.
+    rests : (n,) ndarray of bool
+        Where both are within the tolerance.
+    iterations : int
+        Iterations that were made.
+    distance : float
+        About how far the residuals are from the least ones, root mean square, in weights.
+    """
+
+    forces: Floats
+    residual: Floats
+    residual_torque: Floats
+    rests: Booleans
+    iterations: int
+    distance: float
+
+
+def balance_forces(
+    rows: ContactRows, m: int, bodies: Floats, gravity: Floats, *, friction: float, tolerance: float = 0.01,
+    forces: Floats | None = None, iterations: int = ITERATIONS, dimension: int = 3,
+) -> Balance:  # fmt: skip
+    """Return the forces at the first m contacts, within their friction cones, that balance the grains best.
+
+    bodies: (n + 1, 8) rows of the grains and of the lid.  gravity: (3,) unit vector.  forces: (m, 3), where the search
+    with friction begins; none where left out.  dimension: 2 or 3, by which masses tell radii.
+    """
+    row, i, j = rows.row, rows.i, rows.j
+    found = np.zeros((m, 3)) if forces is None else np.array(forces, dtype=np.float64)
+    if friction > 0.0:
+        accelerations, made, distance = accelerated_projected_gradient(
+            row, i, j, m, bodies, gravity, found, friction=friction, iterations=iterations, tolerance=tolerance,
+            near=NEAR * tolerance,
+        )  # fmt: skip
+    else:
+        push, accelerations, made = frictionless_forces(
+            row, i, j, m, bodies, gravity, openness=np.zeros(m), skin=0.0, accuracy=NEAR * tolerance
+        )
+        found, distance = push[:, None] * row[:m, NORMAL : NORMAL + 3], NEAR * tolerance
+    residual = np.linalg.norm(accelerations[:-1, :3], axis=1)
+    # moment of inertia over mass, and the radius of a sphere or disk of the same volume
+    moment = bodies[:-1, 6] / np.where(bodies[:-1, 7] > 0.0, bodies[:-1, 7], np.inf)
+    radius = 0.5 * bodies[:-1, 6] ** (-1.0 / (dimension))
+    torque = np.linalg.norm(accelerations[:-1, 3:], axis=1) * moment / radius
+    rests = (residual <= tolerance) & (torque <= tolerance)
+    return Balance(found, residual, torque, rests, made, distance)
+
+
+def equilibrium(
+    packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, tolerance: float = 0.01
+) -> "Dataset":
+    """Return whether grains rest: forces at their contacts that balance the weight and the torque of each.
+
+    Contacts are all places where grains are within a gap of each other, of walls and of the lid. A lid is a fixed wall
+    here, since its weight is not known. A contact presses, it does not pull, and its force across the normal is at most
+    `friction` times that along it. Where no such forces balance all grains, those are returned for which the sum of
+    squared residuals, weighted by mass, is least. Forces that balance are in general not unique.
+
+    Parameters
+    ----------
+    packing : Packing
+        Grains, which may come from anywhere.
+    friction : float
+        Coefficient of friction of Coulomb between grains and at walls, at least 0.
+    gap : float
+        Distance of the surfaces, in median diameters, up to which grains touch; at least 0.
+    tolerance : float
+        Net force, in weights of a grain, and net torque, in its weight times its radius, up to which it rests; above 0.
+
+    Returns
+    -------
+    Dataset
+        By grain: ``residual``, the net force in weights of the grain; ``residual_torque``, the net torque in its weight
+        times its radius; ``rests``, where both are within the tolerance; ``load``, the downward forces of others on the
+        grain in its weights; and ``rattler``: it rests, and its load is within the tolerance. A rattler carries its own
+        weight, as each grain does that rests under gravity, and nothing else: the others rest without it too. Grains
+        that nothing holds are not at rest, and no rattlers.
+
+        By contact: ``contact_i`` and ``contact_j``, the grains, of which the second is -1 at a wall and -2 at the lid;
+        ``point``, at grain i, in the unit of lengths; ``normal`` from grain i to grain j; ``force`` on grain j, and with
+        opposite sign on grain i, in weights of a grain of the median diameter; ``normal_force``, along the normal; and
+        ``gap``, in the unit of lengths.
+
+        Attributes: ``friction``, ``gap`` and ``tolerance`` as given; ``share_at_rest``, the share of the grains,
+        rattlers apart, that rest; ``share_of_rattlers``; and ``distance``, about how far the residuals are from the
+        least ones (root mean square, in weights).
+
+    Raises
+    ------
+    InputError
+        If `packing` is no packing, has no gravity, or a number is out of range.
+
+    References
+    ----------
+    Mazhar, Heyn, Negrut & Tasora 2015, doi:10.1145/2735627: the convex problem and its solution with friction
+    Mehrotra 1992, doi:10.1137/0802028: the interior point, without friction
+    """
+    check_type(packing, Assembly, "packing", "a Packing")
+    down = getattr(packing, "gravity", None)
+    if down is None:
+        raise InputError(
+            "packing.gravity is None: rest is a balance of weights; give the direction of gravity with "
+            "dataclasses.replace(packing, gravity=(0, 0, -1))"
+        )
+    friction, gap = as_number(friction, "friction", at_least=0.0), as_number(gap, "gap", at_least=0.0)
+    tolerance = as_positive(tolerance, "tolerance")
+    rows, bodies, gravity = contact_rows_of(packing, gap), bodies_of(packing), np.array(down, dtype=np.float64)
+    found = balance_forces(
+        rows, len(rows.i), bodies, gravity, friction=friction, tolerance=tolerance, dimension=packing.dimension
+    )
+    borne = _loads(rows, found.forces, gravity, packing.count) * bodies[:-1, 6]
+    return _dataset(packing, rows, found, borne, {"friction": friction, "gap": gap, "tolerance": tolerance})
+
+
+def _loads(rows: ContactRows, forces: Floats, gravity: Floats, n: int) -> Floats:
+    """Return the sum of the downward forces on each grain, (n,), in weights of a median grain."""
+    along = forces @ gravity
+    borne = np.bincount(rows.i, np.maximum(-along, 0.0), minlength=n)
+    inner = (rows.j >= 0) & (rows.j < n)
+    borne += np.bincount(rows.j[inner], np.maximum(along[inner], 0.0), minlength=n)
+    return np.asarray(borne)
+
+
+def _dataset(
+    packing: Assembly, rows: ContactRows, found: Balance, borne: Floats, parameters: dict[str, float]
+) -> "Dataset":
+    """Return what was found, with units and names."""
+    rattler = found.rests & (borne <= parameters["tolerance"])
+    others = found.rests[~rattler]
+    length, unit = float(np.median(packing.diameters)) if packing.count else 1.0, getattr(packing, "unit", "1")
+    normal, weight = rows.row[:, NORMAL : NORMAL + 3], "weight of a grain of the median diameter"
+    partner = np.where(rows.j == packing.count, LID, np.where(rows.j < 0, WALL, rows.j))
+    point = packing.position[rows.i] + rows.row[:, ARM_I : ARM_I + 3] * length
+    grain, contact, vector = ("grain",), ("contact",), ("contact", "axis")
+    values: dict[str, tuple[tuple[str, ...], Any, str, str]] = {
+        "residual": (grain, found.residual, "weight", "net force"),
+        "residual_torque": (grain, found.residual_torque, "weight radius", "net torque"),
+        "rests": (grain, found.rests, "1", "whether net force and torque are within the tolerance"),
+        "load": (grain, borne, "weight", "sum of the downward forces of others"),
+        "rattler": (grain, rattler, "1", "whether the grain rests and carries nothing but itself"),
+        "contact_i": (contact, rows.i, "1", "index of the first grain"),
+        "contact_j": (contact, partner, "1", "index of the second grain, -1 at a wall and -2 at a lid"),
+        "point": (vector, point, unit, "point of contact on the first grain"),
+        "normal": (vector, normal, "1", "unit vector from the first to the second grain"),
+        "force": (vector, found.forces, weight, "force on the second grain"),
+        "normal_force": (contact, (found.forces * normal).sum(axis=1), weight, "force along the normal"),
+        "gap": (contact, rows.row[:, GAP] * length, unit, "distance of the surfaces"),
+    }
+    made: Dataset = load("xarray").Dataset(
+        {
+            name: (dims, array, {"units": units, "long_name": long_name})
+            for name, (dims, array, units, long_name) in values.items()
+        }
+    )
+    made.attrs.update(parameters)
+    made.attrs["share_at_rest"] = float(others.mean()) if len(others) else 1.0
+    made.attrs["share_of_rattlers"] = float(rattler.mean()) if packing.count else 0.0
+    made.attrs["distance"] = found.distance if math.isfinite(found.distance) else -1.0
+    return made
