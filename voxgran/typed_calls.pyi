@@ -68,10 +68,6 @@ class DigitalFillKeywords(PackKeywords, total=False):
     order: Literal["random", "largest"]
 
 class DigitalKeywords(PackKeywords, total=False):
-    settling: Whole
-    friction: Number
-    shaking: Whole
-    acceleration: Number
     sweeps: Whole
     cycles: Whole | None
     period: Whole | None
@@ -91,10 +87,6 @@ class DigitalKeywords(PackKeywords, total=False):
     schedule: Literal["random", "sorted", "sleeping"]
 
 class ControlPointKeywords(PackKeywords, total=False):
-    settling: Whole
-    friction: Number
-    shaking: Whole
-    acceleration: Number
     sweeps: Whole
     cycles: Whole | None
     period: Whole | None

@@ -110,7 +110,7 @@ def test_one_method_in_json_has_its_parameters(capsys):
     found = json.loads(capsys.readouterr().out)["packing methods"]["digital"]
     assert found["summary"]
     assert "doi" in found["source"]
-    assert found["parameters"]["settling"]["default"] == 0
+    assert found["parameters"]["lid"]["default"] is False
     for name in ("inscribed", "box", "density"):
         assert main(["methods", name, "--json"]) == 0
     assert main(["methods", "--json"]) == 0

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from typing import Any, ClassVar, ParamSpec, Protocol, TypeVar
 
-from voxgran._base.config import from_mapping, parameters_of, to_mapping
+from voxgran._base.config import from_mapping, parameters_of, removal_of, to_mapping
 from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import CallError, InputError, shown
 from voxgran._base.registry import Registry, unknown
@@ -17,10 +17,11 @@ R = TypeVar("R")
 T = TypeVar("T")
 
 
-def explained(*, hint: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+def explained(*, hint: str, owner: type = object) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Raise a `CallError` in place of Python's TypeError if a call does not fit the signature (decorator).
 
-    The message ends with the hint, a correct call such as ``"Box((4, 4, 6))"``.
+    The message ends with the hint, a correct call such as ``"Box((4, 4, 6))"``. `owner` is the parameter class whose
+    constructor is decorated; names that it has lost are explained.
 
     Raises
     ------
@@ -34,7 +35,7 @@ def explained(*, hint: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
             try:
                 return function(*arguments, **keywords)
             except TypeError:
-                rule = _broken_rule(function, arguments, keywords)
+                rule = _broken_rule(function, arguments, keywords, owner)
                 if rule is None:
                     raise
                 raise CallError(f"{rule}; write {hint}") from None
@@ -73,7 +74,7 @@ def renamed(**former: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def _broken_rule(
-    function: Callable[..., Any], arguments: tuple[object, ...], keywords: Mapping[str, object]
+    function: Callable[..., Any], arguments: tuple[object, ...], keywords: Mapping[str, object], owner: type
 ) -> str | None:
     """Return which rule of the signature a call breaks; None where it breaks none."""
     name = function.__qualname__.removesuffix(".__init__")
@@ -87,7 +88,7 @@ def _broken_rule(
     if len(known) == len(entries):
         for key in keywords:
             if key not in known:
-                return unknown(f"argument of {name}", key, known)
+                return removal_of(owner, key, name) or unknown(f"argument of {name}", key, known)
     for key in by_position[: len(given)]:
         if key in keywords:
             return f"{name} was given {key} twice, by position and by name"
@@ -154,7 +155,7 @@ def document(cls: type) -> None:
     if not hasattr(constructor, "__wrapped__"):
         keyword = next((f"{item.name}=..." for item in parameters_of(cls)), "")
         # setattr, since mypy refuses the assignment of a method
-        setattr(cls, "__init__", explained(hint=f"{cls.__name__}({keyword})")(constructor))  # noqa: B010
+        setattr(cls, "__init__", explained(hint=f"{cls.__name__}({keyword})", owner=cls)(constructor))  # noqa: B010
     text = cls.__doc__ or ""
     if "Parameters\n" in text:
         return

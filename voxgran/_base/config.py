@@ -3,7 +3,8 @@
 A parameter class is a frozen keyword-only dataclass whose fields are made by :func:`parameter`. This module turns
 plain mappings (from TOML, JSON or keyword arguments) into such objects and back; an unknown key is an error
 that gives the nearest name. A parameter may have a former name, which is accepted with a DeprecationWarning, and
-bounds, which :func:`check_bounds` enforces and the help prints.
+bounds, which :func:`check_bounds` enforces and the help prints. A class that has lost parameters says in its class
+attribute `removed`, a mapping of names to sentences, what to use instead.
 """
 
 import dataclasses
@@ -115,12 +116,19 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside
     mapping = _renamed(mapping, known, where)
     for key in mapping:
         if key not in known:
-            raise UnknownNameError(unknown(f"{where} key", key, known, beside=beside))
+            gone = removal_of(cls, key, where)
+            raise UnknownNameError(gone or unknown(f"{where} key", key, known, beside=beside))
     for entry in known.values():
         if entry.default is MISSING and entry.name not in mapping:
             raise InputError(f"{where} {entry.name} is missing: it must be given ({entry.doc}); add it")
     values = {key: _convert(value, known[key].type, f"{where} {key}") for key, value in mapping.items()}
     return cls(**values)
+
+
+def removal_of(cls: type, name: str, where: str) -> str:
+    """Return the sentence that says what replaces a parameter that a class has lost; empty where it never had it."""
+    remedy = getattr(cls, "removed", {}).get(name)
+    return "" if remedy is None else f"{where} {name} is no longer a parameter: {remedy}"
 
 
 def _renamed(mapping: Mapping[str, Any], known: Mapping[str, Parameter], where: str) -> dict[str, Any]:

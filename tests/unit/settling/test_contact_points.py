@@ -78,16 +78,6 @@ def test_grains_that_may_overlap_do_not_coincide(family):
     assert apart.min() > (0.9 if family == "sphere" else 0.7)
 
 
-@pytest.mark.parametrize("family", ["box", "cone", "solid_union"])
-def test_grains_with_edges_are_parted(family):
-    shape = vg.make_shape(family)
-    packing = vg.pack(
-        shape.scaled(1 / shape.diameter), vg.Box((4, 4, 10)), method="control_point", count=25, spacing=0.3, sweeps=400
-    )
-    assert vg.verify(packing).ok
-    assert packing.provenance["parting"]["overlapping"] == 0
-
-
 def test_parting_moves_no_more_than_the_overlap():
     """Two cubes 0.01 in each other, and a third that is free: the two part by as much, the third stays."""
     cube = vg.make_shape("box", lengths=(1.0, 1.0, 1.0))
@@ -104,18 +94,6 @@ def test_parting_moves_no_more_than_the_overlap():
     assert moved[2] == 0
     assert 0.004 < moved[:2].max() < 0.011
     assert len(overlaps(bed, at_least=1e-9).gap) == 0
-
-
-def test_settling_closes_what_the_points_left_open():
-    shape, box = vg.make_shape("sphere"), vg.Box((4, 4, 10))
-    loose, settled = (
-        vg.pack(shape, box, method="control_point", count=50, spacing=0.3, sweeps=400, settling=settling)
-        for settling in (0, 60)
-    )
-    assert vg.verify(settled).ok
-    assert settled.position[:, 2].mean() < loose.position[:, 2].mean() - 0.02
-    assert settled.provenance["settling"]["mean_sinking"] > 0.02
-    assert settled.provenance["settling"]["sweeps"] <= 60
 
 
 def test_a_sphere_holds_grains():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
@@ -68,37 +67,6 @@ def test_a_tilted_box_lies_down_flat():
     assert vg.verify(packing_of(found)).ok
 
 
-@pytest.mark.parametrize("name", ["sphere", "box", "mesh", "cylinder"])
-@pytest.mark.parametrize("container", [vg.Box((3.2, 3.2, 5), "x"), vg.Cylinder(1.8, 5)], ids=["box", "cylinder"])
-def test_digital_packings_settle_without_overlap(name, container):
-    made = {
-        "sphere": vg.make_shape("sphere"),
-        "box": vg.make_shape("box", lengths=(1, 0.8, 0.7)),
-        "mesh": vg.make_shape("solid_union", seed=2),
-        "cylinder": vg.make_shape("cylinder"),
-    }
-    shape = made[name].scaled(1 / made[name].diameter)
-    options = {"method": "digital", "count": 12, "voxel_size": 1 / 12, "sweeps": 300, "cycles": 2, "seed": 3}
-    walked = vg.pack(shape, container, **options)
-    found = vg.pack(shape, container, settling=15, **options)
-    assert found.count == walked.count == 12
-    assert vg.verify(found).ok
-    report = found.provenance["settling"]
-    assert 0 < report["sweeps"] <= 15
-    assert report["mean_sinking"] > 0.01
-    assert report["density_gain"] > 0
-    assert found.position[:, 2].mean() < walked.position[:, 2].mean()
-
-
-def test_disks_settle_in_the_plane():
-    options = {"method": "digital", "count": 30, "voxel_size": 1 / 12, "sweeps": 300, "cycles": 2}
-    packing = vg.pack(vg.make_shape("disk"), vg.Rectangle((6, 9), "x"), settling=60, **options)
-    assert np.all(packing.position[:, 2] == 0)
-    assert np.allclose(packing.orientation[:, 1:3], 0)
-    assert vg.verify(packing).ok
-    assert packing.provenance["settling"]["density_gain"] > 0.02
-
-
 def test_nothing_to_gain_stays_where_it_is():
     # a simple cubic lattice that fills its box
     ticks = np.arange(3) + 0.5
@@ -123,84 +91,6 @@ def test_random_motion_never_makes_an_overlap():
         assembly = follow(assembly, free_fall(assembly, 0.05 * fall / np.linalg.norm(fall)))[0]
         proof = vg.verify(packing_of(assembly))
         assert proof.ok
-
-
-@pytest.mark.parametrize(
-    ("parameters", "words"),
-    [
-        ({"settling": -1}, "settling"),
-        ({"friction": 0.3}, "friction is 0.3 and settling 0"),
-        ({"friction": -0.1, "settling": 5}, "friction"),
-        ({"settling": 5, "gravity": "none"}, "settling is 5"),
-        ({"shaking": 5}, "shaking is 5 and settling 0"),
-        ({"shaking": -1, "settling": 5}, "shaking"),
-        ({"shaking": 5, "settling": 5, "acceleration": 0.0}, "acceleration"),
-    ],
-)
-def test_bad_settling_is_refused(parameters, words):
-    with pytest.raises(InputError, match=words):
-        vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 3)), method="digital", count=1, **parameters)
-
-
-@pytest.mark.parametrize("shaking", [0, 6])
-def test_settling_goes_on_after_a_stop_to_the_same_bits(tmp_path, shaking, monkeypatch):
-    monkeypatch.setattr("voxgran.packing.driver.FIRST_CHUNK", 1000)
-    options = {"method": "digital", "count": 10, "voxel_size": 0.125, "sweeps": 100, "cycles": 1, "settling": 12}
-    options["shaking"] = shaking
-    shape, box = vg.make_shape("box"), vg.Box((3, 3, 4))
-    whole = vg.pack(shape, box, **options)
-    path = tmp_path / "run.checkpoint"
-    for _ in range(200):
-        packing = vg.pack(shape, box, checkpoint=path, resume=True, time_limit=1e-6, **options)
-        if packing.stop_reason != "interrupted":
-            break
-    assert packing.position.tobytes() == whole.position.tobytes()
-    assert packing.orientation.tobytes() == whole.orientation.tobytes()
-
-
-def test_friction_holds_a_bed_up():
-    """The more friction, the looser the bed of cubes."""
-    options = {
-        "method": "digital",
-        "count": 40,
-        "voxel_size": 1 / 12,
-        "sweeps": 100,
-        "vibration_up": 0.0,
-        "settling": 60,
-        "seed": 2,
-    }
-    cube, box = vg.make_shape("platonic", solid="cube"), vg.Box((3, 3, 9), periodic=(True, True, False))
-    smooth, rough = (vg.pack(cube, box, friction=friction, **options) for friction in (0.0, 0.8))
-    assert vg.verify(smooth).ok
-    assert vg.verify(rough).ok
-    assert rough.provenance["settling"]["density_gain"] < 0.9 * smooth.provenance["settling"]["density_gain"]
-
-
-BED = {"method": "digital", "voxel_size": 1 / 12, "sweeps": 100, "vibration_up": 0.0, "settling": 150, "seed": 2}
-
-
-@pytest.mark.parametrize(
-    ("solid", "count"), [("cube", 24), pytest.param("tetrahedron", 20, marks=pytest.mark.slow), ("sphere", 50)]
-)
-def test_shaking_makes_a_bed_denser(solid, count):
-    """Denser than what friction holds up, and without overlap."""
-    shape = vg.make_shape("sphere") if solid == "sphere" else vg.make_shape("platonic", solid=solid)
-    box = vg.Box((2.6, 2.6, 4 + count / 4), periodic=(True, True, False))
-    poured = vg.pack(shape, box, count=count, friction=0.5, **BED)
-    denser = vg.pack(shape, box, count=count, shaking=60, **BED)
-    assert vg.verify(poured).ok
-    assert vg.verify(denser).ok
-    heights = [float(packing.position[:, 2].mean()) for packing in (poured, denser)]
-    assert heights[1] < 0.95 * heights[0]
-
-
-def test_shaken_disks_stay_in_the_plane():
-    disks = [vg.make_shape("disk"), vg.make_shape("polygon", corners=4)]
-    floor = vg.Rectangle((5, 14), periodic=(True, False))
-    packing = vg.pack(disks, floor, count=24, shaking=20, weights=[1, 1], **BED)
-    assert vg.verify(packing).ok
-    assert (packing.position[:, 2] == 0).all()
-    assert (packing.orientation[:, 1:3] == 0).all()
 
 
 def test_shaking_pulls_nobody_further_than_its_step():

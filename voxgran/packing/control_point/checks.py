@@ -32,13 +32,12 @@ def check_distance(problem: Problem) -> None:
 
 
 def check_surfaces(problem: Problem) -> None:
-    """Refuse open surfaces where signed distances or true solids are asked for.
+    """Refuse open surfaces where signed distances are asked for.
 
     Raises
     ------
     InputError
-        If grains are compared by signed distances, or are to settle, or the spacing is so fine that the shortest step
-        is too long.
+        If grains are compared by signed distances, or the spacing is so fine that the shortest step is too long.
     """
     names = [shape.name for shape in problem.original if shape.is_open]
     settings = problem.parameters
@@ -51,11 +50,6 @@ def check_surfaces(problem: Problem) -> None:
         raise InputError(
             f"spacing is {settings.spacing:g} and shape {names[0]!r} an open surface: it must be at least {FINEST:g}, "
             "since no step may be longer than points are apart; make it larger"
-        )
-    if names and settings.settling:
-        raise InputError(
-            f"shape {names[0]!r} is an open surface and settling {settings.settling}: only solids settle on their true "
-            "shapes; set settling to 0"
         )
 
 

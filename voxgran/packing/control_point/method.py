@@ -12,14 +12,14 @@ lowered by 1/32 of the median diameter or to the nearest grain, and the walk doe
 
 Control points cover the surface and, optionally, the interior. When points are compared with points, surfaces cannot
 cross between them. With signed distances, a smooth surface can bulge between its points by no more than its curvature
-allows, which is added to the distance, so that spheres and ellipsoids never overlap; overlaps of sharp edges between
-points, less than half the spacing, are removed exactly after the walk. Steps are so short, and thin grains are kept so
-far apart, that no grain can pass through another. No voxels are used, so grains may have any position and orientation;
-the cost of a move depends on the points near a contact only.
+allows, which is added to the distance, so that spheres and ellipsoids never overlap; sharp edges may overlap between
+points, by less than half the spacing. Steps are so short, and thin grains are kept so far apart, that no grain can pass
+through another. No voxels are used, so grains may have any position and orientation; the cost of a move depends on the
+points near a contact only.
 
-Open surfaces have no interior: they are packed with point tests only, and neither settle nor overlap. In a packing that
-contains open surfaces all points keep a distance that is five percent larger, and steps are so short that no point can
-pass through a surface.
+Open surfaces have no interior: they are packed with point tests only, and may not overlap. In a packing that contains
+open surfaces all points keep a distance that is five percent larger, and steps are so short that no point can pass
+through a surface.
 
 References
 ----------
@@ -46,10 +46,8 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, stands_free
 from voxgran.packing.start import Start, refuse_start
 from voxgran.packing.walking.feeding import SETTLE_SWEEPS, entry_of, feed_share, most_attempts
-from voxgran.packing.walking.finishing import Finishing
 from voxgran.packing.walking.vibration import vibration_schedule
 from voxgran.packing.walking.walk import advance, begin, finished
-from voxgran.shapes.descriptors import largest_curvature
 
 #: mean sinking per grain between two examinations, in median diameters, below which the bed is settled
 SETTLE_DEPTH = 0.001
@@ -124,14 +122,6 @@ class ControlWalker:
         lid_rests = state.lid_lowered - lid_before <= LID_STEP
         return lid_rests and abs(before - state.height) <= SETTLE_DEPTH * state.placed
 
-    def finishing(self, problem: Problem) -> Finishing:
-        """Return what is to be done after the walk: all but smooth grains may overlap between their control points."""
-        settings: ControlPoint = problem.parameters
-        smooth = all(largest_curvature(shape.geometry) is not None for shape in problem.shapes)
-        parts = settings.contact == "sdf" and not settings.overlap and not smooth
-        step, distance = 0.25 * settings.spacing, problem.length(settings.distance)
-        return Finishing(settings, gravity_vector(problem), problem.seed, parts, step, distance)
-
 
 WALKER = ControlWalker()
 
@@ -143,8 +133,8 @@ def prepare(problem: Problem) -> ControlState:
     ------
     InputError
         If gravity points along a periodic axis, a grain of the start finds no place, the distance leaves no room for
-        two grains, the overlap is deeper than a grain is thick, or open surfaces are to be compared by signed distances
-        or to settle.
+        two grains, the overlap is deeper than a grain is thick, or open surfaces are to be compared by signed
+        distances.
     """
     check_surfaces(problem)
     check_distance(problem)
@@ -170,12 +160,12 @@ def cost(problem: Problem) -> Cost:
     Raises
     ------
     InputError
-        If open surfaces are to be compared by signed distances or to settle.
+        If open surfaces are to be compared by signed distances.
     """
     check_surfaces(problem)
     return Cost(
         memory=memory_needed(problem),
-        attempts=most_attempts(problem, problem.count) + WALKER.finishing(problem).sweeps * problem.count,
+        attempts=most_attempts(problem, problem.count),
         sampled_shapes=len(problem.shapes) if problem.count else 0,
     )
 

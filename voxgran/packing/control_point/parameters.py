@@ -47,7 +47,11 @@ class ControlPoint(Walking):
         former="ways",
     )
     distance: float = parameter(
-        0.0, doc="distance that the surfaces of grains keep at least", unit="length", at_least=0.0
+        0.0,
+        doc="distance that the surfaces of grains keep at least; sharp edges between control points may come closer by "
+        "less than half the spacing",
+        unit="length",
+        at_least=0.0,
     )
     overlap: float = parameter(
         0.0,
@@ -91,15 +95,10 @@ class ControlPoint(Walking):
         if self.contact == "points":
             warn_former("contact is 'points', the former name of 'kdtree': use contact='kdtree'")
             object.__setattr__(self, "contact", "kdtree")
-        if self.distance and self.settling:
+        if self.overlap and (self.contact != "sdf" or self.distance):
             raise InputError(
-                f"distance is {self.distance:g} and settling {self.settling}: settling brings true shapes together; "
-                "use one of them"
-            )
-        if self.overlap and (self.contact != "sdf" or self.distance or self.settling):
-            raise InputError(
-                f"overlap is {self.overlap:g} with contact {self.contact!r}, distance {self.distance:g} and settling "
-                f"{self.settling}: grains may overlap with contact 'sdf' only, without distance and settling"
+                f"overlap is {self.overlap:g} with contact {self.contact!r} and distance {self.distance:g}: grains may "
+                "overlap with contact 'sdf' only, without distance"
             )
         if self.tested_points == "one" and self.contact != "sdf":
             raise InputError(

@@ -10,8 +10,11 @@ from voxgran.packing.walking.state import WalkState, no_integers
 
 @dataclass(slots=True, kw_only=True)
 class ControlState(WalkState):
-    """State of control-point packing; until the walk ends, `position` and `orientation` are those of all grains."""
+    """State of control-point packing."""
 
+    # (n, 3) and (n, 4): centroids and orientations of all grains, of use for those that have entered
+    position: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    orientation: Floats = field(default_factory=lambda: np.zeros((0, 4)))
     # (n,): 1 for grains that have entered, else 0
     entered: Integers = field(default_factory=no_integers)
     # (n,): present step length of each grain

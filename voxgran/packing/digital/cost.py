@@ -48,7 +48,7 @@ def digital_cost(problem: Problem) -> Cost:
     unpacked = 4 * UNPACKED + (0.0 if even else 2.5 * float(np.prod(lattice.shape)))
     return Cost(
         memory=int((tables or canvas + unpacked) + bank + kept),
-        attempts=most_attempts(problem, problem.count) + problem.count * (settings.shaking + settings.settling),
+        attempts=most_attempts(problem, problem.count),
         voxelized_shapes=different,
     )
 

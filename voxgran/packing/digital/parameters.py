@@ -77,11 +77,7 @@ class Digital(Walking):
 
     def needs_gravity(self) -> dict[str, bool]:
         """Return what needs a direction of gravity, as errors name it, and whether it is set."""
-        return {
-            "lid is true": self.lid,
-            "schedule is 'sleeping'": self.schedule == "sleeping",
-            f"settling is {self.settling}": self.settling > 0,
-        }
+        return {"lid is true": self.lid, "schedule is 'sleeping'": self.schedule == "sleeping"}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

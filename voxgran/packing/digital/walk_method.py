@@ -45,7 +45,6 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start
 from voxgran.packing.walking.feeding import SETTLE_SWEEPS, entry_of, feed_share
-from voxgran.packing.walking.finishing import Finishing
 from voxgran.packing.walking.vibration import vibration_schedule
 from voxgran.packing.walking.walk import advance, begin, finished
 
@@ -121,12 +120,6 @@ class DigitalWalker:
         """Return whether the bed has hardly sunk, and not risen, since the last call; heights are in voxels."""
         before, state.height = state.height, -float((state.site[state.grains] @ gravity_vector(problem)).sum())
         return 0.0 <= before - state.height <= SETTLE_VOXELS * state.placed
-
-    def finishing(self, problem: Problem) -> Finishing:
-        """Return what is to be done after the walk: grains overlap where voxels are those whose centers they hold."""
-        settings: Digital = problem.parameters
-        parts = settings.settling > 0 and settings.cover != "touch"
-        return Finishing(settings, gravity_vector(problem), problem.seed, parts, _voxel_size(problem) / 2)
 
 
 WALKER = DigitalWalker()

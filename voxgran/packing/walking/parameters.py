@@ -1,10 +1,12 @@
-"""Parameters that the walking methods share: gravity, feeding, vibration, settling and the lid.
+"""Parameters that the walking methods share: gravity, feeding, vibration and the lid.
 
 The groups are dataclasses that a method inherits from, so that the keys of a scene and the keywords of
 :func:`voxgran.pack` stay flat. A method may declare a parameter again to give it another default.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import ClassVar, Literal
 
 from voxgran._base.config import check_bounds, parameter
@@ -12,6 +14,19 @@ from voxgran._base.errors import InputError
 
 #: largest number of sweeps: with any number of grains the number of attempts is then a 64-bit integer
 MOST_SWEEPS = 10**9
+#: what replaces parameters of former versions: walked beds settle in a step of their own
+REMOVED = MappingProxyType(
+    {
+        name: f"true shapes settle after the walk; write settle=dict({given}) in pack, or {given} in the section "
+        "[settle] of a scene"
+        for name, given in {
+            "settling": "friction=...",
+            "friction": "friction=...",
+            "shaking": "shaking=...",
+            "acceleration": "shaking=...",
+        }.items()
+    }
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,35 +92,7 @@ class Vibration:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settling:
-    """How the true shapes settle after the walk."""
-
-    settling: int = parameter(
-        0,
-        doc="largest number of sweeps in which the true shapes settle under gravity after the walk, which closes the "
-        "gaps that voxels or control points leave; 0 for none",
-        at_least=0,
-        at_most=MOST_SWEEPS,
-    )
-    friction: float = parameter(
-        0.0, doc="Coulomb coefficient of friction between grains and at walls during settling", at_least=0.0
-    )
-    shaking: int = parameter(
-        0,
-        doc="number of sweeps, before those of settling, in which each grain is also displaced and rotated at random",
-        at_least=0,
-        at_most=MOST_SWEEPS,
-    )
-    acceleration: float = parameter(
-        0.8,
-        doc="amplitude of the shaking in its first sweep; it falls linearly to zero",
-        unit="gravitational accelerations",
-        above=0.0,
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Walking(Feeding, Vibration, Settling):
+class Walking(Feeding, Vibration):
     """All parameters that the walking methods share.
 
     Raises
@@ -113,6 +100,8 @@ class Walking(Feeding, Vibration, Settling):
     InputError
         If a number is out of its range, or parameters do not go together.
     """
+
+    removed: ClassVar[Mapping[str, str]] = REMOVED
 
     lid: bool = parameter(
         False,
@@ -126,14 +115,6 @@ class Walking(Feeding, Vibration, Settling):
         if self.cycles is not None and self.period is not None:
             raise InputError(
                 f"cycles is {self.cycles} and period {self.period}: each makes the number of cycles; leave one out"
-            )
-        if self.friction and not self.settling:
-            raise InputError(
-                f"friction is {self.friction:g} and settling 0: it acts while grains settle; set settling, such as 200"
-            )
-        if self.shaking and not self.settling:
-            raise InputError(
-                f"shaking is {self.shaking} and settling 0: shaken grains have to settle; set settling, such as 200"
             )
         for name, asked in self.needs_gravity().items():
             if asked and self.gravity == "none":

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Integers
 from voxgran.packing.method import TypedState
 
 
@@ -25,7 +25,7 @@ PLACED, MOVED, MOVES, TURNED, TURNS, FEEDS, REFUSED = range(7)
 
 @dataclass(slots=True, kw_only=True)
 class WalkState(TypedState):
-    """State of a walk, from feeding to settling."""
+    """State of a walk, from feeding to the end of vibration."""
 
     placed: int = 0  # grains that have entered
     moves_accepted: int = 0  # translations
@@ -37,22 +37,11 @@ class WalkState(TypedState):
     feeding_ended_at: int | None = None  # attempt at which feeding ended
     layer_ends: int | None = None  # attempt at which feeding is to be resumed while it is interrupted
     layer_placed: int = 0  # grains that had entered when feeding was last resumed
-    walk_end: int | None = None  # why the walk ended, an index into `finishing.ENDS`
-    walked: int = 0  # attempts of the walk
-    parting_sweeps: int = 0
-    left_overlapping: int = 0  # overlaps after the last sweep of parting
-    settling_at: int = -1  # attempt at which settling began (-1: not yet)
-    settling_sweeps: int = 0
     surface_grains: int = 0  # grains near the entry when feeding was interrupted
     waiting: Integers = field(default_factory=no_integers)  # (n,): first grains that are waiting, then the others
     height: float = math.inf  # sum of the heights of the centroids when the bed was last examined
     surface_height: float = 0.0  # sum of the heights of the `surface_grains`
     lid_lowered: float = 0.0  # distance by which the lid has been lowered, in median diameters
-    # poses of the grains that have entered, once the walk has ended; before, as a method uses them
-    position: Floats = field(default_factory=lambda: np.zeros((0, 3)))
-    orientation: Floats = field(default_factory=lambda: np.zeros((0, 4)))
-    # (3,): step of settling, mean height at its beginning, and first step
-    settling: Floats = field(default_factory=lambda: np.zeros(3))
 
     @property
     def has_all(self) -> bool:

@@ -1,7 +1,7 @@
-"""The walk: feeding, vibration, and the sweeps that follow it, written once for all methods that move grains at random.
+"""The walk: feeding and vibration, written once for all methods that move grains at random.
 
 A method supplies a :class:`Walker`, which knows how grains are represented and runs the kernel that moves them; the
-functions of this module decide when feeding ends, when the lid is lowered, when the bed has settled, and what follows.
+functions of this module decide when feeding ends, when the lid is lowered, and when the bed has settled.
 """
 
 from typing import Any, Protocol, TypeVar
@@ -10,13 +10,11 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.rotation import normalized
-from voxgran.contacts.assembly import Assembly
 from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start
 from voxgran.packing.walking.feeding import SETTLE_SWEEPS, examine_feeding, most_attempts
-from voxgran.packing.walking.finishing import Finishing, end_walk, finish_some, finishing_report
 from voxgran.packing.walking.state import WalkState
 
 S = TypeVar("S", bound=WalkState)
@@ -47,9 +45,6 @@ class Walker(Protocol[S_contra]):
     def has_settled(self, problem: Problem, state: S_contra) -> bool:
         """Return whether the bed has hardly sunk since the last call, and record its height."""
 
-    def finishing(self, problem: Problem) -> Finishing:
-        """Return what is to be done after the walk."""
-
 
 def begin(walker: Walker[S], problem: Problem, state: S) -> S:
     """Return the first state, in which all grains are waiting but those of the start.
@@ -73,17 +68,13 @@ def begin(walker: Walker[S], problem: Problem, state: S) -> S:
 
 
 def advance(walker: Walker[S], problem: Problem, state: S, attempts: int) -> S:
-    """Make up to `attempts` attempts: first of feeding, then of vibration, then sweeps of settling."""
+    """Make up to `attempts` attempts: first of feeding, then of vibration."""
     if state.stop_reason:
         return state
     last = state.done + attempts
-    if attempts == 0 and state.walk_end is None:
+    if attempts == 0:
         walker.make_attempts(problem, state, last)
     while state.done < last and not state.stop_reason:
-        if state.walk_end is not None:
-            finish_some(state, walker.finishing(problem), assembly_of(walker, problem, state), last)
-            # a sweep takes longer than any chunk of the walk
-            return state
         due = _next_event(walker, problem, state)
         walker.make_attempts(problem, state, min(last, due))
         if state.feeding_ended_at is None:
@@ -99,30 +90,22 @@ def finished(
     walker: Walker[S], problem: Problem, state: S, *, contact_gap: float, voxel_size: float | None = None
 ) -> Packing:
     """Return the packing of the grains that have entered; gap of contacts and voxels in median diameters."""
-    assembly, gravity = assembly_of(walker, problem, state), gravity_vector(problem)
+    position, orientation = walker.poses(problem, state)
     provenance: dict[str, Any] = {
         "parameters": {"gravity": gravity_text(problem)},
         "lid_lowered": state.lid_lowered * problem.unit_length,
-        **finishing_report(state, assembly, gravity),
     }
     return problem.packing(
         state.grains,
-        position=assembly.position,
+        position=position,
         # steps off a lattice leave quaternions of either sign
-        orientation=assembly.orientation if voxel_size else normalized(assembly.orientation),
+        orientation=orientation if voxel_size else normalized(orientation),
         provenance=provenance,
         voxel_size=voxel_size,
         stop_reason=state.stop_reason,
-        gravity=gravity,
+        gravity=gravity_vector(problem),
         contact_gap=contact_gap,
     )
-
-
-def assembly_of(walker: Walker[S], problem: Problem, state: S) -> Assembly:
-    """Return the grains that have entered, where they walked or settled to, in the normalized frame."""
-    ended, grains = state.walk_end is not None, state.grains
-    poses = (state.position, state.orientation) if ended else walker.poses(problem, state)
-    return Assembly(problem.shapes, problem.shape_id[grains], problem.diameter[grains], *poses, problem.container)
 
 
 def _next_event(walker: Walker[S], problem: Problem, state: S) -> int:
@@ -147,5 +130,4 @@ def _examine_bed(walker: Walker[S], problem: Problem, state: S) -> None:
     vibrated = state.done - (state.feeding_ended_at or 0) >= problem.parameters.sweeps * state.placed
     if (settled and vibrated) or state.done >= state.total:
         reason = "settled" if settled and vibrated else "steps"
-        assembly = assembly_of(walker, problem, state)
-        end_walk(state, walker.finishing(problem), assembly, reason if state.has_all else "full")
+        state.stop_reason = reason if state.has_all else "full"

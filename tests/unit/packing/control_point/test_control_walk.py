@@ -361,27 +361,6 @@ def test_grains_keep_the_distance_that_is_asked_for():
     assert 0.3 <= gaps.min() < 0.3 + 2 * 0.31
 
 
-@pytest.mark.parametrize("shape", ["box", "tetrahedron"])
-@pytest.mark.parametrize("distance", [0.01, 0.1])
-def test_grains_with_edges_keep_the_distance_too(shape, distance):
-    """By the least gaps that manifold3d finds: edges come nearer between control points, and are parted again."""
-    manifold = pytest.importorskip("manifold3d")
-    body = vg.make_shape("box", aspect=(2, 1, 0.6)) if shape == "box" else vg.make_shape("platonic", solid=shape)
-    packing = vg.pack(
-        body, vg.Box((3, 3, 6)), method="control_point", count=14, distance=distance, spacing=0.25, sweeps=300, seed=5
-    )
-    solids = [
-        manifold.Manifold(
-            manifold.Mesh64(np.ascontiguousarray(packing.world_vertices(k)), body.faces.astype(np.uint64))
-        )
-        for k in range(packing.count)
-    ]
-    gaps = [one.min_gap(other, 0.5) for k, one in enumerate(solids) for other in solids[:k]]
-    assert packing.count == 14
-    assert min(gaps) >= distance * (1 - 1e-6)
-    assert packing.provenance["parting"]["overlapping"] == 0
-
-
 def test_within_is_what_closed_forms_say():
     """Parity of crossings against the convex solid itself, 3000 random points, and a polygon in the plane."""
     points = np.random.Generator(np.random.Philox(3)).random((3000, 3)) * 1.4 - 0.7
@@ -456,12 +435,8 @@ def test_attempts_are_within_the_cost():
         ({"tested_points": "one", "contact": "kdtree"}, InputError, "tested_points is 'one'"),
         ({"overlap": -0.1}, InputError, "overlap is -0.1"),
         ({"overlap": 0.1, "contact": "kdtree"}, InputError, "overlap is 0.1"),
-        ({"overlap": 0.1, "settling": 10}, InputError, "settling"),
+        ({"overlap": 0.1, "distance": 0.1}, InputError, "overlap is 0.1 with contact 'sdf' and distance 0.1"),
         ({"overlap": 0.4}, InputError, "overlap is 0.4: it must be at most"),
-        ({"distance": 0.1, "settling": 10}, InputError, "distance is 0.1 and settling 10"),
-        ({"friction": 0.5}, InputError, "friction is 0.5"),
-        ({"shaking": 50}, InputError, "shaking is 50 and settling 0"),
-        ({"settling": 9, "shaking": 5, "acceleration": 0.0}, InputError, "acceleration is 0"),
         ({"points": "inside"}, InputError, "surface"),
     ],
 )
@@ -494,21 +469,3 @@ def test_a_signal_leaves_a_checkpoint_and_resume_gives_the_same_bits(tmp_path):
     for name, array in whole.arrays.items():
         assert resumed.arrays[name].tobytes() == array.tobytes()
     assert resumed.counters == whole.counters
-
-
-def test_shaken_disks_lie_lower_and_apart():
-    """Shaking comes before settling, and the sweeps of both are within the cost; runs of chunks give the same bits."""
-    keywords = {"count": 40, "spacing": 0.2, "sweeps": 300, "cycles": 2, "settling": 40}
-    shape, floor = vg.make_shape("disk"), vg.Rectangle((6, 14), periodic=(True, False))
-    heights = {}
-    for shaking in (0, 30):
-        problem = task_of([shape], floor, shaking=shaking, **keywords).problem
-        state = drive(control_point, problem, Drive(chunk=700))
-        assert state.done <= state.counters["walked"] + control_point.cost(problem).attempts
-        assert state.counters["settling_sweeps"] > shaking
-        packing = control_point.finish(problem, state)
-        assert vg.verify(packing).ok
-        heights[shaking] = packing.position[:, 1].mean()
-    again = drive(control_point, task_of([shape], floor, shaking=30, **keywords).problem, Drive(chunk=10**6))
-    assert again.arrays["position"].tobytes() == state.arrays["position"].tobytes()
-    assert heights[30] < heights[0]

@@ -214,7 +214,6 @@ def test_files_measures_and_reports_of_surfaces_alone(tmp_path):
     ("parameters", "words"),
     [
         ({"contact": "sdf"}, "'sheet' is an open surface and contact 'sdf': .* use contact 'kdtree'$"),
-        ({"settling": 10}, "'sheet' is an open surface and settling 10: .* set settling to 0$"),
         ({"spacing": 0.01}, "spacing is 0.01 and shape 'sheet' an open surface: it must be at least 0.02"),
         ({"count": None}, "count is None and all shapes are open surfaces"),
         ({"weights_by": "volume"}, "weights_by is 'volume' and a shape is an open surface"),
