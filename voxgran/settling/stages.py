@@ -5,7 +5,9 @@ stop between any two steps and go on with the same bits. Lengths are in median d
 """
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -122,6 +124,37 @@ class Settler:
         progress.step += 1
         progress.stage_step = progress.stage_step + 1 if progress.stage == stage else 0
 
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """All arrays and floats that the next step depends on."""
+        own = {name: np.asarray(getattr(self.progress, name)) for name in _ARRAYS}
+        return {**self.bed.arrays, **own}
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """All counters that the next step depends on."""
+        return {name: getattr(self.progress, name) for name in _COUNTERS}
+
+    def restore(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> None:
+        """Take over arrays and counters."""
+        for name in _ARRAYS:
+            value = arrays[name]
+            setattr(self.progress, name, np.array(value) if value.ndim else float(value))
+        for name in _COUNTERS:
+            setattr(self.progress, name, int(counters[name]))
+        self.bed.restore({name: array for name, array in arrays.items() if name not in _ARRAYS})
+
+    @property
+    def report(self) -> dict[str, float]:
+        """How the bed was left: steps, share of the grains proven to rest, largest residual, smallest gap."""
+        progress = self.progress
+        return {
+            "steps": progress.step,
+            "resting": 1.0 - progress.moving,
+            "largest_residual": float(progress.residual.max(initial=0.0)),
+            "smallest_gap": progress.smallest if math.isfinite(progress.smallest) else 0.0,
+        }
+
     def _grow(self) -> None:
         """Make a step of growth."""
         assert self.small is not None
@@ -231,6 +264,8 @@ class Settler:
         return bool(progress.proven)
 
 
+_ARRAYS = tuple(item.name for item in fields(Progress) if item.type is not int)
+_COUNTERS = tuple(item.name for item in fields(Progress) if item.type is int)
 _STEPS = {
     GROWTH: Settler._grow, START: Settler._begin, FALL: Settler._drop, SHAKING: Settler._shake, AGAIN: Settler._drop,
     STILL: Settler._rest,
