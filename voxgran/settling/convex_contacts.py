@@ -1,0 +1,277 @@
+"""Contact points of grains made of convex parts: unions of spheres, ellipsoids, boxes, cylinders, cones, convex meshes.
+
+Each pair of spheres of two unions within the margin is a contact, in closed form. Of other parts the gap and normal are
+those of :mod:`voxgran.settling.convex_distance`, which starts along the normal of the step before; faces that lie on
+each other get further contact points (:mod:`voxgran.settling.face_contacts`).
+"""
+
+import math
+
+import numpy as np
+
+from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
+from voxgran.settling.contact_rows import CONVEX, ContactRows, Grains, PairList, write_contact
+from voxgran.settling.convex_bodies import ConvexBodies, ConvexWork
+from voxgran.settling.convex_distance import ellipsoid_gap, part_gap
+from voxgran.settling.face_contacts import SAME, write_face_contacts
+
+
+@kernel
+def find_convex_contacts(
+    grains: Grains,
+    bodies: ConvexBodies,
+    work: ConvexWork,
+    pairs: PairList,
+    size: int,
+    rows: ContactRows,
+    m: int,
+    margin: float,
+    rest: float,
+) -> int:
+    """Write rows m, ... for the pairs of kind `CONVEX`; return the next row.
+
+    Returns -1 if there is no space in `rows`. Then `pairs` and `rows.old` are as before the call, and of the other rows
+    only m, ... have changed, so that the call can be repeated with longer arrays.
+
+    margin: gap, beyond the room of a pair, up to which contacts are written.  rest: length that is subtracted from each
+    gap, beside the room.
+    """
+    first, count = pairs.first[:size].copy(), pairs.count[:size].copy()
+    bound, way, normal = pairs.bound[:size].copy(), pairs.way[:size].copy(), pairs.normal[:size].copy()
+    _place(grains, bodies, work)
+    found = _find(grains, bodies, work, pairs, size, rows, m, margin, rest, np.zeros(3))
+    if found < 0:
+        pairs.first[:size], pairs.count[:size] = first, count
+        pairs.bound[:size], pairs.way[:size], pairs.normal[:size] = bound, way, normal
+    return found
+
+
+@bare_kernel
+def _place(grains, bodies, work):  # type: ignore[no-untyped-def]
+    """Write the corners and rows of all grains, rotated and scaled."""
+    for i in range(len(grains.shape)):
+        s, f, turn = grains.shape[i], grains.scale[i], grains.matrix[i]
+        xx, xy, xz = f * turn[0, 0], f * turn[0, 1], f * turn[0, 2]
+        yx, yy, yz = f * turn[1, 0], f * turn[1, 1], f * turn[1, 2]
+        zx, zy, zz = f * turn[2, 0], f * turn[2, 1], f * turn[2, 2]
+        start = work.first[i] - bodies.first[s]
+        for q in range(bodies.first[s], bodies.first[s + 1]):
+            x, y, z = bodies.corner[q, 0], bodies.corner[q, 1], bodies.corner[q, 2]
+            work.corner[start + q, 0] = xx * x + xy * y + xz * z
+            work.corner[start + q, 1] = yx * x + yy * y + yz * z
+            work.corner[start + q, 2] = zx * x + zy * y + zz * z
+            work.radius[start + q] = f * bodies.radius[q]
+        kind = bodies.kind[s]
+        if kind != 1 and kind != 3 and kind != 4:
+            continue
+        row, placed = bodies.row[s], work.row[i]
+        placed[0] = row[0]
+        for c in range(3):
+            placed[1 + c] = f * row[1 + c]
+            for d in range(3):
+                placed[4 + 3 * c + d] = (
+                    turn[c, 0] * row[4 + d] + turn[c, 1] * row[7 + d] + turn[c, 2] * row[10 + d]
+                )  # fmt: skip
+        if kind == 1:
+            form = work.form[i]
+            for c in range(3):
+                d, other = (c + 1) % 3, (c + 2) % 3
+                form[c], mixed = 0.0, 0.0
+                for k in range(3):
+                    square = placed[1 + k] ** 2
+                    form[c] += square * placed[4 + 3 * c + k] ** 2
+                    mixed += square * placed[4 + 3 * c + k] * placed[4 + 3 * d + k]
+                # xy, yz and zx are numbers 3, 5 and 4
+                form[3 if other == 2 else (5 if other == 0 else 4)] = mixed
+
+
+@bare_kernel
+def _find(grains, bodies, work, pairs, size, rows, m, margin, rest, offset):  # type: ignore[no-untyped-def]
+    """Write the contacts of all pairs; return the next row, or -1."""
+    for p in range(size):
+        i, j = pairs.i[p], pairs.j[p]
+        if max(grains.kind[i], grains.kind[j]) != CONVEX:
+            continue
+        old, count = pairs.first[p], pairs.count[p]
+        pairs.first[p], pairs.count[p] = m, 0
+        reach, moved = margin + pairs.room[p], grains.way[i] + grains.way[j]
+        if pairs.bound[p] - (moved - pairs.way[p]) > reach:
+            continue
+        for c in range(3):
+            offset[c] = grains.position[j, c] + pairs.shift[p, c] - grains.position[i, c]
+        distance = math.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
+        apart = distance - grains.radius[i] - grains.radius[j]
+        pairs.way[p] = moved
+        if apart > reach:
+            pairs.bound[p] = apart
+            continue
+        # gaps are known up to here, so that a pair that is farther apart is not looked at in each step
+        look = reach + margin
+        kind_i, kind_j = bodies.kind[grains.shape[i]], bodies.kind[grains.shape[j]]
+        old_rows = (old, count, rest + pairs.room[p])
+        if kind_i == 0 and kind_j == 0:
+            m, gap = _touch_spheres(grains, work, rows, m, i, j, offset, reach, look, old_rows, pairs.normal[p])
+        else:
+            m, gap = _touch_parts(
+                grains, bodies, work, rows, m, i, j, offset, distance, reach, look, old_rows, pairs.normal[p]
+            )
+        if m < 0:
+            return -1
+        pairs.bound[p] = gap
+        pairs.count[p] = m - pairs.first[p]
+    return m
+
+
+@bare_kernel
+def _select_near(work, i, x, y, z, radius, look, selected):  # type: ignore[no-untyped-def]
+    """Write which spheres of a union are near a sphere, relative to the centroid; return how many."""
+    many = 0
+    for q in range(work.first[i], work.first[i + 1]):
+        dx, dy, dz = work.corner[q, 0] - x, work.corner[q, 1] - y, work.corner[q, 2] - z
+        far = work.radius[q] + radius + look
+        if dx * dx + dy * dy + dz * dz <= far * far:
+            selected[many] = q
+            many += 1
+    return many
+
+
+@bare_kernel
+def _touch_spheres(grains, work, rows, m, i, j, offset, reach, look, old_rows, normal):  # type: ignore[no-untyped-def]
+    """Write the contacts of two unions of spheres; return the next row and the gap, and write the normal."""
+    old, count, rest = old_rows
+    x, y, z = offset[0], offset[1], offset[2]
+    mine = _select_near(work, i, x, y, z, grains.radius[j], look, work.one)
+    theirs = _select_near(work, j, -x, -y, -z, grains.radius[i], look, work.two) if mine > 0 else 0
+    best = look
+    corner, radius = work.corner, work.radius
+    for s in range(mine):
+        a = work.one[s]
+        for t in range(theirs):
+            b = work.two[t]
+            dx, dy, dz = (
+                x + corner[b, 0] - corner[a, 0],
+                y + corner[b, 1] - corner[a, 1],
+                z + corner[b, 2] - corner[a, 2],
+            )
+            far = radius[a] + radius[b] + look
+            square = dx * dx + dy * dy + dz * dz
+            if square > far * far:
+                continue
+            distance = math.sqrt(square)
+            gap = distance - radius[a] - radius[b]
+            if distance > 0.0:
+                nx, ny, nz = dx / distance, dy / distance, dz / distance
+            else:
+                nx, ny, nz = 0.0, 0.0, 1.0
+            if gap < best:
+                best = gap
+                normal[0], normal[1], normal[2] = nx, ny, nz
+            if gap >= reach:
+                continue
+            if m >= len(rows.row):
+                return -1, best
+            ax, ay, az = corner[a, 0] + radius[a] * nx, corner[a, 1] + radius[a] * ny, corner[a, 2] + radius[a] * nz
+            bx, by, bz = ax + gap * nx - x, ay + gap * ny - y, az + gap * nz - z
+            same = 0.5 * min(radius[a], radius[b])
+            write_contact(rows, m, i, j, nx, ny, nz, ax, ay, az, bx, by, bz, gap - rest, old, count, same)
+            m += 1
+    return m, best
+
+
+@bare_kernel
+def _touch_parts(grains, bodies, work, rows, m, i, j, offset, distance, reach, look, old_rows, normal):  # type: ignore[no-untyped-def]
+    """Write the contacts of two grains, of which one at least is a solid; return the next row and the gap."""
+    kind_i, kind_j = bodies.kind[grains.shape[i]], bodies.kind[grains.shape[j]]
+    if kind_i < 0 or kind_j < 0:
+        return m, look
+    x, y, z = offset[0], offset[1], offset[2]
+    if kind_i != 0 and kind_j != 0:
+        one, two = _solid(grains, bodies, work, i), _solid(grains, bodies, work, j)
+        start = _first_direction(normal, x, y, z, distance, True)
+        return _touch_two(grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal)
+    best = look
+    if kind_i == 0:
+        many = _select_near(work, i, x, y, z, grains.radius[j], look, work.one)
+    else:
+        many = _select_near(work, j, -x, -y, -z, grains.radius[i], look, work.one)
+    # the normals of several spheres differ from each other
+    u = i if kind_i == 0 else j
+    single = work.first[u + 1] - work.first[u] == 1
+    for k in range(many):
+        q = work.one[k]
+        sphere = (0, u, q, q + 1, 0, work.radius[q])
+        sign = -1.0 if kind_i == 0 else 1.0
+        dx, dy, dz = x + sign * work.corner[q, 0], y + sign * work.corner[q, 1], z + sign * work.corner[q, 2]
+        start = _first_direction(normal, dx, dy, dz, math.sqrt(dx * dx + dy * dy + dz * dz), single)
+        if kind_i == 0:
+            one, two = sphere, _solid(grains, bodies, work, j)
+        else:
+            one, two = _solid(grains, bodies, work, i), sphere
+        before = normal[0], normal[1], normal[2]
+        m, gap = _touch_two(grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal)
+        if m < 0:
+            return -1, best
+        if gap < best:
+            best = gap
+        else:
+            normal[0], normal[1], normal[2] = before
+    return m, best
+
+
+@inlined_kernel
+def _solid(grains, bodies, work, i):  # type: ignore[no-untyped-def]
+    """Return a grain as a part of `convex_distance`."""
+    s = grains.shape[i]
+    return bodies.kind[s], i, work.first[i], work.first[i + 1], bodies.first[s], 0.0
+
+
+@inlined_kernel
+def _first_direction(normal, x, y, z, distance, remembered):  # type: ignore[no-untyped-def]
+    """Return the normal of the step before, or that from center to center."""
+    if remembered and normal[0] <= 1.5:
+        return normal[0], normal[1], normal[2]
+    if distance > 0.0:
+        return x / distance, y / distance, z / distance
+    return 0.0, 0.0, 1.0
+
+
+@bare_kernel
+def _touch_two(grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal):  # type: ignore[no-untyped-def]
+    """Write the contacts of two parts, and their normal; return the next row and the gap."""
+    old, count, rest = old_rows
+    kind_i, i, lo_i, _, _, radius_i = one
+    kind_j, j, lo_j, _, _, radius_j = two
+    near = work.near
+    thick = min(
+        radius_i if kind_i == 0 else bodies.thick[grains.shape[i]] * grains.scale[i],
+        radius_j if kind_j == 0 else bodies.thick[grains.shape[j]] * grains.scale[j],
+    )
+    if kind_i <= 1 and kind_j <= 1:
+        ax, ay, az = 0.0, 0.0, 0.0
+        x, y, z = offset[0], offset[1], offset[2]
+        if kind_i == 0:
+            ax, ay, az = work.corner[lo_i, 0], work.corner[lo_i, 1], work.corner[lo_i, 2]
+            x, y, z = x - ax, y - ay, z - az
+        if kind_j == 0:
+            x, y, z = x + work.corner[lo_j, 0], y + work.corner[lo_j, 1], z + work.corner[lo_j, 2]
+        gap, nx, ny, nz = ellipsoid_gap(
+            work.form[i], radius_i, work.form[j], radius_j, (x, y, z), start, look, near
+        )  # fmt: skip
+        ax, ay, az = ax + near[3], ay + near[4], az + near[5]
+    else:
+        gap, nx, ny, nz = part_gap(bodies, work, one, two, offset, start, thick, look)
+        ax, ay, az = near[3], near[4], near[5]
+    normal[0], normal[1], normal[2] = nx, ny, nz
+    if gap >= reach:
+        return m, gap
+    if m >= len(rows.row):
+        return -1, gap
+    ax, ay, az = ax + radius_i * nx, ay + radius_i * ny, az + radius_i * nz
+    bx, by, bz = ax + gap * nx - offset[0], ay + gap * ny - offset[1], az + gap * nz - offset[2]
+    write_contact(rows, m, i, j, nx, ny, nz, ax, ay, az, bx, by, bz, gap - rest, old, count, SAME * thick)
+    m += 1
+    if kind_i >= 2 and kind_j >= 2:
+        m = write_face_contacts(
+            grains, bodies, work, rows, m, i, j, offset, (nx, ny, nz), reach, rest, thick, m - 1, old, count
+        )
+    return m, gap
