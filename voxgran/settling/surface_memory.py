@@ -1,0 +1,162 @@
+"""What the finders of contacts between surfaces remember of each pair: its pose, and what was near in it.
+
+Between two looks at a pair no point of one surface moves, relative to the other, farther than `motion_since` states; so
+long as this is less than what the list of near points or triangles allows, the list is complete.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel
+from voxgran.settling.contact_rows import write_contact
+from voxgran.settling.distance_grids import SurfaceBodies
+
+#: clusters that are kept of each grain of a pair, and pairs of triangles
+LEAVES, NEAR = 48, 256
+#: pairs of triangles of one pair of grains that are listed at once
+LISTED = 65536
+#: cosine of normals between which near points are one contact
+SAME = 0.7
+
+
+class SurfaceWork(NamedTuple):
+    """Work arrays of both finders for `cap` pairs; those of the pair in row p are lost when another takes its row.
+
+    pose: (cap, 2, 16) poses when the pair was listed, by points and by triangles: offset (3) and rotation (9) of j in
+    the frame of i, both scales, and the distance beyond which nothing was listed.  key: (cap, 2, 4): i, j, and the
+    lengths of the lists, -1 without a list.  leaf: (cap, 2 LEAVES) clusters of j, then of i.  near: (cap, NEAR, 2)
+    triangles of i and of j, and apart: (cap, NEAR) their distances.  saved: (cap, 2) first and count before a call.
+    candidate: (q, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (16,) a pose.
+    turn: (2, 12) maps to the cells of grids.  listed: (2, c) clusters.  found: (LISTED, 2) and found_apart: (LISTED,)
+    pairs of triangles.  stack: (256, 2), bound: (256,), placed: (9, 3, 3), points: (16,): of the search in trees.
+    offset: (3,).
+    """
+
+    pose: Floats
+    key: Integers
+    leaf: NDArray[np.int32]
+    near: NDArray[np.int32]
+    apart: Floats
+    saved: Integers
+    candidate: Floats
+    now: Floats
+    turn: Floats
+    listed: Integers
+    found: Integers
+    found_apart: Floats
+    stack: Integers
+    bound: Floats
+    placed: Floats
+    points: Floats
+    offset: Floats
+
+
+def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
+    """Return work arrays for lists of up to `cap` pairs; they have no memory."""
+    points = np.sort(np.diff(bodies.point_first))[-2:]
+    clusters = max(64, int(np.diff(bodies.cluster_first).max(initial=1)))
+    return SurfaceWork(
+        *(np.zeros((cap, 2, 16)), np.full((cap, 2, 4), -1, dtype=np.int64)),
+        *(np.zeros((cap, 2 * LEAVES), dtype=np.int32), np.zeros((cap, NEAR, 2), dtype=np.int32), np.zeros((cap, NEAR))),
+        *(np.zeros((cap, 2), dtype=np.int64), np.zeros((max(int(2 * points.sum()), LISTED), 8)), np.zeros(16)),
+        *(np.zeros((2, 12)), np.zeros((2, clusters), dtype=np.int64), np.zeros((LISTED, 2), dtype=np.int64)),
+        *(
+            np.zeros(LISTED),
+            np.zeros((256, 2), dtype=np.int64),
+            np.zeros(256),
+            np.zeros((9, 3, 3)),
+            np.zeros(16),
+            np.zeros(3),
+        ),
+    )
+
+
+@bare_kernel
+def write_pose(grains, i, j, shift, pose):  # type: ignore[no-untyped-def]
+    """Write offset and rotation of grain j in the frame of grain i, and both scales."""
+    dx = grains.position[j, 0] + shift[0] - grains.position[i, 0]
+    dy = grains.position[j, 1] + shift[1] - grains.position[i, 1]
+    dz = grains.position[j, 2] + shift[2] - grains.position[i, 2]
+    turn = grains.matrix
+    for r in range(3):
+        pose[r] = turn[i, 0, r] * dx + turn[i, 1, r] * dy + turn[i, 2, r] * dz
+        for c in range(3):
+            pose[3 + 3 * r + c] = (
+                turn[i, 0, r] * turn[j, 0, c] + turn[i, 1, r] * turn[j, 1, c] + turn[i, 2, r] * turn[j, 2, c]
+            )
+    pose[12], pose[13] = grains.scale[i], grains.scale[j]
+
+
+@bare_kernel
+def motion_since(pose, old, radius_i, radius_j):  # type: ignore[no-untyped-def]
+    """Return how far, at most, a point of one surface has moved relative to the other since an old pose."""
+    way, turn = 0.0, 0.0
+    for k in range(3):
+        way += (pose[k] - old[k]) ** 2
+    for k in range(3, 12):
+        turn += (pose[k] - old[k]) ** 2
+    # a rotation by t has the Frobenius norm 2 sqrt(2) sin(t / 2) and moves points by 2 sin(t / 2) of their distance
+    grown = abs(1.0 - old[12] / pose[12]) * radius_i + abs(1.0 - old[13] / pose[13]) * radius_j
+    return 1.000001 * (math.sqrt(way) + math.sqrt(0.5 * turn) * radius_j + grown)
+
+
+@bare_kernel
+def copy_numbers(target, source):  # type: ignore[no-untyped-def]
+    """Copy a row of numbers."""
+    for k in range(len(source)):
+        target[k] = source[k]
+
+
+@bare_kernel
+def is_kept(key, i, j):  # type: ignore[no-untyped-def]
+    """Return whether a row of the memory has the lists of a pair."""
+    return key[0] == i and key[1] == j and key[2] >= 0
+
+
+@bare_kernel
+def spacing_of(radius_i, radius_j):  # type: ignore[no-untyped-def]
+    """Return how far apart the contact points of a pair are, at least, unless their normals differ."""
+    return min(0.15, 0.15 * min(radius_i, radius_j))
+
+
+@bare_kernel
+def write_spread(rows, m, i, j, offset, candidate, k, most, near, less, spacing, first, count):  # type: ignore[no-untyped-def]
+    """Write the deepest of k candidates that are apart from each other, at most `most`; return the new number of rows.
+
+    offset: (3,) from centroid i to j.  near: largest gap.  less: what is subtracted from the gaps.  first, count: the
+    old rows of the pair.  Returns -1 if the rows are full.
+    """
+    start = m
+    while m - start < most:
+        best, at = near, -1
+        for q in range(k):
+            if candidate[q, 6] < best:
+                best, at = candidate[q, 6], q
+        if at < 0:
+            return m
+        if m >= len(rows.i):
+            return -1
+        x, y, z = candidate[at, 0], candidate[at, 1], candidate[at, 2]
+        u, v, w = candidate[at, 3], candidate[at, 4], candidate[at, 5]
+        bx, by, bz = x + best * u - offset[0], y + best * v - offset[1], z + best * w - offset[2]
+        write_contact(rows, m, i, j, u, v, w, x, y, z, bx, by, bz, best - less, first, count, 0.5 * spacing)
+        m += 1
+        for q in range(k):
+            if candidate[q, 6] < near:
+                square = (candidate[q, 0] - x) ** 2 + (candidate[q, 1] - y) ** 2 + (candidate[q, 2] - z) ** 2
+                cosine = candidate[q, 3] * u + candidate[q, 4] * v + candidate[q, 5] * w
+                if q == at or (square < spacing * spacing and cosine > SAME):
+                    candidate[q, 6] = 1e300
+    return m
+
+
+@bare_kernel
+def restore(pairs, saved, last):  # type: ignore[no-untyped-def]
+    """Give the pairs up to `last` that were looked at their old rows back."""
+    for p in range(last + 1):
+        if saved[p, 0] >= 0:
+            pairs.first[p], pairs.count[p] = saved[p, 0], saved[p, 1]
