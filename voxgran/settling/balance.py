@@ -404,7 +404,7 @@ def _onto_cone(push, rub, friction, sn, st):  # type: ignore[no-untyped-def]
 
     It is the nearest one in the metric in which the steps sn along the normal and st across it are those of a gradient.
     """
-    if rub <= friction * push:
+    if push >= 0.0 and rub <= friction * push:
         return push, 1.0
     metric = sn / st if st > 0.0 else 0.0
     nearest = (push + friction * rub * metric) / (1.0 + friction * friction * metric)
