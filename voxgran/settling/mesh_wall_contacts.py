@@ -1,0 +1,271 @@
+"""Points of a grain near the walls of a closed mesh.
+
+Corners and centers of spheres are compared with the triangles of the wall: besides the nearest one, with those that
+bound the free space about a point by themselves, as the sides of a groove do. Edges of the wall that are reentrant,
+seen from inside, may protrude into faces of a grain: along them the signed distance of the grain is searched for
+minima.
+"""
+
+import math
+
+import numpy as np
+
+from voxgran._base.kernels import bare_kernel
+from voxgran._base.tree import closest_on_triangle, is_behind, search_triangles, square_to_box
+from voxgran.settling.wall_bodies import ELLIPSOID, POINTS
+from voxgran.settling.wall_candidates import add_candidate, rings_of, set_frame, support_arm
+
+#: walls that are looked for about one point, at most
+WALLS = 4
+#: cosine of the normals of two walls above which they count as one
+ONE_WALL = 0.98
+#: depth of points beyond a wall, in bounding radii, up to which they are looked for while the centroid is inside
+DEEP = 0.5
+#: golden-section steps to a minimum along an edge
+GOLDEN_STEPS = 30
+GOLDEN = 0.6180339887498949
+
+
+@bare_kernel
+def near_mesh(bodies, walls, shape, scale, m, x, y, z, radius, reach):  # type: ignore[no-untyped-def]
+    """Write the points of a grain at (x, y, z) within reach of a closed mesh; return how many there are."""
+    px, py, pz = x + walls.shift[0], y + walls.shift[1], z + walls.shift[2]
+    square, triangle, feature, qx, qy, qz = search_triangles(
+        walls.corners, walls.low, walls.high, walls.start, px, py, pz, np.inf, walls.stack
+    )
+    depth = math.sqrt(square)
+    if is_behind(walls.normals, triangle, feature, px - qx, py - qy, pz - qz):
+        if depth > radius + reach:
+            return 0
+    else:
+        depth = -depth
+    far = np.inf if depth < DEEP * radius else reach + DEEP * radius
+    c, point = 0, bodies.point
+    for k in range(bodies.start[shape], bodies.start[shape + 1]):
+        bx, by, bz, r = point[k, 0], point[k, 1], point[k, 2], scale * bodies.margin[k]
+        if depth - scale * math.sqrt(bx * bx + by * by + bz * bz) - r > reach:
+            continue
+        ax = scale * (m[0, 0] * bx + m[0, 1] * by + m[0, 2] * bz)
+        ay = scale * (m[1, 0] * bx + m[1, 1] * by + m[1, 2] * bz)
+        az = scale * (m[2, 0] * bx + m[2, 1] * by + m[2, 2] * bz)
+        c = _near_point(bodies, walls, c, px, py, pz, ax, ay, az, r, reach, far)
+    side = bodies.mesh
+    if len(side.edge) > 0 and side.triangle[shape + 1] > side.triangle[shape]:
+        c = _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach)
+    if bodies.kind[shape] != POINTS:
+        c = _refine(bodies, c, shape, scale, m, reach)
+    return c
+
+
+@bare_kernel
+def _near_point(bodies, walls, c, x, y, z, ax, ay, az, r, reach, far):  # type: ignore[no-untyped-def]
+    """Add the contacts of a sphere, or point, of radius r at an arm from (x, y, z) in the frame of the walls."""
+    px, py, pz = x + ax, y + ay, z + az
+    square, t, feature, qx, qy, qz = search_triangles(
+        walls.corners, walls.low, walls.high, walls.start, px, py, pz, far + r, walls.stack
+    )
+    if t < 0:
+        return c
+    inside = is_behind(walls.normals, t, feature, px - qx, py - qy, pz - qz)
+    seen, known = bodies.mesh.seen, 0
+    while t >= 0:
+        distance = math.sqrt(square)
+        gap = (distance if inside else -distance) - r
+        if gap > reach:
+            return c
+        sign = 1.0 if inside else -1.0
+        nx, ny, nz = sign * (qx - px), sign * (qy - py), sign * (qz - pz)
+        if distance < 1e-12 * (1.0 + abs(px) + abs(py) + abs(pz)):
+            nx, ny, nz = walls.normals[t, feature, 0], walls.normals[t, feature, 1], walls.normals[t, feature, 2]
+        length = max(math.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
+        nx, ny, nz = nx / length, ny / length, nz / length
+        c = add_candidate(bodies.found, c, ax + r * nx, ay + r * ny, az + r * nz, nx, ny, nz, gap)
+        if not inside or known == WALLS - 1:
+            return c
+        row = seen[known]
+        row[0], row[1], row[2], row[3], row[4], row[5] = qx, qy, qz, nx, ny, nz
+        known += 1
+        square, t, feature, qx, qy, qz = _next_wall(walls, px, py, pz, reach + r, seen, known)
+    return c
+
+
+@bare_kernel
+def _next_wall(walls, x, y, z, reach, seen, known):  # type: ignore[no-untyped-def]
+    """Return squared distance, triangle, feature and point of the nearest wall that those known do not stand for.
+
+    A point on a known wall's plane, or beyond it, is no obstacle before that wall is.
+    """
+    best, found, feature, fx, fy, fz = reach * reach, -1, 0, x, y, z
+    stack, low, high = walls.stack, walls.low, walls.high
+    stack[0], depth, leaves = 0, 1, len(low) // 2
+    while depth > 0:
+        depth -= 1
+        node = stack[depth]
+        if square_to_box(low, high, node, x, y, z) > best:
+            continue
+        if node < leaves:
+            stack[depth], stack[depth + 1] = 2 * node + 2, 2 * node + 1
+            depth += 2
+            continue
+        for t in range(walls.start[node, 0], walls.start[node, 1]):
+            qx, qy, qz, part = closest_on_triangle(walls.corners, t, x, y, z)
+            square = (qx - x) ** 2 + (qy - y) ** 2 + (qz - z) ** 2
+            if square >= best or not is_behind(walls.normals, t, part, x - qx, y - qy, z - qz):
+                continue
+            length, new = math.sqrt(square), True
+            for k in range(known):
+                old = seen[k]
+                before = (old[0] - qx) * old[3] + (old[1] - qy) * old[4] + (old[2] - qz) * old[5]
+                along = (qx - x) * old[3] + (qy - y) * old[4] + (qz - z) * old[5]
+                if before < 1e-6 * reach or along > ONE_WALL * length:
+                    new = False
+            if new:
+                best, found, feature, fx, fy, fz = square, t, part, qx, qy, qz
+    return best, found, feature, fx, fy, fz
+
+
+@bare_kernel
+def _refine(bodies, c, shape, scale, m, reach):  # type: ignore[no-untyped-def]
+    """Replace corners of a smooth solid by its support points along their normals, which are each kept once."""
+    kind, found = bodies.kind[shape], bodies.found
+    set_frame(bodies, shape, m)
+    # rim points stay beside the support points: the solid stands on them
+    kept = 0 if kind == ELLIPSOID else c
+    for k in range(c):
+        old = found[k]
+        nx, ny, nz = old[3], old[4], old[5]
+        plane = old[0] * nx + old[1] * ny + old[2] * nz + old[6]
+        for ring in range(rings_of(kind)):
+            ax, ay, az = support_arm(bodies, shape, scale, ring, nx, ny, nz)
+            gap = plane - ax * nx - ay * ny - az * nz
+            new = gap <= reach
+            for other in range(kept):
+                row = found[other]
+                apart = abs(row[0] - ax) + abs(row[1] - ay) + abs(row[2] - az)
+                turned = abs(row[3] - nx) + abs(row[4] - ny) + abs(row[5] - nz)
+                if apart < 1e-6 * scale * bodies.size[shape, 0] and turned < 1e-6:
+                    new = False
+            if new:
+                kept = add_candidate(found, kept, ax, ay, az, nx, ny, nz, gap)
+    return kept
+
+
+@bare_kernel
+def _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach):  # type: ignore[no-untyped-def]
+    """Add where reentrant edges of the wall are nearest to a grain, or deepest in it."""
+    side, near = bodies.mesh, radius + reach
+    stack, leaves = side.stack[0], len(side.edge_low) // 2
+    stack[0], depth = 0, 1
+    while depth > 0:
+        depth -= 1
+        node = stack[depth]
+        if square_to_box(side.edge_low, side.edge_high, node, x, y, z) > near * near:
+            continue
+        if node < leaves:
+            stack[depth], stack[depth + 1] = 2 * node + 2, 2 * node + 1
+            depth += 2
+            continue
+        for e in range(side.edge_start[node, 0], side.edge_start[node, 1]):
+            ux, uy, uz = (
+                side.edge[e, 1, 0] - side.edge[e, 0, 0],
+                side.edge[e, 1, 1] - side.edge[e, 0, 1],
+                side.edge[e, 1, 2] - side.edge[e, 0, 2],
+            )
+            dx, dy, dz = side.edge[e, 0, 0] - x, side.edge[e, 0, 1] - y, side.edge[e, 0, 2] - z
+            length = math.sqrt(ux * ux + uy * uy + uz * uz)
+            if length == 0.0:
+                continue
+            ux, uy, uz = ux / length, uy / length, uz / length
+            # the part of the edge within the bounding sphere
+            middle = -(dx * ux + dy * uy + dz * uz)
+            square = near * near - (dx * dx + dy * dy + dz * dz - middle * middle)
+            if square <= 0.0:
+                continue
+            half = math.sqrt(square)
+            low, high = max(middle - half, 0.0), min(middle + half, length)
+            if low < high:
+                c = _along_edge(bodies, c, shape, scale, m, dx, dy, dz, ux, uy, uz, low, high, reach)
+    return c
+
+
+@bare_kernel
+def _along_edge(bodies, c, shape, scale, m, dx, dy, dz, ux, uy, uz, low, high, reach):  # type: ignore[no-untyped-def]
+    """Add the minima of the signed distance of a grain along the line d + s u, relative to its centroid."""
+    step = bodies.spread[shape] * scale
+    before, s, r = low, low, low
+    value = _grain_distance(bodies, shape, scale, m, dx + s * ux, dy + s * uy, dz + s * uz)[0]
+    last = math.inf
+    while True:
+        r = min(s + max(step, value - reach), high)
+        after = _grain_distance(bodies, shape, scale, m, dx + r * ux, dy + r * uy, dz + r * uz)[0]
+        end = r == s
+        if value <= last and (value <= after or end) and value <= reach + step:
+            # a minimum lies between the neighbours of this point
+            a, b = before, r
+            one, two = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
+            f = _grain_distance(bodies, shape, scale, m, dx + one * ux, dy + one * uy, dz + one * uz)[0]
+            g = _grain_distance(bodies, shape, scale, m, dx + two * ux, dy + two * uy, dz + two * uz)[0]
+            for _ in range(GOLDEN_STEPS):
+                if f <= g:
+                    b, two, g = two, one, f
+                    one = b - GOLDEN * (b - a)
+                    f = _grain_distance(bodies, shape, scale, m, dx + one * ux, dy + one * uy, dz + one * uz)[0]
+                else:
+                    a, one, f = one, two, g
+                    two = a + GOLDEN * (b - a)
+                    g = _grain_distance(bodies, shape, scale, m, dx + two * ux, dy + two * uy, dz + two * uz)[0]
+            best = one if f <= g else two
+            if value <= min(f, g):
+                best = s
+            c = _add_edge_point(bodies, c, shape, scale, m, dx + best * ux, dy + best * uy, dz + best * uz, reach)
+        if end:
+            return c
+        before, s, last, value = s, r, value, after
+
+
+@bare_kernel
+def _add_edge_point(bodies, c, shape, scale, m, x, y, z, reach):  # type: ignore[no-untyped-def]
+    """Add a point of the wall, relative to the centroid, that is near the surface of a grain or inside it."""
+    gap, ax, ay, az, nx, ny, nz = _grain_distance(bodies, shape, scale, m, x, y, z)
+    if gap > reach:
+        return c
+    for k in range(c):
+        row = bodies.found[k]
+        apart = abs(row[0] - ax) + abs(row[1] - ay) + abs(row[2] - az)
+        if apart < 1e-6 * bodies.spread[shape] * scale and row[3] * nx + row[4] * ny + row[5] * nz > 1.0 - 1e-9:
+            return c
+    return add_candidate(bodies.found, c, ax, ay, az, nx, ny, nz, gap)
+
+
+@bare_kernel
+def _grain_distance(bodies, shape, scale, m, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the distance of a point from a grain, negative inside, its nearest point, and the normal there.
+
+    Points are relative to the centroid.
+    """
+    side = bodies.mesh
+    bx = (m[0, 0] * x + m[1, 0] * y + m[2, 0] * z) / scale
+    by = (m[0, 1] * x + m[1, 1] * y + m[2, 1] * z) / scale
+    bz = (m[0, 2] * x + m[1, 2] * y + m[2, 2] * z) / scale
+    t0, t1, k0, k1 = side.triangle[shape], side.triangle[shape + 1], side.node[shape], side.node[shape + 1]
+    corners, normals = side.corners[t0:t1], side.normals[t0:t1]
+    square, t, feature, qx, qy, qz = search_triangles(
+        corners, side.low[k0:k1], side.high[k0:k1], side.start[k0:k1], bx, by, bz, np.inf, side.stack[1]
+    )
+    distance = math.sqrt(square)
+    vx, vy, vz = bx - qx, by - qy, bz - qz
+    sign = -1.0 if side.closed[shape] == 1 and is_behind(normals, t, feature, vx, vy, vz) else 1.0
+    vx, vy, vz = sign * vx, sign * vy, sign * vz
+    if distance < 1e-12 * (1.0 + abs(bx) + abs(by) + abs(bz)):
+        vx, vy, vz = normals[t, feature, 0], normals[t, feature, 1], normals[t, feature, 2]
+    length = max(math.sqrt(vx * vx + vy * vy + vz * vz), 1e-300)
+    vx, vy, vz = vx / length, vy / length, vz / length
+    return (
+        sign * distance * scale,
+        scale * (m[0, 0] * qx + m[0, 1] * qy + m[0, 2] * qz),
+        scale * (m[1, 0] * qx + m[1, 1] * qy + m[1, 2] * qz),
+        scale * (m[2, 0] * qx + m[2, 1] * qy + m[2, 2] * qz),
+        m[0, 0] * vx + m[0, 1] * vy + m[0, 2] * vz,
+        m[1, 0] * vx + m[1, 1] * vy + m[1, 2] * vz,
+        m[2, 0] * vx + m[2, 1] * vy + m[2, 2] * vz,
+    )

@@ -1,0 +1,246 @@
+"""Tables of shapes by which contacts with walls are found.
+
+Against flat, cylindrical and spherical walls the extreme points of a grain decide: centers of spheres with their radii,
+corners of the convex hull, and of smooth solids rims, apices and support points. In a closed mesh the walls may also
+protrude into faces of grains: its edges that are reentrant, seen from inside, are kept in a tree, with the surface of
+each shape in another.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+from voxgran._base.tree import STACK, TriangleTree, grow_tree, normals_of
+from voxgran.containers.model import UNKNOWN, Container, boundary_of
+from voxgran.contacts.parts import is_disk
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.surface import Surface
+from voxgran.shapes.tessellate import sphere
+
+#: kinds of bodies: points with margins only, and smooth solids, whose support points count too
+POINTS, ELLIPSOID, CYLINDER, CONE = 0, 1, 2, 3
+SMOOTH = {"ellipsoid": ELLIPSOID, "cylinder": CYLINDER, "cone": CONE}
+#: points on each rim that turn with the grain, on which it stands
+RIM_POINTS = 12
+#: least distance of the contacts that are kept where there are many, in diameters of the shape
+SPREAD = 0.1
+#: subdivisions of the sphere that stands for an ellipsoid in a closed mesh (162 corners)
+SUBDIVISIONS = 2
+#: rise of a face beyond the plane of its neighbour, in lengths of the edge, above which their edge is reentrant
+REENTRANT = 1e-6
+#: candidates of one grain at a wall, beyond four for each of its points
+MORE_CANDIDATES = 1024
+
+
+class Lid(NamedTuple):
+    """A flat wall with a (3,) normal away from the grains, at a level along it; none where the level is infinite."""
+
+    normal: Floats
+    level: float
+
+
+class MeshSide(NamedTuple):
+    """What is needed where the container is a closed mesh; empty otherwise.
+
+    edge, edge_low, edge_high, edge_start: tree of the reentrant edges (e, 3, 3), as triangles whose last two corners
+    are equal, in the coordinates of the container.  triangle, node: (s + 1,) first triangles and boxes of each shape.
+    corners, normals, low, high, start: trees of the surfaces of the shapes, one after the other.
+    closed: (s,) whether the surface encloses a solid.
+    stack: (2, 64) boxes that wait, for the edges and for searches.  seen: (4, 6) wall points and normals.
+    """
+
+    edge: Floats
+    edge_low: Floats
+    edge_high: Floats
+    edge_start: Integers
+    triangle: Integers
+    node: Integers
+    corners: Floats
+    normals: Floats
+    low: Floats
+    high: Floats
+    start: Integers
+    closed: Integers
+    stack: Integers
+    seen: Floats
+
+
+class WallBodies(NamedTuple):
+    """Shapes as contacts with walls need them, and work space.
+
+    kind: (s,) POINTS, ELLIPSOID, CYLINDER or CONE.  start: (s + 1,) first point of each shape.
+    point: (p, 3) points relative to the centroids.  margin: (p,) distance of the surface from them.
+    size, turn: (s, 3) dimensions and (s, 3, 3) rotation of smooth solids in their body frames.
+    spread: (s,) least distance of contacts where there are many.
+    frame: (3, 3), found: (k, 8) work space: axes of a smooth solid, and candidates (arm, normal, gap, distance).
+    """
+
+    kind: Integers
+    start: Integers
+    point: Floats
+    margin: Floats
+    size: Floats
+    turn: Floats
+    spread: Floats
+    frame: Floats
+    found: Floats
+    mesh: MeshSide
+
+
+def wall_bodies(shapes: tuple[Shape, ...], container: Container) -> WallBodies:
+    """Return the tables of shapes for contacts with the walls of a container and with a lid.
+
+    Parameters
+    ----------
+    shapes : tuple of Shape
+        Shapes of the grains; s of them.
+    container : Container
+        Container of the grains.
+
+    Returns
+    -------
+    WallBodies
+        Tables in the unit of lengths of the shapes.
+
+    Raises
+    ------
+    InputError
+        If the walls of the container are not known in closed form.
+    """
+    walls = boundary_of(container)
+    if walls is UNKNOWN:
+        raise InputError(
+            f"container is of kind {container.kind!r}, known by its signed distance only: contacts need its walls in "
+            "closed form; use a Box, Rectangle, Cylinder, Sphere or ClosedMesh"
+        )
+    in_mesh = walls.solid is not None
+    count = len(shapes)
+    kind, size, turn = np.zeros(count, dtype=np.int64), np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
+    points, margins = [np.zeros((0, 3))], [np.zeros(0)]
+    for k, shape in enumerate(shapes):
+        geometry = shape.geometry
+        if isinstance(geometry, Primitive) and geometry.kind in SMOOTH:
+            kind[k], turn[k] = SMOOTH[geometry.kind], geometry.matrix
+            size[k, : len(geometry.dimensions)] = geometry.dimensions
+        point, margin = _points_of(geometry, in_mesh=in_mesh)
+        points.append(point)
+        margins.append(margin)
+    counts = [len(point) for point in points]
+    most = 4 * max(counts) + MORE_CANDIDATES
+    return WallBodies(
+        *(kind, np.cumsum(counts).astype(np.int64), np.concatenate(points), np.concatenate(margins), size, turn),
+        *(np.array([SPREAD * shape.diameter for shape in shapes]), np.zeros((3, 3)), np.zeros((most, 8))),
+        _mesh_side(shapes, walls.solid),
+    )
+
+
+def _points_of(geometry: Geometry, *, in_mesh: bool) -> tuple[Floats, Floats]:
+    """Return the points (p, 3) of a shape that may touch walls, and their margins (p,)."""
+    if isinstance(geometry, Spheres):
+        return geometry.centers.copy(), geometry.radii.copy()
+    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
+        return np.zeros((1, 3)), np.array([geometry.dimensions[0]])
+    if isinstance(geometry, Outline):
+        if is_disk(geometry):
+            return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
+        points: Floats = np.column_stack([geometry.vertices, np.zeros(len(geometry.vertices))])
+    elif isinstance(geometry, Primitive):
+        points = _of_primitive(geometry, in_mesh=in_mesh)
+    else:
+        points = geometry.vertices if in_mesh else _hull_corners(geometry.vertices)
+    return points.copy(), np.zeros(len(points))
+
+
+def _of_primitive(solid: Primitive, *, in_mesh: bool) -> Floats:
+    """Return corners, rim points and apex of a primitive other than a sphere."""
+    d = solid.dimensions
+    if solid.kind == "box":
+        return solid.tessellation()[0]
+    if solid.kind == "ellipsoid":
+        # from the points of a finer polyhedron the support points in a closed mesh are found
+        return _round_surface(solid)[0] if in_mesh else np.zeros((0, 3))
+    angle = 2 * math.pi * np.arange(RIM_POINTS) / RIM_POINTS
+    rim = np.column_stack([d[0] * np.cos(angle), d[0] * np.sin(angle), np.zeros(RIM_POINTS)])
+    if solid.kind == "cylinder":
+        points = np.concatenate([rim - [0.0, 0.0, d[1] / 2], rim + [0.0, 0.0, d[1] / 2]])
+    else:
+        points = np.concatenate([rim - [0.0, 0.0, d[1] / 4], [[0.0, 0.0, 0.75 * d[1]]]])
+    return np.asarray(points @ solid.matrix.T)
+
+
+def _round_surface(solid: Primitive) -> tuple[Floats, Integers]:
+    """Return vertices and faces of a polyhedron around an ellipsoid."""
+    vertices, faces, error = sphere(SUBDIVISIONS)
+    return vertices / (1 - error) * np.array(solid.dimensions) @ solid.matrix.T, faces
+
+
+def _hull_corners(vertices: Floats) -> Floats:
+    """Return the corners of the convex hull of (n, 3) points; all points where they lie in a plane."""
+    spatial = load("scipy.spatial")
+    try:
+        return np.asarray(vertices[np.sort(spatial.ConvexHull(vertices).vertices)])
+    except spatial.QhullError:
+        return vertices
+
+
+def _mesh_side(shapes: tuple[Shape, ...], solid: Shape | None) -> MeshSide:
+    """Return the reentrant edges of a closed mesh and the surfaces of the shapes; empty where there are none."""
+    edges = np.zeros((0, 3, 3))
+    if solid is not None:
+        assert isinstance(solid.geometry, Mesh)
+        edges = reentrant_edges(solid.geometry) + np.array(solid.offset)
+    trees: list[TriangleTree | None] = [_surface_of(shape.geometry) if len(edges) else None for shape in shapes]
+    kept = [tree for tree in trees if tree is not None]
+    triangle = np.cumsum([0, *(0 if tree is None else len(tree.corners) for tree in trees)]).astype(np.int64)
+    node = np.cumsum([0, *(0 if tree is None else len(tree.low) for tree in trees)]).astype(np.int64)
+    closed = np.array([not isinstance(shape.geometry, Surface) for shape in shapes], dtype=np.int64)
+    box, span = np.zeros((0, 3)), np.zeros((0, 2), dtype=np.int64)
+    edge_tree = (edges, box, box.copy(), span)
+    if len(edges):
+        tree = grow_tree(edges.reshape(-1, 3), np.arange(3 * len(edges)).reshape(-1, 3))
+        edge_tree = (tree.corners.copy(), tree.low.copy(), tree.high.copy(), tree.start.copy())
+    return MeshSide(
+        *edge_tree,
+        *(triangle, node),
+        np.concatenate([np.zeros((0, 3, 3)), *(tree.corners for tree in kept)]),
+        np.concatenate([np.zeros((0, 7, 3)), *(tree.normals for tree in kept)]),
+        *(np.concatenate([box, *(tree.low for tree in kept)]), np.concatenate([box, *(tree.high for tree in kept)])),
+        np.concatenate([span, *(tree.start for tree in kept)]),
+        *(closed, np.zeros((2, STACK), dtype=np.int64), np.zeros((4, 6))),
+    )
+
+
+def _surface_of(geometry: Geometry) -> TriangleTree | None:
+    """Return the tree of the surface of a shape; None of spheres, whose gaps follow from their centers."""
+    if isinstance(geometry, Mesh | Surface):
+        return geometry.tree
+    if not isinstance(geometry, Primitive) or geometry.kind == "sphere":
+        return None
+    return grow_tree(*(_round_surface(geometry) if geometry.kind == "ellipsoid" else geometry.circumscribed()))
+
+
+def reentrant_edges(mesh: Mesh) -> Floats:
+    """Return the edges (e, 3, 3) of a closed mesh that protrude into it, each as its two ends and the second again."""
+    faces, triangles = mesh.faces, mesh.triangles
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    key = ends.min(axis=1) * (int(faces.max(initial=0)) + 1) + ends.max(axis=1)
+    order = np.argsort(key, kind="stable")
+    first = order[np.flatnonzero(np.diff(key[order], prepend=-1))]
+    count = np.bincount(np.unique(key, return_inverse=True)[1])
+    second = order[np.flatnonzero(np.diff(key[order], prepend=-1)) + np.minimum(count - 1, 1)]
+    normal = normals_of(triangles)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    one, other = first // 3, second // 3
+    start, stop = mesh.vertices[ends[first, 0]], mesh.vertices[ends[first, 1]]
+    apex = triangles[other, (second % 3 + 2) % 3]
+    rise = np.einsum("ei,ei->e", apex - start, normal[one])
+    chosen = (rise > REENTRANT * np.linalg.norm(stop - start, axis=1)) | (count != 2)
+    return np.asarray(np.stack([start, stop, stop], axis=1)[chosen])
