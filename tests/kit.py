@@ -6,10 +6,14 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import ConvexHull
 
+from voxgran.contacts.forces import ContactForces
+from voxgran.containers.box import Box
 from voxgran.packing.driver import Drive, drive
+from voxgran.packing.model import Packing
 from voxgran.packing.pack import prepare_task
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import unit_box
 
 REFERENCES = Path(__file__).parent / "reference" / "references.toml"
@@ -58,6 +62,26 @@ def mesh_box(lengths):
 def fixed_shape(vertices, faces):
     """Return a shape that stays where it is: its frame is that of the lattice."""
     return Shape(Mesh(np.ascontiguousarray(vertices, dtype=float), np.ascontiguousarray(faces)), "body")
+
+
+def column(count, **more):
+    """Return spheres of diameter 1 on top of each other at rest: each bears the weight of those above it."""
+    above = np.arange(count - 1, -1, -1.0)
+    place = np.column_stack([np.ones((count, 2)), np.arange(count) + 0.5])
+    up = np.array([0.0, 0.0, 1.0])
+    forces = ContactForces(
+        i=np.append(np.arange(1, count), 0),
+        j=np.append(np.arange(count - 1), -1),
+        point=np.append(place[1:], place[:1], axis=0) - 0.5 * up,
+        normal=np.tile(-up, (count, 1)),
+        force=-up * np.append(above[1:] + 1, count)[:, None],
+        gap=np.zeros(count),
+        residual=np.zeros(count),
+        rattler=np.zeros(count, dtype=bool),
+        friction=0.5,
+    )
+    ball = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
+    return Packing.of([ball], Box((2, 2, count + 1)), position=place, forces=forces, **more)
 
 
 def hull(points):

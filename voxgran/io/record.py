@@ -18,6 +18,7 @@ from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_poin
 from voxgran._base.errors import FileFormatError, InputError, VoxgranError, with_article
 from voxgran._base.guarded import reason_of
 from voxgran._base.units import known_unit
+from voxgran.contacts.forces import ContactForces
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.make import make_container
 from voxgran.containers.model import boundary_of
@@ -34,6 +35,9 @@ from voxgran.shapes.surface import Surface
 
 #: version of the layout; a reader refuses a higher one
 FORMAT = 1
+#: arrays of the forces with one row a contact, and a grain; in files they stand behind this word
+_OF_CONTACTS, _OF_GRAINS = ("i", "j", "point", "normal", "force", "gap"), ("residual", "rattler")
+_FORCES = "forces_"
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +85,7 @@ def to_record(packing: Packing) -> Record:
     arrays["solid_fraction"] = np.array([packing.solid_fraction])
     arrays["contact_gap"] = np.array([packing.contact_gap])
     arrays["gravity"] = np.zeros(3) if packing.gravity is None else np.array(packing.gravity)
+    _add_forces(packing.forces, per_grain, arrays)
     texts = {
         "unit": packing.unit,
         "stop_reason": packing.stop_reason,
@@ -145,7 +150,7 @@ def _packing(record: Record) -> Packing:
 
 
 def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
-    """Return gravity, contact gap and asked sizes, of files without them as the provenance has them."""
+    """Return gravity, contact gap, asked sizes and forces; files of before have the first three in the provenance."""
     if "gravity" not in record.arrays:
         return fields_of(packing.provenance, packing.container, packing.diameters)
     down, sizes = np.array(record.arrays["gravity"], dtype=np.float64), json.loads(record.texts["asked_sizes"])
@@ -153,7 +158,33 @@ def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
         "gravity": as_down(down, packing.container) if down.any() else None,
         "contact_gap": as_number(float(record.arrays["contact_gap"][0]), "contact_gap", at_least=0.0),
         "asked_sizes": None if sizes is None else make_sizes(sizes),
+        "forces": _forces(record),
     }
+
+
+def _add_forces(
+    forces: ContactForces | None, per_grain: dict[str, NDArray[Any]], arrays: dict[str, NDArray[Any]]
+) -> None:
+    """Add the arrays of forces, where they are known, to those of a record; friction that is not known is NaN."""
+    if forces is None:
+        return
+    arrays[_FORCES + "friction"] = np.array([np.nan if forces.friction is None else forces.friction])
+    for names, place in ((_OF_CONTACTS, arrays), (_OF_GRAINS, per_grain)):
+        for name in names:
+            values = getattr(forces, name)
+            # VTK has no flags
+            place[_FORCES + name] = values.astype(np.uint8) if values.dtype == bool else values
+
+
+def _forces(record: Record) -> ContactForces | None:
+    """Return the forces of a record; None where there are none."""
+    if _FORCES + "friction" not in record.arrays:
+        return None
+    friction = float(record.arrays[_FORCES + "friction"][0])
+    values = {name: record.arrays[_FORCES + name] for name in _OF_CONTACTS}
+    values |= {name: record.per_grain[_FORCES + name] for name in _OF_GRAINS}
+    values["rattler"] = np.asarray(values["rattler"]) != 0
+    return ContactForces(**values, friction=None if np.isnan(friction) else friction)
 
 
 def _json(value: Any, name: str) -> str:

@@ -19,6 +19,7 @@ from voxgran._base.files import as_path, existing_file, refuse_to_replace, write
 from voxgran._base.guarded import read_guarded, reason_of
 from voxgran._base.vtk_data import attach, attach_texts, poly_data, write_data
 from voxgran._base.vtk_readers import vtk_points
+from voxgran.contacts.forces import chain_ends
 from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.io.record import Record, from_record, to_record
 from voxgran.packing.model import Packing, check_packing
@@ -150,7 +151,9 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
     -----
     Where there are more than BALL_SURFACE_LIMIT spheres, they are points with a radius (show them as Point Gaussian
     or glyphs); all other grains are one mesh with the grain, its shape and its diameter at each triangle. Contacts
-    are lines between the centroids, with gap, normal and contact point.
+    are lines between the centroids, with gap, normal and contact point. Where forces are known, the block `forces` has
+    the contacts that carry one as such lines, at walls and the lid to the contact point; `magnitude` at their points is
+    the force in weights of a median grain (for force chains apply the filter Tube, with the radius varied by it).
     """
     check_packing(packing, "packing")
     target = as_path(path)
@@ -164,6 +167,7 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
         "spheres": _sphere_points(packing),
         "container": poly_data(packing.container.mesh()[0], "Polys", packing.container.mesh()[1]),
         "contacts": _contact_lines(packing, reach),
+        "forces": _force_lines(packing),
     }
     parts = {name: data for name, data in parts.items() if data.GetNumberOfPoints()}
     with written_whole(target.with_suffix(""), overwrite=overwrite) as folder:
@@ -237,6 +241,22 @@ def _contact_lines(packing: Packing, gap: float) -> Any:
     data = poly_data(ends, "Lines", np.arange(len(ends)).reshape(-1, 2))
     values = {name: getattr(contacts, name) for name in ("i", "j", "gap", "normal", "point")}
     attach(data.GetCellData(), values)
+    return data
+
+
+def _force_lines(packing: Packing) -> Any:
+    """Return the contacts that carry a force as lines; none where the forces are not known."""
+    forces = packing.forces
+    if forces is None:
+        return poly_data(np.zeros((0, 3)), "Lines", np.zeros((0, 2), np.int64))
+    kept = forces.carries
+    ends = np.stack(chain_ends(packing, forces), axis=1)[kept].reshape(-1, 3)
+    data = poly_data(ends, "Lines", np.arange(len(ends)).reshape(-1, 2))
+    values = {name: getattr(forces, name)[kept] for name in ("i", "j", "gap", "normal", "point", "force")}
+    shares = {"normal_force": forces.normal_force[kept], "tangential_force": forces.tangential_force[kept]}
+    attach(data.GetCellData(), {**values, **shares})
+    # the filter Tube varies its radius by an array of the points
+    attach(data.GetPointData(), {"magnitude": np.repeat(forces.magnitude[kept], 2)})
     return data
 
 

@@ -16,6 +16,7 @@ from voxgran._base.errors import InputError, shown
 from voxgran._base.units import NO_UNIT, as_unit, unit_factor
 from voxgran.contacts.assembly import checked_arrays
 from voxgran.contacts.find import find_contacts
+from voxgran.contacts.forces import ContactForces, check_forces
 from voxgran.contacts.model import Contacts
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.model import Container
@@ -68,6 +69,9 @@ class Packing(GrainSequence):
         where that is not known.
     asked_sizes : SizeDistribution or None
         Distribution of sizes that was asked for; None where there was none.
+    forces : ContactForces or None
+        Forces at the contacts, with the residual of each grain; None where they are not known. They hold for the grains
+        as they are: a packing of some of the grains, a sum of packings, and grains that grow have none.
     """
 
     density: float = 1.0
@@ -77,6 +81,18 @@ class Packing(GrainSequence):
     gravity: Down | None = None
     contact_gap: float = 0.0
     asked_sizes: SizeDistribution | None = None
+    forces: ContactForces | None = None
+
+    def __post_init__(self) -> None:
+        """Make arrays read-only and check that the forces are those of the grains.
+
+        Raises
+        ------
+        InputError
+            If the forces have the residuals of another number of grains, or are no ContactForces.
+        """
+        super().__post_init__()
+        check_forces(self.forces, self.count)
 
     @classmethod
     def of(
@@ -95,6 +111,7 @@ class Packing(GrainSequence):
         gravity: ArrayLike | None = "down",
         contact_gap: float = 0.0,
         asked_sizes: SizeDistribution | None = None,
+        forces: ContactForces | None = None,
     ) -> "Packing":
         """Make a packing from array-likes.
 
@@ -128,6 +145,8 @@ class Packing(GrainSequence):
             Distance of their surfaces up to which grains are said to touch; 0 where that is not known.
         asked_sizes : SizeDistribution, optional
             Distribution of sizes that was asked for.
+        forces : ContactForces, optional
+            Forces at the contacts of these grains.
 
         Returns
         -------
@@ -139,7 +158,8 @@ class Packing(GrainSequence):
             If `shapes` is neither a Shape nor a list of them, an array has the wrong length, a scale or the density is
             not above 0, a shape index is out of range, the dimension of a shape is not that of the container, a grain
             lies off the plane in 2D, the stop reason is unknown, gravity is no direction or has a part along a periodic
-            axis or out of the plane, the contact gap is negative, or shapes have several units and none is given.
+            axis or out of the plane, the contact gap is negative, shapes have several units and none is given, or the
+            forces are those of another number of grains.
         UnknownNameError
             If the unit is unknown; the message gives the nearest one.
         """
@@ -154,6 +174,7 @@ class Packing(GrainSequence):
             as_down(gravity, container),
             as_number(contact_gap, "contact_gap", at_least=0.0),
             asked_sizes,
+            forces,
         )
 
     def to_unit(self, unit: str) -> "Packing":
@@ -185,13 +206,17 @@ class Packing(GrainSequence):
             unit=target,
             contact_gap=self.contact_gap * factor,
             asked_sizes=None if self.asked_sizes is None else self.asked_sizes.scaled(factor),
+            forces=None if self.forces is None else self.forces.scaled(factor),
         )
 
     def _chosen(self, kept: Integers) -> "Packing":
-        """Return the packing of some of the grains."""
+        """Return the packing of some of the grains; forces are those of all grains in their order, or not known."""
         record = {**deepcopy(self.provenance), "chosen": {"count": len(kept), "of": self.count}}
-        reason = self.stop_reason if np.array_equal(np.sort(kept), np.arange(self.count)) else "count"
-        return replace(super()._chosen(kept), provenance=record, stop_reason=reason, asked_sizes=None)
+        every = np.arange(self.count)
+        reason = self.stop_reason if np.array_equal(np.sort(kept), every) else "count"
+        forces = self.forces if np.array_equal(kept, every) else None
+        some = GrainSequence._chosen(replace(self, forces=None), kept)
+        return replace(some, provenance=record, stop_reason=reason, asked_sizes=None, forces=forces)
 
     def __add__(self, other: "Packing") -> "Packing":
         """Return the packing of the grains of both; nothing is moved, so that they may overlap.
@@ -217,6 +242,7 @@ class Packing(GrainSequence):
             stop_reason=self.stop_reason if kept else "count",
             contact_gap=max(self.contact_gap, other.contact_gap),
             asked_sizes=None,
+            forces=None,
         )
 
     def _common_shapes(self, other: "Packing") -> tuple[tuple[Shape, ...], Integers, Integers]:
@@ -309,13 +335,13 @@ class Packing(GrainSequence):
         """
         public("save")(self, path, overwrite=overwrite)
 
-    def plot(self, *, color: Literal["diameter", "shape", "coordination", "distance"] = "diameter") -> Any:
+    def plot(self, *, color: Literal["diameter", "shape", "coordination", "distance", "force"] = "diameter") -> Any:
         """Show the packing in a window, or return a picture of it, as :func:`voxgran.plot`.
 
         Parameters
         ----------
-        color : {"diameter", "shape", "coordination", "distance"}
-            What the colours show.
+        color : {"diameter", "shape", "coordination", "distance", "force"}
+            What the colours show; "force", the largest force on each grain, where forces are known.
         """
         return public("plot")(self, color=color)
 
@@ -328,6 +354,7 @@ class Packing(GrainSequence):
             "solid fraction": f"{self.solid_fraction:.4f}",
             "method": str(self.provenance.get("method", "not known")),
             "stopped": self.stop_reason,
+            **self._rest(),
             "container": self.container.kind + (f", periodic in {axes}" if axes else ""),
         }
         if not self.count:
@@ -339,9 +366,18 @@ class Packing(GrainSequence):
         flat = self.dimension == 2
         return card(picture(bodies, self.shape_id, matrices, self.position, self.diameters, flat=flat), rows)
 
+    def _rest(self) -> dict[str, str]:
+        """Return how many grains rest, for notebooks; nothing where that is not known."""
+        if self.forces is None or not self.count:
+            return {}
+        shares = self.forces.share_at_rest, self.forces.share_of_rattlers
+        return {"at rest": "{:.1f} % of the grains, {:.1f} % are rattlers".format(*(100 * share for share in shares))}
+
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""
-        return f"Packing({self.count} grains, solid_fraction={self.solid_fraction:.4f}, {self.stop_reason})"
+        forces = self.forces if self.count else None
+        rest = "" if forces is None else f", {100 * forces.share_at_rest:.1f} % at rest"
+        return f"Packing({self.count} grains, solid_fraction={self.solid_fraction:.4f}, {self.stop_reason}{rest})"
 
 
 def _refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:

@@ -135,6 +135,8 @@ def compared(groups: Sequence[Group]) -> list[dict[str, Any]]:
     all_numbers = [group.numbers() for group in groups]
     meaning = {name: groups[0].trees[0][name].attrs for name in all_numbers[0]}
     if all(group.neighbours for group in groups):
+        # the mean at the contact gap of each packing cannot be compared where these gaps differ
+        meaning.pop("mean_coordination_number", None)
         meaning["coordination_number"] = {
             "long_name": f"mean coordination number, at a gap of at most {groups[0].gap:.3g} mean diameters"
         }

@@ -84,7 +84,18 @@ def test_what_a_method_leaves_open_counts_as_contact():
     assert tree["contacts"].sizes["contact"] == 2
     assert tree["grains"].coordination_number.values.tolist() == [1, 2, 1, 0]
     assert float(tree["contacts"].largest_gap) == pytest.approx(0.3)
+    assert float(tree.mean_coordination_number) == 1.0
     assert "0.3 mean diameters" in tree["grains"].coordination_number.attrs["long_name"]
+
+
+def test_a_known_contact_gap_may_be_small():
+    settled = row(1e-3, 5e-3, contact_gap=1e-3)
+    assert usual_gap(settled) == pytest.approx(1e-3)
+    assert coordination_number(settled).of_grain.tolist() == [1, 1, 0]
+    assert float(measure(settled, "coordination").mean_coordination_number) == pytest.approx(2 / 3)
+    unknown = measure(row(1e-3, 5e-3), "coordination")
+    assert float(unknown.mean_coordination_number) == pytest.approx(4 / 3)
+    assert "0.01 mean diameters" in unknown.mean_coordination_number.attrs["long_name"]
 
 
 def test_no_grains():

@@ -6,7 +6,7 @@ import warnings
 import numpy as np
 import pytest
 import xarray
-from kit import lattice
+from kit import column, lattice
 
 from voxgran._base.errors import PackingWarning, UnknownNameError
 from voxgran.containers.box import Box
@@ -20,7 +20,18 @@ from voxgran.shapes.primitive import Primitive
 
 BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
-ALL = ("contacts", "coordination", "density", "gradation", "grains", "profile", "provenance", "strict")
+ALL = (
+    "contacts",
+    "coordination",
+    "density",
+    "forces",
+    "gradation",
+    "grains",
+    "profile",
+    "provenance",
+    "segregation",
+    "strict",
+)
 
 
 def some(count=60, **more):
@@ -48,8 +59,9 @@ def test_an_unknown_name():
 @pytest.mark.parametrize("name", ALL)
 def test_each_measure_fills_the_groups_that_it_names(name):
     entry = measure_registry().get(name)
-    assert set(entry.compute(some())) == set(entry.groups)
-    tree = measure(some(), which=[name])
+    packing = column(5) if name == "forces" else some()
+    assert set(entry.compute(packing)) == set(entry.groups)
+    tree = measure(packing, which=[name])
     assert set(tree.groups) == {"/", "/provenance", *entry.groups}
 
 

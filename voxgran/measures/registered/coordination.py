@@ -4,6 +4,7 @@ Computed packings leave gaps between grains in contact, of the order of a voxel,
 a tolerance. The coordination number is meaningful where its curve over the gap has a plateau.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +16,8 @@ from voxgran.contacts.model import Contacts
 from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.packing.model import Packing
 
-#: smallest reference gap for the neighbours of a single grain, and largest gap of the curve, in mean diameters
+#: gap for the neighbours of a single grain where the packing has no contact gap, and largest gap of the curve, in mean
+#: diameters
 REFERENCE_GAP = 0.01
 WIDEST_GAP = 0.1
 #: accuracy of gaps, in mean diameters; it is added to all limits, so that grains in contact have the gap 0
@@ -63,9 +65,11 @@ def coordination_number(
 def usual_gap(packing: Packing) -> float:
     """Return the gap up to which grains of a packing count as touching, in mean diameters.
 
-    It is the contact gap of the packing, such as one voxel or the spacing of the control points; at least 0.01.
+    It is the contact gap of the packing, such as one voxel, the spacing of the control points or the gap at which a
+    settled bed rests; 0.01 where that is not known.
     """
-    return max(REFERENCE_GAP, packing.contact_gap / mean_diameter(packing)) if packing.count else REFERENCE_GAP
+    known = packing.contact_gap > 0 and packing.count
+    return packing.contact_gap / mean_diameter(packing) if known else REFERENCE_GAP
 
 
 def near_contacts(packing: Packing, gap: float | None = None) -> Contacts:
@@ -91,13 +95,15 @@ def _of_grains(packing: Packing, found: Contacts, reach: float) -> Integers:
 
 
 def _compute(packing: Packing) -> Groups:
-    """Return the curve, and the coordination numbers of the grains."""
+    """Return the curve, the coordination numbers of the grains and their mean."""
     found = coordination_number(packing)
     where = f"at a gap of at most {found.reference_gap:g} mean diameters"
     column = variable(("grain",), found.of_grain, "1", f"number of neighbours {where}")
     curve = variable(("gap",), found.mean, "1", "mean number of neighbours with at most that gap")
     gaps = variable(("gap",), found.gaps, "1", "largest gap, in mean diameters")
+    mean = float(found.of_grain.mean()) if packing.count else math.nan
     return {
+        "/": dataset({"mean_coordination_number": variable((), mean, "1", f"mean number of neighbours {where}")}),
         "/grains": dataset({"coordination_number": column}),
         "/profiles": dataset({"coordination_number": curve}, {"gap": gaps}),
     }
@@ -106,6 +112,6 @@ def _compute(packing: Packing) -> Groups:
 registration = Measure(
     name="coordination",
     summary="mean number of neighbours as a function of the gap, and the number of each grain",
-    groups=("/grains", "/profiles"),
+    groups=("/", "/grains", "/profiles"),
     compute=_compute,
 )

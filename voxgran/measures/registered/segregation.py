@@ -1,0 +1,158 @@
+"""Segregation: whether large grains lie above or below small ones.
+
+It is Spearman's rank correlation of the equivalent diameter and the height of the centroid, which runs against gravity:
+1 where the grains are sorted with the largest on top, -1 with the largest at the bottom, and 0 on average, with a
+standard deviation of 1 / sqrt(n - 1), where sizes and places of n grains are independent of each other. Equal values
+share the mean of their ranks. Spearman 1904, doi:10.2307/1412159.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.lazy import load
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
+from voxgran.measures.region import Regions
+from voxgran.measures.registered.density import INSET
+from voxgran.packing.model import Packing
+
+#: relative difference up to which two diameters are equal
+SAME = 1e-9
+#: largest number of size classes
+CLASSES = 5
+#: a correlation above this, and above so many standard deviations of independent sizes and places, is worth a warning
+NOTABLE, DEVIATIONS = 0.3, 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Segregation:
+    """Correlations of size and height, and mean heights of size classes from small to large."""
+
+    whole: float  # of all grains; NaN without gravity, for fewer than three grains and for equal sizes or heights
+    bulk: float  # of the grains with their centroids in the bulk, likewise
+    smallest: Floats  # (k,) smallest diameter of each class, in the unit of lengths
+    largest: Floats  # (k,) largest one
+    count: Integers  # (k,) grains of each class
+    height: Floats  # (k,) mean height of their centroids above the lowest point of the bounds of the container
+
+
+def segregation(packing: Packing) -> Segregation:
+    """Return the correlation of size and height, in the whole packing and in the bulk.
+
+    The bulk is that of the bulk solid fraction: at least 1.5 median diameters from each wall and below the height up to
+    which 85 % of the volume of the grains lies. Grains are put in at most five classes of about equal numbers, by size;
+    equal sizes are in one class.
+    """
+    height = heights(packing)
+    if height is None or not packing.count:
+        empty = np.zeros(0)
+        return Segregation(math.nan, math.nan, empty, empty, np.zeros(0, np.int64), empty)
+    rank = size_ranks(packing.diameters)
+    bulk = math.nan
+    if rank.max() > 0:
+        region = Regions(packing).at(INSET * float(np.median(packing.diameters)))
+        kept: Booleans = region.grains(packing)
+        bulk = _spearman(rank[kept], height[kept])
+    group = _classes(rank)
+    members = [np.flatnonzero(group == k) for k in range(group.max() + 1)]
+    return Segregation(
+        _spearman(rank, height),
+        bulk,
+        np.array([packing.diameters[m].min() for m in members]),
+        np.array([packing.diameters[m].max() for m in members]),
+        np.array([len(m) for m in members]),
+        np.array([height[m].mean() for m in members]),
+    )
+
+
+def heights(packing: Packing) -> Floats | None:
+    """Return the heights of the centroids against gravity, (n,), above the lowest point of the bounds of the container;
+    None without gravity.
+    """
+    if packing.gravity is None:
+        return None
+    up = -np.array(packing.gravity)
+    lower, upper = packing.container.bounds
+    lowest = np.where(up > 0, lower, upper)
+    return np.asarray((packing.position - lowest) @ up)
+
+
+def size_ranks(diameters: Floats) -> Integers:
+    """Return the rank of each diameter among the different ones, (n,) from 0; those that differ by round-off are
+    equal.
+    """
+    order = np.argsort(diameters, kind="stable")
+    ordered = diameters[order]
+    larger = np.diff(ordered, prepend=ordered[:1]) > SAME * ordered
+    ranks = np.zeros(len(diameters), np.int64)
+    ranks[order] = np.cumsum(larger)
+    return ranks
+
+
+def is_notable(correlation: float, count: int) -> bool:
+    """Return whether a correlation in a packing of so many grains is worth a warning: above 0.3 in magnitude, and above
+    three standard deviations of that of independent sizes and places.
+    """
+    limit = max(NOTABLE, DEVIATIONS / math.sqrt(max(count - 1, 1)))
+    return abs(correlation) > limit
+
+
+def warning_of(correlation: float, count: int) -> str:
+    """Return a warning of a segregated packing as one sentence; empty where there is nothing to warn of."""
+    if not is_notable(correlation, count):
+        return ""
+    side = "above" if correlation > 0 else "below"
+    return (
+        f"large grains lie {side} small ones: the rank correlation of diameter and height is {correlation:.2f}, where "
+        f"at most {NOTABLE:g} in magnitude is usual; pack with another method, or state it with the results"
+    )
+
+
+def _spearman(rank: Integers, height: Floats) -> float:
+    """Return Spearman's correlation of two values of each grain; NaN where one is the same for all."""
+    if len(rank) < 3 or rank.min() == rank.max() or height.min() == height.max():
+        return math.nan
+    average = load("scipy.stats").rankdata
+    return float(np.corrcoef(average(rank), average(height))[0, 1])
+
+
+def _classes(rank: Integers) -> Integers:
+    """Return the class of each grain, (n,) from 0 without gaps, from small to large; equal sizes are in one class."""
+    below = np.searchsorted(np.sort(rank), rank, side="left")
+    within = np.searchsorted(np.sort(rank), rank, side="right")
+    # by the middle of the places that grains of the same size have among all
+    wanted = (below + within) * CLASSES // (2 * len(rank)) if rank.max() >= CLASSES else rank
+    return np.asarray(np.unique(wanted, return_inverse=True)[1])
+
+
+def _applies(packing: Packing) -> bool:
+    """Return whether there are gravity and different sizes."""
+    return packing.gravity is not None and packing.count > 0 and bool(size_ranks(packing.diameters).any())
+
+
+def _compute(packing: Packing) -> Groups:
+    """Return the correlations, and the mean heights of the size classes."""
+    found, unit, row = segregation(packing), length_unit(packing), ("size_class",)
+    label = "rank correlation (Spearman) of diameter and height against gravity"
+    values = {
+        "segregation": variable((), found.whole, "1", label),
+        "bulk_segregation": variable((), found.bulk, "1", f"{label}, of the grains in the bulk"),
+    }
+    classes = {
+        "smallest_diameter": variable(row, found.smallest, unit, "smallest equivalent diameter of the size class"),
+        "largest_diameter": variable(row, found.largest, unit, "largest equivalent diameter of the size class"),
+        "class_count": variable(row, found.count, "1", "number of grains of the size class"),
+        "mean_height": variable(row, found.height, unit, "mean height of the centroids of the size class"),
+    }
+    return {"/": dataset(values), "/size_classes": dataset(classes)}
+
+
+registration = Measure(
+    name="segregation",
+    summary="rank correlation of diameter and height, and the mean height of size classes",
+    groups=("/", "/size_classes"),
+    compute=_compute,
+    applies=_applies,
+)
