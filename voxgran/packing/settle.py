@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Integers, as_count
+from voxgran._base.arrays import Floats, Integers, as_count
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
@@ -35,6 +35,8 @@ from voxgran.settling.stages import TOUCHING, Settler
 GRAIN_BYTES = 8000
 #: reasons of a method that hold on when its bed has settled
 KEPT_REASONS = ("full", "saturated", "interrupted")
+#: depth of an overlap that can be parted, in diameters of the smaller grain
+DEEPEST = 0.5
 #: grains that a message names
 NAMED = 5
 
@@ -400,14 +402,35 @@ def begun(packing: Packing, how: Settling, seed: int) -> SettleState:
     """
     assembly, _ = normalized_assembly(packing)
     gravity = np.array(packing.gravity, dtype=np.float64)
-    if how.lid is not None:
-        up = -main_axis(gravity).astype(np.float64)
-        top = float((assembly.position @ up + assembly.bounding_radii).max())
-        assembly = replace(assembly, lid=LidPlane(up, top))
-    if how.parts == "hulls":
-        assembly = with_hulls(assembly)
-    settler = Settler(assembly, how, gravity, seed=seed)
+    settler = Settler(with_lid(assembly, how, gravity), how, gravity, seed=seed)
+    _refuse_deep(settler)
     return SettleState(settler, total=settler.most_steps * packing.count)
+
+
+def _refuse_deep(settler: Settler) -> None:
+    """Refuse grains that overlap so deep that they cannot be parted.
+
+    Raises
+    ------
+    InputError
+        If a pair overlaps by more than half the diameter of the smaller grain.
+    """
+    i, j, depth = settler.bed.deep_overlaps(DEEPEST)
+    if len(i):
+        pairs = ", ".join(f"{a} and {b}" for a, b in zip(i[:NAMED], j[:NAMED], strict=True))
+        more = f" and {len(i) - NAMED} more pairs" if len(i) > NAMED else ""
+        raise InputError(
+            f"grains {pairs}{more} overlap by {depth.max():.2g} of their diameter: at most {DEEPEST:g} can be parted; "
+            "move them apart"
+        )
+
+
+def with_lid(assembly: Assembly, how: Settling, gravity: Floats) -> Assembly:
+    """Return the assembly with a lid above its grains, if there is to be one."""
+    if how.lid is None or not assembly.count:
+        return assembly
+    up = -main_axis(gravity).astype(np.float64)
+    return replace(assembly, lid=LidPlane(up, float((assembly.position @ up + assembly.bounding_radii).max())))
 
 
 def normalized_assembly(packing: Packing) -> tuple[Assembly, float]:
@@ -441,7 +464,7 @@ def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
     position, orientation = settler.bed.poses()
     lid = settler.bed.moved_assembly().lid
     reason = state.stop_reason or "interrupted"
-    return replace(
+    moved = replace(
         packing,
         position=position * unit,
         orientation=orientation,
@@ -450,3 +473,9 @@ def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
         contact_gap=TOUCHING * unit,
         provenance={**packing.provenance, "settling": {"parameters": to_mapping(how), **settler.report}},
     )
+    return contact_forces(moved, settler)
+
+
+def contact_forces(packing: Packing, settler: Settler) -> Packing:
+    """Return the packing, whose grains are those of a settler, with the forces at their contacts once it has ended."""
+    return packing

@@ -71,7 +71,7 @@ class Bed:
         self.m = 0
         self.wall_first, self.wall_count = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
         self.listed = False
-        self.finders = ContactFinders(assembly)
+        self.finders = ContactFinders(assembly, self.grains)
 
     @property
     def count(self) -> int:
@@ -118,6 +118,19 @@ class Bed:
             self.grains, self.pairs, self.rows, at_walls=(self.wall_first, self.wall_count), lid_level=self.lid_level,
             margin=margin, rest=rest,
         )  # fmt: skip
+
+    def deep_overlaps(self, deepest: float) -> tuple[Integers, Integers, Floats]:
+        """Return the pairs of grains (k,), (k,) that overlap deeper than a share of the smaller diameter, and the depths.
+
+        The depths (k,) are in diameters of the smaller grain. No forces are lost: it is called before the first step.
+        """
+        self.find(0.0, 0.0)
+        i, j = self.rows.i[: self.m], self.rows.j[: self.m]
+        inner = np.flatnonzero((j >= 0) & (j < self.count))
+        i, j = i[inner], j[inner]
+        depth = -self.gap[inner] / np.minimum(self.diameter[i], self.diameter[j])
+        deep = depth > deepest
+        return self.order[i[deep]], self.order[j[deep]], depth[deep]
 
     def forces(self) -> Floats:
         """Return the forces of the contacts on their partners, (m, 3)."""

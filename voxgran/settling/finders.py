@@ -1,13 +1,26 @@
 """Which functions find the contacts of a scene: those for the kinds of grains that it has, and no others."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from voxgran._base.arrays import Integers
+from voxgran._base.errors import InputError
+from voxgran.containers.kernel_container import kernel_container
+from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.parts import is_disk
 from voxgran.settling.contact_rows import CONVEX, OUTLINE, SPHERE, SURFACE, ContactRows, Grains, PairList
+from voxgran.settling.convex_bodies import convex_bodies, convex_work, has_convex_parts
+from voxgran.settling.convex_contacts import find_convex_contacts
+from voxgran.settling.distance_grids import surface_bodies
 from voxgran.settling.sphere_contacts import find_sphere_contacts
+from voxgran.settling.surface_contacts import find_surface_contacts
+from voxgran.settling.surface_memory import surface_work
+from voxgran.settling.triangle_contacts import find_triangle_contacts
+from voxgran.settling.wall_bodies import Lid, wall_bodies
+from voxgran.settling.wall_contacts import find_wall_contacts
 from voxgran.shapes.model import Shape
 
 
@@ -24,7 +37,12 @@ def kinds_of(shapes: Sequence[Shape]) -> Integers:
 
 def _kind_of(shape: Shape) -> int:
     """Return the kind of one shape."""
-    return SPHERE
+    shape.refuse_open("grains that settle")
+    if shape.dimension == 2:
+        return SPHERE if is_disk(shape.geometry) else OUTLINE
+    if shape.is_sphere:
+        return SPHERE
+    return CONVEX if has_convex_parts(shape.geometry) else SURFACE
 
 
 class ContactFinders:
@@ -34,47 +52,58 @@ class ContactFinders:
     ----------
     assembly : Assembly
         Shapes, container and lid, with lengths in median diameters.
+    grains : Grains
+        The grains; their number and shapes count.
+    exact : bool
+        Whether contacts of meshes that are not convex come from their triangles, not from grids of distances.
+
+    Raises
+    ------
+    InputError
+        If the walls of the container are not known.
     """
 
-    def __init__(self, assembly: Assembly) -> None:
-        self.assembly = assembly
+    def __init__(self, assembly: Assembly, grains: Grains, *, exact: bool = False) -> None:
+        if boundary_of(assembly.container) is UNKNOWN:
+            raise InputError(
+                f"container is of type {type(assembly.container).__name__}: grains settle in containers whose walls "
+                "are known only; make a mesh of it, ClosedMesh(Shape.from_mesh(*container.mesh()))"
+            )
+        self.exact = exact
+        self._kinds = set(grains.kind.tolist())
+        self._walls = kernel_container(assembly.container)
+        self._wall_bodies = wall_bodies(assembly.shapes, assembly.container)
+        self._normal = np.zeros(3) if assembly.lid is None else np.array(assembly.lid.normal, dtype=np.float64)
+        if CONVEX in self._kinds:
+            self._convex = convex_bodies(assembly.shapes)
+            self._convex_work = convex_work(self._convex, grains)
+        if SURFACE in self._kinds:
+            self._surfaces = surface_bodies(assembly.shapes)
+            self._surface_work = surface_work(self._surfaces, 0)
+        if OUTLINE in self._kinds:
+            self._outlines = outline_bodies(assembly.shapes)
 
     def find(
         self, grains: Grains, pairs: PairList, rows: ContactRows, *, at_walls: tuple[Integers, Integers],
         lid_level: float, margin: float, rest: float,
     ) -> int:  # fmt: skip
         """Write all contacts nearer than a margin, and return their number, or -1 where they are more than the rows."""
-        m = find_sphere_contacts(grains, pairs, len(pairs.i), rows, 0, margin, rest)
-        return _floor(self, grains, at_walls, rows, m, margin, rest) if m>=0 else m
-
-
-from voxgran._base.kernels import kernel
-from voxgran.settling.contact_rows import write_contact
-import math
-def _floor(self, g, at_walls, rows, m, margin, rest):
-    lo, hi = self.assembly.container.bounds
-    per = np.array(self.assembly.container.periodic)
-    return _floor_k(g, at_walls[0], at_walls[1], rows, m, margin, rest, np.array(lo, float), np.array(hi, float), per)
-
-@kernel
-def _floor_k(g, first, count, rows, m, margin, rest, lo, hi, per):
-    for i in range(len(g.position)):
-        f, c = first[i], count[i]
-        first[i], count[i] = m, 0
-        for axis in range(3):
-            if per[axis]:
-                continue
-            for side in range(2):
-                gap = (g.position[i, axis] - lo[axis] if side == 0 else hi[axis] - g.position[i, axis]) - g.radius[i]
-                if gap < margin:
-                    if m >= len(rows.row):
-                        return -1
-                    s = -1.0 if side == 0 else 1.0
-                    nx = s if axis == 0 else 0.0
-                    ny = s if axis == 1 else 0.0
-                    nz = s if axis == 2 else 0.0
-                    r = g.radius[i]
-                    write_contact(rows, m, i, -1, nx, ny, nz, r*nx, r*ny, r*nz, 0., 0., 0., gap - rest, f, c, 0.5*r)
-                    count[i] += 1
-                    m += 1
-    return m
+        m, size = 0, len(pairs.i)
+        if SPHERE in self._kinds:
+            m = find_sphere_contacts(grains, pairs, size, rows, m, margin, rest)
+        if m >= 0 and CONVEX in self._kinds:
+            work = self._convex_work
+            m = find_convex_contacts(grains, self._convex, work, pairs, size, rows, m, margin, rest)
+        if m >= 0 and SURFACE in self._kinds:
+            if size > len(self._surface_work.key):
+                self._surface_work = surface_work(self._surfaces, 2 * size)
+            found = find_triangle_contacts if self.exact else find_surface_contacts
+            m = found(grains, self._surfaces, self._surface_work, pairs, size, rows, m, margin, rest)
+        if m >= 0 and OUTLINE in self._kinds:
+            m = find_outline_contacts(grains, self._outlines, pairs, size, rows, m, margin, rest)
+        if m < 0:
+            return m
+        lid = Lid(self._normal, lid_level if math.isfinite(lid_level) else math.inf)
+        return int(
+            find_wall_contacts(grains, self._walls, lid, self._wall_bodies, *at_walls, rows, m, margin, rest)
+        )

@@ -18,6 +18,8 @@ from voxgran.settling.bed import Bed
 SOFTNESS = 1e-6
 #: residual, in weights, from which on a grain does not rest
 RESIDUAL = 0.01
+#: distance of the residuals from the least ones, root mean square, at which an examination ends
+NEAR = 1e-3
 #: distance up to which contacts are found in a step, and farthest that a grain moves in it
 MARGIN, MOST = 0.1, 0.1
 
@@ -61,7 +63,7 @@ def balance_of(bed: Bed, friction: float, *, reach: float, iterations: int) -> B
     forces, n, rows = bed.forces(), bed.count, bed.rows
     accelerations, *_ = accelerated_projected_gradient(
         rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, forces,
-        friction=friction, iterations=iterations, tolerance=RESIDUAL / 10, near=0.0,
+        friction=friction, iterations=iterations, tolerance=RESIDUAL / 2, near=NEAR,
     )  # fmt: skip
     bed.keep_forces(forces)
     inertia = bed.bodies[:n, 6] / bed.bodies[:n, 7]

@@ -1,0 +1,1 @@
+"""Beds that grow from random seeds with contacts, and settle."""

@@ -1,0 +1,144 @@
+"""A bed from random seeds: grains grow from them in a column, with contacts, fall, and come to rest.
+
+Seeds lie at random in a column above the floor; each grain begins so small that none overlap and grows to its size while
+its contacts hold it, so that grains of all sizes and shapes stay mixed. Then the bed settles
+(:mod:`voxgran.settling.stages`).
+
+References
+----------
+Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi:10.1007/978-3-7091-2624-0_1.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.config import check_bounds, parameter, to_mapping
+from voxgran._base.errors import InputError
+from voxgran._base.seeds import stream
+from voxgran.contacts.assembly import Assembly
+from voxgran.packing.gravity import gravity_text, gravity_vector
+from voxgran.packing.growth.seeds import LOOSE, RADIUS, column_top, random_seeds
+from voxgran.packing.method import Cost, PackingMethod
+from voxgran.packing.model import Packing
+from voxgran.packing.problem import Problem
+from voxgran.packing.settle import GRAIN_BYTES, SettleState, advance_settling, contact_forces, with_lid
+from voxgran.settling.parameters import Settling
+from voxgran.settling.stages import TOUCHING, Settler
+
+#: share of the container that grains fill at the most
+FULLEST = 0.6
+#: largest size of a grain at the beginning, in sizes at which its bounding sphere is its seed
+APART = 0.98
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Gravity(Settling):
+    """Parameters of beds that grow from seeds.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, or gravity is ``"none"``.
+    """
+
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | tuple[float, float, float] | None = parameter(
+        None,
+        doc="direction of gravity, as an axis or as a vector of any length; if omitted, '-z', and '-y' in two "
+        "dimensions",
+    )
+    fill: float = parameter(
+        LOOSE, doc="solid fraction of the column in which the grains grow; lower ones fall farther", above=0.0,
+        at_most=FULLEST,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_bounds(self)
+
+
+def prepare(problem: Problem) -> SettleState:
+    """Return the state in which all grains are seeds.
+
+    Raises
+    ------
+    InputError
+        If gravity points along a periodic axis, a shape is an open surface, or seeds find no place.
+    """
+    assembly, small, gravity = _start(problem)
+    how = settling_of(problem.parameters)
+    settler = Settler(with_lid(assembly, how, gravity), how, gravity, seed=problem.seed, small=small)
+    reason = "" if assembly.count else "count"
+    return SettleState(settler, total=settler.most_steps * assembly.count, stop_reason=reason)
+
+
+def settling_of(parameters: Gravity) -> Settling:
+    """Return the parameters of the settling alone."""
+    return Settling(**{item.name: getattr(parameters, item.name) for item in fields(Settling)})
+
+
+def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
+    """Return the grains at their seeds, at full size, the factors on their sizes, and gravity."""
+    container, dimension = problem.container, problem.dimension
+    gravity, settings = gravity_vector(problem), problem.parameters
+    up = -gravity
+    generator = stream(problem.seed, "seeds")
+    # as many grains, in the order in which they were drawn, as there is room for
+    volume = np.cumsum(problem.volumes)
+    n = int(np.searchsorted(volume, FULLEST * container.volume, side="right"))
+    total = float(volume[n - 1]) if n else 0.0
+    top = column_top(container, up, total / settings.fill, generator) if n else 0.0
+    fill = max(settings.fill, total / container.volume)
+    radii = RADIUS * (LOOSE / fill) ** (1.0 / dimension) * problem.diameter[:n]
+    centers, radii = random_seeds(container, radii, up=up, top=top, generator=generator)
+    turns = generator.normal(size=(n, 4))
+    if dimension == 2:
+        turns[:, 1:3] = 0.0
+    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    arrays = {"position": centers, "scale": problem.diameter[:n], "shape_id": problem.shape_id[:n]}
+    assembly = Assembly.of(problem.shapes, container, orientation=turns, **arrays)
+    small = np.minimum(1.0, APART * radii / np.maximum(assembly.bounding_radii, 1e-300))
+    return assembly, small, gravity
+
+
+def finish(problem: Problem, state: SettleState) -> Packing:
+    """Return the packing of the grains."""
+    settler = state.settler
+    position, orientation = settler.bed.poses()
+    n = len(position)
+    reason = state.stop_reason
+    if n < problem.count and reason in ("settled", "steps", "count"):
+        reason = "full"
+    packing = problem.packing(
+        np.arange(n),
+        position=position,
+        orientation=orientation,
+        stop_reason=reason,
+        gravity=gravity_vector(problem),
+        contact_gap=TOUCHING,
+        provenance={
+            "parameters": {"gravity": gravity_text(problem)},
+            "settling": {"parameters": to_mapping(settling_of(problem.parameters)), **settler.report},
+        },
+    )
+    return contact_forces(packing, settler)
+
+
+def cost(problem: Problem) -> Cost:
+    """Return the cost: memory by the number of grains."""
+    return Cost(memory=GRAIN_BYTES * problem.count, attempts=problem.count)
+
+
+registration = PackingMethod(
+    name="gravity",
+    summary="grains grow from random seeds in a column and settle until they rest",
+    source="contact dynamics: Moreau 1988, doi:10.1007/978-3-7091-2624-0_1",
+    parameters=Gravity,
+    prepare=prepare,
+    advance=advance_settling,
+    finish=finish,
+    cost=cost,
+    dimensions=(2, 3),
+)

@@ -1,0 +1,3 @@
+"""Door of the packing method gravity: :mod:`voxgran.packing.growth.method`."""
+
+from voxgran.packing.growth.method import registration as registration
