@@ -72,6 +72,7 @@ class ConvexWork(NamedTuple):
     radius: Floats
     row: Floats
     form: Floats
+    offset: Floats
     simplex: Floats
     mine: Floats
     weight: Floats
@@ -190,6 +191,7 @@ def convex_work(bodies: ConvexBodies, grains: Grains) -> ConvexWork:
         radius=np.zeros(total),
         row=np.zeros((n, ROW)),
         form=np.zeros((n, 6)),
+        offset=np.zeros(3),
         simplex=np.zeros((4, 3)),
         mine=np.zeros((4, 3)),
         weight=np.zeros(4),

@@ -36,14 +36,33 @@ def find_convex_contacts(
     margin: gap, beyond the room of a pair, up to which contacts are written.  rest: length that is subtracted from each
     gap, beside the room.
     """
-    first, count = pairs.first[:size].copy(), pairs.count[:size].copy()
-    bound, way, normal = pairs.bound[:size].copy(), pairs.way[:size].copy(), pairs.normal[:size].copy()
+    known = np.empty((size, 7))
+    _keep(pairs, size, known)
     _place(grains, bodies, work)
-    found = _find(grains, bodies, work, pairs, size, rows, m, margin, rest, np.zeros(3))
+    found = _find(grains, bodies, work, pairs, size, rows, m, margin, rest)
     if found < 0:
-        pairs.first[:size], pairs.count[:size] = first, count
-        pairs.bound[:size], pairs.way[:size], pairs.normal[:size] = bound, way, normal
+        _restore(pairs, size, known)
     return found
+
+
+@bare_kernel
+def _keep(pairs, size, known):  # type: ignore[no-untyped-def]
+    """Write what is remembered of the pairs."""
+    for p in range(size):
+        known[p, 0], known[p, 1] = float(pairs.first[p]), float(pairs.count[p])
+        known[p, 2], known[p, 3] = pairs.bound[p], pairs.way[p]
+        for c in range(3):
+            known[p, 4 + c] = pairs.normal[p, c]
+
+
+@bare_kernel
+def _restore(pairs, size, known):  # type: ignore[no-untyped-def]
+    """Write back what was remembered of the pairs."""
+    for p in range(size):
+        pairs.first[p], pairs.count[p] = int(known[p, 0]), int(known[p, 1])
+        pairs.bound[p], pairs.way[p] = known[p, 2], known[p, 3]
+        for c in range(3):
+            pairs.normal[p, c] = known[p, 4 + c]
 
 
 @bare_kernel
@@ -86,8 +105,9 @@ def _place(grains, bodies, work):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _find(grains, bodies, work, pairs, size, rows, m, margin, rest, offset):  # type: ignore[no-untyped-def]
+def _find(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
     """Write the contacts of all pairs; return the next row, or -1."""
+    offset = work.offset
     for p in range(size):
         i, j = pairs.i[p], pairs.j[p]
         if max(grains.kind[i], grains.kind[j]) != CONVEX:

@@ -19,8 +19,10 @@ from voxgran.contacts.gjk import support
 #: number of corners from which on the farthest is found by walking along edges
 WALK = 48
 MOST_STEPS = 64
-#: relative difference of the squared bounds at which the search ends
-CLOSE = 1e-11
+#: difference of the bounds at which the search ends, in inner radii, and relative to the distance
+CLOSE, ROUNDING = 1e-11, 1e-14
+#: searches that start again from the best point, where rounding stops them
+RESTARTS = 4
 #: gap, in inner radii of the thinner part, above which no displacement is needed, and the displacement
 DIRECT, DISPLACED = 1e-5, 0.05
 MOST_ROUNDS = 40
@@ -76,7 +78,7 @@ def gap_along(bodies, work, one, two, offset, x, y, z):  # type: ignore[no-untyp
 
 
 @bare_kernel
-def distance_along(bodies, work, one, two, ox, oy, oz, dx, dy, dz, limit):  # type: ignore[no-untyped-def]
+def distance_along(bodies, work, one, two, ox, oy, oz, dx, dy, dz, limit, close):  # type: ignore[no-untyped-def]
     """Return the distance of the cores of two parts, of which the second lies at o; the first search goes along d.
 
     The vector of the distance and the nearest point on the first part are written to `near`. A lower bound above a
@@ -86,9 +88,9 @@ def distance_along(bodies, work, one, two, ox, oy, oz, dx, dy, dz, limit):  # ty
     kind_j, j, s0, s1, base_j, _ = two
     corner, simplex, mine, near = work.corner, work.simplex, work.mine, work.near
     links = (bodies.link_first, bodies.link)
-    ia, ib, count, best = p0, s0, 0, 1e300
+    ia, ib, count, best, now, restarts = p0, s0, 0, 1e300, 1e300, 0
     vx, vy, vz = dx, dy, dz
-    for turn in range(MOST_STEPS):
+    for _ in range(MOST_STEPS):
         if kind_i == 0 or kind_i == 2:
             ia = farthest_corner(corner, links, base_i, p0, p1, ia, vx, vy, vz)
             ax, ay, az = corner[ia, 0], corner[ia, 1], corner[ia, 2]
@@ -104,28 +106,34 @@ def distance_along(bodies, work, one, two, ox, oy, oz, dx, dy, dz, limit):  # ty
         if along > 0.0 and along * along > limit * limit * square:
             near[0], near[1], near[2] = vx, vy, vz
             return along / math.sqrt(square)
-        if turn > 0 and best - along <= CLOSE * best:
+        if now < 1e300 and now - along <= close * math.sqrt(now) + ROUNDING * now:
             break
-        known = False
+        stalled = False
         for q in range(count):
-            known |= simplex[q, 0] == wx and simplex[q, 1] == wy and simplex[q, 2] == wz
-        if known:
-            break
-        simplex[count, 0], simplex[count, 1], simplex[count, 2] = wx, wy, wz
-        mine[count, 0], mine[count, 1], mine[count, 2] = ax, ay, az
-        count = _reduce(simplex, mine, work.weight, work.kept, count + 1)
-        if count == 0:
-            return -1.0
-        vx, vy, vz, square = _write_nearest(simplex, mine, work.weight, count, best, near, vx, vy, vz)
-        if square >= best:
-            break
-        best = square
+            stalled |= simplex[q, 0] == wx and simplex[q, 1] == wy and simplex[q, 2] == wz
+        if not stalled:
+            simplex[count, 0], simplex[count, 1], simplex[count, 2] = wx, wy, wz
+            mine[count, 0], mine[count, 1], mine[count, 2] = ax, ay, az
+            count = _reduce(simplex, mine, work.weight, work.kept, count + 1)
+            if count == 0:
+                return -1.0
+            vx, vy, vz, square = _write_nearest(simplex, mine, work.weight, count, best, near)
+            stalled = square >= now
+            now = square
+        if stalled:
+            # the corners are so near each other that rounding decides: others are taken
+            if restarts == RESTARTS:
+                break
+            restarts += 1
+            count, now = 0, 1e300
+            vx, vy, vz = near[0], near[1], near[2]
+        best = min(best, now)
     return math.sqrt(best)
 
 
 @inlined_kernel
-def _write_nearest(simplex, mine, weight, count, best, near, vx, vy, vz):  # type: ignore[no-untyped-def]
-    """Write the nearest point of the simplex to the origin if it is nearer than before; return it and its square."""
+def _write_nearest(simplex, mine, weight, count, best, near):  # type: ignore[no-untyped-def]
+    """Return the nearest point of the simplex to the origin and its square; write it if it is nearer than before."""
     x, y, z = 0.0, 0.0, 0.0
     for t in range(count):
         x += weight[t] * simplex[t, 0]
@@ -133,7 +141,7 @@ def _write_nearest(simplex, mine, weight, count, best, near, vx, vy, vz):  # typ
         z += weight[t] * simplex[t, 2]
     square = x * x + y * y + z * z
     if square >= best:
-        return vx, vy, vz, square
+        return x, y, z, square
     near[0], near[1], near[2] = x, y, z
     for c in range(3):
         near[3 + c] = 0.0
@@ -277,7 +285,7 @@ def part_gap(bodies, work, one, two, offset, normal, thick, limit):  # type: ign
         h = 0.0 if direct else DISPLACED * thick - min(core, 0.0)
         ox, oy, oz = offset[0] + h * nx, offset[1] + h * ny, offset[2] + h * nz
         keep = near[3], near[4], near[5]
-        distance = distance_along(bodies, work, one, two, ox, oy, oz, nx, ny, nz, limit + h + radii)
+        distance = distance_along(bodies, work, one, two, ox, oy, oz, nx, ny, nz, limit + h + radii, CLOSE * thick)
         length = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
         if distance <= 0.0 or length == 0.0:
             near[3], near[4], near[5] = keep
