@@ -8,7 +8,7 @@ added as a skin, so that exact tests never overestimate their gaps.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,42 +31,36 @@ SHARP = 0.94
 
 
 class SurfaceBodies(NamedTuple):
-    """Tables of s shapes, one after the other; rows of shape k are `first[k]` to `first[k + 1]` - 1.
+    """Tables of s shapes, one after the other.
 
+    first: (s + 1, 5) first rows of each shape in: point, cluster, grid, corner and ball.
+    frame: (s, 9) numbers of cells of the grid (3), 0 without one, its origin (3) and the edge of a cell; then 1 where
+    triangles enclose the shape, 0 for spheres; and 1 where triangles or spheres are the true surface.
     point: (p, 4) points and skins.  cluster: (c, 4) bounding spheres.  cluster_rows: (c, 3): first point, the one
     after the last, and the next cluster where this one is skipped; a cluster without points holds those up to it.
-    grid: (g,) signed distances, the last axis fastest.  grid_shape: (s, 3), 0 without a grid.  grid_origin: (s, 3).
-    grid_cell: (s,) edge of a cell.
+    grid: (g,) signed distances, the last axis fastest.
     corner: (t, 3, 3) triangles in the order of their trees; a sphere is a triangle of three equal corners.
-    skin: (t,) distance of the surface from the triangle.  pseudo: (t, 7, 3) pseudo-normals as `TriangleTree.normals`.
-    fan: (f, 3) unit vectors along the edges that leave a corner.  fan_rows: (t, 3, 2) those of each corner of a
-    triangle.  low, high: (k, 3) boxes of the trees, which include the skins.  box_rows: (k, 2) triangles in a box.
-    solid: (s,) 1 where triangles enclose the shape, 0 for spheres.  exact: (s,) 1 where triangles or spheres are the
-    true surface.
+    skin: (t, 5) distance of the surface from the triangle, and a bounding sphere of the triangle with its skin.
+    pseudo: (t, 7, 3) pseudo-normals as `TriangleTree.normals`.  fan: (f, 3) unit vectors along the edges that leave a
+    corner.  fan_rows: (t, 3, 2) those of each corner of a triangle.
+    low, high: (k, 3) boxes of the trees.  ball: (k, 4) bounding spheres of their contents.  box_rows: (k, 2) triangles.
     """
 
+    first: Integers
+    frame: Floats
     point: Floats
-    point_first: Integers
     cluster: Floats
     cluster_rows: Integers
-    cluster_first: Integers
     grid: NDArray[np.float32]
-    grid_first: Integers
-    grid_shape: Integers
-    grid_origin: Floats
-    grid_cell: Floats
     corner: Floats
     skin: Floats
     pseudo: Floats
     fan: Floats
     fan_rows: Integers
-    corner_first: Integers
     low: Floats
     high: Floats
+    ball: Floats
     box_rows: Integers
-    box_first: Integers
-    solid: Integers
-    exact: Integers
 
 
 def surface_bodies(shapes: Sequence[Shape], *, cells: int = CELLS, spacing: float = SPACING) -> SurfaceBodies:
@@ -100,30 +94,30 @@ def surface_bodies(shapes: Sequence[Shape], *, cells: int = CELLS, spacing: floa
             raise InputError(f"shape {shape.name!r} is {kind}: grids of distance need a solid; give it thickness")
         points, skins = _points_of(shape, spacing * shape.diameter)
         clusters = _clusters(points, skins, shape.diameter)
-        parts.append((*clusters, *_grid_of(shape, cells), *_triangles_of(shape)))
+        grid, frame = _grid_of(shape, cells)
+        parts.append((frame, *clusters, grid, *_triangles_of(shape)))
     return _joined(parts)
 
 
-def _joined(parts: list[tuple[NDArray[np.generic], ...]]) -> SurfaceBodies:
+def _joined(parts: list[tuple[NDArray[Any], ...]]) -> SurfaceBodies:
     """Return the tables of all shapes, the indices in them shifted."""
-    table = [list(column) for column in zip(*parts, strict=True)]
-    point, cluster, rows, grid, shape, origin, cell, corner, skin, pseudo, fan, fan_rows, low, high, box, *marks = table
+    names = [name for name in SurfaceBodies._fields if name != "first"]
+    table = dict(zip(names, (list(column) for column in zip(*parts, strict=True)), strict=True))
 
-    def first(column: list[NDArray[np.generic]]) -> Integers:
-        return np.concatenate([[0], np.cumsum([len(part) for part in column])]).astype(np.int64)
+    def first(name: str) -> Integers:
+        return np.concatenate([[0], np.cumsum([len(part) for part in table[name]])]).astype(np.int64)
 
-    def shifted(column: list[NDArray[np.generic]], by: Integers) -> list[NDArray[np.generic]]:
-        return [part + shift for part, shift in zip(column, by, strict=False)]
-
-    shift = np.column_stack([first(point), first(point), first(cluster)])
-    return SurfaceBodies(
-        *(np.concatenate(point), first(point), np.concatenate(cluster), np.concatenate(shifted(rows, shift))),
-        *(first(cluster), np.concatenate(grid), first(grid), np.array(shape), np.array(origin), np.array(cell)),
-        *(np.concatenate(corner), np.concatenate(skin), np.concatenate(pseudo), np.concatenate(fan)),
-        *(np.concatenate(shifted(fan_rows, first(fan))), first(corner), np.concatenate(low), np.concatenate(high)),
-        *(np.concatenate(shifted(box, first(corner))), first(low)),
-        *(np.array(mark) for mark in marks),
-    )
+    rows = {name: first(name) for name in ("point", "cluster", "grid", "corner", "ball", "fan")}
+    by = {
+        "cluster_rows": np.column_stack([rows["point"], rows["point"], rows["cluster"]]),
+        "fan_rows": rows["fan"],
+        "box_rows": rows["corner"],
+    }
+    for name, shifts in by.items():
+        table[name] = [part + shift for part, shift in zip(table[name], shifts, strict=False)]
+    joined = (np.concatenate(table[name]) for name in names)
+    starts = [rows[name] for name in ("point", "cluster", "grid", "corner", "ball")]
+    return SurfaceBodies(np.column_stack(starts), *joined)
 
 
 def _points_of(shape: Shape, spacing: float) -> tuple[Floats, Floats]:
@@ -196,35 +190,54 @@ def _sphere_around(points: Floats, skins: Floats) -> list[float]:
     return [*center.tolist(), float((np.linalg.norm(points - center, axis=1) + skins).max())]
 
 
-def _grid_of(shape: Shape, cells: int) -> tuple[NDArray[np.float32], Integers, Floats, float]:
-    """Return values, shape, origin and cell of the grid of a shape; of spheres and their unions none."""
-    if isinstance(shape.geometry, Spheres) or shape.is_sphere:
-        return np.zeros(0, dtype=np.float32), np.zeros(3, dtype=np.int64), np.zeros(3), 1.0
+def _grid_of(shape: Shape, cells: int) -> tuple[NDArray[np.float32], Floats]:
+    """Return the values of the grid of a shape and the row of its frame; spheres and their unions have no grid."""
+    geometry = shape.geometry
+    if isinstance(geometry, Spheres) or shape.is_sphere:
+        return np.zeros(0, dtype=np.float32), np.array([[0, 0, 0, 0, 0, 0, 1.0, 0, 1]])
     low, high = shape.bounds
     cell = float((high - low).max()) / cells
     origin = low - FRINGE * cell
     counts = np.ceil((high - low) / cell).astype(np.int64) + 2 * FRINGE + 1
     axes = [origin[axis] + cell * np.arange(counts[axis]) for axis in range(3)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    geometry = shape.geometry
     # the tree of a mesh has the sign too
     known = geometry.tree.signed_distance if isinstance(geometry, Mesh) else shape.signed_distance
-    return known(places).astype(np.float32), counts, origin, cell
+    frame = np.array([[*counts, *origin, cell, 1.0, float(_is_true(shape))]])
+    return known(places).astype(np.float32), frame
 
 
-def _triangles_of(shape: Shape) -> tuple[Floats, Floats, Floats, Floats, Integers, Floats, Floats, Integers, int, int]:
-    """Return corners, skins, pseudo-normals, fans, their rows, boxes and their rows, and the two marks of a shape."""
+def _is_true(shape: Shape) -> bool:
+    """Return whether the triangles of a shape are its true surface."""
+    geometry = shape.geometry
+    return isinstance(geometry, Mesh) or (isinstance(geometry, Primitive) and geometry.kind == "box")
+
+
+def _triangles_of(shape: Shape) -> tuple[NDArray[Any], ...]:
+    """Return the columns from `corner` on."""
     geometry = shape.geometry
     if isinstance(geometry, Spheres) or shape.is_sphere:
-        tree, skin = _tree_of_spheres(*_points_of(shape, 1.0))
-        fans = np.zeros((0, 3)), np.zeros((len(skin), 3, 2), dtype=np.int64)
-        return tree.corners, skin, tree.normals, *fans, tree.low, tree.high, tree.start, 0, 1
-    true = isinstance(geometry, Mesh) or (isinstance(geometry, Primitive) and geometry.kind == "box")
-    tree = geometry.tree if isinstance(geometry, Mesh) else grow_tree(shape.vertices, shape.faces)
-    error = 0.0 if true else shape.tessellation_error
-    fans = _fans(shape.vertices, shape.faces, tree.face)
-    boxes = tree.low - error, tree.high + error
-    return tree.corners, np.full(len(tree.face), error), tree.normals, *fans, *boxes, tree.start, 1, int(true)
+        tree, skins = _tree_of_spheres(*_points_of(shape, 1.0))
+        fan, fan_rows = np.zeros((0, 3)), np.zeros((len(skins), 3, 2), dtype=np.int64)
+    else:
+        tree = geometry.tree if isinstance(geometry, Mesh) else grow_tree(shape.vertices, shape.faces)
+        skins = np.full(len(tree.face), 0.0 if _is_true(shape) else shape.tessellation_error)
+        fan, fan_rows = _fans(shape.vertices, shape.faces, tree.face)
+    balls = _spheres_around(tree.corners, tree.low, tree.high, skins, tree.start)
+    each = np.column_stack([np.arange(len(skins)), np.arange(1, len(skins) + 1)])
+    spheres = _spheres_around(tree.corners, tree.corners.min(axis=1), tree.corners.max(axis=1), skins, each)
+    skin = np.column_stack([skins, spheres])
+    return tree.corners, skin, tree.normals, fan, fan_rows, tree.low, tree.high, balls, tree.start
+
+
+def _spheres_around(corners: Floats, low: Floats, high: Floats, skins: Floats, rows: Integers) -> Floats:
+    """Return centers and radii of spheres around the triangles of boxes, and their skins; the rows are not sorted."""
+    center = (low + high) / 2
+    box = np.repeat(np.arange(len(rows)), rows[:, 1] - rows[:, 0])
+    begin = np.concatenate([[0], np.cumsum(rows[:, 1] - rows[:, 0])])
+    triangle = np.arange(begin[-1]) - begin[box] + rows[box, 0]
+    far = np.linalg.norm(corners[triangle] - center[box, None], axis=2).max(axis=1) + skins[triangle]
+    return np.column_stack([center, np.maximum.reduceat(far, begin[:-1])])
 
 
 def _tree_of_spheres(centers: Floats, radii: Floats) -> tuple[TriangleTree, Floats]:
@@ -232,9 +245,7 @@ def _tree_of_spheres(centers: Floats, radii: Floats) -> tuple[TriangleTree, Floa
     faces = np.repeat(np.arange(len(centers))[:, None], 3, axis=1)
     tree = grow_tree(centers, faces)
     skin = radii[tree.face]
-    low = np.array([(tree.corners[a:b, 0] - skin[a:b, None]).min(axis=0) for a, b in tree.start])
-    high = np.array([(tree.corners[a:b, 0] + skin[a:b, None]).max(axis=0) for a, b in tree.start])
-    return TriangleTree(tree.corners, tree.normals, low, high, tree.start, tree.face), skin
+    return tree, skin
 
 
 def _fans(vertices: Floats, faces: Integers, order: Integers) -> tuple[Floats, Integers]:

@@ -72,22 +72,44 @@ def _grid_slope(grid, at, nx, ny, nz, cell, x, y, z):  # type: ignore[no-untyped
 
 
 @bare_kernel
-def _write_turn(bodies, body, way, pose, turn):  # type: ignore[no-untyped-def]
+def grid_bound(grid, at, frame, corner, skin, first, last, x, y, z):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the distance of a point, in cells, from a body with a grid or of spheres first to last.
+
+    A distance changes by no more than the way between two places, so that the error of the interpolation at a place
+    whose shares of the cell are (u, v, w) is at most the root of the sum of u (1 - u), in cells.
+    """
+    if frame[0] == 0.0:
+        low = 1e300
+        for s in range(first, last):
+            square = (corner[s, 0, 0] - x) ** 2 + (corner[s, 0, 1] - y) ** 2 + (corner[s, 0, 2] - z) ** 2
+            low = min(low, math.sqrt(square) - skin[s, 0])
+        return low
+    nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
+    cx, cy, cz = min(max(x, 0.0), nx - 1.001), min(max(y, 0.0), ny - 1.001), min(max(z, 0.0), nz - 1.001)
+    u, v, w = cx - int(cx), cy - int(cy), cz - int(cz)
+    error = math.sqrt(u * (1.0 - u) + v * (1.0 - v) + w * (1.0 - w)) + 1e-4
+    return abs(_grid_distance(grid, at, nx, ny, nz, cell, x, y, z)) - error * cell
+
+
+@bare_kernel
+def write_turn(frame, way, pose, turn):  # type: ignore[no-untyped-def]
     """Write the map of points of the other grain to the cells of the grid of a body: way 0 of j to i, 1 of i to j."""
-    cell = bodies.grid_cell[body]
+    cell = frame[6]
     mine, theirs = pose[12 + way], pose[13 - way]
     f = 1.0 / (mine * cell)
     for r in range(3):
-        x = pose[r] if way == 0 else -(pose[3 + r] * pose[0] + pose[6 + r] * pose[1] + pose[9 + r] * pose[2])
-        turn[9 + r] = x * f - bodies.grid_origin[body, r] / cell
+        x = pose[r]
+        if way == 1:
+            x = -(pose[3 + r] * pose[0] + pose[6 + r] * pose[1] + pose[9 + r] * pose[2])
+        turn[9 + r] = x * f - frame[3 + r] / cell
         for c in range(3):
             turn[3 * r + c] = (pose[3 + 3 * r + c] if way == 0 else pose[3 + 3 * c + r]) * theirs * f
 
 
 @bare_kernel
-def _list_clusters(turn, mine, theirs, grid, at, shape, cell, cluster, rows, first, last, reach, listed):  # type: ignore[no-untyped-def]
+def _list_clusters(turn, mine, theirs, grid, at, frame, cluster, rows, first, last, reach, listed):  # type: ignore[no-untyped-def]
     """List the clusters within reach of the grid of a body; return their number and the least distance of the others."""
-    nx, ny, nz = shape[0], shape[1], shape[2]
+    nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
     q, count, low = first, 0, 1e9
     while q < last:
         px, py, pz = cluster[q, 0], cluster[q, 1], cluster[q, 2]
@@ -107,12 +129,12 @@ def _list_clusters(turn, mine, theirs, grid, at, shape, cell, cluster, rows, fir
 
 
 @bare_kernel
-def _look(turn, mine, theirs, grid, at, shape, cell, cluster, rows, listed, count, point, near, candidate, k):  # type: ignore[no-untyped-def]
+def _look(turn, mine, theirs, grid, at, frame, cluster, rows, listed, count, point, near, candidate, k):  # type: ignore[no-untyped-def]
     """Write the points of listed clusters that are within `near`, in the frame of the body with the grid.
 
     A candidate is point (3), outward normal (3) of the grid and gap.  Returns the number and the least gap.
     """
-    nx, ny, nz = shape[0], shape[1], shape[2]
+    nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
     low = 1e9
     for n in range(count):
         q = listed[n]
@@ -145,18 +167,16 @@ def _look(turn, mine, theirs, grid, at, shape, cell, cluster, rows, listed, coun
 
 
 @bare_kernel
-def _place(grains, i, j, bodies, body, way, offset, candidate, first, last):  # type: ignore[no-untyped-def]
+def _place(turn, scale, frame, way, offset, candidate, first, last):  # type: ignore[no-untyped-def]
     """Turn candidates into the frame of the bed: place on the surface of i, from its centroid, and normal from i."""
-    grain = i if way == 0 else j
-    turn, scale, cell = grains.matrix[grain], grains.scale[grain], bodies.grid_cell[body]
-    origin = bodies.grid_origin[body]
+    ox, oy, oz, cell = frame[3], frame[4], frame[5], frame[6]
     for k in range(first, last):
         row = candidate[k]
         gap, skin = row[6], row[7]
         # along the normal of the grid the surface with the skin lies before the point
-        x = scale * (row[0] * cell + origin[0]) - skin * row[3]
-        y = scale * (row[1] * cell + origin[1]) - skin * row[4]
-        z = scale * (row[2] * cell + origin[2]) - skin * row[5]
+        x = scale * (row[0] * cell + ox) - skin * row[3]
+        y = scale * (row[1] * cell + oy) - skin * row[4]
+        z = scale * (row[2] * cell + oz) - skin * row[5]
         u, v, w = row[3], row[4], row[5]
         if way == 0:
             x, y, z = x - gap * u, y - gap * v, z - gap * w
@@ -184,22 +204,23 @@ def field_candidates(grains, bodies, work, p, i, j, offset, near):  # type: igno
     for way in range(2):
         one, other = (i, j) if way == 0 else (j, i)
         body, guest = grains.shape[one], grains.shape[other]
-        if bodies.grid_shape[body, 0] == 0:
+        frame = bodies.frame[body]
+        if frame[0] == 0.0:
             if not kept:
                 key[2 + way] = 0
             continue
         turn = work.turn[way]
-        _write_turn(bodies, body, way, pose, turn)
-        mine, theirs, cell = grains.scale[one], grains.scale[other], bodies.grid_cell[body]
-        at, shape, listed = bodies.grid_first[body], bodies.grid_shape[body], work.listed[way]
+        write_turn(frame, way, pose, turn)
+        mine, theirs = grains.scale[one], grains.scale[other]
+        at, listed = bodies.first[body, 2], work.listed[way]
         if kept:
             count = key[2 + way]
             for q in range(count):
                 listed[q] = work.leaf[p, way * LEAVES + q]
         else:
             count, apart = _list_clusters(
-                turn, mine, theirs, bodies.grid, at, shape, cell, bodies.cluster, bodies.cluster_rows,
-                bodies.cluster_first[guest], bodies.cluster_first[guest + 1], near + slack, listed,
+                turn, mine, theirs, bodies.grid, at, frame, bodies.cluster, bodies.cluster_rows,
+                bodies.first[guest, 1], bodies.first[guest + 1, 1], near + slack, listed,
             )  # fmt: skip
             clear = min(clear, apart)
             fits = fits and count <= LEAVES
@@ -208,14 +229,14 @@ def field_candidates(grains, bodies, work, p, i, j, offset, near):  # type: igno
                 work.leaf[p, way * LEAVES + q] = listed[q]
         start = k
         k, least = _look(
-            turn, mine, theirs, bodies.grid, at, shape, cell, bodies.cluster, bodies.cluster_rows, listed, count,
+            turn, mine, theirs, bodies.grid, at, frame, bodies.cluster, bodies.cluster_rows, listed, count,
             bodies.point, near, work.candidate, k,
         )  # fmt: skip
         low = min(low, least)
-        _place(grains, i, j, bodies, body, way, offset, work.candidate, start, k)
+        _place(grains.matrix[one], mine, frame, way, offset, work.candidate, start, k)
     if not kept:
         key[0], key[1] = i if fits else -1, j
-        copy_numbers(old, pose)
+        copy_numbers(old, pose, 14)
         old[14] = clear
     return k, min(low, clear)
 
@@ -231,7 +252,7 @@ def find_surface_contacts(grains, bodies, work, pairs, size, rows, m, margin, re
     Returns -1 if the rows are full. All pairs of this kind then have their old rows back, so that the caller makes the
     rows longer, keeps `rows.old`, and calls again with the same m.
     """
-    offset = work.offset
+    offset = work.now[16:19]
     for p in range(size):
         i, j = pairs.i[p], pairs.j[p]
         work.saved[p, 0] = -1
@@ -253,7 +274,7 @@ def find_surface_contacts(grains, bodies, work, pairs, size, rows, m, margin, re
         if square > (reach + near) ** 2:
             pairs.bound[p] = math.sqrt(square) - reach
             continue
-        write_pose(grains, i, j, pairs.shift[p], work.now)
+        write_pose(grains.matrix, grains.scale, i, j, offset, work.now)
         k, low = field_candidates(grains, bodies, work, p, i, j, offset, near)
         pairs.bound[p] = low
         if k == 0:

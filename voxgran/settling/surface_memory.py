@@ -16,9 +16,9 @@ from voxgran.settling.contact_rows import write_contact
 from voxgran.settling.distance_grids import SurfaceBodies
 
 #: clusters that are kept of each grain of a pair, and pairs of triangles
-LEAVES, NEAR = 48, 256
+LEAVES, NEAR = 48, 512
 #: pairs of triangles of one pair of grains that are listed at once
-LISTED = 65536
+LISTED = 16384
 #: cosine of normals between which near points are one contact
 SAME = 0.7
 
@@ -26,16 +26,19 @@ SAME = 0.7
 class SurfaceWork(NamedTuple):
     """Work arrays of both finders for `cap` pairs; those of the pair in row p are lost when another takes its row.
 
+    gap: (cap,) exact distances of the surfaces at the last exact look: infinite beyond the margin, minus infinity where
+    grains overlap.  proven: (cap,) whether the grains were proven to be separate.
     pose: (cap, 2, 16) poses when the pair was listed, by points and by triangles: offset (3) and rotation (9) of j in
     the frame of i, both scales, and the distance beyond which nothing was listed.  key: (cap, 2, 4): i, j, and the
     lengths of the lists, -1 without a list.  leaf: (cap, 2 LEAVES) clusters of j, then of i.  near: (cap, NEAR, 2)
     triangles of i and of j, and apart: (cap, NEAR) their distances.  saved: (cap, 2) first and count before a call.
-    candidate: (q, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (16,) a pose.
-    turn: (2, 12) maps to the cells of grids.  listed: (2, c) clusters.  found: (LISTED, 2) and found_apart: (LISTED,)
-    pairs of triangles.  stack: (256, 2), bound: (256,), placed: (9, 3, 3), points: (16,): of the search in trees.
-    offset: (3,).
+    candidate: (LISTED, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (28,) a pose and an
+    offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) clusters or leaves.  found: (LISTED, 2) and
+    found_apart: (LISTED,) pairs of triangles.  stack: (256,), placed: (3, 3, 3), points: (16,): of searches.
     """
 
+    gap: Floats
+    proven: NDArray[np.bool_]
     pose: Floats
     key: Integers
     leaf: NDArray[np.int32]
@@ -49,46 +52,35 @@ class SurfaceWork(NamedTuple):
     found: Integers
     found_apart: Floats
     stack: Integers
-    bound: Floats
     placed: Floats
     points: Floats
-    offset: Floats
 
 
 def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
     """Return work arrays for lists of up to `cap` pairs; they have no memory."""
-    points = np.sort(np.diff(bodies.point_first))[-2:]
-    clusters = max(64, int(np.diff(bodies.cluster_first).max(initial=1)))
+    counts = np.diff(bodies.first, axis=0).max(axis=0, initial=1)
+    scratch = max(LISTED, int(2 * counts[0]), int(counts[4]))
     return SurfaceWork(
+        *(np.full(cap, np.inf), np.zeros(cap, dtype=np.bool_)),
         *(np.zeros((cap, 2, 16)), np.full((cap, 2, 4), -1, dtype=np.int64)),
         *(np.zeros((cap, 2 * LEAVES), dtype=np.int32), np.zeros((cap, NEAR, 2), dtype=np.int32), np.zeros((cap, NEAR))),
-        *(np.zeros((cap, 2), dtype=np.int64), np.zeros((max(int(2 * points.sum()), LISTED), 8)), np.zeros(16)),
-        *(np.zeros((2, 12)), np.zeros((2, clusters), dtype=np.int64), np.zeros((LISTED, 2), dtype=np.int64)),
-        *(
-            np.zeros(LISTED),
-            np.zeros((256, 2), dtype=np.int64),
-            np.zeros(256),
-            np.zeros((9, 3, 3)),
-            np.zeros(16),
-            np.zeros(3),
-        ),
+        *(np.zeros((cap, 2), dtype=np.int64), np.zeros((scratch, 8)), np.zeros(28), np.zeros((2, 12))),
+        *(np.zeros((2, int(counts.max())), dtype=np.int64), np.zeros((LISTED, 2), dtype=np.int64), np.zeros(LISTED)),
+        *(np.zeros(256, dtype=np.int64), np.zeros((3, 3, 3)), np.zeros(16)),
     )
 
 
 @bare_kernel
-def write_pose(grains, i, j, shift, pose):  # type: ignore[no-untyped-def]
+def write_pose(turn, scale, i, j, offset, pose):  # type: ignore[no-untyped-def]
     """Write offset and rotation of grain j in the frame of grain i, and both scales."""
-    dx = grains.position[j, 0] + shift[0] - grains.position[i, 0]
-    dy = grains.position[j, 1] + shift[1] - grains.position[i, 1]
-    dz = grains.position[j, 2] + shift[2] - grains.position[i, 2]
-    turn = grains.matrix
+    dx, dy, dz = offset[0], offset[1], offset[2]
     for r in range(3):
         pose[r] = turn[i, 0, r] * dx + turn[i, 1, r] * dy + turn[i, 2, r] * dz
         for c in range(3):
             pose[3 + 3 * r + c] = (
                 turn[i, 0, r] * turn[j, 0, c] + turn[i, 1, r] * turn[j, 1, c] + turn[i, 2, r] * turn[j, 2, c]
             )
-    pose[12], pose[13] = grains.scale[i], grains.scale[j]
+    pose[12], pose[13] = scale[i], scale[j]
 
 
 @bare_kernel
@@ -105,9 +97,9 @@ def motion_since(pose, old, radius_i, radius_j):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def copy_numbers(target, source):  # type: ignore[no-untyped-def]
-    """Copy a row of numbers."""
-    for k in range(len(source)):
+def copy_numbers(target, source, count):  # type: ignore[no-untyped-def]
+    """Copy the first numbers of a row."""
+    for k in range(count):
         target[k] = source[k]
 
 

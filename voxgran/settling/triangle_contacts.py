@@ -8,12 +8,17 @@ The least gap is the distance of the surfaces. Where surfaces cross, points and 
 
 import math
 
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.tree import is_behind, search_triangles
-from voxgran.settling.contact_rows import SURFACE
-from voxgran.settling.surface_contacts import field_candidates
+from voxgran.settling.contact_rows import SURFACE, ContactRows, Grains, PairList
+from voxgran.settling.distance_grids import SurfaceBodies
+from voxgran.settling.surface_contacts import field_candidates, grid_bound, write_turn
 from voxgran.settling.surface_memory import (
     NEAR,
+    SurfaceWork,
     copy_numbers,
     is_kept,
     motion_since,
@@ -27,7 +32,7 @@ from voxgran.settling.triangle_features import is_minimum, nearest_features
 #: contact points of a pair, at most
 MOST = 8
 #: distance beyond the margin within which triangles are listed
-SLACK = 4e-3
+SLACK = 2e-3
 #: distance, by the grids, within which points of surfaces that cross are found
 OVERSIGHT = 0.02
 #: distance, in radii of the pair, below which rounding could hide an overlap
@@ -35,92 +40,156 @@ ROUNDING = 1e-12
 
 
 @bare_kernel
-def _bound(bodies, a, b, pose, stretch):  # type: ignore[no-untyped-def]
-    """Return a lower bound of the squared distance of two boxes in the frame and unit of i."""
-    square = 0.0
-    px, py, pz = bodies.low[b, 0], bodies.low[b, 1], bodies.low[b, 2]
-    qx, qy, qz = bodies.high[b, 0], bodies.high[b, 1], bodies.high[b, 2]
-    cx, cy, cz = 0.5 * stretch * (px + qx), 0.5 * stretch * (py + qy), 0.5 * stretch * (pz + qz)
-    hx, hy, hz = 0.5 * stretch * (qx - px), 0.5 * stretch * (qy - py), 0.5 * stretch * (qz - pz)
-    for r in range(3):
-        u, v, w = pose[3 + 3 * r], pose[4 + 3 * r], pose[5 + 3 * r]
-        center = pose[r] / pose[12] + u * cx + v * cy + w * cz
-        half = abs(u) * hx + abs(v) * hy + abs(w) * hz
-        gap = max(bodies.low[a, r] - center - half, center - half - bodies.high[a, r], 0.0)
-        square += gap * gap
-    return square
-
-
-@bare_kernel
-def _place_triangle(bodies, t, pose, stretch, placed, k):  # type: ignore[no-untyped-def]
+def _place_triangle(corner, t, pose, stretch, placed, k):  # type: ignore[no-untyped-def]
     """Write triangle t of j in the frame and unit of i."""
     for c in range(3):
-        x, y, z = bodies.corner[t, c, 0] * stretch, bodies.corner[t, c, 1] * stretch, bodies.corner[t, c, 2] * stretch
+        x, y, z = corner[t, c, 0] * stretch, corner[t, c, 1] * stretch, corner[t, c, 2] * stretch
         for r in range(3):
             placed[k, c, r] = pose[r] / pose[12] + pose[3 + 3 * r] * x + pose[4 + 3 * r] * y + pose[5 + 3 * r] * z
 
 
 @bare_kernel
-def _list_triangles(bodies, work, one, other, reach):  # type: ignore[no-untyped-def]
-    """List the pairs of triangles within reach, in lengths of the bed, of shapes whose pose is in `work.now`.
+def _list_leaves(ball, root, leaves, turn, mine, theirs, grid, at, frame, corner, skin, first, last, reach, stack, listed):  # type: ignore[no-untyped-def]  # fmt: skip
+    """List the leaves of a tree within reach of the surface of a body; return their number and a bound of the others.
 
-    Returns their number, or -1 if there are too many, and the least distance of the others.
+    ball: spheres around the boxes of all trees, of which this one starts at `root`.  turn: its map to the cells of the
+    body.  mine, theirs: scales of the body and of the tree.
     """
-    pose, stack, bound, placed = work.now, work.stack, work.bound, work.placed
-    stretch, unit = pose[13] / pose[12], pose[12]
-    limit = (reach / unit) ** 2
-    base, root = bodies.box_first[one], bodies.box_first[other]
-    leaves, other_leaves = (bodies.box_first[one + 1] - base) // 2, (bodies.box_first[other + 1] - root) // 2
-    clear, count, depth = 1e18, 0, 1
-    stack[0, 0], stack[0, 1] = 0, 0
+    clear, count, depth = 1e9, 0, 1
+    stack[0] = 0
     while depth > 0:
         depth -= 1
-        a, b = stack[depth, 0], stack[depth, 1]
-        square = _bound(bodies, base + a, root + b, pose, stretch)
-        if square > limit:
-            clear = min(clear, square)
-            continue
-        if a >= leaves and b >= other_leaves:
-            first, last = bodies.box_rows[root + b, 0], bodies.box_rows[root + b, 1]
-            for t in range(first, last):
-                _place_triangle(bodies, t, pose, stretch, placed, t - first)
-            for s in range(bodies.box_rows[base + a, 0], bodies.box_rows[base + a, 1]):
-                for t in range(first, last):
-                    skin = bodies.skin[s] + bodies.skin[t] * stretch
-                    square, feature, _ = nearest_features(
-                        bodies.corner, s, placed, t - first, work.points, reach / unit + skin, True
-                    )
-                    apart = math.sqrt(square) - skin
-                    if feature < 0:
-                        clear = min(clear, apart * apart)
-                    elif count >= len(work.found):
-                        return -1, 0.0
-                    else:
-                        work.found[count, 0], work.found[count, 1], work.found_apart[count] = s, t, apart * unit
-                        count += 1
-            continue
-        if a < leaves and (b >= other_leaves or _is_larger(bodies, base + a, root + b, stretch)):
-            stack[depth, 0], stack[depth, 1] = 2 * a + 1, b
-            stack[depth + 1, 0], stack[depth + 1, 1] = 2 * a + 2, b
+        node = stack[depth]
+        k = root + node
+        px, py, pz = ball[k, 0], ball[k, 1], ball[k, 2]
+        x = turn[0] * px + turn[1] * py + turn[2] * pz + turn[9]
+        y = turn[3] * px + turn[4] * py + turn[5] * pz + turn[10]
+        z = turn[6] * px + turn[7] * py + turn[8] * pz + turn[11]
+        apart = grid_bound(grid, at, frame, corner, skin, first, last, x, y, z) * mine - ball[k, 3] * theirs
+        if apart > reach:
+            clear = min(clear, apart)
+        elif node < leaves:
+            stack[depth], stack[depth + 1] = 2 * node + 2, 2 * node + 1
+            depth += 2
         else:
-            stack[depth, 0], stack[depth, 1] = a, 2 * b + 1
-            stack[depth + 1, 0], stack[depth + 1, 1] = a, 2 * b + 2
-        depth += 2
-    return count, math.sqrt(clear) * unit
+            listed[count] = k
+            count += 1
+    return count, clear
 
 
 @bare_kernel
-def _is_larger(bodies, a, b, stretch):  # type: ignore[no-untyped-def]
-    """Return whether the sum of the edges of box a is larger than that of box b."""
-    wide = 0.0
+def _heights(corner, s, normal, x, y, z, points):  # type: ignore[no-untyped-def]
+    """Return the least and the largest height of three points over the plane through (x, y, z) with a unit normal."""
+    low, high = 1e300, -1e300
+    for c in range(3):
+        height = (
+            normal[0] * (corner[s, c, 0] - x) + normal[1] * (corner[s, c, 1] - y) + normal[2] * (corner[s, c, 2] - z)
+        )
+        low, high = min(low, height), max(high, height)
+    return low, high
+
+
+@bare_kernel
+def _faces_away(corner, pseudo, s, t, pose, placed, slack, limit, points):  # type: ignore[no-untyped-def]
+    """Return whether triangles s of i and placed[0], t of j, are no place of a least distance within a limit.
+
+    At the places where the distance is least, there are faces at both that see the other: triangles that lie behind the
+    plane of the other by more than the slack are not among them. Nor are those above it by more than the limit.
+    """
+    low, high = _heights(placed, 0, pseudo[s, 0], corner[s, 0, 0], corner[s, 0, 1], corner[s, 0, 2], points)
+    if high < -slack or low > limit:
+        return True
+    x, y, z = pseudo[t, 0, 0], pseudo[t, 0, 1], pseudo[t, 0, 2]
+    normal = points[9:12]
     for r in range(3):
-        wide += bodies.high[a, r] - bodies.low[a, r] - stretch * (bodies.high[b, r] - bodies.low[b, r])
-    return wide >= 0.0
+        normal[r] = pose[3 + 3 * r] * x + pose[4 + 3 * r] * y + pose[5 + 3 * r] * z
+    low, high = _heights(corner, s, normal, placed[0, 0, 0], placed[0, 0, 1], placed[0, 0, 2], points)
+    return high < -slack or low > limit
+
+
+@bare_kernel
+def _pair_leaves(corner, skin, pseudo, ball, box_rows, pose, mine, many, theirs, others, reach, slack, placed, points, center, found, found_apart):  # type: ignore[no-untyped-def]  # fmt: skip
+    """List the pairs of triangles within reach, in lengths of the bed, of two lists of leaves.
+
+    Returns their number, or -1 if triangles cross or are too many. Pairs that face away from each other are left out.
+    """
+    stretch, unit, count = pose[13] / pose[12], pose[12], 0
+    for m in range(others):
+        k = theirs[m]
+        x, y, z = ball[k, 0] * stretch, ball[k, 1] * stretch, ball[k, 2] * stretch
+        for r in range(3):
+            center[m, r] = pose[r] / unit + pose[3 + 3 * r] * x + pose[4 + 3 * r] * y + pose[5 + 3 * r] * z
+        center[m, 3] = ball[k, 3] * stretch + reach / unit
+    for n in range(many):
+        a = mine[n]
+        for m in range(others):
+            square = (center[m, 0] - ball[a, 0]) ** 2 + (center[m, 1] - ball[a, 1]) ** 2
+            square += (center[m, 2] - ball[a, 2]) ** 2
+            if square > (center[m, 3] + ball[a, 3]) ** 2:
+                continue
+            b = theirs[m]
+            for t in range(box_rows[b, 0], box_rows[b, 1]):
+                x, y, z = skin[t, 1] * stretch, skin[t, 2] * stretch, skin[t, 3] * stretch
+                cx = pose[0] / unit + pose[3] * x + pose[4] * y + pose[5] * z
+                cy = pose[1] / unit + pose[6] * x + pose[7] * y + pose[8] * z
+                cz = pose[2] / unit + pose[9] * x + pose[10] * y + pose[11] * z
+                radius = skin[t, 4] * stretch + reach / unit
+                square = (ball[a, 0] - cx) ** 2 + (ball[a, 1] - cy) ** 2 + (ball[a, 2] - cz) ** 2
+                if square > (ball[a, 3] + radius) ** 2:
+                    continue
+                _place_triangle(corner, t, pose, stretch, placed, 0)
+                for s in range(box_rows[a, 0], box_rows[a, 1]):
+                    square = (skin[s, 1] - cx) ** 2 + (skin[s, 2] - cy) ** 2 + (skin[s, 3] - cz) ** 2
+                    both = skin[s, 0] + skin[t, 0] * stretch
+                    limit = reach / unit + both
+                    if square > (skin[s, 4] + radius) ** 2:
+                        continue
+                    if _faces_away(corner, pseudo, s, t, pose, placed, slack / unit, limit, points):
+                        continue
+                    square, feature, _ = nearest_features(corner, s, placed, 0, points, limit, both == 0.0)
+                    if feature < 0:
+                        continue
+                    if count >= len(found) or (both == 0.0 and square == 0.0):
+                        return -1
+                    found[count, 0], found[count, 1] = s, t
+                    found_apart[count] = (math.sqrt(square) - both) * unit
+                    count += 1
+    return count
+
+
+@bare_kernel
+def _list_triangles(grains, bodies, work, i, j, reach, slack):  # type: ignore[no-untyped-def]
+    """List the pairs of triangles within reach of a pair whose pose is in `work.now`.
+
+    Returns their number, -1 if they cross, and the distance that all others have at least.
+    """
+    clear, many, others = 1e9, 0, 0
+    for way in range(2):
+        one, other = (grains.shape[i], grains.shape[j]) if way == 0 else (grains.shape[j], grains.shape[i])
+        write_turn(bodies.frame[one], way, work.now, work.turn[way])
+        root = bodies.first[other, 4]
+        count, apart = _list_leaves(
+            bodies.ball, root, (bodies.first[other + 1, 4] - root) // 2, work.turn[way],
+            work.now[12 + way], work.now[13 - way], bodies.grid, bodies.first[one, 2], bodies.frame[one], bodies.corner,
+            bodies.skin, bodies.first[one, 3], bodies.first[one + 1, 3], reach, work.stack, work.listed[way],
+        )  # fmt: skip
+        clear = min(clear, apart)
+        if count == 0:
+            return 0, clear
+        if way == 0:
+            others = count
+        else:
+            many = count
+    count = _pair_leaves(
+        bodies.corner, bodies.skin, bodies.pseudo, bodies.ball, bodies.box_rows, work.now, work.listed[1], many,
+        work.listed[0], others, reach, slack, work.placed, work.points, work.candidate, work.found, work.found_apart,
+    )  # fmt: skip
+    return count, min(clear, reach)
 
 
 @bare_kernel
 def near_triangles(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyped-def]
-    """List in `work.found` the pairs of triangles that may be within a margin; return their number, -1 if too many.
+    """List in `work.found` the pairs of triangles that may be within a margin; return their number, -1 if they cross.
 
     The pose is in `work.now`. Returns too the distance that all others have at least.
     """
@@ -134,21 +203,29 @@ def near_triangles(grains, bodies, work, p, i, j, margin):  # type: ignore[no-un
                     work.found[count, 0], work.found[count, 1] = work.near[p, q, 0], work.near[p, q, 1]
                     count += 1
             return count, old[14] - way
-    one, other = grains.shape[i], grains.shape[j]
-    slack = min(SLACK + 0.5 * margin, 0.05 * min(grains.radius[i], grains.radius[j]))
-    count, clear = _list_triangles(bodies, work, one, other, margin + slack)
-    if count < 0 or count > NEAR:
-        # what is beyond the margin only may be too much to be kept
-        count, clear = _list_triangles(bodies, work, one, other, margin)
-    key[0], key[1], key[2] = i, j, count if count <= NEAR else -1
-    copy_numbers(old, pose)
+    slack = min(SLACK + 0.25 * margin, 0.02 * min(grains.radius[i], grains.radius[j]))
+    count, clear = _list_triangles(grains, bodies, work, i, j, margin + slack, slack)
+    key[0], key[1], key[2] = i, j, -1
+    # of more triangles than can be kept the nearer ones are
+    for _ in range(4):
+        kept = 0
+        for q in range(count):
+            kept += 1 if work.found_apart[q] <= margin + slack else 0
+        if kept <= NEAR:
+            break
+        slack *= 0.5
+        clear = min(clear, margin + slack)
+    if count < 0 or kept > NEAR:
+        return count, clear
+    key[2] = kept
+    copy_numbers(old, pose, 14)
     old[14] = clear
-    for q in range(min(count, NEAR)):
-        work.near[p, q, 0], work.near[p, q, 1], work.apart[p, q] = (
-            work.found[q, 0],
-            work.found[q, 1],
-            work.found_apart[q],
-        )
+    kept = 0
+    for q in range(count):
+        if work.found_apart[q] <= margin + slack:
+            work.near[p, kept, 0], work.near[p, kept, 1] = work.found[q, 0], work.found[q, 1]
+            work.apart[p, kept] = work.found_apart[q]
+            kept += 1
     return count, clear
 
 
@@ -161,13 +238,13 @@ def exact_candidates(grains, bodies, work, count, i, j, margin):  # type: ignore
     """
     pose, points, placed = work.now, work.points, work.placed
     stretch, unit, turn = pose[13] / pose[12], pose[12], grains.matrix[i]
-    solid_i, solid_j = bodies.solid[grains.shape[i]], bodies.solid[grains.shape[j]]
+    solid_i, solid_j = bodies.frame[grains.shape[i], 7], bodies.frame[grains.shape[j], 7]
     pierce = solid_i != 0 and solid_j != 0
     spare, k, low, best = work.candidate[len(work.candidate) - 1], 0, 1e9, 1e9
     for q in range(count):
         s, t = work.found[q, 0], work.found[q, 1]
-        _place_triangle(bodies, t, pose, stretch, placed, 0)
-        skin = bodies.skin[s] + bodies.skin[t] * stretch
+        _place_triangle(bodies.corner, t, pose, stretch, placed, 0)
+        skin = bodies.skin[s, 0] + bodies.skin[t, 0] * stretch
         square, mine, theirs = nearest_features(bodies.corner, s, placed, 0, points, margin / unit + skin, pierce)
         if mine < 0:
             continue
@@ -188,7 +265,7 @@ def exact_candidates(grains, bodies, work, count, i, j, margin):  # type: ignore
         low = min(low, gap)
         best = min(best, gap) if good else best
         row = work.candidate[k] if good else spare
-        inner = bodies.skin[s]
+        inner = bodies.skin[s, 0]
         x, y, z = points[0] + inner * dx, points[1] + inner * dy, points[2] + inner * dz
         for r in range(3):
             row[r] = unit * (turn[r, 0] * x + turn[r, 1] * y + turn[r, 2] * z)
@@ -197,7 +274,7 @@ def exact_candidates(grains, bodies, work, count, i, j, margin):  # type: ignore
         k += 1 if good else 0
     if low < best:
         # rounding may leave the nearest points out of their cones
-        copy_numbers(work.candidate[k], spare)
+        copy_numbers(work.candidate[k], spare, 8)
         k += 1
     return k, low
 
@@ -205,13 +282,21 @@ def exact_candidates(grains, bodies, work, count, i, j, margin):  # type: ignore
 @bare_kernel
 def _holds(bodies, work, body, x, y, z):  # type: ignore[no-untyped-def]
     """Return whether the triangles of a body enclose a point in its frame."""
-    first, last = bodies.box_first[body], bodies.box_first[body + 1]
+    first, last = bodies.first[body, 4], bodies.first[body + 1, 4]
     low, high = bodies.low[first], bodies.high[first]
-    if bodies.solid[body] == 0 or x < low[0] or y < low[1] or z < low[2] or x > high[0] or y > high[1] or z > high[2]:
+    if (
+        bodies.frame[body, 7] == 0.0
+        or x < low[0]
+        or y < low[1]
+        or z < low[2]
+        or x > high[0]
+        or y > high[1]
+        or z > high[2]
+    ):
         return False
     _, k, feature, px, py, pz = search_triangles(
         bodies.corner, bodies.low[first:last], bodies.high[first:last], bodies.box_rows[first:last], x, y, z, 1e100,
-        work.listed[0],
+        work.stack,
     )  # fmt: skip
     return is_behind(bodies.pseudo, k, feature, x - px, y - py, z - pz)
 
@@ -221,8 +306,8 @@ def _is_inside(bodies, work, i, j, shape):  # type: ignore[no-untyped-def]
     """Return whether a grain, whose surface does not cross that of the other, lies in it: a corner or a sphere of it."""
     pose = work.now
     one, other = shape[i], shape[j]
-    mine, theirs = bodies.corner_first[one], bodies.corner_first[other]
-    for s in range(mine, bodies.corner_first[one + 1] if bodies.solid[one] == 0 else mine + 1):
+    mine, theirs = bodies.first[one, 3], bodies.first[other, 3]
+    for s in range(mine, bodies.first[one + 1, 3] if bodies.frame[one, 7] == 0.0 else mine + 1):
         x, y, z = (
             bodies.corner[s, 0, 0] * pose[12],
             bodies.corner[s, 0, 1] * pose[12],
@@ -234,7 +319,7 @@ def _is_inside(bodies, work, i, j, shape):  # type: ignore[no-untyped-def]
         w = (pose[5] * x + pose[8] * y + pose[11] * z) / pose[13]
         if _holds(bodies, work, other, u, v, w):
             return True
-    for t in range(theirs, bodies.corner_first[other + 1] if bodies.solid[other] == 0 else theirs + 1):
+    for t in range(theirs, bodies.first[other + 1, 3] if bodies.frame[other, 7] == 0.0 else theirs + 1):
         x, y, z = (
             bodies.corner[t, 0, 0] * pose[13],
             bodies.corner[t, 0, 1] * pose[13],
@@ -256,7 +341,7 @@ def _exact_pair(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyp
     """
     count, clear = near_triangles(grains, bodies, work, p, i, j, margin)
     if count < 0:
-        # more triangles than fit are near each other only where grains lie deep in each other
+        # more triangles than are listed are near each other only where grains lie deep in each other
         return 0, -1e9
     k, low = exact_candidates(grains, bodies, work, count, i, j, margin)
     if k == 0 and low > 0.0:
@@ -270,7 +355,7 @@ def _exact_pair(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyp
 @bare_kernel
 def _crossing_candidates(grains, bodies, work, p, i, j, offset, margin):  # type: ignore[no-untyped-def]
     """Write candidates of a pair that overlaps, from the grids, the least gap at most 0; return number and gap."""
-    k, low = field_candidates(grains, bodies, work, p, i, j, offset, margin + OVERSIGHT)
+    k, _ = field_candidates(grains, bodies, work, p, i, j, offset, margin + OVERSIGHT)
     least = 1e9
     for q in range(k):
         least = min(least, work.candidate[q, 6])
@@ -293,32 +378,35 @@ def find_triangle_contacts(grains, bodies, work, pairs, size, rows, m, margin, r
     """Write the exact contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
     Arguments and the value -1 are those of :func:`voxgran.settling.surface_contacts.find_surface_contacts`; the room of
-    a pair is not subtracted. What is remembered does not depend on `pairs.bound`, which is written, not read: of the
-    other finder it would be too large.
+    a pair is not subtracted. The gaps of the pairs and whether they are proven to be separate are in `work.gap` and
+    `work.proven`. What is remembered does not depend on `pairs.bound`, which is written, not read: the gaps of the
+    other finder are too large. If m is -1 no rows are written and `pairs` is left as it is.
     """
-    offset = work.offset
+    offset, silent = work.now[16:19], m < 0
     for p in range(size):
         i, j = pairs.i[p], pairs.j[p]
         work.saved[p, 0] = -1
         if max(grains.kind[i], grains.kind[j]) != SURFACE:
             continue
         first, count = pairs.first[p], pairs.count[p]
-        work.saved[p, 0], work.saved[p, 1] = first, count
-        pairs.first[p], pairs.count[p] = m, 0
         square = 0.0
         for r in range(3):
             offset[r] = grains.position[j, r] + pairs.shift[p, r] - grains.position[i, r]
             square += offset[r] * offset[r]
-        pairs.way[p] = grains.way[i] + grains.way[j]
-        reach = grains.radius[i] + grains.radius[j]
-        if square > (reach + margin) ** 2:
-            pairs.bound[p] = math.sqrt(square) - reach
+        far, radii = math.sqrt(square), grains.radius[i] + grains.radius[j]
+        k, low, rounding = 0, far - radii, ROUNDING * (far + radii)
+        if low <= margin:
+            write_pose(grains.matrix, grains.scale, i, j, offset, work.now)
+            k, low = _exact_pair(grains, bodies, work, p, i, j, max(margin, 4.0 * rounding))
+        work.gap[p] = -math.inf if low == -1e9 else (low if low <= margin else math.inf)
+        work.proven[p] = low > 2.0 * rounding
+        if silent:
             continue
-        write_pose(grains, i, j, pairs.shift[p], work.now)
-        k, low = _exact_pair(grains, bodies, work, p, i, j, margin)
+        work.saved[p, 0], work.saved[p, 1] = first, count
+        pairs.first[p], pairs.count[p] = m, 0
         if low == -1e9:
             k, low = _crossing_candidates(grains, bodies, work, p, i, j, offset, margin)
-        pairs.bound[p] = low
+        pairs.bound[p], pairs.way[p] = low, grains.way[i] + grains.way[j]
         if k == 0:
             continue
         spacing = spacing_of(grains.radius[i], grains.radius[j])
@@ -333,31 +421,28 @@ def find_triangle_contacts(grains, bodies, work, pairs, size, rows, m, margin, r
     return m
 
 
-@kernel
-def prove_separate(grains, bodies, work, pairs, size, reach, gap, proven):  # type: ignore[no-untyped-def]
-    """Write which pairs with a non-convex mesh are proven to be separate; return the number of those that are not.
+def prove_separate(
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, *, pairs: PairList, size: int, rows: ContactRows,
+    reach: float,
+) -> tuple[Floats, Booleans]:  # fmt: skip
+    """Return exact gaps of pairs with a non-convex mesh, and whether they are proven to be separate.
 
-    grains, bodies, work, pairs, size: as :func:`find_triangle_contacts`.  reach: distance up to which gaps are wanted.
-    gap: (cap,) exact distances of the surfaces, infinite beyond reach, minus infinity where they cross or one grain
-    lies in the other; of spheres and of tessellated primitives a lower bound.  proven: (cap,) of bool; rows of other
-    pairs are left as they are.  A pair of which nothing was near is looked at again only when the grains have moved.
+    Parameters
+    ----------
+    grains, bodies, work, pairs, size, rows
+        As :func:`find_triangle_contacts`; of the work the lists of near triangles are used and renewed, and nothing is
+        written to pairs and rows. A pair is traversed again only when its grains have moved.
+    reach : float
+        Distance up to which gaps are wanted.
+
+    Returns
+    -------
+    gap : (size,) ndarray of float
+        Distances of the surfaces, infinite beyond the reach and for pairs of other kinds, minus infinity where surfaces
+        cross or one grain lies in the other. Of tessellated primitives it is a lower bound.
+    proven : (size,) ndarray of bool
+        Whether the grains are separate; false for pairs of other kinds.
     """
-    bad = 0
-    for p in range(size):
-        i, j = pairs.i[p], pairs.j[p]
-        if max(grains.kind[i], grains.kind[j]) != SURFACE:
-            continue
-        square, radii = 0.0, grains.radius[i] + grains.radius[j]
-        for r in range(3):
-            square += (grains.position[j, r] + pairs.shift[p, r] - grains.position[i, r]) ** 2
-        gap[p], proven[p] = math.inf, True
-        if square > (radii + reach) ** 2:
-            continue
-        write_pose(grains, i, j, pairs.shift[p], work.now)
-        rounding = ROUNDING * (radii + math.sqrt(square))
-        near = max(reach, 4.0 * rounding)
-        _, low = _exact_pair(grains, bodies, work, p, i, j, near)
-        gap[p] = -math.inf if low == -1e9 else (low if low <= reach else math.inf)
-        proven[p] = low > 2.0 * rounding
-        bad += 0 if proven[p] else 1
-    return bad
+    work.gap[:size], work.proven[:size] = np.inf, False
+    find_triangle_contacts(grains, bodies, work, pairs, size, rows, -1, reach, 0.0)
+    return work.gap[:size].copy(), work.proven[:size].copy()
