@@ -52,6 +52,7 @@ from voxgran.report.page import save_report as save_report
 from voxgran.report.plot import plot as plot
 from voxgran.report.turntable import save_turntable as save_turntable
 from voxgran.scene.scene import Scene as Scene
+from voxgran.settling.equilibrium import equilibrium as equilibrium
 from voxgran.shapes import families as families
 from voxgran.shapes import sizes as sizes
 from voxgran.shapes.family import shape_families as shape_families

@@ -1,14 +1,14 @@
 """Forces at contacts, within their friction cones, that balance the weights of grains: two iterative solvers.
 
-The unknowns are forces f, one for each contact, which act on its body j and with opposite sign on its body i. They give
-the bodies accelerations a = gravity + (sum of forces and of their moments) / (mass and moment of inertia). A quasi-static
-step of length dt moves bodies by a dt^2 from rest, so that its contacts obey ``0 <= f_n, 0 <= a_n + gap / dt^2 + skin
-f_n``, and one of both is 0; across the normal a force of friction is at most `friction` times as large as f_n. Without
-the gaps it is the question whether the bodies rest.
+The unknowns are forces f, one for each contact, which act on its body j and with opposite sign on its body i. They
+give the bodies accelerations a = gravity + (sum of forces and of their moments) / (mass and moment of inertia). A
+quasi-static step of length dt moves bodies by a dt^2 from rest, so that its contacts obey ``0 <= f_n, 0 <= a_n + gap /
+dt^2 + skin f_n``, and one of both is 0; across the normal a force of friction is at most `friction` times as large as
+f_n. Without the gaps it is the question whether the bodies rest.
 
-`accelerated_projected_gradient` minimises half the sum of squared accelerations, weighted by mass and moment of inertia,
-over the friction cones: a convex problem. `gauss_seidel_forces` solves for the law of Coulomb, with which sliding does
-not open contacts.
+`accelerated_projected_gradient` minimises half the sum of squared accelerations, weighted by mass and moment of
+inertia, over the friction cones: a convex problem. `gauss_seidel_forces` solves for the law of Coulomb, with which
+sliding does not open contacts.
 
 References
 ----------
@@ -27,7 +27,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.stopping import stop_if_asked
 
-#: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three forces (3):
+#: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three forces (3),
 #: that of now, the extrapolated one, and that of the iteration before; three cache lines
 WORK = 24
 #: columns of bodies, and of accelerations in the work: inverse mass and inverse moment of inertia
@@ -80,8 +80,9 @@ def accelerated_projected_gradient(
 ) -> tuple[Floats, int, float]:  # fmt: skip
     """Change the forces (m, 3), within their friction cones, to those that balance all bodies best.
 
-    Return the accelerations (n + 1, 6) that are left, the number of iterations made, and about how far the accelerations
-    are from those of the optimum, which are unique: the root mean square of the difference, weighted by mass.
+    Return the accelerations (n + 1, 6) that are left, the number of iterations made, and about how far the
+    accelerations are from those of the optimum, which are unique: the root mean square of the difference, weighted by
+    mass.
 
     forces: the first guess, changed in place.  tolerance: the iterations end where no body accelerates by more, nor its
     points at the radius of gyration.  near: they also end at this distance from the optimum.

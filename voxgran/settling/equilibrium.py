@@ -2,8 +2,8 @@
 
 A packing in which nothing moves may still be out of balance, since motions that are damped are slow. Here no motion is
 looked at: the grains rest if there are forces at their contact points that balance the weight and the torque of each,
-that press, and that across the normal are at most `friction` times as large as along it. Such forces are the minimum, 0,
-of a convex problem; where there are none, the minimum is what is left over.
+that press, and that across the normal are at most `friction` times as large as along it. Such forces are the minimum,
+0, of a convex problem; where there are none, the minimum is what is left over.
 """
 
 import math
@@ -90,9 +90,7 @@ def balance_forces(
     return Balance(found, residual, torque, rests, made, distance)
 
 
-def equilibrium(
-    packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, tolerance: float = 0.01
-) -> "Dataset":
+def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, tolerance: float = 0.01) -> "Dataset":
     """Return whether grains rest: forces at their contacts that balance the weight and the torque of each.
 
     Contacts are all places where grains are within a gap of each other, of walls and of the lid. A lid is a fixed wall
@@ -115,14 +113,14 @@ def equilibrium(
     -------
     Dataset
         By grain: ``residual``, the net force in weights of the grain; ``residual_torque``, the net torque in its weight
-        times its radius; ``rests``, where both are within the tolerance; ``load``, the downward forces of others on the
-        grain in its weights; and ``rattler``: it rests, and its load is within the tolerance. A rattler carries its own
-        weight, as each grain does that rests under gravity, and nothing else: the others rest without it too. Grains
-        that nothing holds are not at rest, and no rattlers.
+        times its radius; ``rests``, where both are within the tolerance; ``carried``, the downward forces of others
+        on the grain in its weights; and ``rattler``: it rests, and what it carries is within the tolerance. A
+        rattler carries its own weight, as each grain does that rests under gravity, and nothing else: the others rest
+        without it too. Grains that nothing holds are not at rest, and no rattlers.
 
         By contact: ``contact_i`` and ``contact_j``, the grains, of which the second is -1 at a wall and -2 at the lid;
-        ``point``, at grain i, in the unit of lengths; ``normal`` from grain i to grain j; ``force`` on grain j, and with
-        opposite sign on grain i, in weights of a grain of the median diameter; ``normal_force``, along the normal; and
+        ``point``, at grain i, in the unit of lengths; ``normal`` from grain i to grain j; ``force`` on grain j,
+        and with opposite sign on grain i, in weights of a grain of the median diameter; ``normal_force``, along the normal; and
         ``gap``, in the unit of lengths.
 
         Attributes: ``friction``, ``gap`` and ``tolerance`` as given; ``share_at_rest``, the share of the grains,
@@ -152,24 +150,24 @@ def equilibrium(
     found = balance_forces(
         rows, len(rows.i), bodies, gravity, friction=friction, tolerance=tolerance, dimension=packing.dimension
     )
-    borne = _loads(rows, found.forces, gravity, packing.count) * bodies[:-1, 6]
-    return _dataset(packing, rows, found, borne, {"friction": friction, "gap": gap, "tolerance": tolerance})
+    carried = _carried(rows, found.forces, gravity, packing.count) * bodies[:-1, 6]
+    return _dataset(packing, rows, found, carried, {"friction": friction, "gap": gap, "tolerance": tolerance})
 
 
-def _loads(rows: ContactRows, forces: Floats, gravity: Floats, n: int) -> Floats:
+def _carried(rows: ContactRows, forces: Floats, gravity: Floats, n: int) -> Floats:
     """Return the sum of the downward forces on each grain, (n,), in weights of a median grain."""
     along = forces @ gravity
-    borne = np.bincount(rows.i, np.maximum(-along, 0.0), minlength=n)
+    carried = np.bincount(rows.i, np.maximum(-along, 0.0), minlength=n)
     inner = (rows.j >= 0) & (rows.j < n)
-    borne += np.bincount(rows.j[inner], np.maximum(along[inner], 0.0), minlength=n)
-    return np.asarray(borne)
+    carried += np.bincount(rows.j[inner], np.maximum(along[inner], 0.0), minlength=n)
+    return np.asarray(carried)
 
 
 def _dataset(
-    packing: Assembly, rows: ContactRows, found: Balance, borne: Floats, parameters: dict[str, float]
+    packing: Assembly, rows: ContactRows, found: Balance, carried: Floats, parameters: dict[str, float]
 ) -> "Dataset":
     """Return what was found, with units and names."""
-    rattler = found.rests & (borne <= parameters["tolerance"])
+    rattler = found.rests & (carried <= parameters["tolerance"])
     others = found.rests[~rattler]
     length, unit = float(np.median(packing.diameters)) if packing.count else 1.0, getattr(packing, "unit", "1")
     normal, weight = rows.row[:, NORMAL : NORMAL + 3], "weight of a grain of the median diameter"
@@ -180,7 +178,7 @@ def _dataset(
         "residual": (grain, found.residual, "weight", "net force"),
         "residual_torque": (grain, found.residual_torque, "weight radius", "net torque"),
         "rests": (grain, found.rests, "1", "whether net force and torque are within the tolerance"),
-        "load": (grain, borne, "weight", "sum of the downward forces of others"),
+        "carried": (grain, carried, "weight", "sum of the downward forces of others"),
         "rattler": (grain, rattler, "1", "whether the grain rests and carries nothing but itself"),
         "contact_i": (contact, rows.i, "1", "index of the first grain"),
         "contact_j": (contact, partner, "1", "index of the second grain, -1 at a wall and -2 at a lid"),

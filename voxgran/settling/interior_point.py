@@ -1,8 +1,8 @@
 """Forces at contacts without friction, by an interior point: a quasi-static step, or the question whether grains rest.
 
 Without friction a step is a quadratic program: of all accelerations a with ``a_n + gap / dt^2 + skin f >= 0`` at the
-contacts those nearest to gravity, weighted by mass and moment of inertia; the forces f are its multipliers. An iteration
-solves linear equations of the matrix ``1 + J^T diag(w) J``, where J holds the normals and the moments of their arms.
+contacts those nearest to gravity, weighted by mass and moment of inertia; the forces f are its multipliers. An
+iteration solves linear equations of the matrix ``1 + J^T diag(w) J``, where J holds the normals and the moments of their arms.
 
 References
 ----------
@@ -69,9 +69,7 @@ def _program(row: Floats, i: Integers, j: Integers, bodies: Floats, gravity: Flo
     column = np.stack([i, np.where(j < 0, 0, j)], axis=1)[:, :, None] * d + np.arange(d)
     values = np.stack([one[:, freedoms], other[:, freedoms]], axis=1)
     sparse = load("scipy.sparse")
-    jacobian = sparse.csr_array(
-        (values.ravel(), column.ravel(), np.arange(m + 1) * 2 * d), shape=(m, (lid + 1) * d)
-    )
+    jacobian = sparse.csr_array((values.ravel(), column.ravel(), np.arange(m + 1) * 2 * d), shape=(m, (lid + 1) * d))
     return jacobian, freedoms, pull[:, freedoms].ravel()
 
 
@@ -82,7 +80,8 @@ def _solved(
     force, transposed = first.copy(), jacobian.T.tocsr()
     x = weight + transposed @ force
     slack = np.maximum(jacobian @ x + openness + skin * force, 1.0)
-    for made in range(ITERATIONS):
+    made = 0
+    while made < ITERATIONS:
         stop_if_asked()
         rest = x - weight - transposed @ force
         short = jacobian @ x + openness + skin * force - slack
@@ -105,6 +104,7 @@ def _solved(
         ahead = float((slack + _part(slack, ds) * ds) @ (force + _part(force, df) * df)) / len(force)
         dx, ds, df = direction(slack * force + ds * df - (ahead / product) ** 3 * product)
         part = min(1.0, SHORT_OF_BOUND * min(_part(slack, ds), _part(force, df)))
+        made += 1
         x, slack, force = x + part * dx, slack + part * ds, force + part * df
     return x, force, made
 
@@ -113,9 +113,7 @@ def _factorized(jacobian: Any, transposed: Any, width: Floats) -> Any:
     """Return the function that solves equations of 1 + J^T diag(w) J."""
     sparse, linalg = load("scipy.sparse"), load("scipy.sparse.linalg")
     matrix = (transposed @ sparse.diags_array(width) @ jacobian + sparse.eye_array(jacobian.shape[1])).tocsc()
-    return linalg.splu(
-        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    ).solve
+    return linalg.splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
 
 
 def _part(values: Floats, change: Floats) -> float:

@@ -225,7 +225,18 @@ def test_a_lid_presses_with_its_weight():
         forces = np.zeros((2, 3))
         if solver == "sweeps":
             gauss_seidel_forces(
-                row, i, j, 2, bodies, DOWN, forces, np.zeros(2), friction=0.5, skin=0.0, iterations=1000, tolerance=1e-14
+                row,
+                i,
+                j,
+                2,
+                bodies,
+                DOWN,
+                forces,
+                np.zeros(2),
+                friction=0.5,
+                skin=0.0,
+                iterations=1000,
+                tolerance=1e-14,
             )
         else:
             accelerated_projected_gradient(
