@@ -15,8 +15,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.tree import STACK, TriangleTree, grow_tree, normals_of
-from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.contacts.parts import is_disk
+from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.outline import Outline

@@ -43,7 +43,12 @@ class Found:
         position = np.column_stack([places, np.zeros(n)])
         scale = np.ones(n) if scales is None else np.array(scales, dtype=float)
         self.assembly = Assembly(
-            tuple(shapes), np.arange(n), scale, position, np.array([turned(a) for a in angles]), vg.Rectangle((9.0, 9.0))
+            tuple(shapes),
+            np.arange(n),
+            scale,
+            position,
+            np.array([turned(a) for a in angles]),
+            vg.Rectangle((9.0, 9.0)),
         )
         kind = np.array([SPHERE if shape.is_sphere or shape.geometry.kind == "disk" else OUTLINE for shape in shapes])
         self.grains = Grains(
@@ -65,9 +70,7 @@ class Found:
     def find(self):
         """Find the contacts again; return the row after the last."""
         size = len(self.pairs.i)
-        self.m = find_outline_contacts(
-            self.grains, self.bodies, self.pairs, size, self.rows, 0, self.margin, self.rest
-        )
+        self.m = find_outline_contacts(self.grains, self.bodies, self.pairs, size, self.rows, 0, self.margin, self.rest)
         return self.m
 
     def of(self, p=0):
@@ -117,9 +120,7 @@ def test_gaps_are_exact_and_overlaps_are_seen(one, other):
         assert pair.pairs.bound[0] == deepest[9]
         # the points of both surfaces are a gap apart, along the normal
         offset = pair.assembly.position[1] - pair.assembly.position[0]
-        np.testing.assert_allclose(
-            offset + rows[:, 6:9] - rows[:, 3:6], rows[:, 9:10] * rows[:, :3], atol=1e-12
-        )
+        np.testing.assert_allclose(offset + rows[:, 6:9] - rows[:, 3:6], rows[:, 9:10] * rows[:, :3], atol=1e-12)
         assert not rows[:, [2, 5, 8]].any()
         assert len(rows) <= 6
 

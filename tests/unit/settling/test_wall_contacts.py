@@ -14,10 +14,9 @@ from voxgran.contacts.walls import escape_depths
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.settling.contact_rows import ROW, WALL, ContactRows, Grains
 from voxgran.settling.smooth_distance import smooth_distance
-from voxgran.settling.wall_bodies import Lid as LidPlane
 from voxgran.settling.wall_bodies import CONE, CYLINDER, ELLIPSOID, wall_bodies
+from voxgran.settling.wall_bodies import Lid as LidPlane
 from voxgran.settling.wall_contacts import find_wall_contacts
-
 from voxgran.shapes.mesh import Mesh, hull_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -93,7 +92,9 @@ def hull_shape(points):
 
 def clump():
     """Return a union of three spheres."""
-    return Shape.of(Spheres(np.array([[0, 0, 0], [0.5, 0.1, 0], [0.1, 0.4, 0.3]]), np.array([0.4, 0.3, 0.25])), name="c")
+    return Shape.of(
+        Spheres(np.array([[0, 0, 0], [0.5, 0.1, 0], [0.1, 0.4, 0.3]]), np.array([0.4, 0.3, 0.25])), name="c"
+    )
 
 
 def solids():
@@ -378,7 +379,10 @@ def test_impulses_stay_with_their_wall():
 
 
 def test_outlines_touch_the_walls_of_a_rectangle():
-    shapes = [vg.make_shape("disk"), Shape.of(Outline("polygon", vertices=np.array([[0, 0], [2, 0], [2, 1], [1, 0.4], [0, 1]])), name="notched")]
+    shapes = [
+        vg.make_shape("disk"),
+        Shape.of(Outline("polygon", vertices=np.array([[0, 0], [2, 0], [2, 1], [1, 0.4], [0, 1]])), name="notched"),
+    ]
     for periodic in ((False, False), (True, False)):
         assembly = random_poses(shapes, vg.Rectangle((6.0, 5.0), periodic=periodic), 100, seed=4)
         found = Found(assembly, 100.0)
