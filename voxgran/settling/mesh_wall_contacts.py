@@ -12,8 +12,10 @@ import numpy as np
 
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.tree import closest_on_triangle, is_behind, search_triangles, square_to_box
+from voxgran.settling.candidates import add_candidate, is_candidate
+from voxgran.settling.smooth_distance import smooth_distance
 from voxgran.settling.wall_bodies import ELLIPSOID, POINTS
-from voxgran.settling.wall_candidates import add_candidate, rings_of, set_frame, support_arm
+from voxgran.settling.wall_candidates import rings_of, set_frame, support_arm
 
 #: walls that are looked for about one point, at most
 WALLS = 4
@@ -49,11 +51,11 @@ def near_mesh(bodies, walls, shape, scale, m, x, y, z, radius, reach):  # type: 
         ay = scale * (m[1, 0] * bx + m[1, 1] * by + m[1, 2] * bz)
         az = scale * (m[2, 0] * bx + m[2, 1] * by + m[2, 2] * bz)
         c = _near_point(bodies, walls, c, px, py, pz, ax, ay, az, r, reach, far)
-    side = bodies.mesh
-    if len(side.edge) > 0 and side.triangle[shape + 1] > side.triangle[shape]:
-        c = _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach)
     if bodies.kind[shape] != POINTS:
-        c = _refine(bodies, c, shape, scale, m, reach)
+        c = _near_supports(bodies, walls, c, shape, scale, m, px, py, pz, reach, far)
+    side = bodies.mesh
+    if len(side.edge) > 0 and (bodies.kind[shape] != POINTS or side.triangle[shape + 1] > side.triangle[shape]):
+        c = _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach)
     return c
 
 
@@ -125,29 +127,29 @@ def _next_wall(walls, x, y, z, reach, seen, known):  # type: ignore[no-untyped-d
 
 
 @bare_kernel
-def _refine(bodies, c, shape, scale, m, reach):  # type: ignore[no-untyped-def]
-    """Replace corners of a smooth solid by its support points along their normals, which are each kept once."""
-    kind, found = bodies.kind[shape], bodies.found
+def _near_supports(bodies, walls, c, shape, scale, m, x, y, z, reach, far):  # type: ignore[no-untyped-def]
+    """Add the support points of a smooth solid along the normals of its corners; those of an ellipsoid replace them.
+
+    The corners of the polyhedron that stands for an ellipsoid are no points of it.
+    """
+    kind, found, last = bodies.kind[shape], bodies.found, c
     set_frame(bodies, shape, m)
-    # rim points stay beside the support points: the solid stands on them
-    kept = 0 if kind == ELLIPSOID else c
-    for k in range(c):
-        old = found[k]
-        nx, ny, nz = old[3], old[4], old[5]
-        plane = old[0] * nx + old[1] * ny + old[2] * nz + old[6]
+    for k in range(last):
+        nx, ny, nz = found[k, 3], found[k, 4], found[k, 5]
         for ring in range(rings_of(kind)):
             ax, ay, az = support_arm(bodies, shape, scale, ring, nx, ny, nz)
-            gap = plane - ax * nx - ay * ny - az * nz
-            new = gap <= reach
-            for other in range(kept):
-                row = found[other]
-                apart = abs(row[0] - ax) + abs(row[1] - ay) + abs(row[2] - az)
-                turned = abs(row[3] - nx) + abs(row[4] - ny) + abs(row[5] - nz)
-                if apart < 1e-6 * scale * bodies.size[shape, 0] and turned < 1e-6:
-                    new = False
+            new = True
+            for other in range(last, c):
+                apart = abs(found[other, 0] - ax) + abs(found[other, 1] - ay) + abs(found[other, 2] - az)
+                new = new and apart > 1e-6 * scale * bodies.size[shape, 0]
             if new:
-                kept = add_candidate(found, kept, ax, ay, az, nx, ny, nz, gap)
-    return kept
+                c = _near_point(bodies, walls, c, x, y, z, ax, ay, az, 0.0, reach, far)
+    if kind != ELLIPSOID:
+        return c
+    for k in range(last, c):
+        for column in range(7):
+            found[k - last, column] = found[k, column]
+    return c - last
 
 
 @bare_kernel
@@ -201,23 +203,29 @@ def _along_edge(bodies, c, shape, scale, m, dx, dy, dz, ux, uy, uz, low, high, r
         end = r == s
         if value <= last and (value <= after or end) and value <= reach + step:
             # a minimum lies between the neighbours of this point
-            a, b = before, r
-            one, two = b - GOLDEN * (b - a), a + GOLDEN * (b - a)
-            f = _grain_distance(bodies, shape, scale, m, dx + one * ux, dy + one * uy, dz + one * uz)[0]
-            g = _grain_distance(bodies, shape, scale, m, dx + two * ux, dy + two * uy, dz + two * uz)[0]
-            for _ in range(GOLDEN_STEPS):
-                if f <= g:
-                    b, two, g = two, one, f
-                    one = b - GOLDEN * (b - a)
-                    f = _grain_distance(bodies, shape, scale, m, dx + one * ux, dy + one * uy, dz + one * uz)[0]
+            a, b, best, deepest = before, r, s, value
+            one, two, f, g, turn = b - GOLDEN * (b - a), a + GOLDEN * (b - a), math.inf, math.inf, 0
+            for trip in range(GOLDEN_STEPS):
+                t = one if turn == 0 else two
+                d = _grain_distance(bodies, shape, scale, m, dx + t * ux, dy + t * uy, dz + t * uz)[0]
+                if d < deepest:
+                    best, deepest = t, d
+                if turn == 0:
+                    f = d
                 else:
-                    a, one, f = one, two, g
+                    g = d
+                if trip == 0:
+                    turn = 1
+                elif f <= g:
+                    b, two, g, turn = two, one, f, 0
+                    one = b - GOLDEN * (b - a)
+                else:
+                    a, one, f, turn = one, two, g, 1
                     two = a + GOLDEN * (b - a)
-                    g = _grain_distance(bodies, shape, scale, m, dx + two * ux, dy + two * uy, dz + two * uz)[0]
-            best = one if f <= g else two
-            if value <= min(f, g):
-                best = s
             c = _add_edge_point(bodies, c, shape, scale, m, dx + best * ux, dy + best * uy, dz + best * uz, reach)
+        if value <= reach and (s == low or end or last > reach or after > reach):
+            # where the edge comes into reach and leaves it: a face that lies on it is held at both ends
+            c = _add_edge_point(bodies, c, shape, scale, m, dx + s * ux, dy + s * uy, dz + s * uz, reach)
         if end:
             return c
         before, s, last, value = s, r, value, after
@@ -229,11 +237,8 @@ def _add_edge_point(bodies, c, shape, scale, m, x, y, z, reach):  # type: ignore
     gap, ax, ay, az, nx, ny, nz = _grain_distance(bodies, shape, scale, m, x, y, z)
     if gap > reach:
         return c
-    for k in range(c):
-        row = bodies.found[k]
-        apart = abs(row[0] - ax) + abs(row[1] - ay) + abs(row[2] - az)
-        if apart < 1e-6 * bodies.spread[shape] * scale and row[3] * nx + row[4] * ny + row[5] * nz > 1.0 - 1e-9:
-            return c
+    if is_candidate(bodies.found, 0, c, ax, ay, az, nx, ny, nz, 1e-6 * bodies.spread[shape] * scale):
+        return c
     return add_candidate(bodies.found, c, ax, ay, az, nx, ny, nz, gap)
 
 
@@ -243,25 +248,31 @@ def _grain_distance(bodies, shape, scale, m, x, y, z):  # type: ignore[no-untype
 
     Points are relative to the centroid.
     """
-    side = bodies.mesh
     bx = (m[0, 0] * x + m[1, 0] * y + m[2, 0] * z) / scale
     by = (m[0, 1] * x + m[1, 1] * y + m[2, 1] * z) / scale
     bz = (m[0, 2] * x + m[1, 2] * y + m[2, 2] * z) / scale
-    t0, t1, k0, k1 = side.triangle[shape], side.triangle[shape + 1], side.node[shape], side.node[shape + 1]
-    corners, normals = side.corners[t0:t1], side.normals[t0:t1]
-    square, t, feature, qx, qy, qz = search_triangles(
-        corners, side.low[k0:k1], side.high[k0:k1], side.start[k0:k1], bx, by, bz, np.inf, side.stack[1]
-    )
-    distance = math.sqrt(square)
-    vx, vy, vz = bx - qx, by - qy, bz - qz
-    sign = -1.0 if side.closed[shape] == 1 and is_behind(normals, t, feature, vx, vy, vz) else 1.0
-    vx, vy, vz = sign * vx, sign * vy, sign * vz
-    if distance < 1e-12 * (1.0 + abs(bx) + abs(by) + abs(bz)):
-        vx, vy, vz = normals[t, feature, 0], normals[t, feature, 1], normals[t, feature, 2]
-    length = max(math.sqrt(vx * vx + vy * vy + vz * vz), 1e-300)
-    vx, vy, vz = vx / length, vy / length, vz / length
+    if bodies.kind[shape] == POINTS:
+        distance, qx, qy, qz, vx, vy, vz = _mesh_distance(bodies.mesh, shape, bx, by, bz)
+    else:
+        t = bodies.turn[shape]
+        ux, uy, uz = (
+            t[0, 0] * bx + t[1, 0] * by + t[2, 0] * bz,
+            t[0, 1] * bx + t[1, 1] * by + t[2, 1] * bz,
+            t[0, 2] * bx + t[1, 2] * by + t[2, 2] * bz,
+        )
+        distance, ux, uy, uz, wx, wy, wz = smooth_distance(bodies.kind[shape], bodies.size[shape], ux, uy, uz)
+        qx, qy, qz = (
+            t[0, 0] * ux + t[0, 1] * uy + t[0, 2] * uz,
+            t[1, 0] * ux + t[1, 1] * uy + t[1, 2] * uz,
+            t[2, 0] * ux + t[2, 1] * uy + t[2, 2] * uz,
+        )
+        vx, vy, vz = (
+            t[0, 0] * wx + t[0, 1] * wy + t[0, 2] * wz,
+            t[1, 0] * wx + t[1, 1] * wy + t[1, 2] * wz,
+            t[2, 0] * wx + t[2, 1] * wy + t[2, 2] * wz,
+        )
     return (
-        sign * distance * scale,
+        distance * scale,
         scale * (m[0, 0] * qx + m[0, 1] * qy + m[0, 2] * qz),
         scale * (m[1, 0] * qx + m[1, 1] * qy + m[1, 2] * qz),
         scale * (m[2, 0] * qx + m[2, 1] * qy + m[2, 2] * qz),
@@ -269,3 +280,21 @@ def _grain_distance(bodies, shape, scale, m, x, y, z):  # type: ignore[no-untype
         m[1, 0] * vx + m[1, 1] * vy + m[1, 2] * vz,
         m[2, 0] * vx + m[2, 1] * vy + m[2, 2] * vz,
     )
+
+
+@bare_kernel
+def _mesh_distance(side, shape, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the distance of a point from the surface of a shape, negative inside, its nearest point and normal."""
+    t0, t1, k0, k1 = side.triangle[shape], side.triangle[shape + 1], side.node[shape], side.node[shape + 1]
+    normals = side.normals[t0:t1]
+    square, t, feature, qx, qy, qz = search_triangles(
+        side.corners[t0:t1], side.low[k0:k1], side.high[k0:k1], side.start[k0:k1], x, y, z, np.inf, side.stack[1]
+    )
+    distance = math.sqrt(square)
+    vx, vy, vz = x - qx, y - qy, z - qz
+    sign = -1.0 if side.closed[shape] == 1 and is_behind(normals, t, feature, vx, vy, vz) else 1.0
+    vx, vy, vz = sign * vx, sign * vy, sign * vz
+    if distance < 1e-12 * (1.0 + abs(x) + abs(y) + abs(z)):
+        vx, vy, vz = normals[t, feature, 0], normals[t, feature, 1], normals[t, feature, 2]
+    length = max(math.sqrt(vx * vx + vy * vy + vz * vz), 1e-300)
+    return sign * distance, qx, qy, qz, vx / length, vy / length, vz / length

@@ -15,8 +15,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.tree import STACK, TriangleTree, grow_tree, normals_of
-from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.contacts.parts import is_disk
+from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.outline import Outline
@@ -165,8 +165,10 @@ def _of_primitive(solid: Primitive, *, in_mesh: bool) -> Floats:
     if solid.kind == "box":
         return solid.tessellation()[0]
     if solid.kind == "ellipsoid":
-        # from the points of a finer polyhedron the support points in a closed mesh are found
-        return _round_surface(solid)[0] if in_mesh else np.zeros((0, 3))
+        # along the normals of the walls at these points, outside of it, are the support points in a closed mesh
+        vertices, _, error = sphere(SUBDIVISIONS)
+        points = vertices / (1 - error) * np.array(d) if in_mesh else np.zeros((0, 3))
+        return np.asarray(points @ solid.matrix.T)
     angle = 2 * math.pi * np.arange(RIM_POINTS) / RIM_POINTS
     rim = np.column_stack([d[0] * np.cos(angle), d[0] * np.sin(angle), np.zeros(RIM_POINTS)])
     if solid.kind == "cylinder":
@@ -174,12 +176,6 @@ def _of_primitive(solid: Primitive, *, in_mesh: bool) -> Floats:
     else:
         points = np.concatenate([rim - [0.0, 0.0, d[1] / 4], [[0.0, 0.0, 0.75 * d[1]]]])
     return np.asarray(points @ solid.matrix.T)
-
-
-def _round_surface(solid: Primitive) -> tuple[Floats, Integers]:
-    """Return vertices and faces of a polyhedron around an ellipsoid."""
-    vertices, faces, error = sphere(SUBDIVISIONS)
-    return vertices / (1 - error) * np.array(solid.dimensions) @ solid.matrix.T, faces
 
 
 def _hull_corners(vertices: Floats) -> Floats:
@@ -219,12 +215,12 @@ def _mesh_side(shapes: tuple[Shape, ...], solid: Shape | None) -> MeshSide:
 
 
 def _surface_of(geometry: Geometry) -> TriangleTree | None:
-    """Return the tree of the surface of a shape; None of spheres, whose gaps follow from their centers."""
+    """Return the tree of the surface of a mesh or box; None of others, whose distances have closed forms."""
     if isinstance(geometry, Mesh | Surface):
         return geometry.tree
-    if not isinstance(geometry, Primitive) or geometry.kind == "sphere":
-        return None
-    return grow_tree(*(_round_surface(geometry) if geometry.kind == "ellipsoid" else geometry.circumscribed()))
+    if isinstance(geometry, Primitive) and geometry.kind == "box":
+        return grow_tree(*geometry.tessellation()[:2])
+    return None
 
 
 def reentrant_edges(mesh: Mesh) -> Floats:

@@ -1,4 +1,4 @@
-"""Points of a grain near one flat or round wall, and the choice of those that are kept as contacts.
+"""Points of a grain near one flat or round wall.
 
 A convex function, such as the distance from a plane, a line or a point, is largest at corners, on rims, at apices or
 on curved surfaces. The farthest point of an ellipsoid, or of a rim, from a point or an axis satisfies a secular
@@ -8,31 +8,15 @@ equation with one root above the largest squared semi-axis (Golub 1973, doi:10.1
 import math
 
 from voxgran._base.kernels import bare_kernel
-from voxgran.settling.contact_rows import write_contact
+from voxgran.settling.candidates import add_candidate
 from voxgran.settling.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS
 
-#: distance of arms, in median diameters, up to which a contact takes over the impulses of an old one
-MATCH = 0.1
-#: least cosine of the normals of the two
-ALIKE = 0.7
-#: lengths that a contact may be farther from those kept, for each length by which its gap is larger
-PATIENCE = 10.0
 #: halvings of the bracket of a root, after which it has the width of rounding
 HALVINGS = 70
 #: steps from the side opposite to the farthest point to a second maximum of the distance
 STEPS = 30
 #: cosine between two directions above which they are one
 SAME = 0.98
-
-
-@bare_kernel
-def add_candidate(found, c, ax, ay, az, nx, ny, nz, gap):  # type: ignore[no-untyped-def]
-    """Add an arm, a normal and a gap to the candidates, of which there are c; return how many there are then."""
-    if c == len(found):
-        return c
-    row = found[c]
-    row[0], row[1], row[2], row[3], row[4], row[5], row[6] = ax, ay, az, nx, ny, nz, gap
-    return c + 1
 
 
 @bare_kernel
@@ -236,60 +220,3 @@ def _farthest_point(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
     length = max(math.sqrt(px * px + py * py + pz * pz), 1e-300)
     px, py, pz = px / length, py / length, pz / length
     return (px if x >= 0.0 else -px), (py if y >= 0.0 else -py), (pz if z >= 0.0 else -pz)
-
-
-@bare_kernel
-def write_candidates(rows, m, i, j, found, c, most, spread, first, count, rest):  # type: ignore[no-untyped-def]
-    """Write the candidates, or so many of them that are deep and apart; return the next row, or -1 if rows are full.
-
-    first, count: old rows of the grain, which hand their impulses over.
-    """
-    if c == 0:
-        return m
-    if m + min(c, most) > len(rows.row):
-        return -1
-    if c <= most:
-        for k in range(c):
-            _write(rows, m + k, i, j, found[k], first, count, rest)
-        return m + c
-    least = found[0, 6]
-    for k in range(c):
-        found[k, 7] = math.inf
-        least = min(least, found[k, 6])
-    for trip in range(most):
-        best, at = -math.inf, -1
-        for k in range(c):
-            if found[k, 7] < spread:
-                continue
-            score = (0.0 if trip == 0 else found[k, 7]) - PATIENCE * (found[k, 6] - least)
-            if score > best:
-                best, at = score, k
-        if at < 0:
-            break
-        _write(rows, m, i, j, found[at], first, count, rest)
-        m += 1
-        for k in range(c):
-            square = 0.0
-            for axis in range(6):
-                # normals that differ part points as a tenth of their difference in lengths does
-                square += (found[k, axis] - found[at, axis]) ** 2 * (1.0 if axis < 3 else 0.01)
-            found[k, 7] = min(found[k, 7], math.sqrt(square))
-    return m
-
-
-@bare_kernel
-def _write(rows, m, i, j, candidate, first, count, rest):  # type: ignore[no-untyped-def]
-    """Write one candidate; it takes over the impulses of the nearest old row whose normal is alike.
-
-    A corner may touch two walls at once, with one arm: the arm alone does not tell their rows apart.
-    """
-    ax, ay, az, nx, ny, nz = candidate[0], candidate[1], candidate[2], candidate[3], candidate[4], candidate[5]
-    best, at = MATCH * MATCH, -1
-    for k in range(first, first + count):
-        old = rows.old[k]
-        square = (old[3] - ax) ** 2 + (old[4] - ay) ** 2 + (old[5] - az) ** 2
-        if square < best and old[0] * nx + old[1] * ny + old[2] * nz > ALIKE:
-            best, at = square, k
-    taken = 1 if at >= 0 else 0
-    gap = candidate[6] - rest
-    write_contact(rows, m, i, j, nx, ny, nz, ax, ay, az, 0.0, 0.0, 0.0, gap, max(at, 0), taken, MATCH)

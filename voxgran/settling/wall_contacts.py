@@ -4,20 +4,27 @@ import math
 
 import numpy as np
 
-from voxgran._base.kernels import kernel
-from voxgran.containers.kernel_container import FLAT, MESH, ROUND, UPRIGHT
-from voxgran.settling.contact_rows import WALL
+from voxgran._base.arrays import Integers
+from voxgran._base.kernels import bare_kernel, kernel
+from voxgran.containers.kernel_container import FLAT, MESH, ROUND, UPRIGHT, KernelContainer
+from voxgran.settling.candidates import choose_candidates, write_candidates
+from voxgran.settling.contact_rows import WALL, ContactRows, Grains
 from voxgran.settling.mesh_wall_contacts import near_mesh
-from voxgran.settling.wall_candidates import near_plane, near_round, write_candidates
+from voxgran.settling.wall_bodies import Lid, WallBodies
+from voxgran.settling.wall_candidates import near_plane, near_round
 
 #: most contacts of a grain with one flat or round wall
 MOST = 8
-#: most contacts of a grain with the walls of a closed mesh
+#: most contacts of a grain with the walls of a closed mesh, or with a lid on it
 MOST_IN_MESH = 16
+#: sides of a container: two for each axis, a round wall, and the lid
+AROUND, LID, SIDES = 6, 7, 8
 
 
-@kernel
-def find_wall_contacts(grains, walls, lid, bodies, first, count, rows, m, margin, rest):  # type: ignore[no-untyped-def]
+def find_wall_contacts(
+    grains: Grains, walls: KernelContainer, lid: Lid, bodies: WallBodies, first: Integers, count: Integers,
+    rows: ContactRows, m: int, margin: float, rest: float,
+) -> int:  # fmt: skip
     """Write where grains are near walls and a lid, from row m; return the next row, or -1 where the rows are full.
 
     A contact has the normal from the grain into the wall, the arm of the point on the grain, and the gap minus `rest`,
@@ -50,56 +57,92 @@ def find_wall_contacts(grains, walls, lid, bodies, first, count, rows, m, margin
         The row after the last one; -1 where the rows are full. Then `first` and `count` are those given and the rows
         before `m` are untouched: with larger arrays that hold the same old rows the call can be made again.
     """
+    # closed meshes have a kernel of their own: others need not be compiled with what only these use
+    find = _find_in_mesh if walls.kind == MESH else _find_in_closed_form
+    return int(find(grains, walls, lid, bodies, first, count, rows, m, margin, rest))
+
+
+@kernel
+def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, margin, rest):  # type: ignore[no-untyped-def]
+    """Write the contacts with flat and round walls and with a lid."""
     n = len(grains.position)
     here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     reach = margin + rest
-    middle, lower, lengths, walled = walls.middle, walls.lower, walls.lengths, walls.walled
     for g in range(n):
         here[g] = m
         x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
         near = reach + grains.radius[g]
-        shape, scale = grains.shape[g], grains.scale[g]
-        spread = bodies.spread[shape] * scale
-        if walls.kind == FLAT or walls.kind == UPRIGHT:
-            for axis in range(0 if walls.kind == FLAT else 2, 3):
-                if walled[axis] == 0:
-                    continue
-                place = x if axis == 0 else (y if axis == 1 else z)
-                for side in range(2):
-                    room = place - lower[axis] if side == 0 else lower[axis] + lengths[axis] - place
-                    if room > near:
-                        continue
-                    sign = 2.0 * side - 1.0
-                    nx, ny, nz = (
-                        sign if axis == 0 else 0.0,
-                        sign if axis == 1 else 0.0,
-                        sign if axis == 2 else 0.0,
-                    )
-                    c = near_plane(bodies, shape, scale, grains.matrix[g], nx, ny, nz, room, reach)
-                    m = write_candidates(rows, m, g, WALL, bodies.found, c, MOST, spread, first[g], count[g], rest)
-                    if m < 0:
-                        return -1
-        if walls.kind == UPRIGHT or walls.kind == ROUND:
-            flat = 1.0 if walls.kind == ROUND else 0.0
-            dx, dy, dz = x - middle[0], y - middle[1], z - middle[2]
-            if walls.radius - math.sqrt(dx * dx + dy * dy + flat * dz * dz) <= near:
-                matrix = grains.matrix[g]
+        for side in range(SIDES):
+            room, nx, ny, nz = _side_of(walls, lid, side, x, y, z)
+            if room > near:
+                continue
+            shape, scale, matrix = grains.shape[g], grains.scale[g], grains.matrix[g]
+            if side == AROUND:
+                flat = 1.0 if walls.kind == ROUND else 0.0
+                dx, dy, dz = x - walls.middle[0], y - walls.middle[1], z - walls.middle[2]
                 c = near_round(bodies, shape, scale, matrix, dx, dy, dz, flat, walls.radius, reach)
-                m = write_candidates(rows, m, g, WALL, bodies.found, c, MOST, spread, first[g], count[g], rest)
-        elif walls.kind == MESH:
-            c = near_mesh(bodies, walls.mesh, shape, scale, grains.matrix[g], x, y, z, grains.radius[g], reach)
-            most = MOST_IN_MESH
-            m = write_candidates(rows, m, g, WALL, bodies.found, c, most, spread, first[g], count[g], rest)
-        if m < 0:
-            return -1
-        room = lid.level - x * lid.normal[0] - y * lid.normal[1] - z * lid.normal[2]
-        if room <= near:
-            nx, ny, nz = lid.normal[0], lid.normal[1], lid.normal[2]
-            c = near_plane(bodies, shape, scale, grains.matrix[g], nx, ny, nz, room, reach)
-            m = write_candidates(rows, m, g, n, bodies.found, c, MOST, spread, first[g], count[g], rest)
+            else:
+                c = near_plane(bodies, shape, scale, matrix, nx, ny, nz, room, reach)
+            c = choose_candidates(bodies.found, c, MOST, bodies.spread[shape] * scale)
+            m = write_candidates(
+                rows, m, g, n if side == LID else WALL, bodies.found, c, np.inf, np.inf, np.inf, first[g], count[g], rest
+            )  # fmt: skip
             if m < 0:
                 return -1
         many[g] = m - here[g]
     for g in range(n):
         first[g], count[g] = here[g], many[g]
     return m
+
+
+@kernel
+def _find_in_mesh(grains, walls, lid, bodies, first, count, rows, m, margin, rest):  # type: ignore[no-untyped-def]
+    """Write the contacts with the walls of a closed mesh and with a lid."""
+    n = len(grains.position)
+    here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    reach = margin + rest
+    for g in range(n):
+        here[g] = m
+        x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
+        shape, scale, matrix, radius = grains.shape[g], grains.scale[g], grains.matrix[g], grains.radius[g]
+        for side in range(2):
+            if side == 0:
+                c = near_mesh(bodies, walls.mesh, shape, scale, matrix, x, y, z, radius, reach)
+            else:
+                room, nx, ny, nz = _side_of(walls, lid, LID, x, y, z)
+                if room > reach + radius:
+                    continue
+                c = near_plane(bodies, shape, scale, matrix, nx, ny, nz, room, reach)
+            c = choose_candidates(bodies.found, c, MOST_IN_MESH, bodies.spread[shape] * scale)
+            m = write_candidates(
+                rows, m, g, n if side == 1 else WALL, bodies.found, c, np.inf, np.inf, np.inf, first[g], count[g], rest
+            )  # fmt: skip
+            if m < 0:
+                return -1
+        many[g] = m - here[g]
+    for g in range(n):
+        first[g], count[g] = here[g], many[g]
+    return m
+
+
+@bare_kernel
+def _side_of(walls, lid, side, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the distance of a point from a side of a container, infinite without such a side, and its normal.
+
+    The sides are two for each axis, a round wall, and the lid.
+    """
+    if side == LID:
+        nx, ny, nz = lid.normal[0], lid.normal[1], lid.normal[2]
+        return lid.level - x * nx - y * ny - z * nz, nx, ny, nz
+    if side == AROUND:
+        if walls.kind == FLAT:
+            return math.inf, 0.0, 0.0, 0.0
+        dx, dy, dz = x - walls.middle[0], y - walls.middle[1], (z - walls.middle[2]) * (walls.kind == ROUND)
+        return walls.radius - math.sqrt(dx * dx + dy * dy + dz * dz), 0.0, 0.0, 0.0
+    axis = side // 2
+    if walls.walled[axis] == 0 or walls.kind == ROUND or (walls.kind == UPRIGHT and axis < 2):
+        return math.inf, 0.0, 0.0, 0.0
+    place = (x if axis == 0 else (y if axis == 1 else z)) - walls.lower[axis]
+    sign = 2.0 * (side % 2) - 1.0
+    room = place if side % 2 == 0 else walls.lengths[axis] - place
+    return room, (sign if axis == 0 else 0.0), (sign if axis == 1 else 0.0), (sign if axis == 2 else 0.0)
