@@ -52,11 +52,15 @@ def verify(options: argparse.Namespace) -> int:
 
 
 def measure(options: argparse.Namespace) -> None:
-    """Measure a packing."""
+    """Measure a packing; warn where it is sorted by size."""
+    from voxgran.measures.registered.segregation import warning_of
+
     tree = voxgran.measure(_packing(options), which=options.which or None)
     if options.output:
         voxgran.save_statistics(tree, options.output, overwrite=options.overwrite)
     show({str(name): value.item() for name, value in tree.dataset.data_vars.items() if value.ndim == 0}, options)
+    if "segregation" in tree and (warning := warning_of(float(tree["segregation"]), int(tree["count"]))):
+        complain(f"warning: {warning}")
 
 
 def _fields(source: Any, *names: str) -> dict[str, Any]:

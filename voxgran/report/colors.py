@@ -8,10 +8,11 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.lazy import load
 from voxgran.measures.registered.coordination import coordination_number
+from voxgran.measures.registered.forces import known_forces
 from voxgran.packing.model import Packing
 
-ColorBy: TypeAlias = Literal["diameter", "shape", "coordination", "distance"]
-COLOR_BY: tuple[ColorBy, ...] = ("diameter", "shape", "coordination", "distance")
+ColorBy: TypeAlias = Literal["diameter", "shape", "coordination", "distance", "force"]
+COLOR_BY: tuple[ColorBy, ...] = ("diameter", "shape", "coordination", "distance", "force")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,15 +34,17 @@ class Coloring:
 
 def coloring(packing: Packing, color_by: str) -> Coloring:
     """Return the colouring of the grains by equivalent diameter, index of the shape, number of neighbours within the
-    contact gap, or distance of the centroid from the nearest other one; see :data:`COLOR_BY`.
+    contact gap, distance of the centroid from the nearest other one, or largest contact force; see :data:`COLOR_BY`.
 
     Raises
     ------
     InputError
-        If `color_by` is unknown.
+        If `color_by` is unknown, or it is "force" and the forces of the packing are not known.
     """
     as_choice(color_by, "color_by", COLOR_BY)
     unit = "" if packing.unit == "1" else packing.unit
+    if color_by == "force":
+        return Coloring(known_forces(packing).largest_force(), "largest contact force", "weights of a median grain")
     if color_by == "diameter" or not packing.count:
         return Coloring(packing.diameters, "equivalent diameter", unit)
     if color_by == "shape":

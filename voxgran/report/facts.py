@@ -8,12 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from voxgran.contacts.forces import AT_REST
+from voxgran.measures.registered.segregation import warning_of
 from voxgran.packing.model import Packing
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
     from voxgran.contacts.verify import Verification
+
+
+#: name of the mean coordination number at the contact gap, and share of grains at rest of a bed that is
+MEAN_NUMBER, MOSTLY = "mean_coordination_number", 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +61,35 @@ def headline(packing: Packing, statistics: "DataTree | None", verification: "Ver
     strict = scalar(statistics, "strict_solid_fraction")
     if strict is not None:
         facts.append(Fact("strict solid fraction", f"{strict:.4f}", "all grains shrunk until none overlap"))
+    facts += _rest(packing, statistics)
     if verification is None:
         facts.append(Fact("verified", "not run", "true shapes were not checked"))
     elif verification.ok:
         facts.append(Fact("verified", "yes", "true shapes: no overlap, no escape", "good"))
     else:
         facts.append(Fact("verified", "no", "see the table of the verification", "bad"))
+    return facts
+
+
+def _rest(packing: Packing, statistics: "DataTree | None") -> list[Fact]:
+    """Return the numbers of a bed: neighbours, how many grains rest, and whether it is sorted by size."""
+    facts = []
+    neighbours = scalar(statistics, MEAN_NUMBER)
+    if statistics is not None and neighbours is not None and math.isfinite(neighbours):
+        facts.append(Fact("coordination number", f"{neighbours:.2f}", str(statistics[MEAN_NUMBER].attrs["long_name"])))
+    forces = packing.forces if packing.count else None
+    if forces is not None:
+        rest, rattlers = forces.share_at_rest, forces.share_of_rattlers
+        tone = "good" if rest >= MOSTLY else "bad"
+        note = f"grains with a residual below {AT_REST:g} of their weight; {100 * rattlers:.1f} % are rattlers"
+        facts.append(Fact("at rest", f"{100 * rest:.1f} %", note, tone))
+    sorted_by_size = scalar(statistics, "segregation")
+    if sorted_by_size is not None and math.isfinite(sorted_by_size):
+        warning = warning_of(sorted_by_size, packing.count)
+        note = warning or "rank correlation of diameter and height"
+        facts.append(
+            Fact("segregation", f"{sorted_by_size:.2f}".replace("-", "\u2212"), note, "bad" if warning else "")
+        )
     return facts
 
 

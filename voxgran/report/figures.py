@@ -40,8 +40,8 @@ def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
     found += _curves(packing, statistics)
     if packing.count and packing.dimension == 3:
         found.append(_zingg(packing))
-    rose = _rose(packing, statistics)
-    return [*found, rose] if rose is not None else found
+    last = (_rose(packing, statistics), _forces(statistics))
+    return [*found, *(figure for figure in last if figure is not None)]
 
 
 def size_test(packing: Packing) -> dict[str, float] | None:
@@ -163,3 +163,20 @@ def _rose(packing: Packing, statistics: "DataTree | None") -> Figure | None:
     )
     numbers = {"angle": angle.tolist(), "relative_density": share.tolist(), "contacts": len(normals)}
     return Figure("contact_normals", svg, "rose of contact normals", caption, numbers)
+
+
+def _forces(statistics: "DataTree | None") -> Figure | None:
+    """Return the distribution of the forces between grains, where it is known."""
+    if statistics is None or "/forces" not in statistics.groups:
+        return None
+    relative, density = (np.asarray(statistics["/forces"][name].values) for name in ("relative_force", "density"))
+    if not np.isfinite(density).all():
+        return None
+    decay = facts.scalar(statistics, "force_decay")
+    draw = partial(plots.plot_forces, relative=relative, density=density, decay=np.nan if decay is None else decay)
+    caption = (
+        "Normal forces between grains over their mean. Dashed: beads under a piston by Mueth, Jaeger and Nagel 1998; "
+        "in a bed that carries its own weight forces grow with depth, which makes the distribution wider."
+    )
+    numbers = {"relative_force": relative.tolist(), "density": density.tolist(), "decay": decay}
+    return Figure("contact_forces", plots.svg_of(draw, "forces"), "distribution of contact forces", caption, numbers)

@@ -24,6 +24,7 @@ from voxgran.report import facts, scenes
 from voxgran.report.closeup import picture_contacts
 from voxgran.report.colors import Coloring, coloring
 from voxgran.report.figures import figures_of
+from voxgran.report.force_chains import picture_forces
 from voxgran.report.numbers import json_text, page_numbers
 from voxgran.report.stage import Picture
 from voxgran.report.turntable import animated
@@ -95,7 +96,7 @@ def save_report(
         Title of the page.
     comparisons : mapping of str to mapping, optional
         Rows of a table of packings: name of each packing to a mapping from column names to values.
-    color_by : {"diameter", "shape", "coordination", "distance"}
+    color_by : {"diameter", "shape", "coordination", "distance", "force"}
         Quantity shown by the colours of the grains.
     turntable : bool
         Whether an animated picture of the rotating packing is added.
@@ -105,7 +106,7 @@ def save_report(
     Raises
     ------
     InputError
-        If `color_by` is unknown.
+        If `color_by` is unknown, or it is "force" and no forces are known.
     OutputExistsError
         If the page, the JSON file or a picture exists and `overwrite` is false.
     OutputError
@@ -189,6 +190,10 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
     if close is not None:
         caption = "The grain with the most neighbours, and the contact points."
         whole["contacts"] = (close, "one grain among its neighbours", caption)
+    chains = picture_forces(packing)
+    if chains is not None:
+        caption = "Force chains: tubes between grains in contact, as thick as the force; the strongest are dark."
+        whole["forces"] = (chains, f"force chains of {what}", caption)
     captions = {
         "surface": "true surface",
         "voxels": "voxels of 1/24 of its diameter",

@@ -22,8 +22,9 @@ def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[in
     ----------
     what : Packing or Shape
         What is shown.
-    color : {"diameter", "shape", "coordination", "distance"}
-        What the colours of grains show; not used for a shape.
+    color : {"diameter", "shape", "coordination", "distance", "force"}
+        What the colours of grains show, "force" the largest contact force on each where forces are known; not used for
+        a shape.
     window : tuple of int
         Width and height, in pixels.
 
@@ -35,7 +36,7 @@ def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[in
     Raises
     ------
     InputError
-        If it is neither a packing nor a shape, or `color` is unknown.
+        If it is neither a packing nor a shape, `color` is unknown, or it is "force" and no forces are known.
     """
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
     as_choice(color, "color", COLOR_BY)

@@ -156,6 +156,29 @@ def plot_coordination(
     return axes
 
 
+def plot_forces(axes: Any, relative: ArrayLike, density: ArrayLike, *, decay: float = np.nan) -> Any:
+    """Draw the probability density (n,) of normal forces over their mean (n,), with the published law of beads under a
+    piston, Mueth, Jaeger & Nagel 1998, doi:10.1103/PhysRevE.57.3164; `decay` is that of the tail, NaN if not known.
+
+    Raises
+    ------
+    InputError
+        If the arrays are not (n,) arrays of finite numbers.
+    """
+    x = as_floats(relative, "relative", shape=(None,))
+    y = as_floats(density, "density", shape=(len(x),))
+    law = 3.0 * (1.0 - 0.75 * np.exp(-(x**2))) * np.exp(-1.5 * x)
+    axes.plot(x, law, color=ASKED, linewidth=1.5, linestyle=(0, (4, 2)), label="Mueth 1998")
+    label = f"decay of the tail {decay:.2f}" if np.isfinite(decay) else "here"
+    seen = y > 0
+    axes.plot(x[seen], y[seen], color=PLACED, marker="o", markersize=4, label=label)
+    axes.set_yscale("log")
+    low = min(float(y[seen].min(initial=1.0)), 0.01)
+    axes.set(xlabel="normal force / mean", ylabel="probability density", ylim=(0.5 * low, 2.0), xlim=(0, None))
+    axes.legend(loc="best")
+    return axes
+
+
 def sieve_ratio(packing: Packing) -> Floats:
     """Return the ratio of the intermediate axis of each grain, by which it passes a sieve, to its diameter."""
     of_shape = [principal_extents(shape)[1] / shape.diameter for shape in packing.shapes]

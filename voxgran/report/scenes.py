@@ -56,7 +56,7 @@ def picture_packing(
     Raises
     ------
     InputError
-        If `color_by` is unknown.
+        If `color_by` is unknown, or it is "force" and no forces are known.
     """
     return _picture(packing, np.arange(packing.count), coloring(packing, color_by), window, turn=turn)
 
@@ -67,7 +67,7 @@ def picture_cut(packing: Packing, *, color_by: str = "diameter", window: tuple[i
     Raises
     ------
     InputError
-        If `color_by` is unknown.
+        If `color_by` is unknown, or it is "force" and no forces are known.
     """
     middle = packing.container.bounds.mean(axis=0)
     near = (packing.position[:, 0] > middle[0]) & (packing.position[:, 1] < middle[1])

@@ -40,7 +40,7 @@ def save_turntable(
         File to write, usually ``.gif``.
     frames : int
         Number of frames per turn.
-    color_by : {"diameter", "shape", "coordination", "distance"}
+    color_by : {"diameter", "shape", "coordination", "distance", "force"}
         Quantity shown by the colours.
     window : tuple of int
         Width and height, in pixels.
@@ -52,7 +52,7 @@ def save_turntable(
     Raises
     ------
     InputError
-        If the number of frames is below 1 or `color_by` is unknown.
+        If the number of frames is below 1, `color_by` is unknown, or it is "force" and no forces are known.
     OutputExistsError
         If the file exists and `overwrite` is false.
     OutputError
