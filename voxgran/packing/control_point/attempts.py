@@ -11,7 +11,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
-from voxgran._base.seeds import below, philox_block, unit_float
+from voxgran._base.seeds import philox_block, unit_float
 from voxgran.packing.control_point.neighbours import list_in_cells, meets_any, meets_own_image
 from voxgran.packing.control_point.pair_cache import PairCache
 from voxgran.packing.control_point.records import (
@@ -28,6 +28,7 @@ from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.separating_planes import write_span
 from voxgran.packing.control_point.verlet_lists import strayed
 from voxgran.packing.control_point.walls import CLEAR, is_outside
+from voxgran.packing.walking.entering import next_slot, pick_moving
 from voxgran.packing.walking.state import FEEDS, MOVED, MOVES, PLACED, REFUSED, TURNED, TURNS
 from voxgran.packing.walking.vibration import FED_AT, FEED, PATIENCE, ROTATION, upward_share
 
@@ -99,13 +100,13 @@ def make_attempts(
         waiting = len(queue) - tally[PLACED]
         # one test of contact for both kinds of attempts: it is by far the largest part of the compiled code
         if enters:
-            slot = below(words[0], waiting)
+            slot = next_slot(rules.in_turn, waiting, words[0])
             g, moved = queue[slot], np.inf
             turns = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(2))
             fits = _propose_entry(grains, bodies, walls, rules, scratch, g, words, turns)
             tally[FEEDS] += 1
         else:
-            slot, fits, g = 0, True, queue[len(queue) - 1 - below(words[0], tally[PLACED])]
+            slot, fits, g = 0, True, pick_moving(queue, tally[PLACED], rules.newest, words[0])
             moved = 2.0 * grains.step[g]
             share = upward_share(rules.shares, rules.vibration, attempt)
             _propose_place(grains, rules, scratch, g, words, unit_float(more[1]) < share)
@@ -117,7 +118,15 @@ def make_attempts(
             else:
                 for k in range(4):
                     scratch.quaternion[k] = grains.orientation[g, k]
-        if not fits or _is_refused(grains, bodies, cells, walls, rules, cache, scratch, g, moved):
+        taken = False
+        while fits and not _is_refused(grains, bodies, cells, walls, rules, cache, scratch, g, moved):
+            _place(grains, cells, walls, scratch, g)
+            taken, fits = True, enters and rules.falls
+            if fits:
+                moved = longest_step(grains, rules, g)
+                for axis in range(3):
+                    scratch.place[axis] = grains.position[g, axis] + moved * rules.gravity[axis]
+        if not taken:
             if enters:
                 tally[REFUSED] += 1
                 if tally[REFUSED] >= rules.vibration[PATIENCE]:
@@ -125,7 +134,6 @@ def make_attempts(
             else:
                 grains.step[g] = max(grains.step[g] * DECAY, rules.shortest * grains.diameter[g])
             continue
-        _place(grains, cells, walls, scratch, g)
         if not enters:
             grains.step[g] = min(grains.step[g] * GROWTH, longest_step(grains, rules, g))
             tally[MOVED], tally[TURNED] = tally[MOVED] + 1, tally[TURNED] + turned

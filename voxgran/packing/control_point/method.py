@@ -45,6 +45,7 @@ from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, stands_free
 from voxgran.packing.start import Start, refuse_start
+from voxgran.packing.walking.entering import enters_in_turn, falls_at_entry, moving_grains
 from voxgran.packing.walking.feeding import SETTLE_SWEEPS, entry_of, feed_share, most_attempts
 from voxgran.packing.walking.vibration import vibration_schedule
 from voxgran.packing.walking.walk import advance, begin, finished
@@ -178,6 +179,9 @@ def _rules(problem: Problem, state: ControlState) -> WalkRules:
         gravity,
         float(settings.gravity_bias),
         entry_of(problem, gravity),
+        enters_in_turn(problem),
+        falls_at_entry(problem),
+        moving_grains(problem, state),
         np.array([settings.vibration_up, decay, settings.rotation_share, feed_share(problem, state)]),
         vibration_schedule(problem, state),
         problem.length(settings.distance - settings.overlap),

@@ -113,12 +113,17 @@ class WalkRules(NamedTuple):
     """How grains move.
 
     entry: the lattice vector along which gravity is strongest, against which grains enter; zero where they enter
-    anywhere.  shares, vibration: fractions and schedule by the names of :mod:`voxgran.packing.walking.vibration`.
+    anywhere.  in_turn, falls: whether they enter in turn, and whether they fall when they do.  newest: how
+    many of the newest grains move.  shares, vibration: fractions and schedule by the names of
+    :mod:`voxgran.packing.walking.vibration`.
     """
 
     gravity: Floats
     tilt: float
     entry: Integers
+    in_turn: bool
+    falls: bool
+    newest: int
     shares: Floats
     vibration: Integers
     gap: float

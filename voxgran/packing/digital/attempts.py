@@ -33,6 +33,7 @@ from voxgran.packing.digital.proposals import (
 from voxgran.packing.digital.sleeping import note_rest, sleeps
 from voxgran.packing.digital.stamping import sum_blocked
 from voxgran.packing.digital.state import PAIRS, ROWS, SLEPT
+from voxgran.packing.walking.entering import next_slot
 from voxgran.packing.walking.state import FEEDS, MOVED, MOVES, PLACED, REFUSED, TURNED, TURNS
 from voxgran.packing.walking.vibration import FED_AT, FEED, PATIENCE, ROTATION
 
@@ -111,12 +112,12 @@ def _make_attempts(field, members, grains, pairs, rules, schedule, queue, tally,
         # bits that the choice of a direction does not use
         enters = np.float64(r2 & np.uint64(0xFFFFFFFF)) < rules.shares[FEED] * 4294967296.0
         if feeding and (rules.at_once or tally[PLACED] == 0 or enters):
-            if _is_missing(members, schedule, _fed_member(members, queue, tally, key, attempt, r0)):
+            if _is_missing(members, schedule, _fed_member(members, rules, queue, tally, key, attempt, r0)):
                 return attempt
             if _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, r0):
                 return attempt + 1
             continue
-        g = pick_grain(queue, tally[PLACED], schedule.order, attempt, r0)
+        g = pick_grain(queue, tally[PLACED], rules.newest, schedule.order, attempt, r0)
         if _sleeps_on(field, members, grains, rules, schedule, schedule.slept, g, attempt):
             tally[SLEPT] += 1
             continue
@@ -172,9 +173,9 @@ def _is_missing(members, schedule, member):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _fed_member(members, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
+def _fed_member(members, rules, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
     """Return as which member the next grain enters."""
-    g = queue[below(word, len(queue) - tally[PLACED])]
+    g = queue[next_slot(rules.in_turn, len(queue) - tally[PLACED], word)]
     r0, _, _, _ = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
     return members.kind[g] * members.bases + below(r0, members.bases)
 
@@ -307,7 +308,7 @@ def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-unt
 def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
     """Let a waiting grain enter in a random orientation, at the top or anywhere; return whether feeding has ended."""
     waiting = len(queue) - tally[PLACED]
-    slot = below(word, waiting)
+    slot = next_slot(rules.in_turn, waiting, word)
     g = queue[slot]
     r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
     m = members.kind[g] * members.bases + below(r0, members.bases)
@@ -325,6 +326,10 @@ def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word
     queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
     tally[PLACED] += 1
     tally[REFUSED] = 0
+    if rules.falls:
+        down = (rules.gravity[0], rules.gravity[1], rules.gravity[2])
+        while _move(field, members, grains, pairs, tally, g, down):
+            pass
     return waiting == 1
 
 

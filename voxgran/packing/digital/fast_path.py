@@ -41,7 +41,7 @@ def make_moves(
         if unit_float(r3) < shares[ROTATION]:
             tally[ROWS] += rows
             return attempt
-        g = pick_grain(queue, placed, order, attempt, r0)
+        g = pick_grain(queue, placed, placed, order, attempt, r0)
         d = pick_direction(unit_float(r1), r2, classes, shares, vibration, attempt)
         step = (directions[d, 0], directions[d, 1], directions[d, 2])
         low, size = turned_box(lows[member[g]], sizes[member[g]], turns[turn[g]])

@@ -7,6 +7,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.seeds import below
+from voxgran.packing.walking.entering import pick_moving
 from voxgran.packing.walking.vibration import ATTEMPTS, CYCLES, FED_AT, upward_share
 
 #: further entries of the fractions: moves that go downward, and guided ones
@@ -17,7 +18,8 @@ class MoveRules(NamedTuple):
     """Directions sorted into downward, level, upward; where these classes begin; fractions and schedule of vibration.
 
     gravity: lattice vector along which gravity is strongest.  entry: the same where grains enter at the top, else 0.
-    at_once: whether every attempt of feeding inserts a grain.
+    at_once: whether every attempt of feeding inserts a grain.  in_turn, falls: whether grains enter in turn, and
+    whether they fall when they do.  newest: how many of the newest grains move.
     shares: by the names of :mod:`voxgran.packing.walking.vibration`, DOWNWARD and GUIDED.  vibration: its schedule.
     """
 
@@ -26,6 +28,9 @@ class MoveRules(NamedTuple):
     gravity: Integers
     entry: Integers
     at_once: bool
+    in_turn: bool
+    falls: bool
+    newest: int
     shares: Floats
     vibration: Integers
 
@@ -47,10 +52,10 @@ class Schedule(NamedTuple):
 
 
 @inlined_kernel
-def pick_grain(queue: Integers, placed: int, order: Integers, attempt: int, word: int) -> int:
-    """Return any grain that has entered, or one of 64 neighbors, with 512 attempts for each such window."""
+def pick_grain(queue: Integers, placed: int, newest: int, order: Integers, attempt: int, word: int) -> int:
+    """Return one of the newest grains that have entered, or of 64 neighbors, with 512 attempts for each such window."""
     if len(order) == 0:
-        return queue[len(queue) - 1 - below(word, placed)]
+        return pick_moving(queue, placed, newest, word)
     first = (attempt // 512) % ((len(order) + 63) // 64) * 64
     return order[first + below(word, min(64, len(order) - first))]
 

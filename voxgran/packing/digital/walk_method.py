@@ -44,6 +44,7 @@ from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start
+from voxgran.packing.walking.entering import enters_in_turn, falls_at_entry, moving_grains
 from voxgran.packing.walking.feeding import SETTLE_SWEEPS, entry_of, feed_share
 from voxgran.packing.walking.vibration import vibration_schedule
 from voxgran.packing.walking.walk import advance, begin, finished
@@ -166,6 +167,9 @@ def _rules(problem: Problem, state: DigitalState) -> MoveRules:
         known.down,
         entry_of(problem, known.gravity),
         settings.feed == "at_once" or not known.down.any(),
+        enters_in_turn(problem),
+        falls_at_entry(problem),
+        moving_grains(problem, state),
         np.array([settings.vibration_up, decay, turns, feed, settings.downward_share, settings.guided]),
         vibration_schedule(problem, state),
     )

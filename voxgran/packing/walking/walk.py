@@ -14,6 +14,7 @@ from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start
+from voxgran.packing.walking.entering import entry_order
 from voxgran.packing.walking.feeding import SETTLE_SWEEPS, examine_feeding, most_attempts
 from voxgran.packing.walking.state import WalkState
 
@@ -56,12 +57,12 @@ def begin(walker: Walker[S], problem: Problem, state: S) -> S:
     """
     gravity_vector(problem)
     count, start = problem.count, problem.start
-    state.waiting, state.total = np.arange(count, dtype=np.int64), most_attempts(problem, count)
+    state.waiting, state.total = entry_order(problem, 0), most_attempts(problem, count)
     if count == 0:
         state.stop_reason = "count"
     if start is not None and start.count:
         walker.enter_start(problem, state, start)
-        state.waiting, state.placed = start.queue(count), start.count
+        state.waiting, state.placed = entry_order(problem, start.count), start.count
         if start.count == count:
             _examine_feeding(walker, problem, state, -1)
     return state

