@@ -20,6 +20,7 @@ from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.assembly import Lid as LidPlane
+from voxgran.contacts.forces import LID, WALL, ContactForces
 from voxgran.containers.model import Container, check_container
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.driver import Drive, check_drive, drive
@@ -28,8 +29,10 @@ from voxgran.packing.method import Array, Cost, PackingMethod, RunState
 from voxgran.packing.model import STOP_REASONS, Packing, check_packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start
+from voxgran.settling.contact_rows import ARM_I, GAP, NORMAL
+from voxgran.settling.equilibrium import carried_by
 from voxgran.settling.parameters import Lid, Settling, Shaking
-from voxgran.settling.stages import TOUCHING, Settler
+from voxgran.settling.stages import RESIDUAL, TOUCHING, Settler
 
 #: bytes of a grain while it settles: pairs, contacts and their copies (measured)
 GRAIN_BYTES = 8000
@@ -478,4 +481,21 @@ def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
 
 def contact_forces(packing: Packing, settler: Settler) -> Packing:
     """Return the packing, whose grains are those of a settler, with the forces at their contacts once it has ended."""
-    return packing
+    bed = settler.bed
+    if not settler.ended or not packing.count:
+        return packing
+    unit, forces, row = float(np.median(packing.diameters)), bed.forces(), bed.rows.row[: bed.m]
+    i, j = bed.contact_grains(wall=WALL, lid=LID)
+    residual = bed.in_order(settler.progress.residual)
+    known = ContactForces(
+        i=i,
+        j=j,
+        point=packing.position[i] + row[:, ARM_I : ARM_I + 3] * unit,
+        normal=row[:, NORMAL : NORMAL + 3],
+        force=forces,
+        gap=row[:, GAP] * unit,
+        residual=residual,
+        rattler=(residual <= RESIDUAL) & (bed.in_order(carried_by(bed, forces)) <= RESIDUAL),
+        friction=settler.how.friction,
+    )
+    return replace(packing, forces=known)

@@ -7,6 +7,7 @@ Grains are kept in the order of their heights at the beginning, so that neighbou
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from voxgran.settling.contact_rows import ROW, ContactRows, Grains, PairList
 from voxgran.settling.finders import ContactFinders, kinds_of
 from voxgran.settling.impulses import move_bodies, write_matrices
 from voxgran.settling.pair_list import no_pairs, renewed
+
+Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
 
 #: distance up to which pairs are listed, in median diameters
 SKIN = 0.5
@@ -35,8 +38,8 @@ class Bed:
         Unit vector in which gravity acts.
     lid_weight : float
         Weight of the lid, if the assembly has one, in weights of a grain of the median diameter.
-    scale : (n,) ndarray of float, optional
-        Factors on the lengths of the shapes, if they are not yet those of the assembly.
+    exact : bool
+        Whether contacts of meshes that are not convex come from their triangles, not from grids of distances.
 
     Raises
     ------
@@ -45,19 +48,23 @@ class Bed:
     """
 
     def __init__(
-        self, assembly: Assembly, gravity: Floats, *, lid_weight: float = 1.0, scale: Floats | None = None
+        self,
+        assembly: Assembly,
+        gravity: Floats,
+        *,
+        lid_weight: float = 1.0,
+        exact: bool = False,
     ) -> None:
         self.assembly, self.gravity = assembly, np.array(gravity, dtype=np.float64)
         self.order: Integers = np.argsort(-(assembly.position @ gravity), kind="stable")
         order, n = self.order, assembly.count
-        factor = np.ones(n) if scale is None else (scale / assembly.scale)[order]
         self.orientation: Floats = assembly.orientation[order].copy()
         self.bounding: Floats = assembly.bounding_radii[order].copy()
         self.grains = Grains(
             position=assembly.position[order].copy(),
             matrix=np.zeros((n, 3, 3)),
-            scale=assembly.scale[order] * factor,
-            radius=self.bounding * factor,
+            scale=assembly.scale[order],
+            radius=self.bounding.copy(),
             shape=assembly.shape_id[order].astype(np.int64),
             kind=kinds_of(assembly.shapes)[assembly.shape_id[order]],
             way=np.zeros(n),
@@ -71,7 +78,7 @@ class Bed:
         self.m = 0
         self.wall_first, self.wall_count = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
         self.listed = False
-        self.finders = ContactFinders(assembly, self.grains)
+        self.finders = ContactFinders(assembly, self.grains, exact=exact)
 
     @property
     def count(self) -> int:
@@ -131,6 +138,20 @@ class Bed:
         depth = -self.gap[inner] / np.minimum(self.diameter[i], self.diameter[j])
         deep = depth > deepest
         return self.order[i[deep]], self.order[j[deep]], depth[deep]
+
+    def in_order(self, values: Array) -> Array:
+        """Return values of the grains, (n, ...), in the order of the assembly."""
+        found = np.empty_like(values)
+        found[self.order] = values
+        return found
+
+    def contact_grains(self, *, wall: int, lid: int) -> tuple[Integers, Integers]:
+        """Return the grains of the contacts as the assembly numbers them, (m,) and (m,), and numbers of walls and lid."""
+        i, j, n = self.rows.i[: self.m], self.rows.j[: self.m], self.count
+        partner = np.where(j < 0, wall, lid)
+        inner = (j >= 0) & (j < n)
+        partner[inner] = self.order[j[inner]]
+        return np.asarray(self.order[i]), partner
 
     def forces(self) -> Floats:
         """Return the forces of the contacts on their partners, (m, 3)."""
@@ -214,6 +235,15 @@ class Bed:
         )
         self.wall_first, self.wall_count = held["wall_first"], held["wall_count"]
         self.lid_level = float(held["lid_level"])
+
+
+def normalized_bed(assembly: Assembly, gravity: Floats) -> Bed:
+    """Return the grains of an assembly as a bed with exact contacts, whose lid does not move."""
+    unit = float(np.median(assembly.diameters)) if assembly.count else 1.0
+    lid = assembly.lid if assembly.lid is None else Lid(assembly.lid.normal, assembly.lid.level / unit)
+    arrays = (assembly.shapes, assembly.shape_id, assembly.scale / unit, assembly.position / unit, assembly.orientation)
+    normalized = Assembly(*arrays, assembly.container.scaled(1.0 / unit), lid=lid)
+    return Bed(normalized, gravity, lid_weight=math.inf, exact=True)
 
 
 def _bodies(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:

@@ -17,9 +17,10 @@ from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.balance import accelerated_projected_gradient
+from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.contact_rows import ARM_I, GAP, NORMAL, ContactRows
 from voxgran.settling.interior_point import frictionless_forces
-from voxgran.settling.packing_contacts import bodies_of, contact_rows_of
+from voxgran.settling.bed import Bed, normalized_bed
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -146,47 +147,63 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
         )
     friction, gap = as_number(friction, "friction", at_least=0.0), as_number(gap, "gap", at_least=0.0)
     tolerance = as_positive(tolerance, "tolerance")
-    rows, bodies, gravity = contact_rows_of(packing, gap), bodies_of(packing), np.array(down, dtype=np.float64)
+    bed = normalized_bed(packing, np.array(down, dtype=np.float64))
+    found = balance_bed(bed, friction, reach=gap, tolerance=tolerance)
+    return _dataset(packing, bed, found, {"friction": friction, "gap": gap, "tolerance": tolerance})
+
+
+def balance_bed(
+    bed: Bed, friction: float, *, reach: float, tolerance: float, iterations: int = ITERATIONS
+) -> Balance:
+    """Return the forces at the contacts of a bed within reach that balance its grains best; grains as the bed has them.
+
+    The search begins with the forces that the bed keeps, and the bed keeps those that are found.
+    """
+    bed.find(reach, 0.0)
     found = balance_forces(
-        rows, len(rows.i), bodies, gravity, friction=friction, tolerance=tolerance, dimension=packing.dimension
+        bed.rows, bed.m, bed.bodies, bed.gravity, friction=friction, tolerance=tolerance, forces=bed.forces(),
+        iterations=iterations, dimension=bed.assembly.dimension,
+    )  # fmt: skip
+    bed.keep_forces(found.forces)
+    return found
+
+
+def carried_by(bed: Bed, forces: Floats) -> Floats:
+    """Return the sum of the downward forces of others on each grain of a bed, (n,), in its own weights."""
+    i, j, n = bed.rows.i[: bed.m], bed.rows.j[: bed.m], bed.count
+    along = forces @ bed.gravity
+    carried = np.bincount(i, np.maximum(-along, 0.0), minlength=n)
+    inner = (j >= 0) & (j < n)
+    carried += np.bincount(j[inner], np.maximum(along[inner], 0.0), minlength=n)
+    return np.asarray(carried * bed.bodies[:n, 6])
+
+
+def _dataset(packing: Assembly, bed: Bed, found: Balance, parameters: dict[str, float]) -> "Dataset":
+    """Return what was found, by the grains of the packing, with units and names."""
+    residual, torque, rests, carried = (
+        bed.in_order(values)
+        for values in (found.residual, found.residual_torque, found.rests, carried_by(bed, found.forces))
     )
-    carried = _carried(rows, found.forces, gravity, packing.count) * bodies[:-1, 6]
-    return _dataset(packing, rows, found, carried, {"friction": friction, "gap": gap, "tolerance": tolerance})
-
-
-def _carried(rows: ContactRows, forces: Floats, gravity: Floats, n: int) -> Floats:
-    """Return the sum of the downward forces on each grain, (n,), in weights of a median grain."""
-    along = forces @ gravity
-    carried = np.bincount(rows.i, np.maximum(-along, 0.0), minlength=n)
-    inner = (rows.j >= 0) & (rows.j < n)
-    carried += np.bincount(rows.j[inner], np.maximum(along[inner], 0.0), minlength=n)
-    return np.asarray(carried)
-
-
-def _dataset(
-    packing: Assembly, rows: ContactRows, found: Balance, carried: Floats, parameters: dict[str, float]
-) -> "Dataset":
-    """Return what was found, with units and names."""
-    rattler = found.rests & (carried <= parameters["tolerance"])
-    others = found.rests[~rattler]
+    rattler = rests & (carried <= parameters["tolerance"])
+    others = rests[~rattler]
     length, unit = float(np.median(packing.diameters)) if packing.count else 1.0, getattr(packing, "unit", "1")
-    normal, weight = rows.row[:, NORMAL : NORMAL + 3], "weight of a grain of the median diameter"
-    partner = np.where(rows.j == packing.count, LID, np.where(rows.j < 0, WALL, rows.j))
-    point = packing.position[rows.i] + rows.row[:, ARM_I : ARM_I + 3] * length
+    row, weight = bed.rows.row[: bed.m], "weight of a grain of the median diameter"
+    i, partner = bed.contact_grains(wall=WALL, lid=LID)
+    normal, point = row[:, NORMAL : NORMAL + 3], packing.position[i] + row[:, ARM_I : ARM_I + 3] * length
     grain, contact, vector = ("grain",), ("contact",), ("contact", "axis")
     values: dict[str, tuple[tuple[str, ...], Any, str, str]] = {
-        "residual": (grain, found.residual, "weight", "net force"),
-        "residual_torque": (grain, found.residual_torque, "weight radius", "net torque"),
-        "rests": (grain, found.rests, "1", "whether net force and torque are within the tolerance"),
+        "residual": (grain, residual, "weight", "net force"),
+        "residual_torque": (grain, torque, "weight radius", "net torque"),
+        "rests": (grain, rests, "1", "whether net force and torque are within the tolerance"),
         "carried": (grain, carried, "weight", "sum of the downward forces of others"),
         "rattler": (grain, rattler, "1", "whether the grain rests and carries nothing but itself"),
-        "contact_i": (contact, rows.i, "1", "index of the first grain"),
+        "contact_i": (contact, i, "1", "index of the first grain"),
         "contact_j": (contact, partner, "1", "index of the second grain, -1 at a wall and -2 at a lid"),
         "point": (vector, point, unit, "point of contact on the first grain"),
-        "normal": (vector, normal, "1", "unit vector from the first to the second grain"),
+        "normal": (vector, normal.copy(), "1", "unit vector from the first to the second grain"),
         "force": (vector, found.forces, weight, "force on the second grain"),
         "normal_force": (contact, (found.forces * normal).sum(axis=1), weight, "force along the normal"),
-        "gap": (contact, rows.row[:, GAP] * length, unit, "distance of the surfaces"),
+        "gap": (contact, row[:, GAP] * length, unit, "distance of the surfaces"),
     }
     made: Dataset = load("xarray").Dataset(
         {

@@ -15,6 +15,7 @@ from voxgran.settling.contact_rows import CONVEX, OUTLINE, SPHERE, SURFACE, Cont
 from voxgran.settling.convex_bodies import convex_bodies, convex_work, has_convex_parts
 from voxgran.settling.convex_contacts import find_convex_contacts
 from voxgran.settling.distance_grids import surface_bodies
+from voxgran.settling.outline_contacts import find_outline_contacts, outline_bodies
 from voxgran.settling.sphere_contacts import find_sphere_contacts
 from voxgran.settling.surface_contacts import find_surface_contacts
 from voxgran.settling.surface_memory import surface_work

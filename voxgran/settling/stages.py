@@ -15,10 +15,11 @@ from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.bed import Bed
+from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.fall import Fall, fall_step, stop_falling
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.quasi_static import balance_of, quasi_static_step
+from voxgran.settling.quasi_static import quasi_static_step
 
 #: stages, in their order: growth to full size, an examination of grains that may rest already, fall, shaking, the fall
 #: after it, quasi-static steps, and the last examination
@@ -41,6 +42,8 @@ AFTER_PARTING = 0.05
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
 #: share of moving grains below which steps become shorter, and below which the bed is examined
 SLOW, CALM = 0.03, 0.015
+#: net force, in weights, and net torque, in weights times radii, up to which a grain rests
+RESIDUAL = 0.01
 #: iterations of an examination, and of the last one
 QUICK, THOROUGH = 300, 3000
 #: distance to which overlapping grains are parted, rounds for it, and how often that is tried
@@ -61,8 +64,7 @@ class Progress:
     smallest: float = 0.0  # gap, when last examined
     proven: int = 0  # whether the bed is known to rest
     heights: Floats = field(default_factory=lambda: np.zeros(0))  # of the last unit of time of the fall
-    residual: Floats = field(default_factory=lambda: np.zeros(0))  # of the last examination, in the order of the bed
-    torque: Floats = field(default_factory=lambda: np.zeros(0))
+    residual: Floats = field(default_factory=lambda: np.zeros(0))  # when last examined, in the order of the bed
 
 
 class Settler:
@@ -152,7 +154,7 @@ class Settler:
             "steps": progress.step,
             "resting": 1.0 - progress.moving,
             "largest_residual": float(progress.residual.max(initial=0.0)),
-            "smallest_gap": progress.smallest if math.isfinite(progress.smallest) else 0.0,
+            "smallest_gap": progress.smallest,
         }
 
     def _grow(self) -> None:
@@ -252,10 +254,11 @@ class Settler:
 
     def _examine(self, iterations: int) -> None:
         """Note how well forces at the contacts balance the grains."""
-        found = balance_of(self.bed, self.how.friction, reach=TOUCHING, iterations=iterations)
-        progress = self.progress
-        progress.residual, progress.torque = found.residual, found.torque
-        progress.moving, progress.smallest = found.moving, found.gap
+        bed, progress = self.bed, self.progress
+        found = balance_bed(bed, self.how.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations)
+        progress.residual = np.maximum(found.residual, found.residual_torque)
+        progress.moving = 1.0 - float(found.rests.mean())
+        progress.smallest = float(bed.gap.min(initial=TOUCHING))
 
     def _rests(self) -> bool:
         """Return whether the bed counts as resting, as last examined, and note it."""
