@@ -289,7 +289,11 @@ def part_gap(bodies, work, one, two, offset, normal, thick, limit):  # type: ign
         length = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
         if distance <= 0.0 or length == 0.0:
             near[3], near[4], near[5] = keep
-            break
+            if not direct:
+                break
+            # rounding takes parts that nearly touch for such that intersect
+            exact = False
+            continue
         mx, my, mz = near[0] / length, near[1] / length, near[2] / length
         better, _ = gap_along(bodies, work, one, two, offset, mx, my, mz)
         if better < gap:

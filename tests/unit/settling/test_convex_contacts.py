@@ -97,16 +97,22 @@ def gap_along(bed, shapes, normal, i=0, j=1):
 
 
 def prove_gap(bed, shapes, row, gap, room):
-    """Check that the support planes along a normal have a gap, which no distance is below, and that two points, one of
-    each grain, have that distance.
+    """Check that the support planes along a normal have a gap and that it is the largest; the points are on the grains.
+
+    The gap along n is concave, so that its largest value on the unit sphere, if above 0, is where none near it is
+    larger.
     """
     normal, grains = row[:3], bed.grains
     assert np.isclose(np.linalg.norm(normal), 1.0, rtol=0, atol=1e-14)
     assert np.isclose(gap_along(bed, shapes, normal), gap, rtol=0, atol=room)
+    generator = np.random.default_rng(0)
+    for size in np.repeat(10.0 ** np.arange(-6, 0), 6):
+        near = normal + size * generator.normal(size=3)
+        assert gap_along(bed, shapes, near / np.linalg.norm(near)) <= gap + room
     ends = row[6:9] + grains.position[1] - grains.position[0] - row[3:6]
     np.testing.assert_allclose(ends, gap * normal, atol=1e-12)
     for k, arm in ((0, row[3:6]), (1, row[6:9])):
-        assert holds(shapes[k], grains.matrix[k].T @ arm / grains.scale[k], room / grains.scale[k])
+        assert holds(shapes[k], grains.matrix[k].T @ arm / grains.scale[k], 1e-4)
 
 
 def holds(shape, point, room):
@@ -168,14 +174,14 @@ def test_the_order_of_a_pair_and_a_rotation_of_the_whole_change_no_gap(pair):
     swapped = Bed(shapes[::-1], bed.grains.position[::-1], turns[::-1])
     back, other, _ = swapped.touch()
     assert np.isclose(back, found, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(other, -normal, atol=1e-5)
+    np.testing.assert_allclose(other, -normal, atol=1e-3)
     turn = rotation_matrices(random_turn(generator)[None])[0]
     bed.grains.position[:] = bed.grains.position @ turn.T
     bed.grains.matrix[:] = turn @ bed.grains.matrix
     bed.pairs.normal[:] = 2.0
     turned, other, _ = bed.touch()
     assert np.isclose(turned, found, rtol=0, atol=1e-10)
-    np.testing.assert_allclose(other, turn @ normal, atol=1e-5)
+    np.testing.assert_allclose(other, turn @ normal, atol=1e-3)
 
 
 def distance_of_hulls(one, other):
@@ -310,7 +316,7 @@ def test_unions_touch_at_each_pair_of_spheres_within_the_margin():
     generator = np.random.default_rng(7)
     shapes = [random_clump(generator, 30), random_clump(generator, 40)]
     turns = [random_turn(generator), random_turn(generator)]
-    bed = Bed(shapes, [[0, 0, 0], [0.9, 0.2, 0.1]], turns, scale=[1.0, 0.7])
+    bed = Bed(shapes, [[0, 0, 0], [0.7, 0.1, 0.1]], turns, scale=[1.0, 0.7])
     found = bed.find(0.06, 0.01)
     places = [
         bed.grains.scale[k] * shape.geometry.centers @ bed.grains.matrix[k].T + bed.grains.position[k]
