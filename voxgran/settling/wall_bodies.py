@@ -172,7 +172,8 @@ def _of_primitive(solid: Primitive, *, in_mesh: bool) -> Floats:
     angle = 2 * math.pi * np.arange(RIM_POINTS) / RIM_POINTS
     rim = np.column_stack([d[0] * np.cos(angle), d[0] * np.sin(angle), np.zeros(RIM_POINTS)])
     if solid.kind == "cylinder":
-        points = np.concatenate([rim - [0.0, 0.0, d[1] / 2], rim + [0.0, 0.0, d[1] / 2]])
+        middle = np.array([0.0, 0.0, d[1] / 2])
+        points = np.concatenate([rim - middle, rim + middle])
     else:
         points = np.concatenate([rim - [0.0, 0.0, d[1] / 4], [[0.0, 0.0, 0.75 * d[1]]]])
     return np.asarray(points @ solid.matrix.T)
@@ -210,7 +211,9 @@ def _mesh_side(shapes: tuple[Shape, ...], solid: Shape | None) -> MeshSide:
         np.concatenate([np.zeros((0, 7, 3)), *(tree.normals for tree in kept)]),
         *(np.concatenate([box, *(tree.low for tree in kept)]), np.concatenate([box, *(tree.high for tree in kept)])),
         np.concatenate([span, *(tree.start for tree in kept)]),
-        *(closed, np.zeros((2, STACK), dtype=np.int64), np.zeros((4, 6))),
+        closed,
+        np.zeros((2, STACK), dtype=np.int64),
+        np.zeros((4, 6)),
     )
 
 

@@ -84,9 +84,8 @@ def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, marg
             else:
                 c = near_plane(bodies, shape, scale, matrix, nx, ny, nz, room, reach)
             c = choose_candidates(bodies.found, c, MOST, bodies.spread[shape] * scale)
-            m = write_candidates(
-                rows, m, g, n if side == LID else WALL, bodies.found, c, np.inf, np.inf, np.inf, first[g], count[g], rest
-            )  # fmt: skip
+            j, far = n if side == LID else WALL, np.inf
+            m = write_candidates(rows, m, g, j, bodies.found, c, far, far, far, first[g], count[g], rest)
             if m < 0:
                 return -1
         many[g] = m - here[g]
@@ -114,9 +113,8 @@ def _find_in_mesh(grains, walls, lid, bodies, first, count, rows, m, margin, res
                     continue
                 c = near_plane(bodies, shape, scale, matrix, nx, ny, nz, room, reach)
             c = choose_candidates(bodies.found, c, MOST_IN_MESH, bodies.spread[shape] * scale)
-            m = write_candidates(
-                rows, m, g, n if side == 1 else WALL, bodies.found, c, np.inf, np.inf, np.inf, first[g], count[g], rest
-            )  # fmt: skip
+            j, far = n if side == 1 else WALL, np.inf
+            m = write_candidates(rows, m, g, j, bodies.found, c, far, far, far, first[g], count[g], rest)
             if m < 0:
                 return -1
         many[g] = m - here[g]

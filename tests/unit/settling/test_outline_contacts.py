@@ -96,7 +96,7 @@ def random_pair(generator, one, other, *, swapped=False):
     reach = one.bounding_radius + other.bounding_radius
     away = reach * (0.4 + 0.8 * generator.random()) * np.array([math.cos(angle), math.sin(angle)])
     angles, scales = 2 * math.pi * generator.random(2), 0.7 + 0.6 * generator.random(2)
-    places = np.array([[1.0, 2.0], [1.0, 2.0] + away])
+    places = np.array([1.0, 2.0]) + np.array([np.zeros(2), away])
     if swapped:
         return Found([other, one], places[::-1], angles[::-1], [(0, 1)], 10.0, scales=scales[::-1])
     return Found([one, other], places, angles, [(0, 1)], 10.0, scales=scales)
@@ -105,7 +105,7 @@ def random_pair(generator, one, other, *, swapped=False):
 @pytest.mark.parametrize("other", range(5))
 @pytest.mark.parametrize("one", [1, 2, 3, 4])
 def test_gaps_are_exact_and_overlaps_are_seen(one, other):
-    for seed in range(30):
+    for seed in range(12):
         pair = random_pair(np.random.Generator(np.random.Philox(seed)), SHAPES[one], SHAPES[other])
         gap, normal = pair.exact()
         rows = pair.of()
@@ -127,7 +127,7 @@ def test_gaps_are_exact_and_overlaps_are_seen(one, other):
 
 @pytest.mark.parametrize(("one", "other"), [(1, 2), (0, 2), (3, 4), (2, 3)])
 def test_the_order_of_a_pair_does_not_matter(one, other):
-    for seed in range(20):
+    for seed in range(10):
         there, back = (
             random_pair(np.random.Generator(np.random.Philox(seed)), SHAPES[one], SHAPES[other], swapped=swapped)
             for swapped in (False, True)
@@ -161,7 +161,7 @@ def test_combs_that_interlock_touch_on_all_sides():
     tooth = polygon((0, 0), (0.96, 0), (0.96, 1), (3, 1), (3, 2), (-2, 2), (-2, 1), (0, 1))
     below = np.array([1.02, 1.01]) + tooth.offset[:2] - np.array(COMB.offset[:2])
     rows = Found([COMB, tooth], [(0.0, 0.0), below], [0.0, 0.0], [(0, 1)], 0.05).of()
-    found = {(int(round(row[0])), int(round(row[1]))): row[9] for row in rows}
+    found = {(round(row[0]), round(row[1])): row[9] for row in rows}
     assert found == {
         (-1, 0): pytest.approx(0.02), (1, 0): pytest.approx(0.02), (0, 1): pytest.approx(0.01)
     }  # fmt: skip
