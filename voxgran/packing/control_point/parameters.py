@@ -1,7 +1,7 @@
 """Parameters of control-point packing."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Literal
 
 from voxgran._base.config import parameter
 from voxgran._base.deprecation import warn_former
@@ -21,8 +21,6 @@ class ControlPoint(Walking):
     InputError
         If a number is out of its range, or parameters do not go together.
     """
-
-    usual_cycles: ClassVar[int] = 8
 
     spacing: float = parameter(
         0.12,
@@ -60,8 +58,9 @@ class ControlPoint(Walking):
         at_least=0.0,
     )
     sweeps: int = parameter(
-        4000,
-        doc="number of attempts per grain after feeding has ended",
+        100,
+        doc="number of attempts per grain after feeding has ended; with 200 or more, or a lid, the walk then goes on "
+        "until the bed no longer sinks",
         unit="attempts per grain",
         at_least=0,
         at_most=MOST_SWEEPS,

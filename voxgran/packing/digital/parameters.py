@@ -20,10 +20,10 @@ class Digital(Walking):
         together.
     """
 
-    usual_voxel_size: ClassVar[float] = 1 / 32
+    usual_voxel_size: ClassVar[float] = 1 / 16
 
     voxel_size: float | None = parameter(
-        None, doc="edge length of a voxel; if omitted, 1/32 of the median diameter", unit="length", above=0.0
+        None, doc="edge length of a voxel; if omitted, 1/16 of the median diameter", unit="length", above=0.0
     )
     cover: Literal["touch", "center"] = parameter(
         "touch",
@@ -48,7 +48,7 @@ class Digital(Walking):
         at_most=1.0,
     )
     orientations: int = parameter(
-        96,
+        24,
         doc="number of orientations that a grain can take, rounded up to a multiple of the number of lattice "
         "rotations; 1 for no rotation",
         at_least=1,

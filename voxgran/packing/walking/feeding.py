@@ -60,9 +60,13 @@ def patience(problem: Problem) -> int:
 
 
 def most_attempts(problem: Problem, grains: int) -> int:
-    """Return the largest number of attempts of a walk of so many grains after feeding."""
+    """Return the largest number of attempts of a walk of so many grains after feeding.
+
+    A walk that is too short for an examination of the bed ends with its sweeps, unless a lid has to come down.
+    """
     sweeps: int = problem.parameters.sweeps
-    return grains * (sweeps + SETTLE_LOOKS * SETTLE_SWEEPS)
+    examined = sweeps >= SETTLE_SWEEPS or problem.parameters.lid
+    return grains * (sweeps + (SETTLE_LOOKS * SETTLE_SWEEPS if examined else 0))
 
 
 def examine_feeding(problem: Problem, state: WalkState, due: int, positions: Callable[[], Floats]) -> None:

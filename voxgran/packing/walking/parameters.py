@@ -40,11 +40,12 @@ class Feeding:
     )
     feed: Literal["rain", "layers", "at_once"] = parameter(
         "rain",
-        doc="how grains are inserted: one by one at the top while those below move, in layers, each of which sinks "
-        "before the next is inserted, or at random places in the whole container",
+        doc="how grains are inserted: one by one at the top, from where each falls on those below while the newest "
+        "ones move; in layers, each of which sinks before the next is inserted; or at random places in the whole "
+        "container",
     )
     rate: float = parameter(
-        0.05, doc="fraction of the attempts that insert a grain, with feed 'rain'", above=0.0, at_most=1.0
+        0.003, doc="fraction of the attempts that insert a grain, with feed 'rain'", above=0.0, at_most=1.0
     )
     layer_sweeps: int = parameter(
         40,
@@ -59,19 +60,19 @@ class Feeding:
 class Vibration:
     """How long grains move after all have entered, and how the bed is vibrated meanwhile."""
 
-    usual_cycles: ClassVar[int] = 24
+    usual_cycles: ClassVar[int] = 1
 
     sweeps: int = parameter(
-        12000,
-        doc="number of attempts per grain after feeding has ended",
+        100,
+        doc="number of attempts per grain after feeding has ended; with 200 or more, or a lid, the walk then goes on "
+        "until the bed no longer sinks",
         unit="attempts per grain",
         at_least=0,
         at_most=MOST_SWEEPS,
     )
     cycles: int | None = parameter(
         None,
-        doc="number of vibration cycles within the sweeps; if neither it nor the period is given, 24 with method "
-        "'digital' and 8 with 'control_point'",
+        doc="number of vibration cycles within the sweeps; if neither it nor the period is given, 1",
         at_least=1,
         at_most=MOST_SWEEPS,
     )

@@ -82,7 +82,8 @@ def advance(walker: Walker[S], problem: Problem, state: S, attempts: int) -> S:
             _examine_feeding(walker, problem, state, due)
         elif state.done == due:
             walker.between_sweeps(problem, state)
-            if (state.done - state.feeding_ended_at) % (SETTLE_SWEEPS * state.sweep) == 0:
+            examined = (state.done - state.feeding_ended_at) % (SETTLE_SWEEPS * state.sweep) == 0
+            if examined or state.done >= state.total:
                 _examine_bed(walker, problem, state)
     return state
 
@@ -115,7 +116,8 @@ def _next_event(walker: Walker[S], problem: Problem, state: S) -> int:
         return int(np.iinfo(np.int64).max) if state.layer_ends is None else state.layer_ends
     since, sweep = state.done - state.feeding_ended_at, state.sweep
     intervals = (walker.event_sweeps(problem) * sweep, SETTLE_SWEEPS * sweep)
-    return state.feeding_ended_at + min((since // every + 1) * every for every in intervals)
+    due: int = state.feeding_ended_at + min((since // every + 1) * every for every in intervals)
+    return max(state.done, min(due, state.total))
 
 
 def _examine_feeding(walker: Walker[S], problem: Problem, state: S, due: int) -> None:
