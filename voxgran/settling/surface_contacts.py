@@ -107,8 +107,10 @@ def write_turn(frame, way, pose, turn):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _list_clusters(turn, mine, theirs, grid, at, frame, cluster, rows, first, last, reach, listed):  # type: ignore[no-untyped-def]
-    """List the clusters within reach of the grid of a body; return their number and the least distance of the others."""
+def _list_clusters(  # type: ignore[no-untyped-def]
+    turn, mine, theirs, grid, at, frame, cluster, rows, first, last, reach, listed,
+):  # fmt: skip
+    """List the clusters within reach of the grid of a body; return their number and a bound of the others."""
     nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
     q, count, low = first, 0, 1e9
     while q < last:
@@ -129,7 +131,9 @@ def _list_clusters(turn, mine, theirs, grid, at, frame, cluster, rows, first, la
 
 
 @bare_kernel
-def _look(turn, mine, theirs, grid, at, frame, cluster, rows, listed, count, point, near, candidate, k):  # type: ignore[no-untyped-def]
+def _look(  # type: ignore[no-untyped-def]
+    turn, mine, theirs, grid, at, frame, cluster, rows, listed, count, point, near, candidate, k,
+):  # fmt: skip
     """Write the points of listed clusters that are within `near`, in the frame of the body with the grid.
 
     A candidate is point (3), outward normal (3) of the grid and gap.  Returns the number and the least gap.

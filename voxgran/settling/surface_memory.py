@@ -19,6 +19,8 @@ from voxgran.settling.distance_grids import SurfaceBodies
 LEAVES, NEAR = 48, 512
 #: pairs of triangles of one pair of grains that are listed at once
 LISTED = 16384
+#: what the square of its distance from the centroid counts of the gap of a point
+TIE = 1e-12
 #: cosine of normals between which near points are one contact
 SAME = 0.7
 
@@ -124,12 +126,17 @@ def write_spread(rows, m, i, j, offset, candidate, k, most, near, less, spacing,
     """
     start = m
     while m - start < most:
-        best, at = near, -1
+        best, at = 1e300, -1
         for q in range(k):
-            if candidate[q, 6] < best:
-                best, at = candidate[q, 6], q
+            if candidate[q, 6] < near:
+                # of points at one height, as between parallel faces, the outer ones are kept
+                square = candidate[q, 0] ** 2 + candidate[q, 1] ** 2 + candidate[q, 2] ** 2
+                score = candidate[q, 6] - TIE * square
+                if score < best:
+                    best, at = score, q
         if at < 0:
             return m
+        best = candidate[at, 6]
         if m >= len(rows.i):
             return -1
         x, y, z = candidate[at, 0], candidate[at, 1], candidate[at, 2]

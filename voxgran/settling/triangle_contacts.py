@@ -27,7 +27,7 @@ from voxgran.settling.surface_memory import (
     write_pose,
     write_spread,
 )
-from voxgran.settling.triangle_features import is_minimum, nearest_features
+from voxgran.settling.triangle_features import is_minimum, nearest_features, place_triangle
 
 #: contact points of a pair, at most
 MOST = 8
@@ -40,16 +40,9 @@ ROUNDING = 1e-12
 
 
 @bare_kernel
-def _place_triangle(corner, t, pose, stretch, placed, k):  # type: ignore[no-untyped-def]
-    """Write triangle t of j in the frame and unit of i."""
-    for c in range(3):
-        x, y, z = corner[t, c, 0] * stretch, corner[t, c, 1] * stretch, corner[t, c, 2] * stretch
-        for r in range(3):
-            placed[k, c, r] = pose[r] / pose[12] + pose[3 + 3 * r] * x + pose[4 + 3 * r] * y + pose[5 + 3 * r] * z
-
-
-@bare_kernel
-def _list_leaves(ball, root, leaves, turn, mine, theirs, grid, at, frame, corner, skin, first, last, reach, stack, listed):  # type: ignore[no-untyped-def]  # fmt: skip
+def _list_leaves(  # type: ignore[no-untyped-def]
+    ball, root, leaves, turn, mine, theirs, grid, at, frame, corner, skin, first, last, reach, stack, listed,
+):  # fmt: skip
     """List the leaves of a tree within reach of the surface of a body; return their number and a bound of the others.
 
     ball: spheres around the boxes of all trees, of which this one starts at `root`.  turn: its map to the cells of the
@@ -108,7 +101,10 @@ def _faces_away(corner, pseudo, s, t, pose, placed, slack, limit, points):  # ty
 
 
 @bare_kernel
-def _pair_leaves(corner, skin, pseudo, ball, box_rows, pose, mine, many, theirs, others, reach, slack, placed, points, center, found, found_apart):  # type: ignore[no-untyped-def]  # fmt: skip
+def _pair_leaves(  # type: ignore[no-untyped-def]
+    corner, skin, pseudo, ball, box_rows, pose, mine, many, theirs, others, reach, slack, placed, points, center,
+    found, found_apart,
+):  # fmt: skip
     """List the pairs of triangles within reach, in lengths of the bed, of two lists of leaves.
 
     Returns their number, or -1 if triangles cross or are too many. Pairs that face away from each other are left out.
@@ -137,7 +133,7 @@ def _pair_leaves(corner, skin, pseudo, ball, box_rows, pose, mine, many, theirs,
                 square = (ball[a, 0] - cx) ** 2 + (ball[a, 1] - cy) ** 2 + (ball[a, 2] - cz) ** 2
                 if square > (ball[a, 3] + radius) ** 2:
                     continue
-                _place_triangle(corner, t, pose, stretch, placed, 0)
+                place_triangle(corner, t, pose, stretch, placed, 0)
                 for s in range(box_rows[a, 0], box_rows[a, 1]):
                     square = (skin[s, 1] - cx) ** 2 + (skin[s, 2] - cy) ** 2 + (skin[s, 3] - cz) ** 2
                     both = skin[s, 0] + skin[t, 0] * stretch
@@ -243,7 +239,7 @@ def exact_candidates(grains, bodies, work, count, i, j, margin):  # type: ignore
     spare, k, low, best = work.candidate[len(work.candidate) - 1], 0, 1e9, 1e9
     for q in range(count):
         s, t = work.found[q, 0], work.found[q, 1]
-        _place_triangle(bodies.corner, t, pose, stretch, placed, 0)
+        place_triangle(bodies.corner, t, pose, stretch, placed, 0)
         skin = bodies.skin[s, 0] + bodies.skin[t, 0] * stretch
         square, mine, theirs = nearest_features(bodies.corner, s, placed, 0, points, margin / unit + skin, pierce)
         if mine < 0:
@@ -303,7 +299,7 @@ def _holds(bodies, work, body, x, y, z):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _is_inside(bodies, work, i, j, shape):  # type: ignore[no-untyped-def]
-    """Return whether a grain, whose surface does not cross that of the other, lies in it: a corner or a sphere of it."""
+    """Return whether one of two grains whose surfaces do not cross lies in the other: a corner or a sphere."""
     pose = work.now
     one, other = shape[i], shape[j]
     mine, theirs = bodies.first[one, 3], bodies.first[other, 3]

@@ -15,6 +15,15 @@ WIDE, NARROW = 0.5, 0.05
 
 
 @bare_kernel
+def place_triangle(corner, t, pose, stretch, placed, k):  # type: ignore[no-untyped-def]
+    """Write triangle t of j in the frame and unit of i."""
+    for c in range(3):
+        x, y, z = corner[t, c, 0] * stretch, corner[t, c, 1] * stretch, corner[t, c, 2] * stretch
+        for r in range(3):
+            placed[k, c, r] = pose[r] / pose[12] + pose[3 + 3 * r] * x + pose[4 + 3 * r] * y + pose[5 + 3 * r] * z
+
+
+@bare_kernel
 def _side_of(one, a, other, b, points):  # type: ignore[no-untyped-def]
     """Write the heights of the corners of other[b] over the plane of one[a] to points[6:9]; return their bound.
 
@@ -144,7 +153,7 @@ def _pierces(one, i, c, other, j, points):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _in_cone(corner, pseudo, fan, fan_rows, t, feature, x, y, z, slack):  # type: ignore[no-untyped-def]
-    """Return whether a unit direction lies in the normal cone of a feature of triangle t, up to the sine of an angle."""
+    """Return whether a unit direction lies in the normal cone of a feature, up to the sine of an angle."""
     if pseudo[t, feature, 0] * x + pseudo[t, feature, 1] * y + pseudo[t, feature, 2] * z <= 0.0:
         return False
     if feature == 0:

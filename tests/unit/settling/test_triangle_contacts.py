@@ -88,7 +88,9 @@ def test_edges_of_crossed_boxes_touch_at_one_place():
     np.testing.assert_allclose(rows.row[0, :10], [0, 0, 1, 0, 0, high / 2, 0, 0, -high / 2, 1e-3], atol=1e-12)
     grains.position[1, 2] = high - 1e-3
     rows, work, m = contacts(grains, bodies, pairs_of([0], [1]), 5e-3)
-    assert m > 0 and rows.row[0, GAP] <= 0 and not work.proven[0]
+    assert m > 0
+    assert rows.row[0, GAP] <= 0
+    assert not work.proven[0]
 
 
 def test_faces_touch_at_their_corners():
@@ -107,8 +109,10 @@ def test_a_grain_in_a_cavity_is_separate_and_one_in_the_solid_is_not():
     inner = mesh_box((0.2, 0.2, 0.2))
     grains = grains_of([outer, inner], [0, 1], [[0, 0, 0], [0.1, 0, 0]], np.repeat(STRAIGHT, 2, axis=0))
     rows, work, m = contacts(grains, surface_bodies([outer, inner]), pairs_of([0], [1]), 1e-2)
-    assert not work.proven[0] and work.gap[0] == -np.inf
-    assert m > 0 and rows.row[:m, GAP].min() < -0.2
+    assert not work.proven[0]
+    assert work.gap[0] == -np.inf
+    assert m > 0
+    assert rows.row[:m, GAP].min() < -0.2
 
 
 def test_spheres_and_clumps_are_as_far_as_their_centers_less_the_radius(rocks):
