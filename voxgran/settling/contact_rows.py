@@ -53,7 +53,7 @@ class PairList(NamedTuple):
     j: Integers
     shift: Floats
     first: Integers
-    count: Integers
+    count: Integers  # type: ignore[assignment]
     bound: Floats
     way: Floats
     normal: Floats

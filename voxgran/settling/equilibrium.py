@@ -63,12 +63,13 @@ class Balance:
 
 def balance_forces(
     rows: ContactRows, m: int, bodies: Floats, gravity: Floats, *, friction: float, tolerance: float = 0.01,
-    forces: Floats | None = None, iterations: int = ITERATIONS, dimension: int = 3,
+    forces: Floats | None = None, height: Floats | None = None, iterations: int = ITERATIONS, dimension: int = 3,
 ) -> Balance:  # fmt: skip
     """Return the forces at the first m contacts, within their friction cones, that balance the grains best.
 
     bodies: (n + 1, 8) rows of the grains and of the lid.  gravity: (3,) unit vector.  forces: (m, 3), where the search
-    with friction begins; none where left out.  dimension: 2 or 3, by which masses tell radii.
+    with friction begins; none where left out.  height: (n,) of the grains, or left out where they are numbered
+    by it.  dimension: 2 or 3, by which masses tell radii.
     """
     row, i, j = rows.row, rows.i, rows.j
     found = np.zeros((m, 3)) if forces is None else np.array(forces, dtype=np.float64)
@@ -79,7 +80,16 @@ def balance_forces(
         )  # fmt: skip
     else:
         push, accelerations, made = frictionless_forces(
-            row, i, j, m, bodies, gravity, openness=np.zeros(m), skin=0.0, accuracy=NEAR * tolerance
+            row,
+            i,
+            j,
+            m,
+            bodies,
+            gravity,
+            openness=np.zeros(m),
+            skin=0.0,
+            accuracy=NEAR * tolerance,
+            height=height,
         )
         found, distance = push[:, None] * row[:m, NORMAL : NORMAL + 3], NEAR * tolerance
     residual = np.linalg.norm(accelerations[:-1, :3], axis=1)
@@ -162,7 +172,7 @@ def balance_bed(
     bed.find(reach, 0.0)
     found = balance_forces(
         bed.rows, bed.m, bed.bodies, bed.gravity, friction=friction, tolerance=tolerance, forces=bed.forces(),
-        iterations=iterations, dimension=bed.assembly.dimension,
+        iterations=iterations, dimension=bed.assembly.dimension, height=-(bed.grains.position @ bed.gravity),
     )  # fmt: skip
     bed.keep_forces(found.forces)
     return found

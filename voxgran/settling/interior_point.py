@@ -2,14 +2,16 @@
 
 Without friction a step is a quadratic program: of all accelerations a with ``a_n + gap / dt^2 + skin f >= 0`` at the
 contacts those nearest to gravity, weighted by mass and moment of inertia; the forces f are its multipliers. An
-iteration solves linear equations of the matrix ``1 + J^T diag(w) J``, where J holds the normals and the moments of their arms.
+iteration solves linear equations of the matrix ``1 + J^T diag(w) J``, where J holds the normals and the moments of
+their arms. Its factors are most of the work, so that each serves several corrections of a step.
 
 References
 ----------
 Mehrotra 1992, On the implementation of a primal-dual interior point method, doi:10.1137/0802028
+Gondzio 1996, Multiple centrality corrections in a primal-dual method for linear programming, doi:10.1007/bf00249643
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,26 +19,38 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
 from voxgran.settling.contact_rows import ARM_I, ARM_J, NORMAL
+from voxgran.settling.frontal import FrontalMatrix
 
 #: most factorizations
 ITERATIONS = 80
 #: part of the way to the nearest bound that a step goes
 SHORT_OF_BOUND = 0.99
+#: most corrections of a step, by how much each is to lengthen it, and the part of that from which on it is kept
+CORRECTIONS, LONGER, KEPT = 3, 0.3, 0.1
+#: range of the products of slack and force, in means, into which a correction brings them
+LEAST, MOST = 0.1, 10.0
 
 
 def frictionless_forces(
     row: Floats, i: Integers, j: Integers, m: int, bodies: Floats, gravity: Floats, *, openness: Floats, skin: float,
-    accuracy: float, start: Floats | None = None,
+    accuracy: float, start: Floats | None = None, height: Floats | None = None,
 ) -> tuple[Floats, Floats, int]:  # fmt: skip
     """Return normal forces (m,), accelerations (n + 1, 6) and the number of factorizations.
 
     openness: (m,) gaps divided by the square of the length of the step.  skin: acceleration by which a contact may
     approach for a unit of its force.  accuracy: to which all conditions hold at the end, in units of gravity.  start:
-    (m,) forces of an earlier step.
+    (m,) forces of an earlier step.  height: (n,) by which the grains are sorted before the equations are solved, layer
+    by layer; left out, they are numbered by height.
     """
     jacobian, freedoms, weight = _program(row[:m], i[:m], j[:m], bodies, gravity)
-    first = np.ones(m) if start is None else np.maximum(start, 1.0)
-    x, force, made = _solved(jacobian, weight, openness, skin, first, accuracy)
+    # the lid, which may be coupled to all, is the last
+    order = np.arange(len(bodies)) if height is None else np.append(np.argsort(height, kind="stable"), len(height))
+    matrix = FrontalMatrix(i[:m], j[:m], jacobian.data.reshape(m, 2, len(freedoms)), order)
+    force, made = np.ones(m) if start is None else np.maximum(start[:m], 1.0), 0
+    if m:
+        x, force, made = _solved(jacobian, matrix, weight, openness, skin, force, accuracy)
+    else:
+        x = weight
     accelerations = np.zeros((len(bodies), 6))
     accelerations[:-1, :3] = np.where(bodies[:-1, 6:7] > 0.0, gravity, 0.0)
     accelerations[:, freedoms] = x.reshape(len(bodies), -1) * np.sqrt(_inverse_masses(bodies)[:, freedoms])
@@ -74,10 +88,10 @@ def _program(row: Floats, i: Integers, j: Integers, bodies: Floats, gravity: Flo
 
 
 def _solved(
-    jacobian: Any, weight: Floats, openness: Floats, skin: float, first: Floats, accuracy: float
+    jacobian: Any, matrix: FrontalMatrix, weight: Floats, openness: Floats, skin: float, force: Floats, accuracy: float
 ) -> tuple[Floats, Floats, int]:
     """Return the scaled accelerations, the forces, and the number of factorizations."""
-    force, transposed = first.copy(), jacobian.T.tocsr()
+    transposed = jacobian.T.tocsr()
     x = weight + transposed @ force
     slack = np.maximum(jacobian @ x + openness + skin * force, 1.0)
     made = 0
@@ -85,35 +99,70 @@ def _solved(
         stop_if_asked()
         rest = x - weight - transposed @ force
         short = jacobian @ x + openness + skin * force - slack
-        product = float(slack @ force) / max(len(force), 1)
-        worst = max(float(np.abs(one).max(initial=0.0)) for one in (rest, short))
-        if product < accuracy**2 and worst < accuracy:
+        mean = float(slack @ force) / len(force)
+        worst = max(float(np.abs(one).max()) for one in (rest, short))
+        if mean < accuracy**2 and worst < accuracy:
             break
-        width = slack + skin * force
-        solve = _factorized(jacobian, transposed, force / width)
-
-        def direction(target: Floats) -> tuple[Floats, Floats, Floats]:
-            """Return the changes of x, slack and force towards a product of the last two."""
-            pull = -(target + force * short) / width  # noqa: B023
-            dx = solve(transposed @ pull - rest)  # noqa: B023
-            change = jacobian @ dx
-            df = pull - force * change / width  # noqa: B023
-            return dx, change + skin * df + short, df  # noqa: B023
-
-        _, ds, df = direction(slack * force)
-        ahead = float((slack + _part(slack, ds) * ds) @ (force + _part(force, df) * df)) / len(force)
-        dx, ds, df = direction(slack * force + ds * df - (ahead / product) ** 3 * product)
-        part = min(1.0, SHORT_OF_BOUND * min(_part(slack, ds), _part(force, df)))
+        step = _Step(jacobian, transposed, matrix, slack, force, rest, short, skin)
+        if not matrix.factorize(step.weights):
+            # as accurate as numbers allow
+            break
         made += 1
+        part, (dx, ds, df) = step.best(mean)
+        part = min(1.0, SHORT_OF_BOUND * part)
         x, slack, force = x + part * dx, slack + part * ds, force + part * df
     return x, force, made
 
 
-def _factorized(jacobian: Any, transposed: Any, width: Floats) -> Any:
-    """Return the function that solves equations of 1 + J^T diag(w) J."""
-    sparse, linalg = load("scipy.sparse"), load("scipy.sparse.linalg")
-    matrix = (transposed @ sparse.diags_array(width) @ jacobian + sparse.eye_array(jacobian.shape[1])).tocsc()
-    return linalg.splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}).solve
+class _Step(NamedTuple):
+    """The linear equations of a step."""
+
+    jacobian: Any
+    transposed: Any
+    matrix: FrontalMatrix
+    slack: Floats
+    force: Floats
+    rest: Floats  # what the forces miss of the accelerations
+    short: Floats  # what the slacks miss
+    skin: float
+
+    @property
+    def weights(self) -> Floats:
+        """Diagonal of the matrix."""
+        return self.force / (self.slack + self.skin * self.force)
+
+    def towards(self, excess: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the changes of x, slack and force that lessen the products of the last two by an excess."""
+        width = self.slack + self.skin * self.force
+        pull = -(excess + self.force * self.short) / width
+        dx = self.matrix.solve(self.transposed @ pull - self.rest)
+        change = self.jacobian @ dx
+        df = pull - self.force * change / width
+        return dx, change + self.skin * df + self.short, df
+
+    def length(self, ds: Floats, df: Floats) -> float:
+        """Return the part of a change, at most 1, up to which slacks and forces stay above 0."""
+        return min(_part(self.slack, ds), _part(self.force, df))
+
+    def best(self, mean: float) -> tuple[float, tuple[Floats, Floats, Floats]]:
+        """Return the longest step found, and the part of it that can be made; mean: of the products now."""
+        excess = self.slack * self.force
+        _, ds, df = self.towards(excess)
+        reached = (self.slack + _part(self.slack, ds) * ds) @ (self.force + _part(self.force, df) * df)
+        target = (float(reached) / len(ds) / mean) ** 3 * mean
+        excess = excess + ds * df - target
+        found = self.towards(excess)
+        part = self.length(*found[1:])
+        for _ in range(CORRECTIONS):
+            wanted = min(1.0, part + LONGER)
+            product = (self.slack + wanted * found[1]) * (self.force + wanted * found[2])
+            change = np.maximum(np.clip(product, LEAST * target, MOST * target) - product, -MOST * target)
+            other = self.towards(excess - change)
+            longer = self.length(*other[1:])
+            if longer < part + KEPT * LONGER:
+                break
+            part, found, excess = longer, other, excess - change
+        return part, found
 
 
 def _part(values: Floats, change: Floats) -> float:
