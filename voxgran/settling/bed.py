@@ -15,7 +15,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.settling.contact_rows import ROW, ContactRows, Grains, PairList
-from voxgran.settling.finders import ContactFinders, kinds_of
+from voxgran.settling.finding.finders import ContactFinders, kinds_of
 from voxgran.settling.impulses import move_bodies, write_matrices
 from voxgran.settling.pair_list import no_pairs, renewed
 

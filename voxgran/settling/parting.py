@@ -6,28 +6,30 @@ from voxgran.settling.balance import gauss_seidel_forces
 from voxgran.settling.bed import Bed
 
 #: iterations of a solution, and the farthest that a grain moves in one round
-ITERATIONS, MOST = 30, 0.02
+ITERATIONS, MOST = 60, 0.02
 #: distance up to which contacts are looked at, beyond that which is kept
 MARGIN = 0.03
 #: share of the distance that may be missed
-TOLERANCE = 0.2
+MISSED = 0.2
 
 
-def part_grains(bed: Bed, distance: float, rounds: int) -> float:
+def part_grains(bed: Bed, distance: float, rounds: int, *, missed: float = MISSED, most: float = MOST) -> float:
     """Part grains until all surfaces are nearly `distance` apart, in at most `rounds` rounds; return the smallest gap.
 
     Each round solves for the least motions, weighted by mass, that open all gaps to first order: a quasi-static step
     without gravity and friction. The forces that the bed keeps do not change.
+
+    missed: share of the distance that may be missed.  most: farthest that a grain moves in one round.
     """
     nowhere = np.zeros(3)
     for turn in range(rounds + 1):
-        bed.find(distance + MARGIN, distance)
+        bed.find(distance + max(MARGIN, most), distance)
         smallest = float(bed.gap.min(initial=np.inf))
-        if smallest > -(1.0 - TOLERANCE) * distance or turn == rounds:
+        if smallest > -missed * distance or turn == rounds:
             break
         accelerations, _ = gauss_seidel_forces(
             bed.rows.row, bed.rows.i, bed.rows.j, bed.m, bed.bodies, nowhere, np.zeros((bed.m, 3)), bed.gap.copy(),
             friction=0.0, skin=0.0, iterations=ITERATIONS,
         )  # fmt: skip
-        bed.move(accelerations, MOST)
+        bed.move(accelerations, most)
     return smallest + distance

@@ -9,8 +9,8 @@ from scipy.optimize import linprog, minimize
 from voxgran._base.rotation import rotation_matrices
 from voxgran.settling.contact_rows import CONVEX, SPHERE, ContactRows, Grains, PairList
 from voxgran.settling.contact_rows import ROW as NUMBERS
-from voxgran.settling.convex_bodies import convex_bodies, convex_work, has_convex_parts, is_convex
-from voxgran.settling.convex_contacts import find_convex_contacts
+from voxgran.settling.finding.convex_bodies import convex_bodies, convex_work, has_convex_parts, is_convex
+from voxgran.settling.finding.convex_contacts import find_convex_contacts
 from voxgran.shapes.mesh import Mesh, hull_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive

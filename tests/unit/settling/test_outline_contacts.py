@@ -9,7 +9,7 @@ import voxgran as vg
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.outlines import touch_disk, touch_polygons
 from voxgran.settling.contact_rows import OUTLINE, ROW, SPHERE, ContactRows, Grains, PairList
-from voxgran.settling.outline_contacts import find_outline_contacts, outline_bodies
+from voxgran.settling.finding.outline_contacts import find_outline_contacts, outline_bodies
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 

@@ -8,9 +8,9 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized, rotation_matrices
 from voxgran.settling.contact_rows import GAP, PUSH
-from voxgran.settling.distance_grids import surface_bodies, surface_points
-from voxgran.settling.surface_contacts import find_surface_contacts
-from voxgran.settling.surface_memory import surface_work
+from voxgran.settling.finding.distance_grids import surface_bodies, surface_points
+from voxgran.settling.finding.surface_contacts import find_surface_contacts
+from voxgran.settling.finding.surface_memory import surface_work
 
 
 @pytest.fixture(scope="module")

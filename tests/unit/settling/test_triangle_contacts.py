@@ -8,9 +8,9 @@ from surface_scenes import bring_near, couples, exact_gaps, grains_of, pairs_of,
 import voxgran as vg
 from voxgran._base.rotation import normalized
 from voxgran.settling.contact_rows import GAP
-from voxgran.settling.distance_grids import surface_bodies
-from voxgran.settling.surface_memory import surface_work
-from voxgran.settling.triangle_contacts import MOST, find_triangle_contacts, prove_separate
+from voxgran.settling.finding.distance_grids import surface_bodies
+from voxgran.settling.finding.surface_memory import surface_work
+from voxgran.settling.finding.triangle_contacts import MOST, find_triangle_contacts, prove_separate
 
 STRAIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
 

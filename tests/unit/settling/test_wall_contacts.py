@@ -13,10 +13,10 @@ from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.walls import escape_depths
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.settling.contact_rows import ROW, WALL, ContactRows, Grains
-from voxgran.settling.smooth_distance import smooth_distance
-from voxgran.settling.wall_bodies import CONE, CYLINDER, ELLIPSOID, wall_bodies
-from voxgran.settling.wall_bodies import Lid as LidPlane
-from voxgran.settling.wall_contacts import find_wall_contacts
+from voxgran.settling.finding.smooth_distance import smooth_distance
+from voxgran.settling.finding.wall_bodies import CONE, CYLINDER, ELLIPSOID, wall_bodies
+from voxgran.settling.finding.wall_bodies import Lid as LidPlane
+from voxgran.settling.finding.wall_contacts import find_wall_contacts
 from voxgran.shapes.mesh import Mesh, hull_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline

@@ -12,10 +12,10 @@ import numpy as np
 
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.tree import closest_on_triangle, is_behind, search_triangles, square_to_box
-from voxgran.settling.candidates import add_candidate, is_candidate
-from voxgran.settling.smooth_distance import smooth_distance
-from voxgran.settling.wall_bodies import ELLIPSOID, POINTS
-from voxgran.settling.wall_candidates import rings_of, set_frame, support_arm
+from voxgran.settling.finding.candidates import add_candidate, is_candidate
+from voxgran.settling.finding.smooth_distance import smooth_distance
+from voxgran.settling.finding.wall_bodies import ELLIPSOID, POINTS
+from voxgran.settling.finding.wall_candidates import rings_of, set_frame, support_arm
 
 #: walls that are looked for about one point, at most
 WALLS = 4

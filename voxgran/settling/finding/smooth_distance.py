@@ -8,7 +8,7 @@ straight segments about their axis.
 import math
 
 from voxgran._base.kernels import bare_kernel
-from voxgran.settling.wall_bodies import CONE, ELLIPSOID
+from voxgran.settling.finding.wall_bodies import CONE, ELLIPSOID
 
 #: halvings of the bracket of a root
 HALVINGS = 70

@@ -1,8 +1,8 @@
 """Contact points of grains made of convex parts: unions of spheres, ellipsoids, boxes, cylinders, cones, convex meshes.
 
 Each pair of spheres of two unions within the margin is a contact, in closed form. Of other parts the gap and normal are
-those of :mod:`voxgran.settling.convex_distance`, which starts along the normal of the step before; faces that lie on
-each other get further contact points (:mod:`voxgran.settling.face_contacts`).
+those of :mod:`voxgran.settling.finding.convex_distance`, which starts along the normal of the step before; faces that lie on
+each other get further contact points (:mod:`voxgran.settling.finding.face_contacts`).
 """
 
 import math
@@ -11,9 +11,9 @@ import numpy as np
 
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.settling.contact_rows import CONVEX, ContactRows, Grains, PairList, write_contact
-from voxgran.settling.convex_bodies import ConvexBodies, ConvexWork
-from voxgran.settling.convex_distance import ellipsoid_gap, part_gap
-from voxgran.settling.face_contacts import SAME, write_face_contacts
+from voxgran.settling.finding.convex_bodies import ConvexBodies, ConvexWork
+from voxgran.settling.finding.convex_distance import ellipsoid_gap, part_gap
+from voxgran.settling.finding.face_contacts import SAME, write_face_contacts
 
 
 @kernel

@@ -2,14 +2,14 @@
 
 It is fast and gives a depth and a direction out of any overlap, but interpolation rounds features smaller than a cell,
 and an edge that crosses an edge between their points is missed: gaps are too large by 0.002 diameters (median) and 0.01
-(95 %). :mod:`voxgran.settling.triangle_contacts` is exact where surfaces are apart.
+(95 %). :mod:`voxgran.settling.finding.triangle_contacts` is exact where surfaces are apart.
 """
 
 import math
 
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.settling.contact_rows import SURFACE
-from voxgran.settling.surface_memory import (
+from voxgran.settling.finding.surface_memory import (
     LEAVES,
     copy_numbers,
     is_kept,

@@ -12,16 +12,16 @@ from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.parts import is_disk
 from voxgran.settling.contact_rows import CONVEX, OUTLINE, SPHERE, SURFACE, ContactRows, Grains, PairList
-from voxgran.settling.convex_bodies import convex_bodies, convex_work, has_convex_parts
-from voxgran.settling.convex_contacts import find_convex_contacts
-from voxgran.settling.distance_grids import surface_bodies
-from voxgran.settling.outline_contacts import find_outline_contacts, outline_bodies
-from voxgran.settling.sphere_contacts import find_sphere_contacts
-from voxgran.settling.surface_contacts import find_surface_contacts
-from voxgran.settling.surface_memory import surface_work
-from voxgran.settling.triangle_contacts import find_triangle_contacts
-from voxgran.settling.wall_bodies import Lid, wall_bodies
-from voxgran.settling.wall_contacts import find_wall_contacts
+from voxgran.settling.finding.convex_bodies import convex_bodies, convex_work, has_convex_parts
+from voxgran.settling.finding.convex_contacts import find_convex_contacts
+from voxgran.settling.finding.distance_grids import surface_bodies
+from voxgran.settling.finding.outline_contacts import find_outline_contacts, outline_bodies
+from voxgran.settling.finding.sphere_contacts import find_sphere_contacts
+from voxgran.settling.finding.surface_contacts import find_surface_contacts
+from voxgran.settling.finding.surface_memory import surface_work
+from voxgran.settling.finding.triangle_contacts import find_triangle_contacts
+from voxgran.settling.finding.wall_bodies import Lid, wall_bodies
+from voxgran.settling.finding.wall_contacts import find_wall_contacts
 from voxgran.shapes.model import Shape
 
 

@@ -14,9 +14,9 @@ from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.tree import is_behind, search_triangles
 from voxgran.settling.contact_rows import SURFACE, ContactRows, Grains, PairList
-from voxgran.settling.distance_grids import SurfaceBodies
-from voxgran.settling.surface_contacts import field_candidates, grid_bound, write_turn
-from voxgran.settling.surface_memory import (
+from voxgran.settling.finding.distance_grids import SurfaceBodies
+from voxgran.settling.finding.surface_contacts import field_candidates, grid_bound, write_turn
+from voxgran.settling.finding.surface_memory import (
     NEAR,
     SurfaceWork,
     copy_numbers,
@@ -27,7 +27,7 @@ from voxgran.settling.surface_memory import (
     write_pose,
     write_spread,
 )
-from voxgran.settling.triangle_features import is_minimum, nearest_features, place_triangle
+from voxgran.settling.finding.triangle_features import is_minimum, nearest_features, place_triangle
 
 #: contact points of a pair, at most
 MOST = 8
@@ -373,7 +373,7 @@ def _crossing_candidates(grains, bodies, work, p, i, j, offset, margin):  # type
 def find_triangle_contacts(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
     """Write the exact contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
-    Arguments and the value -1 are those of :func:`voxgran.settling.surface_contacts.find_surface_contacts`; the room of
+    Arguments and the value -1 are those of :func:`voxgran.settling.finding.surface_contacts.find_surface_contacts`; the room of
     a pair is not subtracted. The gaps of the pairs and whether they are proven to be separate are in `work.gap` and
     `work.proven`. What is remembered does not depend on `pairs.bound`, which is written, not read: the gaps of the
     other finder are too large. If m is -1 no rows are written and `pairs` is left as it is.

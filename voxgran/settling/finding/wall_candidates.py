@@ -8,8 +8,8 @@ equation with one root above the largest squared semi-axis (Golub 1973, doi:10.1
 import math
 
 from voxgran._base.kernels import bare_kernel
-from voxgran.settling.candidates import add_candidate
-from voxgran.settling.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS
+from voxgran.settling.finding.candidates import add_candidate
+from voxgran.settling.finding.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS
 
 #: halvings of the bracket of a root, after which it has the width of rounding
 HALVINGS = 70

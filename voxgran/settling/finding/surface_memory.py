@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.settling.contact_rows import write_contact
-from voxgran.settling.distance_grids import SurfaceBodies
+from voxgran.settling.finding.distance_grids import SurfaceBodies
 
 #: clusters that are kept of each grain of a pair, and pairs of triangles
 LEAVES, NEAR = 48, 512
