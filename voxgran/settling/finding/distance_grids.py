@@ -86,7 +86,7 @@ def surface_bodies(shapes: Sequence[Shape], *, cells: int = CELLS, spacing: floa
     Stopped
         If a stop of the run was requested.
     """
-    parts = []
+    parts: list[tuple[NDArray[Any], ...]] = []
     for shape in shapes:
         stop_if_asked()
         if shape.dimension != 3 or shape.is_open:
@@ -160,7 +160,9 @@ def surface_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
 
 def _clusters(points: Floats, skins: Floats, diameter: float) -> tuple[Floats, Floats, Integers]:
     """Return points with their skins, sorted into clusters, and the clusters and their rows."""
-    kept, spheres, rows = [], [], []
+    kept: list[Integers] = []
+    spheres: list[list[float]] = []
+    rows: list[list[int]] = []
     count = 0
     for group in _cubes(points, np.arange(len(points)), COARSE * diameter):
         head = len(spheres)

@@ -63,12 +63,23 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
     counts = np.diff(bodies.first, axis=0).max(axis=0, initial=1)
     scratch = max(LISTED, int(2 * counts[0]), int(counts[4]))
     return SurfaceWork(
-        *(np.full(cap, np.inf), np.zeros(cap, dtype=np.bool_)),
-        *(np.zeros((cap, 2, 16)), np.full((cap, 2, 4), -1, dtype=np.int64)),
-        *(np.zeros((cap, 2 * LEAVES), dtype=np.int32), np.zeros((cap, NEAR, 2), dtype=np.int32), np.zeros((cap, NEAR))),
-        *(np.zeros((cap, 2), dtype=np.int64), np.zeros((scratch, 8)), np.zeros(28), np.zeros((2, 12))),
-        *(np.zeros((2, int(counts.max())), dtype=np.int64), np.zeros((LISTED, 2), dtype=np.int64), np.zeros(LISTED)),
-        *(np.zeros(256, dtype=np.int64), np.zeros((3, 3, 3)), np.zeros(16)),
+        gap=np.full(cap, np.inf),
+        proven=np.zeros(cap, dtype=np.bool_),
+        pose=np.zeros((cap, 2, 16)),
+        key=np.full((cap, 2, 4), -1, dtype=np.int64),
+        leaf=np.zeros((cap, 2 * LEAVES), dtype=np.int32),
+        near=np.zeros((cap, NEAR, 2), dtype=np.int32),
+        apart=np.zeros((cap, NEAR)),
+        saved=np.zeros((cap, 2), dtype=np.int64),
+        candidate=np.zeros((scratch, 8)),
+        now=np.zeros(28),
+        turn=np.zeros((2, 12)),
+        listed=np.zeros((2, int(counts.max())), dtype=np.int64),
+        found=np.zeros((LISTED, 2), dtype=np.int64),
+        found_apart=np.zeros(LISTED),
+        stack=np.zeros(256, dtype=np.int64),
+        placed=np.zeros((3, 3, 3)),
+        points=np.zeros(16),
     )
 
 
