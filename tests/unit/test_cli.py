@@ -105,6 +105,18 @@ def test_numbers_in_json_are_whole_or_null(tmp_path, capsys):
     assert None in found.values()
 
 
+def test_a_bed_that_is_sorted_by_size_is_warned_of(tmp_path, capsys):
+    position = [[1, 1, k + 0.5] for k in range(60)]
+    sizes = [0.5 + 0.005 * k for k in range(60)]
+    box = vg.Box((2, 2, 60))
+    for name, scale in (("sorted", sizes), ("mixed", sizes[::2] + sizes[1::2][::-1])):
+        vg.Packing.of(vg.shapes.sphere(radius=0.5), box, position=position, scale=scale).save(tmp_path / f"{name}.vtp")
+        assert main(["measure", str(tmp_path / f"{name}.vtp"), "--which", "segregation"]) == 0
+        shown = capsys.readouterr()
+        assert "segregation" in shown.out
+        assert ("voxgran: warning: large grains lie above small ones" in shown.err) == (name == "sorted")
+
+
 def test_one_method_in_json_has_its_parameters(capsys):
     assert main(["methods", "digital", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["packing methods"]["digital"]

@@ -50,6 +50,13 @@ class ContactForces:
         Whether the grain is a rattler, which bears no load and could move.
     friction : float or None
         Coefficient of friction within whose cones the forces are; None where it is not known.
+
+    Raises
+    ------
+    InputError
+        If an array has the wrong length, a value is not finite, an index is no whole number or names no grain, a
+        normal is no unit vector, a residual or the friction is negative, or `rattler` holds other values than True
+        and False.
     """
 
     i: Integers
@@ -63,15 +70,7 @@ class ContactForces:
     friction: float | None = None
 
     def __post_init__(self) -> None:
-        """Check the values and copy the arrays.
-
-        Raises
-        ------
-        InputError
-            If an array has the wrong length, a value is not finite, an index is no whole number or names no grain, a
-            normal is no unit vector, a residual or the friction is negative, or `rattler` holds other values than True
-            and False.
-        """
+        # errors are those of the class
         residual = as_floats(self.residual, "residual", shape=(None,))
         m, n = len(_flat(self.i)), len(residual)
         made: dict[str, NDArray[Any]] = {

@@ -36,7 +36,14 @@ class Regions:
 
     @cached_property
     def limits(self) -> Floats:
-        """Lowest and highest coordinates (2, 3) allowed by the height; infinite on other sides."""
+        """Lowest and highest coordinates (2, 3) allowed by the height, infinite on other sides, found once."""
+        if "limits" not in self.packing._found:
+            self.packing._found["limits"] = self._limits()
+        found: Floats = self.packing._found["limits"]
+        return found
+
+    def _limits(self) -> Floats:
+        """Return the lowest and highest coordinates that the height allows."""
         limits = np.array([np.full(3, -np.inf), np.full(3, np.inf)])
         gravity = gravity_of(self.packing)
         if gravity is not None and self.packing.count:

@@ -286,6 +286,11 @@ class Packing(GrainSequence):
         """Contacts found so far, by gap."""
         return {}
 
+    @cached_property
+    def _found(self) -> dict[str, Any]:
+        """What several measures need and is slow to compute, by name, for them to keep."""
+        return {}
+
     def contacts(self, gap: float = 0.0) -> Contacts:
         """Return all pairs of grains whose surfaces are nearer than a gap; found once and kept.
 
