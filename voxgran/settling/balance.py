@@ -27,8 +27,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.stopping import stop_if_asked
 
-#: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three forces (3),
-#: that of now, the extrapolated one, and that of the iteration before; three cache lines
+#: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three
+#: forces (3): that of now, the extrapolated one, and that of the iteration before; three cache lines
 WORK = 24
 #: columns of bodies, and of accelerations in the work: inverse mass and inverse moment of inertia
 INVERSE_MASS, INVERSE_MOMENT = 6, 7
