@@ -27,8 +27,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.stopping import stop_if_asked
 
-#: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three forces (3),
-#: that of now, the extrapolated one, and that of the iteration before; three cache lines
+#: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three
+#: forces (3): that of now, the extrapolated one, and that of the iteration before; three cache lines
 WORK = 24
 #: columns of bodies, and of accelerations in the work: inverse mass and inverse moment of inertia
 INVERSE_MASS, INVERSE_MOMENT = 6, 7
@@ -45,7 +45,7 @@ def net_accelerations(
     are fixed.
     """
     accelerations = np.zeros((len(bodies), 6))
-    add_forces(row, i, j, m, bodies, gravity, forces, accelerations)
+    _add_forces(row, i, j, m, bodies, gravity, forces, accelerations)
     return accelerations
 
 
@@ -63,7 +63,7 @@ def gauss_seidel_forces(
     forces in an iteration at which they end.
     """
     order, pair = np.empty(m, dtype=np.int64), np.empty((m, 2), dtype=np.int64)
-    order_independent(i, j, m, np.zeros(len(bodies), dtype=np.int64), pair, np.zeros(m + 1, dtype=np.int64), order)
+    _order_independent(i, j, m, np.zeros(len(bodies), dtype=np.int64), pair, np.zeros(m + 1, dtype=np.int64), order)
     work, state = np.empty((m, WORK)), np.empty((len(bodies), 8))
     alone = np.ones(len(bodies))
     _fill_work(row, i, j, bodies, gravity, forces, openness, skin, alone, order, pair, work)
@@ -133,7 +133,7 @@ def _add_to_lid(lid, inverse_mass, gravity, x, y, z):  # type: ignore[no-untyped
 
 
 @bare_kernel
-def add_forces(row, i, j, m, bodies, gravity, forces, accelerations):  # type: ignore[no-untyped-def]
+def _add_forces(row, i, j, m, bodies, gravity, forces, accelerations):  # type: ignore[no-untyped-def]
     """Write the accelerations (n + 1, 6) of bodies under gravity and under forces (m, 3)."""
     last = len(bodies) - 1
     for k in range(last + 1):
@@ -156,7 +156,7 @@ def add_forces(row, i, j, m, bodies, gravity, forces, accelerations):  # type: i
 
 
 @bare_kernel
-def order_independent(i, j, m, level, pair, start, order):  # type: ignore[no-untyped-def]
+def _order_independent(i, j, m, level, pair, start, order):  # type: ignore[no-untyped-def]
     """Write an order of the contacts in which neighbours share no body, and those that do keep their order.
 
     A Gauss-Seidel sweep in this order changes the same numbers in the same way as one in the order of the rows: each

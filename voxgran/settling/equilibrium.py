@@ -27,8 +27,10 @@ if TYPE_CHECKING:
 
 #: most iterations of the projected gradient
 ITERATIONS = 20_000
-#: distance from the optimum, in tolerances, at which it ends
-NEAR = 0.1
+#: distance from the optimum, root mean square in tolerances, at which it ends; the distance is estimated from above
+NEAR = 0.8
+#: accuracy of the interior point, in tolerances
+ACCURACY = 0.1
 #: number of the partner at a wall and at a lid
 WALL, LID = -1, -2
 
@@ -88,10 +90,10 @@ def balance_forces(
             gravity,
             openness=np.zeros(m),
             skin=0.0,
-            accuracy=NEAR * tolerance,
+            accuracy=ACCURACY * tolerance,
             height=height,
         )
-        found, distance = push[:, None] * row[:m, NORMAL : NORMAL + 3], NEAR * tolerance
+        found, distance = push[:, None] * row[:m, NORMAL : NORMAL + 3], ACCURACY * tolerance
     residual = np.linalg.norm(accelerations[:-1, :3], axis=1)
     # moment of inertia over mass, and the radius of a sphere or disk of the same volume
     moment = bodies[:-1, 6] / np.where(bodies[:-1, 7] > 0.0, bodies[:-1, 7], np.inf)
@@ -131,8 +133,8 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
 
         By contact: ``contact_i`` and ``contact_j``, the grains, of which the second is -1 at a wall and -2 at the lid;
         ``point``, at grain i, in the unit of lengths; ``normal`` from grain i to grain j; ``force`` on grain j,
-        and with opposite sign on grain i, in weights of a grain of the median diameter; ``normal_force``, along the normal; and
-        ``gap``, in the unit of lengths.
+        and with opposite sign on grain i, in weights of a grain of the median diameter; ``normal_force``, along the
+        normal; and ``gap``, in the unit of lengths.
 
         Attributes: ``friction``, ``gap`` and ``tolerance`` as given; ``share_at_rest``, the share of the grains,
         rattlers apart, that rest; ``share_of_rattlers``; and ``distance``, about how far the residuals are from the

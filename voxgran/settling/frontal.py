@@ -120,7 +120,7 @@ class FrontalMatrix:
 
 @bare_kernel
 def _assemble(own, side, rest, update, place, local, values, weights):  # type: ignore[no-untyped-def]
-    """Write the lower triangle of a front: the unit matrix, what the group before left over, and contacts of a group."""
+    """Write the lower triangle of a front: the unit matrix, what was left over before, and contacts."""
     p, d, size = len(own), values.shape[2], len(own) + len(rest)
     for to in range(size):
         for c in range(min(p, to + 1)):

@@ -86,7 +86,7 @@ def test_a_sphere_on_four_spheres():
     np.testing.assert_allclose(walls, [0.6 * push] * 8 + [1.25] * 4, rtol=1e-3)
     assert bool(found.rests.all())
     # without the walls the four would slip: the same heap in a wide box
-    wide = equilibrium(spheres(position + [5, 5, 0], floor_box(12, 12, 4.0)), friction=0.0)
+    wide = equilibrium(spheres(position + np.array([5, 5, 0]), floor_box(12, 12, 4.0)), friction=0.0)
     assert not wide.rests.any()
 
 
@@ -185,7 +185,7 @@ def test_disks_in_a_plane():
     box = vg.Rectangle((width, 6.0))
     rise = np.sqrt(1.0 - 0.6**2)
     lower = box.bounds[0]
-    position = np.array([[0.5, 0.5, 0], [1.1, 0.5 + rise, 0], [0.5, 0.5 + 2 * rise, 0]]) + [lower[0], lower[1], 0]
+    position = np.array([[0.5, 0.5, 0], [1.1, 0.5 + rise, 0], [0.5, 0.5 + 2 * rise, 0]]) + np.array([*lower[:2], 0])
     packing = vg.Packing.of(disk, box, position=position)
     found = equilibrium(packing, friction=0.0, tolerance=1e-4)
     force, normal = found.normal_force.to_numpy(), found.normal.to_numpy()
@@ -232,9 +232,9 @@ def test_bad_input_is_refused():
     for wrong in ({"friction": -0.1}, {"friction": np.nan}, {"gap": -1.0}, {"tolerance": 0.0}):
         with pytest.raises(InputError, match=next(iter(wrong))):
             equilibrium(packing, **wrong)
-    with pytest.raises(InputError, match="packing.gravity is None"):
+    with pytest.raises(InputError, match=r"packing\.gravity is None"):
         equilibrium(dataclasses.replace(packing, gravity=None))
-    with pytest.raises(InputError, match="packing.gravity is None"):
+    with pytest.raises(InputError, match=r"packing\.gravity is None"):
         equilibrium(Assembly.of([SPHERE], packing.container, position=[[2.0, 2.0, 0.5]]))
     with pytest.raises(InputError, match="packing"):
         equilibrium(3)

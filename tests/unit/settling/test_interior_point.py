@@ -76,7 +76,7 @@ def test_residuals_are_those_of_non_negative_least_squares(round_grains, lid):
 @pytest.mark.parametrize("round_grains", [True, False])
 def test_a_step_closes_no_gap_and_pulls_at_no_contact(round_grains, skin):
     one = heap(2, round_grains=round_grains, lid=0.5)
-    row, i, j, bodies = one
+    _, i, _, bodies = one
     openness = 0.2 * np.random.default_rng(3).normal(size=len(i))
     force, found, _ = solve(one, openness, skin)
     room = normal_jacobian(*one) @ found.ravel() + openness + skin * force
