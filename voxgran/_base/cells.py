@@ -96,7 +96,9 @@ def _insert(pairs, first, count, i, j, ix, iy, iz):  # type: ignore[no-untyped-d
             pairs[k - 1, 1] == j
             and (
                 pairs[k - 1, 2] > ix
-                or (pairs[k - 1, 2] == ix and (pairs[k - 1, 3] > iy or (pairs[k - 1, 3] == iy and pairs[k - 1, 4] > iz)))
+                or (
+                    pairs[k - 1, 2] == ix and (pairs[k - 1, 3] > iy or (pairs[k - 1, 3] == iy and pairs[k - 1, 4] > iz))
+                )
             )
         )
     ):

@@ -146,8 +146,13 @@ def settle(
     """
     check_packing(packing, "packing")
     given = {
-        **{"friction": friction, "restitution": restitution, "shaking": shaking, "lid": lid},
-        **{"fall_time": fall_time, "rest": rest, "parts": parts},
+        "friction": friction,
+        "restitution": restitution,
+        "shaking": shaking,
+        "lid": lid,
+        "fall_time": fall_time,
+        "rest": rest,
+        "parts": parts,
     }
     how = from_mapping(Settling, given, "settle")
     packing = _prepared(packing, container, gravity)
@@ -219,7 +224,9 @@ def _problem_of(packing: Packing, how: Settling, seed: int) -> Problem:
         seed=seed,
         unit_length=unit,
         original=packing.shapes,
-        start=Start(assembly.position, np.column_stack([assembly.orientation, np.tile(packing.gravity, (packing.count, 1))])),
+        start=Start(
+            assembly.position, np.column_stack([assembly.orientation, np.tile(packing.gravity, (packing.count, 1))])
+        ),
         unit=packing.unit,
         density=packing.density,
     )

@@ -204,11 +204,20 @@ class Bed:
         """All that the next step depends on, for a checkpoint."""
         grains = self.grains
         return {
-            **{"position": grains.position, "orientation": self.orientation, "bodies": self.bodies},
-            **{"scale": grains.scale, "radius": grains.radius, "way": grains.way, "order": self.order},
+            "position": grains.position,
+            "orientation": self.orientation,
+            "bodies": self.bodies,
+            "scale": grains.scale,
+            "radius": grains.radius,
+            "way": grains.way,
+            "order": self.order,
             **{f"pair_{name}": getattr(self.pairs, name) for name in PairList._fields},
-            **{"row": self.rows.row[: self.m], "row_i": self.rows.i[: self.m], "row_j": self.rows.j[: self.m]},
-            **{"wall_first": self.wall_first, "wall_count": self.wall_count, "lid_level": np.array(self.lid_level)},
+            "row": self.rows.row[: self.m],
+            "row_i": self.rows.i[: self.m],
+            "row_j": self.rows.j[: self.m],
+            "wall_first": self.wall_first,
+            "wall_count": self.wall_count,
+            "lid_level": np.array(self.lid_level),
         }
 
     def restore(self, arrays: Mapping[str, Floats | Integers]) -> None:
@@ -254,9 +263,7 @@ def _bodies(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
     mass = assembly.volumes[order] / unit
     bodies[:n, 6] = 1.0 / mass
     # the mean of the three principal moments stands for all: rest does not depend on them
-    own = [
-        np.trace(shape.inertia) / 3 if assembly.dimension == 3 else shape.inertia[2, 2] for shape in assembly.shapes
-    ]
+    own = [np.trace(shape.inertia) / 3 if assembly.dimension == 3 else shape.inertia[2, 2] for shape in assembly.shapes]
     power = assembly.dimension + 2
     moment = np.array(own)[assembly.shape_id[order]] * assembly.scale[order] ** power / unit if n else np.zeros(0)
     bodies[:n, 7] = 1.0 / moment

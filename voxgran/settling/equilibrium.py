@@ -20,7 +20,6 @@ from voxgran.settling.balance import accelerated_projected_gradient
 from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.contact_rows import ARM_I, GAP, NORMAL, ContactRows
 from voxgran.settling.interior_point import frictionless_forces
-from voxgran.settling.bed import Bed, normalized_bed
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -164,9 +163,7 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
     return _dataset(packing, bed, found, {"friction": friction, "gap": gap, "tolerance": tolerance})
 
 
-def balance_bed(
-    bed: Bed, friction: float, *, reach: float, tolerance: float, iterations: int = ITERATIONS
-) -> Balance:
+def balance_bed(bed: Bed, friction: float, *, reach: float, tolerance: float, iterations: int = ITERATIONS) -> Balance:
     """Return the forces at the contacts of a bed within reach that balance its grains best; grains as the bed has them.
 
     The search begins with the forces that the bed keeps, and the bed keeps those that are found.

@@ -83,9 +83,7 @@ def _apply_old(rows, bodies, m, n, gravity):  # type: ignore[no-untyped-def]
             continue
         add_impulse(bodies[rows.i[k]], row[3], row[4], row[5], -px, -py, -pz)
         if rows.j[k] >= 0:
-            add_to_partner(
-                bodies, rows.j[k], n, gravity[0], gravity[1], gravity[2], row[6], row[7], row[8], px, py, pz
-            )
+            add_to_partner(bodies, rows.j[k], n, gravity[0], gravity[1], gravity[2], row[6], row[7], row[8], px, py, pz)
 
 
 @bare_kernel
@@ -255,7 +253,12 @@ def move_bodies(position: Floats, orientation: Floats, matrix: Floats, motion: F
         r = turn * c + wy * a + wz * b - wx * d
         s = turn * d + wz * a + wx * c - wy * b
         norm = 1.0 / math.sqrt(p * p + q * q + r * r + s * s)
-        orientation[i, 0], orientation[i, 1], orientation[i, 2], orientation[i, 3] = p * norm, q * norm, r * norm, s * norm
+        orientation[i, 0], orientation[i, 1], orientation[i, 2], orientation[i, 3] = (
+            p * norm,
+            q * norm,
+            r * norm,
+            s * norm,
+        )
         rotate(orientation[i], matrix[i])
     return far
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.contacts.assembly import Assembly
+from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.settling.bed import Bed
 from voxgran.settling.parting import part_grains
 

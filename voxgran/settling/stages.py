@@ -231,9 +231,7 @@ class Settler:
     def _rest(self) -> None:
         """Make a quasi-static step, and examine the bed when it hardly moves."""
         progress, bed = self.progress, self.bed
-        moving = quasi_static_step(
-            bed, self.how.friction, progress.length, rest=KEPT, iterations=self._iterations
-        )
+        moving = quasi_static_step(bed, self.how.friction, progress.length, rest=KEPT, iterations=self._iterations)
         if moving < SLOW:
             progress.length = max(LAST, SHRINK * progress.length)
         last = progress.stage_step + 1 >= STILL_STEPS

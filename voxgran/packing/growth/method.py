@@ -16,7 +16,6 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter, to_mapping
-from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.packing.gravity import gravity_text, gravity_vector

@@ -7,10 +7,10 @@ import numpy as np
 
 from voxgran._base.arrays import Integers
 from voxgran._base.errors import InputError
-from voxgran.containers.kernel_container import kernel_container
-from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.parts import is_disk
+from voxgran.containers.kernel_container import kernel_container
+from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.settling.contact_rows import CONVEX, OUTLINE, SPHERE, SURFACE, ContactRows, Grains, PairList
 from voxgran.settling.finding.convex_bodies import convex_bodies, convex_work, has_convex_parts
 from voxgran.settling.finding.convex_contacts import find_convex_contacts
@@ -105,6 +105,4 @@ class ContactFinders:
         if m < 0:
             return m
         lid = Lid(self._normal, lid_level if math.isfinite(lid_level) else math.inf)
-        return int(
-            find_wall_contacts(grains, self._walls, lid, self._wall_bodies, *at_walls, rows, m, margin, rest)
-        )
+        return int(find_wall_contacts(grains, self._walls, lid, self._wall_bodies, *at_walls, rows, m, margin, rest))

@@ -11,8 +11,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran.settling.finding.candidates import add_candidate, choose_candidates, is_candidate, write_candidates
 from voxgran.settling.contact_rows import OUTLINE
+from voxgran.settling.finding.candidates import add_candidate, choose_candidates, is_candidate, write_candidates
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 

@@ -7,8 +7,8 @@ import numpy as np
 from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.containers.kernel_container import FLAT, MESH, ROUND, UPRIGHT, KernelContainer
-from voxgran.settling.finding.candidates import choose_candidates, write_candidates
 from voxgran.settling.contact_rows import WALL, ContactRows, Grains
+from voxgran.settling.finding.candidates import choose_candidates, write_candidates
 from voxgran.settling.finding.mesh_wall_contacts import near_mesh
 from voxgran.settling.finding.wall_bodies import Lid, WallBodies
 from voxgran.settling.finding.wall_candidates import near_plane, near_round

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from voxgran.settling.contact_points import near_walls
+from voxgran.settling.settle import follow
+from voxgran.settling.trial_motion import free_fall
 
 import voxgran as vg
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.walls import beyond_lid, escape_depths
-from voxgran.settling.contact_points import near_walls
-from voxgran.settling.settle import follow
-from voxgran.settling.trial_motion import free_fall
 
 UP = np.array([0.0, 0.0, 1.0])
 
