@@ -40,6 +40,7 @@ from voxgran.measures.registered.density import window_solid_fraction as window_
 from voxgran.packing import methods as methods
 from voxgran.packing.method import packing_methods as packing_methods
 from voxgran.packing.model import Packing as Packing
+from voxgran.packing.settle import settle as settle
 from voxgran.packing.transform.from_labels import packing_of_labels as packing_of_labels
 from voxgran.packing.transform.grow import grow as grow
 from voxgran.packing.transform.inscribe import inscribe as inscribe
@@ -53,6 +54,8 @@ from voxgran.report.plot import plot as plot
 from voxgran.report.turntable import save_turntable as save_turntable
 from voxgran.scene.scene import Scene as Scene
 from voxgran.settling.equilibrium import equilibrium as equilibrium
+from voxgran.settling.parameters import Lid as Lid
+from voxgran.settling.parameters import Shaking as Shaking
 from voxgran.shapes import families as families
 from voxgran.shapes import sizes as sizes
 from voxgran.shapes.family import shape_families as shape_families

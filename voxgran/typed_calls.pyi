@@ -40,6 +40,7 @@ class PackKeywords(TypedDict, total=False):
     time_limit: Number | None
     on_step: OnStep | None
     recorder: Recorder | None
+    settle: bool | Mapping[str, Any] | Settling | None
 
 class RsaKeywords(PackKeywords, total=False):
     scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"]
@@ -51,6 +52,17 @@ class RsaKeywords(PackKeywords, total=False):
     along: Literal["x", "y", "z"]
     numbers: Literal["philox", "lcg"]
     aligned: bool
+
+class GravityKeywords(PackKeywords, total=False):
+    friction: Number
+    restitution: Number
+    shaking: Shaking | None
+    lid: Lid | None
+    fall_time: Number | None
+    rest: Number
+    parts: Literal["exact", "hulls"]
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | (Sequence[Number] | NDArray[Any]) | None
+    fill: Number
 
 class DigitalRsaKeywords(PackKeywords, total=False):
     voxel_size: Number | None
@@ -147,6 +159,13 @@ def pack(
     container: Container,
     method: Literal["digital_rsa"],
     **keywords: Unpack[DigitalRsaKeywords],
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["gravity"],
+    **keywords: Unpack[GravityKeywords],
 ) -> Packing: ...
 @overload
 def pack(

@@ -155,6 +155,7 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
         "seed": problem.seed,
         "target": problem.target,
         "shapes": [shape.key for shape in problem.shapes],
+        "settling": None if problem.settling is None else to_mapping(problem.settling),
     }
     digest.update(json.dumps(head, sort_keys=True, default=str).encode())
     arrays = [problem.shape_id, problem.diameter]
@@ -200,7 +201,9 @@ def _tell(how: Drive, state: RunState) -> None:
     """Report progress."""
     if how.on_step is not None:
         text = ", ".join(f"{name} {value}" for name, value in list(state.counters.items())[:2])
-        how.on_step(Step(stage="packing", done=state.done, total=state.total, text=text))
+        # states that settle say so
+        stage = getattr(state, "stage", "packing")
+        how.on_step(Step(stage=stage, done=state.done, total=state.total, text=text))
 
 
 def _tell_of_kernels(how: Drive) -> None:

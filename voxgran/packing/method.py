@@ -146,6 +146,8 @@ class PackingMethod:
     any_container : bool
         Whether it packs into any object with the attributes of a :class:`Container`, by its signed distance; other
         methods need the boundary in closed form.
+    builds_bed : bool
+        Whether it builds beds under gravity, which settle afterwards unless told otherwise.
     """
 
     name: str
@@ -161,6 +163,7 @@ class PackingMethod:
     selects: bool = False
     open_surfaces: bool = False
     any_container: bool = False
+    builds_bed: bool = False
 
 
 def method_registry() -> Registry[PackingMethod]:

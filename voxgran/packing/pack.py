@@ -5,7 +5,7 @@ import inspect
 import os
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,10 +24,13 @@ from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_cont
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.draw import DrawnGrains, draw_grains
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
+from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem, warn_of_units
+from voxgran.packing.settle import as_settling, warn_of_unrest, with_settling
 from voxgran.packing.start import Start, check_start
+from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.sizes import SizeDistribution, size_distance
 
@@ -71,6 +74,7 @@ def pack(
     time_limit: float | None = None,
     on_step: OnStep | None = None,
     recorder: Recorder | None = None,
+    settle: bool | Mapping[str, Any] | Settling | None = None,
     **parameters: Any,
 ) -> Packing:
     """Pack grains into a container.
@@ -121,6 +125,9 @@ def pack(
         Told of each step of the work.
     recorder : Recorder, optional
         Given the packing whenever a snapshot is due, such as a :class:`Series` for ParaView.
+    settle : bool, mapping or Settling, optional
+        Whether the grains settle afterwards, as by :func:`settle`, or its parameters, such as ``dict(friction=0.3)``;
+        default: they do after methods that build beds under gravity, ``digital`` and ``control_point``.
     **parameters
         Parameters of the method, for a name.
 
@@ -179,6 +186,7 @@ def pack(
         unit=unit,
         density=density,
         parameters=parameters,
+        settle=settle,
     )
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
     check_drive(checkpoint, resume, on_step, recorder)
@@ -187,6 +195,7 @@ def pack(
     state = drive(task.method, task.problem, how)
     packing = with_provenance(task, state, task.method.finish(task.problem, state), seconds=time.monotonic() - began)
     _warn_of_misses(task, packing)
+    warn_of_unrest(packing)
     return packing
 
 
@@ -205,6 +214,7 @@ def prepare_task(
     start: Packing | None = None,
     unit: str | None = None,
     density: float | None = None,
+    settle: bool | Mapping[str, Any] | Settling | None = None,
 ) -> Task:
     """Check the arguments of :func:`pack`, draw the grains and put all into the normalized frame; nothing is packed.
 
@@ -259,8 +269,32 @@ def prepare_task(
     problem = _problem(given, container, grains, settings, seed=seed, start=start)
     problem.unit, problem.density = unit, 1.0 if density is None else as_positive(density, "density")
     problem.target = count is not None or solid_fraction is not None
+    problem.settling = _settling_of(entry, problem, settle)
+    entry = entry if problem.settling is None else with_settling(entry, problem.settling)
     warn_of_units(problem)
     return Task(entry, problem, grains.removed, asked, sizes)
+
+
+def _settling_of(method: PackingMethod, problem: Problem, asked: Any) -> Settling | None:
+    """Return how the grains settle after the method, or None if they do not.
+
+    Raises
+    ------
+    InputError
+        If they are to settle although there is no gravity, or a value breaks a rule.
+    UnknownNameError
+        If a parameter is unknown.
+    """
+    pulled = hasattr(problem.parameters, "gravity") and bool(gravity_vector(problem).any())
+    if asked is None:
+        return Settling() if method.builds_bed and pulled else None
+    settling = as_settling(asked)
+    if settling is not None and not pulled:
+        raise InputError(
+            f"settle is {shown(asked)}: method {method.name!r} packs without gravity here; leave settle out, or call "
+            "settle(packing, gravity='-z')"
+        )
+    return settling
 
 
 def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Shape, ...]:

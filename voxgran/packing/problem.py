@@ -49,6 +49,7 @@ class Problem:
     start: Start | None = None  # poses of the first grains, which are present from the beginning
     unit: str = "1"  # the user's unit of lengths
     density: float = 1.0
+    settling: Any = None  # how the grains settle after the method; None if they do not
     target: bool = False  # whether a count or a solid fraction is requested; if not, grains are more than enough
     byte_limit: int = 2**26  # largest size of the cached representations
     # hashes of all representations computed so far, by their counter; a checkpoint holds these, so that none is counted

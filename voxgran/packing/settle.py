@@ -199,8 +199,8 @@ def _prepared(packing: Packing, container: Container | None, gravity: ArrayLike 
         outside = np.flatnonzero(beyond > 0.0)
         if len(outside):
             raise InputError(
-                f"{named_grains(outside)} of the packing: the centroid of each must lie in the container; move them, or "
-                "give a larger container"
+                f"{named_grains(outside)} of the packing: centroids must lie in the container; move them, or give a "
+                "larger container"
             )
     return packing
 

@@ -75,8 +75,10 @@ class Settling:
     restitution: float = parameter(
         0.0, doc="ratio of the velocities after and before an impact, along the normal", at_least=0.0, at_most=1.0
     )
-    shaking: Shaking | None = parameter(None, doc="random accelerations after the fall; if omitted, none")
-    lid: Lid | None = parameter(None, doc="plate that lies on the bed; if omitted, none")
+    shaking: Shaking | None = parameter(  # noqa: RUF009
+        None, doc="random accelerations after the fall; if omitted, none"
+    )
+    lid: Lid | None = parameter(None, doc="plate that lies on the bed; if omitted, none")  # noqa: RUF009
     fall_time: float | None = parameter(
         None,
         doc="longest time of the fall with inertia, in sqrt(d / g) with the median diameter d; if omitted, until the "

@@ -204,4 +204,5 @@ registration = PackingMethod(
     dimensions=(2, 3),
     libraries=("numba", "open3d"),
     open_surfaces=True,
+    builds_bed=True,
 )

@@ -186,4 +186,5 @@ registration = PackingMethod(
     cost=digital_cost,
     dimensions=(2, 3),
     any_container=True,
+    builds_bed=True,
 )
