@@ -87,8 +87,10 @@ def suite_of(title):
         # a checkpoint holds the same as that of the method; the slow test kills these too
         members["test_killed_and_resumed_to_the_same_bits"] = None
     if title == "control_point, one way":
-        # the sharp edge of its cone may enter a sphere between the control points of that
-        members["test_a_start_stays_in_order_and_goes_on"] = None
+        # a sharp edge may enter another grain between the control points of that
+        members |= dict.fromkeys(
+            ["test_a_start_stays_in_order_and_goes_on", "test_true_shapes_do_not_overlap_or_escape"]
+        )
     if title in STAGES:
         members |= dict.fromkeys(NOT_OF_STAGES) | {"count": 80 if title == "rsa, saturated" else 10}
     return type("Test" + title.title().replace("_", "").replace(", ", "").replace(" ", ""), (OwnSuite,), members)

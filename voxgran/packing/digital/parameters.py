@@ -30,6 +30,9 @@ class Digital(Walking):
         doc="voxels that represent a grain: all that it touches, so that grains never overlap, or those whose center "
         "lies in it",
     )
+    rate: float = parameter(
+        0.001, doc="fraction of the attempts that insert a grain, with feed 'rain'", above=0.0, at_most=1.0
+    )
     downward_share: float = parameter(
         0.42, doc="fraction of the moves that go downward, with gravity", former="down", at_least=0.0, at_most=1.0
     )
