@@ -15,6 +15,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.bed import Bed
+from voxgran.settling.contact_rows import SURFACE
 from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.fall import Fall, fall_step, stop_falling
 from voxgran.settling.parameters import Settling
@@ -32,10 +33,12 @@ SINKING, ENERGY, SHORTEST = 0.05, 0.05, 4.0
 GROWTH_STEP, GROWTH_STEPS = 0.03, 40
 #: steps of the fall for which a grain is shaken in one direction
 SHAKEN_STEPS = 4
-#: largest number of quasi-static steps, iterations in each, twice as many in beds of more layers than these
-STILL_STEPS, ITERATIONS, DEEP = 150, 30, 40.0
-#: length of the first step of spheres, of convex grains and of others, of the last one, and how lengths shrink
-FIRST, FIRST_CONVEX, FIRST_SURFACE, LAST, SHRINK = 0.3, 0.2, 0.15, 0.1, 0.9
+#: iterations in a quasi-static step, twice as many in beds of more layers than these, and how the steps shrink
+ITERATIONS, DEEP, SHRINK = 30, 40.0, 0.9
+#: largest number of quasi-static steps in all
+STILL_STEPS = 200
+#: what is different in the fall of meshes that are not convex: their distances are known less well
+SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: length of steps after overlapping grains were parted
 AFTER_PARTING = 0.05
 #: volume of a grain of unit diameter by dimension, whose mass is 1
@@ -50,6 +53,27 @@ QUICK, THOROUGH = 300, 3000
 PARTED, ROUNDS, TRIALS = 1e-4, 60, 3
 
 
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How quasi-static steps are made."""
+
+    kept: float  # distance that surfaces keep
+    margin: float  # gap up to which contacts are found
+    most: float  # farthest that a grain moves in a step
+    first: float  # length of the first step
+    last: float  # of the last ones
+    steps: int  # largest number of steps
+    parting: float = 0.03  # gap up to which contacts are found while grains are parted
+
+
+#: of spheres and disks, of convex grains and polygons, and of meshes that are not convex: by grids of distances, then
+#: by triangles
+ROUND = Manner(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150)
+CONVEX_GRAINS = Manner(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150)
+FIELDS = Manner(2e-3, 0.06, 0.03, first=0.15, last=0.1, steps=80)
+EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=80, parting=5e-3)
+
+
 @dataclass(slots=True)
 class Progress:
     """How far the settling of a bed is."""
@@ -57,7 +81,9 @@ class Progress:
     stage: int = START
     step: int = 0  # steps in all
     stage_step: int = 0  # steps of the stage
-    length: float = FIRST  # of the next quasi-static step
+    still_steps: int = 0  # quasi-static steps by the present manner
+    exact: int = 0  # whether contacts of meshes that are not convex are those of their triangles
+    length: float = 0.0  # of the next quasi-static step
     substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
     trials: int = 0  # times that overlapping grains were parted
     moving: float = 1.0  # share of the grains that do not rest, when last examined
@@ -99,8 +125,8 @@ class Settler:
         self.progress = Progress(stage=START if small is None else GROWTH)
         if small is not None:
             self.bed.resize(small[self.bed.order])
-        self._fall = Fall(how.friction, how.restitution)
-        self._first = (FIRST, FIRST_CONVEX, FIRST_SURFACE)[min(int(self.bed.grains.kind.max(initial=0)), 2)]
+        surfaces = SURFACE in self.bed.grains.kind
+        self._fall = Fall(how.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
         layers = np.ptp(self.bed.grains.position @ gravity) if assembly.count else 0.0
         self._iterations = ITERATIONS if layers <= DEEP else 2 * ITERATIONS
         if not assembly.count:
@@ -116,7 +142,7 @@ class Settler:
         """Largest number of steps, those that were made included."""
         growth = 0 if self.small is None else self._growth_steps()
         shaking = 0 if self.how.shaking is None else math.ceil(self.how.shaking.duration / self._fall.step)
-        return growth + 1 + shaking + 2 * self._fall_steps() + STILL_STEPS + 1
+        return growth + 1 + shaking + 2 * self._fall_steps() + STILL_STEPS
 
     def step(self) -> None:
         """Make the next step."""
@@ -144,6 +170,7 @@ class Settler:
             setattr(self.progress, name, np.array(value) if value.ndim else float(value))
         for name in _COUNTERS:
             setattr(self.progress, name, int(counters[name]))
+        self.bed.finders.exact = bool(self.progress.exact)
         self.bed.restore({name: array for name, array in arrays.items() if name not in _ARRAYS})
 
     @property
@@ -197,7 +224,7 @@ class Settler:
             progress.stage = SHAKING
             return
         stop_falling(self.bed, self._fall.step / self._fall.substeps)
-        progress.stage, progress.length, progress.substep = STILL, self._first, 0.0
+        progress.stage, progress.length, progress.substep = STILL, self._manner.first, 0.0
 
     def _fall_steps(self) -> int:
         """Return the largest number of steps of a fall."""
@@ -230,25 +257,45 @@ class Settler:
 
     def _rest(self) -> None:
         """Make a quasi-static step, and examine the bed when it hardly moves."""
-        progress, bed = self.progress, self.bed
-        moving = quasi_static_step(bed, self.how.friction, progress.length, rest=KEPT, iterations=self._iterations)
+        progress, bed, manner = self.progress, self.bed, self._manner
+        moving = quasi_static_step(
+            bed, self.how.friction, progress.length, rest=manner.kept, iterations=self._iterations,
+            margin=manner.margin, most=manner.most,
+        )  # fmt: skip
         if moving < SLOW:
-            progress.length = max(LAST, SHRINK * progress.length)
-        last = progress.stage_step + 1 >= STILL_STEPS
+            progress.length = max(manner.last, SHRINK * progress.length)
+        progress.still_steps += 1
+        last = progress.still_steps >= manner.steps
         if moving >= CALM and not last:
+            return
+        if manner is FIELDS:
+            self._look_closer()
             return
         self._examine(QUICK)
         if progress.smallest < 0.0 and progress.trials < TRIALS:
             progress.trials += 1
-            part_grains(bed, PARTED, ROUNDS)
+            part_grains(bed, PARTED, ROUNDS, margin=manner.parting)
             progress.length = min(progress.length, AFTER_PARTING)
             self._examine(QUICK)
         if last or (progress.moving < CALM and progress.smallest >= 0.0):
             if progress.smallest < 0.0:
-                part_grains(bed, PARTED, ROUNDS)
+                part_grains(bed, PARTED, ROUNDS, margin=manner.parting)
             self._examine(THOROUGH)
             self._rests()
             progress.stage = ENDED
+
+    def _look_closer(self) -> None:
+        """Go on with the contacts of the true triangles, once those of the distance grids are in balance."""
+        self.progress.exact, self.progress.still_steps, self.progress.length = 1, 0, EXACT.first
+        self.bed.finders.exact = True
+        part_grains(self.bed, PARTED, ROUNDS, margin=EXACT.parting)
+
+    @property
+    def _manner(self) -> "Manner":
+        """How quasi-static steps are made."""
+        if SURFACE not in self.bed.grains.kind:
+            return ROUND if not self.bed.grains.kind.any() else CONVEX_GRAINS
+        return EXACT if self.progress.exact else FIELDS
 
     def _examine(self, iterations: int) -> None:
         """Note how well forces at the contacts balance the grains."""
