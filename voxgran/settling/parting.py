@@ -13,7 +13,9 @@ MARGIN = 0.03
 MISSED = 0.2
 
 
-def part_grains(bed: Bed, distance: float, rounds: int, *, missed: float = MISSED, most: float = MOST, margin: float = MARGIN) -> float:
+def part_grains(
+    bed: Bed, distance: float, rounds: int, *, missed: float = MISSED, most: float = MOST, margin: float = MARGIN
+) -> float:
     """Part grains until all surfaces are nearly `distance` apart, in at most `rounds` rounds; return the smallest gap.
 
     Each round solves for the least motions, weighted by mass, that open all gaps to first order: a quasi-static step
