@@ -21,6 +21,8 @@ from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
 from voxgran.clumps.method import clump_registry
 from voxgran.packing.method import method_registry
+from voxgran.settling.contact_rows import CONVEX, OUTLINE, SPHERE, SURFACE
+from voxgran.settling.finding.finders import kinds_of
 from voxgran.shapes.family import families
 from voxgran.shapes.winding import winding_numbers
 
@@ -447,8 +449,12 @@ def test_doctor_compiles_beforehand(monkeypatch, tmp_path, capsys):
 
 
 def test_each_method_and_kind_of_shape_is_compiled_beforehand():
-    packed = {task.args for task in beforehand.scenes() if isinstance(task, partial)}
+    tasks = [task for task in beforehand.scenes() if isinstance(task, partial)]
+    packed = {task.args for task in tasks if task.func is beforehand.pack_few}
     assert packed == {(method, family) for method in vg.packing_methods() for family in beforehand.FAMILIES}
+    settled = {task.args[0] for task in tasks if task.func is beforehand.settle_few}
+    kinds = {SPHERE, CONVEX, SURFACE, OUTLINE}
+    assert set(kinds_of([vg.make_shape(family) for family in settled]).tolist()) == kinds
 
 
 def test_several_seeds_are_shown_with_their_scatter(scene, tmp_path, capsys):
