@@ -126,7 +126,8 @@ def _sweep(rows, bodies, motion, m, n, gravity, rate, friction, opening, fastest
             excess = speed + gap * rate
         elif moving:
             excess = speed + max(opening * gap * rate, -fastest)
-        if not moving and restitution > 0.0 and approach[k] < 0.0 and row[10] > 0.0:
+        # bodies have met that push, and those that would within the next substep
+        if not moving and restitution > 0.0 and approach[k] < 0.0 and (row[10] > 0.0 or excess < 0.0):
             excess = speed + restitution * approach[k]
         old = row[10]
         push = max(old - excess * row[14], 0.0)

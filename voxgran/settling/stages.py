@@ -15,6 +15,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.bed import Bed
+from voxgran.settling.closing import close_round
 from voxgran.settling.contact_rows import SURFACE
 from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.fall import Fall, fall_step, stop_falling
@@ -23,8 +24,8 @@ from voxgran.settling.parting import part_grains
 from voxgran.settling.quasi_static import quasi_static_step
 
 #: stages, in their order: growth to full size, an examination of grains that may rest already, fall, shaking, the fall
-#: after it, quasi-static steps, and the last examination
-GROWTH, START, FALL, SHAKING, AGAIN, STILL, ENDED = range(7)
+#: after it, quasi-static steps, rounds in which surfaces are parted, and the end
+GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED = range(8)
 #: distance that surfaces keep, and up to which they touch
 KEPT, TOUCHING = 5e-4, 1e-3
 #: sinking in a unit of time, and kinetic energy, below which the fall ends; units of time that it lasts at least
@@ -39,6 +40,8 @@ ITERATIONS, DEEP, SHRINK = 30, 40.0, 0.9
 STILL_STEPS = 200
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
+#: most rounds in which surfaces are parted
+CLOSING_ROUNDS = 12
 #: length of steps after overlapping grains were parted
 AFTER_PARTING = 0.05
 #: volume of a grain of unit diameter by dimension, whose mass is 1
@@ -63,15 +66,14 @@ class Manner:
     first: float  # length of the first step
     last: float  # of the last ones
     steps: int  # largest number of steps
-    parting: float = 0.03  # gap up to which contacts are found while grains are parted
 
 
 #: of spheres and disks, of convex grains and polygons, and of meshes that are not convex: by grids of distances, then
 #: by triangles
 ROUND = Manner(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150)
 CONVEX_GRAINS = Manner(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150)
-FIELDS = Manner(2e-3, 0.06, 0.03, first=0.15, last=0.1, steps=80)
-EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=80, parting=5e-3)
+FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
+EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=80)
 
 
 @dataclass(slots=True)
@@ -142,7 +144,7 @@ class Settler:
         """Largest number of steps, those that were made included."""
         growth = 0 if self.small is None else self._growth_steps()
         shaking = 0 if self.how.shaking is None else math.ceil(self.how.shaking.duration / self._fall.step)
-        return growth + 1 + shaking + 2 * self._fall_steps() + STILL_STEPS
+        return growth + 1 + shaking + 2 * self._fall_steps() + STILL_STEPS + (TRIALS + 1) * CLOSING_ROUNDS
 
     def step(self) -> None:
         """Make the next step."""
@@ -274,21 +276,32 @@ class Settler:
         self._examine(QUICK)
         if progress.smallest < 0.0 and progress.trials < TRIALS:
             progress.trials += 1
-            part_grains(bed, PARTED, ROUNDS, margin=manner.parting)
+            if progress.exact:
+                self._look_closer()
+                return
+            part_grains(bed, PARTED, ROUNDS)
             progress.length = min(progress.length, AFTER_PARTING)
             self._examine(QUICK)
         if last or (progress.moving < CALM and progress.smallest >= 0.0):
-            if progress.smallest < 0.0:
-                part_grains(bed, PARTED, ROUNDS, margin=manner.parting)
+            if progress.smallest < 0.0 and not progress.exact:
+                part_grains(bed, PARTED, ROUNDS)
             self._examine(THOROUGH)
             self._rests()
             progress.stage = ENDED
 
     def _look_closer(self) -> None:
-        """Go on with the contacts of the true triangles, once those of the distance grids are in balance."""
-        self.progress.exact, self.progress.still_steps, self.progress.length = 1, 0, EXACT.first
-        self.bed.finders.exact = True
-        part_grains(self.bed, PARTED, ROUNDS, margin=EXACT.parting)
+        """Part the true surfaces, once contacts by grids of distances are in balance."""
+        self.progress.stage, self.progress.exact, self.bed.finders.exact = CLOSING, 0, False
+
+    def _close(self) -> None:
+        """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
+        progress = self.progress
+        wrong = close_round(self.bed, progress.stage_step)
+        if wrong and progress.stage_step + 1 < CLOSING_ROUNDS:
+            return
+        left = max(progress.still_steps if progress.trials else 0, 0)
+        progress.stage, progress.exact, progress.still_steps = STILL, 1, left
+        progress.length, self.bed.finders.exact = EXACT.first, True
 
     @property
     def _manner(self) -> "Manner":
@@ -304,6 +317,8 @@ class Settler:
         progress.residual = np.maximum(found.residual, found.residual_torque)
         progress.moving = 1.0 - float(found.rests.mean())
         progress.smallest = float(bed.gap.min(initial=TOUCHING))
+        if bed.finders.crossing(bed.pairs, bed.grains):
+            progress.smallest = min(progress.smallest, -TOUCHING)
 
     def _rests(self) -> bool:
         """Return whether the bed counts as resting, as last examined, and note it."""
@@ -316,5 +331,5 @@ _ARRAYS = tuple(item.name for item in fields(Progress) if item.type is not int)
 _COUNTERS = tuple(item.name for item in fields(Progress) if item.type is int)
 _STEPS = {
     GROWTH: Settler._grow, START: Settler._begin, FALL: Settler._drop, SHAKING: Settler._shake, AGAIN: Settler._drop,
-    STILL: Settler._rest,
+    STILL: Settler._rest, CLOSING: Settler._close,
 }  # fmt: skip
