@@ -1,4 +1,4 @@
-"""Beds at rest: polyhedra that grow from random seeds and settle, the same bed shaken, and spheres that a walk has packed.
+"""Beds at rest: polyhedra that grow from random seeds and settle, the same bed shaken, and spheres after a walk.
 
 The script prints the bulk solid fraction of each bed, the mean coordination number, the share of the grains that
 `equilibrium` proves to rest, and the largest force at a contact. The packings are saved with their forces.

@@ -35,6 +35,8 @@ def scene(tmp_path):
     path = tmp_path / "scene.toml"
     assert main(["init", str(path)]) == 0
     text = path.read_text().replace("count = 100", "count = 10\nvoxel_size = 0.125\nsweeps = 200\ncycles = 1")
+    # tests of settling are those of test_cli_settle.py and of scene/test_settle_section.py
+    text = text.replace("friction = 0.5", "enabled = false")
     path.write_text(
         text.replace("lengths = [5, 5, 8]", "lengths = [3, 3, 4]").replace("report = true", "report = false")
     )
