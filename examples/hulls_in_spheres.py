@@ -1,8 +1,9 @@
 """From spheres to polyhedra: a dense advancing front, a hull inscribed in each sphere, growth, and settling.
 
 Each sphere is replaced by its own convex hull of random points. The hulls grow until each touches a neighbour or a
-wall, and control-point packing continues with them in the same box. The script prints the solid fraction and the mean
-height after each stage, the growth factors and the resulting change of the gradation, and draws the stages.
+wall; control-point packing continues with them in the same box, and they settle. The script prints the solid fraction
+and the mean height after each stage, the growth factors and the resulting change of the gradation, and draws the
+stages.
 """
 
 import sys

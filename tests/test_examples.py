@@ -173,6 +173,19 @@ def test_control_studies(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "control_studies.svg").exists()
 
 
+def test_settled_bed(tmp_path, capsys, monkeypatch):
+    text = printed("settled_bed.py", capsys, monkeypatch, str(tmp_path))
+    assert text.count("verified True") == 3
+    poured, shaken, walked = (float(value) for value in re.findall(r"bulk solid fraction ([\d.]+)", text))
+    # about that of poured polyhedra and spheres; shaking makes a bed denser
+    assert 0.56 < poured < 0.61
+    assert shaken > poured + 0.02
+    assert 0.57 < walked < 0.62
+    assert min(float(value) for value in re.findall(r"coordination ([\d.]+)", text)) > 4.0
+    assert min(float(value) for value in re.findall(r"at rest ([\d.]+)", text)) >= 0.95
+    assert vg.load(tmp_path / "poured.vtp").forces is not None
+
+
 def test_fit_clump(capsys, monkeypatch):
     text = printed("fit_clump.py", capsys, monkeypatch)
     overlaps = [float(value) for value in re.findall(r"overlap ([\d.]+)", text)]

@@ -21,6 +21,8 @@ from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
 from voxgran.clumps.method import clump_registry
 from voxgran.packing.method import method_registry
+from voxgran.settling.contact_rows import CONVEX, OUTLINE, SPHERE, SURFACE
+from voxgran.settling.finding.finders import kinds_of
 from voxgran.shapes.family import families
 from voxgran.shapes.winding import winding_numbers
 
@@ -33,6 +35,8 @@ def scene(tmp_path):
     path = tmp_path / "scene.toml"
     assert main(["init", str(path)]) == 0
     text = path.read_text().replace("count = 100", "count = 10\nvoxel_size = 0.125\nsweeps = 200\ncycles = 1")
+    # tests of settling are those of test_cli_settle.py and of scene/test_settle_section.py
+    text = text.replace("friction = 0.5", "enabled = false")
     path.write_text(
         text.replace("lengths = [5, 5, 8]", "lengths = [3, 3, 4]").replace("report = true", "report = false")
     )
@@ -447,8 +451,12 @@ def test_doctor_compiles_beforehand(monkeypatch, tmp_path, capsys):
 
 
 def test_each_method_and_kind_of_shape_is_compiled_beforehand():
-    packed = {task.args for task in beforehand.scenes() if isinstance(task, partial)}
+    tasks = [task for task in beforehand.scenes() if isinstance(task, partial)]
+    packed = {task.args for task in tasks if task.func is beforehand.pack_few}
     assert packed == {(method, family) for method in vg.packing_methods() for family in beforehand.FAMILIES}
+    settled = {task.args[0] for task in tasks if task.func is beforehand.settle_few}
+    kinds = {SPHERE, CONVEX, SURFACE, OUTLINE}
+    assert set(kinds_of([vg.make_shape(family) for family in settled]).tolist()) == kinds
 
 
 def test_several_seeds_are_shown_with_their_scatter(scene, tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""The section [settle] of a scene: what it means, what is refused, and a run that is interrupted while grains settle."""
+"""The section [settle] of a scene: its keys, what is refused, and a run that is interrupted while grains settle."""
 
 import signal
 
