@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from kit import lattice, mesh_box
+from kit import hull, lattice, mesh_box
 
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.settling.bed import normalized_bed
 from voxgran.settling.fall import Fall, fall_step
+from voxgran.shapes.spheres import Spheres
 
 SPHERE = vg.make_shape("sphere")
 CUBE = vg.make_shape("box", lengths=(1.0, 1.0, 1.0))
@@ -24,7 +25,8 @@ def packed(shapes, container, position, **more):
 
 def loose(count, *, lengths=(5, 5, 12), periodic="xy", seed=3, shapes=SPHERE, **more):
     """Return grains in the air, apart from each other."""
-    return vg.pack(shapes, vg.Box(lengths, periodic=periodic), method="rsa", count=count, seed=seed, **more)
+    packing = vg.pack(shapes, vg.Box(lengths, periodic=periodic), method="rsa", count=count, seed=seed, **more)
+    return replace(packing, gravity=np.array([0.0, 0.0, -1.0]))
 
 
 def incline(angle, *, shape=CUBE):
@@ -75,8 +77,8 @@ def test_a_stack_of_ten_cubes_stands(shape, offset):
     settled = vg.settle(tall)
     assert settled.stop_reason == "settled"
     assert np.abs(settled.position - tall.position).max() < 1e-2
-    found = vg.equilibrium(settled)
-    assert bool(found.rests.all())
+    found = vg.equilibrium(settled, tolerance=1e-3)
+    assert float(found.residual.max()) < 5e-3
     # the first carries the weight of the others
     assert float(found.carried[0]) == pytest.approx(9.0, abs=0.1)
 
@@ -103,13 +105,13 @@ def test_a_pyramid_of_spheres_stands_with_friction_only():
     stands, spreads = vg.settle(heap, friction=0.5), vg.settle(heap, friction=0.05)
     assert stands.stop_reason == "settled"
     assert np.abs(stands.position - heap.position).max() < 1e-2
-    assert spreads.position[-1, 2] < 1.2
+    assert spreads.position[-1, 2] < heap.position[-1, 2] - 0.3
     assert vg.verify(spreads).ok
 
 
 def dominoes(tilt):
     """Return six thin rectangles that stand on a line in the plane, the first of them tilted to the right."""
-    shape, count = vg.make_shape("rectangle", lengths=(0.3, 2.0)), 6
+    shape, count = vg.make_shape("polygon", vertices=[(-0.15, -1), (0.15, -1), (0.15, 1), (-0.15, 1)]), 6
     at = np.column_stack([2.0 + 1.2 * np.arange(count), np.full(count, 1.0 + 1e-3), np.zeros(count)])
     turn = np.tile([1.0, 0, 0, 0], (count, 1))
     corner = np.array([0.15 * np.cos(tilt) + 1.0 * np.sin(tilt), 1.0 * np.cos(tilt) + 0.15 * np.sin(tilt)])
@@ -234,15 +236,65 @@ def test_a_column_between_walls_without_friction():
     assert float(found.carried.max()) == pytest.approx(count - 1.0, rel=0.02)
 
 
-def body(kind):
-    """Return shapes of a kind, of about unit size."""
+def bodies(kind):
+    """Return shapes of a kind, of unit diameter."""
     generator = np.random.Generator(np.random.Philox(7))
-    if kind == "hulls":
+    if kind == "hull":
         points = generator.normal(size=(14, 3))
-        vertices, faces, _ = hull(points / np.linalg.norm(points, axis=1)[:, None] * 0.55)
-        return [vg.Shape.from_mesh(vertices, faces)]
-    if kind == "mixed":
-        return [SPHERE, *body("hulls"), l_mesh()]
-    if kind == "clump":
-        return [vg.Shape.clump(np.array([[-0.25, 0, 0], [0.25, 0, 0.0]]), [0.35, 0.3])]
-    return [vg.make_shape("ellipsoid", aspect=(1.25, 1.0, 0.8)) if kind == "ellipsoid" else vg.make_shape(kind)]
+        vertices, faces, _ = hull(points / np.linalg.norm(points, axis=1)[:, None])
+        shapes = [vg.Shape.from_mesh(vertices, faces)]
+    elif kind == "clump":
+        centers = np.array([[-0.3, 0, 0], [0.3, 0, 0], [0.0, 0.4, 0]])
+        shapes = [vg.Shape.of(Spheres(centers, np.array([0.35, 0.3, 0.25])), name="clump")]
+    elif kind == "ellipsoid":
+        shapes = [vg.make_shape("ellipsoid", aspect=(1.25, 1.0, 0.8))]
+    elif kind == "mixed":
+        shapes = [SPHERE, *bodies("hull"), *bodies("union")]
+    else:
+        shapes = [vg.make_shape("solid_union", seed=1)]
+    return [shape.scaled(1.0 / shape.diameter) for shape in shapes]
+
+
+@pytest.mark.parametrize("kind", ["hull", "clump", "ellipsoid", pytest.param("mixed", marks=pytest.mark.slow)])
+def test_beds_of_many_kinds_are_free_of_overlap_and_rest(kind):
+    bed = vg.settle(loose(40, lengths=(4, 4, 10), shapes=bodies(kind), seed=5))
+    assert vg.verify(bed).ok
+    assert bed.stop_reason == "settled"
+    # the grains lie on the floor and on each other
+    assert bed.position[:, 2].mean() < 2.6
+
+
+@pytest.mark.parametrize("kind", ["disks", "polygons"])
+def test_beds_in_the_plane_are_free_of_overlap_and_rest(kind):
+    shapes = {
+        "disks": [vg.make_shape("disk"), vg.make_shape("disk", diameter=1.4)],
+        "polygons": [vg.make_shape("polygon", corners=5), vg.make_shape("polygon", corners=3)],
+    }
+    start = vg.pack(shapes[kind], vg.Rectangle((8, 20)), method="rsa", count=50, seed=1)
+    bed = vg.settle(replace(start, gravity=np.array([0.0, -1.0, 0.0])))
+    assert vg.verify(bed).ok
+    assert bed.stop_reason == "settled"
+    assert bed.position[:, 1].mean() < 5.5
+
+
+def angle_of_repose(friction, *, count, seed=1):
+    """Return the slope, as an angle in degrees, of the heap that is left of a column of spheres on a rough plane.
+
+    The column stands in the middle of a wide box; the volume of a cone of the mean distance from the axis and of the
+    mean height tells its slope: in a cone of height h and radius r grains are on average h / 4 high and r / 2 far.
+    """
+    box, width = vg.Box((60, 60, 30)), 4
+    layers = count // width**2
+    generator = np.random.Generator(np.random.Philox(seed))
+    at = lattice(width, width, layers) * 1.15 + [30 - 1.15 * width / 2, 30 - 1.15 * width / 2, 0.1]
+    heap = vg.settle(packed(SPHERE, box, at + 0.05 * generator.random(at.shape)), friction=friction)
+    assert vg.verify(heap).ok
+    far = np.linalg.norm(heap.position[:, :2] - heap.position[:, :2].mean(axis=0), axis=1)
+    height, radius = 4.0 * (heap.position[:, 2].mean() - 0.5), 2.0 * far.mean()
+    return float(np.degrees(np.arctan(height / radius)))
+
+
+def test_the_slope_of_a_heap_rises_with_friction():
+    """A column of spheres collapses on a plane."""
+    slopes = [angle_of_repose(friction, count=160) for friction in (0.02, 0.2, 0.8)]
+    assert slopes[0] < slopes[1] < slopes[2]
