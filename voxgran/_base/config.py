@@ -189,7 +189,10 @@ def _convert(value: Any, wanted: Any, where: str) -> Any:
 
 
 def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
-    """Return the value as the first kind that takes it."""
+    """Return the value as the first kind that takes it; a mapping as the parameter class among them."""
+    classes = [kind for kind in kinds if dataclasses.is_dataclass(kind)]
+    if isinstance(value, Mapping) and len(classes) == 1:
+        return _convert(value, classes[0], where)
     for kind in kinds:
         try:
             return _convert(value, kind, where)
@@ -230,4 +233,6 @@ def _describe(wanted: Any) -> str:
         if arguments[-1] is Ellipsis:
             return f"a list, each entry {_describe(arguments[0])}"
         return f"a list of {len(arguments)}, each entry {_describe(arguments[0])}"
+    if dataclasses.is_dataclass(wanted):
+        return "a table of " + " and ".join(field.name for field in dataclasses.fields(wanted))
     return getattr(wanted, "__name__", str(wanted))

@@ -63,6 +63,20 @@ def measure(options: argparse.Namespace) -> None:
         complain(f"warning: {warning}")
 
 
+def settle(options: argparse.Namespace) -> int:
+    """Let the grains of a packing settle, and write them; exit status 1 where some overlap."""
+    from voxgran.cli import settling
+
+    return settling.settle(options, _packing(options))
+
+
+def equilibrium(options: argparse.Namespace) -> int:
+    """Say whether the grains of a packing rest; exit status 1 where they do not."""
+    from voxgran.cli import settling
+
+    return settling.equilibrium(options, _packing(options))
+
+
 def _fields(source: Any, *names: str) -> dict[str, Any]:
     """Return attributes by their names."""
     return {name: getattr(source, name) for name in names}
@@ -312,6 +326,8 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "plan": ("say what a run would compute, skip and cost", plan),
     "run": ("pack, check, measure and save a scene", run),
     "verify": ("check a packing against the true shapes", verify),
+    "settle": ("let the grains of a packing come to rest under gravity", settle),
+    "equilibrium": ("prove that the grains of a packing rest", equilibrium),
     "measure": ("measure a packing", measure),
     "report": ("write a page with pictures about a packing", report),
     "compare": ("write a page that compares packings", compare),
@@ -351,6 +367,9 @@ periodic = ["x", "y"]
 method = "digital"
 count = 100
 gravity = "-z"
+
+[settle]             # the true shapes settle until they rest; enabled = false leaves them where the method ends
+friction = 0.5
 
 [output]
 vtk = true

@@ -92,8 +92,14 @@ def _end_softly() -> None:
 
 
 def _say_how_to_go_on(options: argparse.Namespace, words: Sequence[str]) -> None:
-    """Name the command that goes on, where `run` has left a checkpoint or finished some of its seeds."""
-    if getattr(options, "command", "") != "run":
+    """Name the command that goes on, where `run` or `settle` has left a checkpoint, or `run` some of its seeds."""
+    command = getattr(options, "command", "")
+    if command == "settle":
+        from voxgran.cli.settling import checkpoint_of
+
+        if checkpoint_of(options).exists():
+            complain(f"to go on: voxgran {_resumed(words)}")
+    if command != "run":
         return
     from voxgran.scene.run import CHECKPOINT, SUMMARY
 

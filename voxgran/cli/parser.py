@@ -2,8 +2,10 @@
 
 import argparse
 import contextlib
+import dataclasses
 import json
 import re
+import typing
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING
 from typing import Any, NoReturn
@@ -14,6 +16,7 @@ from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.lazy import load
 from voxgran._base.registry import unknown
+from voxgran.settling.parameters import Settling
 
 
 class Parser(argparse.ArgumentParser):
@@ -58,6 +61,17 @@ def _former(flag: str, present: str, kind: Callable[[str], Any]) -> Flag:
     return _flag(flag, dest=dest, action=_Former, type=kind, default=argparse.SUPPRESS, help=argparse.SUPPRESS)
 
 
+def _value(text: str) -> Any:
+    """Read a flag's value as TOML would, lists with or without brackets; anything else is text."""
+    for candidate in (text, f"[{text}]" if "," in text else text):
+        # a number of more than 4300 digits is a ValueError too, and deep brackets recurse too far
+        with contextlib.suppress(ValueError, RecursionError):
+            return json.loads(candidate)
+    return text.split(",") if "," in text else text
+
+
+#: directions that begin like a flag
+DIRECTION = re.compile(r"-[xyz]|-[\d.][^,]*,.*")
 #: what a command line holds beside flags of its command
 NO_FLAGS = ("command", "family", "file", "name", "print_completion")
 #: a packing, and what may be said of a file of another program
@@ -66,7 +80,7 @@ PACKING: tuple[Flag, ...] = (
     _flag("--periodic", help="axes along which the box of such spheres is periodic, such as xy"),
     _flag("--unit", help="unit of lengths of such spheres"),
 )
-COLOR_BY = ("diameter", "shape", "coordination", "distance")
+COLOR_BY = ("diameter", "shape", "coordination", "distance", "force")
 
 #: flags of each command beside --json and --overwrite
 FLAGS: dict[str, tuple[Flag, ...]] = {
@@ -78,6 +92,22 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--resume", action="store_true", help="go on from the checkpoint in the folder"),
     ),
     "verify": (*PACKING, _flag("--tolerance", type=float, default=1e-9, help="in mean diameters")),
+    "settle": (
+        *PACKING,
+        _flag("-o", "--output", required=True, help="file for the settled packing: .vtp"),
+        _flag("--gravity", type=_value, help="its direction: -z or x,y,z; default: as the packing says"),
+        _flag("--seed", type=int, default=0, help="seed of the random accelerations of shaking"),
+        _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
+        _flag("--resume", action="store_true", help="go on from the checkpoint"),
+    ),
+    "equilibrium": (
+        *PACKING,
+        _flag("--friction", type=float, help="coefficient of friction; default: as the packing was settled, or 0.5"),
+        _flag("--gap", type=float, default=1e-3, help="up to which grains touch, in median diameters"),
+        _flag("--tolerance", type=float, default=0.01, help="net force, in weights, up to which a grain rests"),
+        _flag("--rest", type=float, default=0.95, help="share of the grains that must rest for exit status 0"),
+        _flag("--gravity", type=_value, help="its direction: -z or x,y,z; default: as the packing says"),
+    ),
     "measure": (
         *PACKING,
         _flag("--which", action="append", help="a measure; may be repeated"),
@@ -155,6 +185,9 @@ EXAMPLES: dict[str, str] = {
     "plan": "voxgran plan scene.toml",
     "run": "voxgran run scene.toml -o out\n  voxgran run scene.toml -o out --resume",
     "verify": "voxgran verify out/packing.vtp",
+    "settle": "voxgran settle loose.vtp -o bed.vtp --friction 0.3\n"
+    "  voxgran settle spheres.txt --periodic xy --gravity -z -o bed.vtp --shaking-duration 20",
+    "equilibrium": "voxgran equilibrium bed.vtp --friction 0.5",
     "measure": "voxgran measure out/packing.vtp --which density --which coordination -o statistics.nc",
     "report": "voxgran report out/packing.vtp -o report.html",
     "compare": "voxgran compare digital=out/digital points=out/points -o comparison.html",
@@ -205,6 +238,8 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
                 added.complete = load("shtab").FILE  # type: ignore[attr-defined]
         if name == "shape":
             _add_family(sub, named)
+        if name == "settle":
+            _add_parameters(sub, Settling)
         sub.add_argument("--json", action="store_true", help="print JSON")
         sub.add_argument("--overwrite", action="store_true", help="replace what is there")
         sub.add_argument("-v", "--verbose", action="store_true", help="say more on the error stream")
@@ -222,7 +257,7 @@ def parse(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., 
     InputError
         If something is missing, superfluous or cannot be read.
     """
-    options, rest = make_parser(words, commands).parse_known_args(words)
+    options, rest = make_parser(words, commands).parse_known_args(_joined(words))
     if hasattr(options, "former"):
         warn_former(vars(options).pop("former"))
     for word in rest:
@@ -234,11 +269,24 @@ def parse(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., 
     return options
 
 
+def _joined(words: Sequence[str]) -> list[str]:
+    """Return the words with each flag joined to the direction such as ``-z`` or ``-1,0,0`` that follows it."""
+    found: list[str] = []
+    for word in words:
+        if found and DIRECTION.fullmatch(word) and found[-1].startswith("--") and "=" not in found[-1]:
+            found[-1] += f"={word}"
+        else:
+            found.append(word)
+    return found
+
+
 def name_flags(sentence: str, options: argparse.Namespace) -> str:
     """Return a sentence with the names of arguments, as Python has them, replaced by the flags of the command."""
     for name in vars(options):
         flag = f"--{name.replace('_', '-')}"
         sentence = re.sub(rf"(?<![\w\[-]){name}=True\b", flag, sentence)
+        sentence = re.sub(rf"(?<![\w\[-]){name}='([^']*)'", rf"{flag} \1", sentence)
+        sentence = sentence.replace(f"{flag}, at the prompt {flag}", flag)
         if "_" in name:
             sentence = re.sub(rf"(?<![\w-]){name}\b", flag, sentence).replace(f"{flag} is None", f"{flag} is missing")
     return sentence
@@ -258,13 +306,20 @@ def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
                 sub.add_argument("--" + name.replace("_", "-"), dest=name, type=_value, help=text)
 
 
-def _value(text: str) -> Any:
-    """Read a flag's value as TOML would, lists with or without brackets; anything else is text."""
-    for candidate in (text, f"[{text}]" if "," in text else text):
-        # a number of more than 4300 digits is a ValueError too, and deep brackets recurse too far
-        with contextlib.suppress(ValueError, RecursionError):
-            return json.loads(candidate)
-    return text.split(",") if "," in text else text
+def _add_parameters(sub: argparse.ArgumentParser, cls: type) -> None:
+    """Add the parameters of a class as flags; those of a group that is one of them begin with its name."""
+    for item in parameters_of(cls):
+        group = nested_class(item)
+        entries = {item.name: item} if group is None else {f"{item.name}_{e.name}": e for e in parameters_of(group)}
+        for name, entry in entries.items():
+            text = parameter_text(entry).replace("%", "%%")
+            sub.add_argument("--" + name.replace("_", "-"), dest=name, type=_value, help=text)
+
+
+def nested_class(item: Parameter) -> type | None:
+    """Return the class of a parameter that is a group of parameters; None for others."""
+    kinds = (item.type, *typing.get_args(item.type))
+    return next((kind for kind in kinds if isinstance(kind, type) and dataclasses.is_dataclass(kind)), None)
 
 
 def parameter_text(item: Parameter) -> str:

@@ -16,11 +16,15 @@ from voxgran._base.progress import OnStep, Step
 from voxgran.clumps.fit import fit_clump
 from voxgran.contacts.verify import verify
 from voxgran.containers.box import Box
+from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
 from voxgran.deformation.deform import deform
 from voxgran.io.image import to_image
 from voxgran.measures.model import measure
 from voxgran.packing.method import packing_methods
 from voxgran.packing.pack import pack
+from voxgran.packing.settle import settle
+from voxgran.settling.equilibrium import equilibrium
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.repairing.repair import repair
 from voxgran.shapes.sizes import lognormal
@@ -29,6 +33,9 @@ from voxgran.voxels.signed_distance import signed_distance
 
 #: a sphere, a convex polyhedron and a mesh that is not convex: kernels differ by the kind of shape
 FAMILIES = ("solid_union", "convex_polyhedron", "sphere")
+#: kinds of shapes whose contacts are found by kernels of their own: a sphere, convex solids with flat and with round
+#: faces, a mesh that is not convex, and outlines
+SETTLED = ("solid_union", "convex_polyhedron", "ellipsoid", "sphere", "polygon", "disk")
 #: processes at the most; more of them compile more kernels twice
 PROCESSES = 2
 
@@ -63,7 +70,8 @@ def warm(on_step: OnStep | None = None) -> Warmed:
 def scenes() -> list[Callable[[], None]]:
     """Return the scenes, those that compile most first: each method with each kind of shape, settling, and solids."""
     packed = [partial(pack_few, method, family) for family in FAMILIES for method in _methods()]
-    return [*packed, pack_settled, use_solids]
+    settled = [partial(settle_few, family) for family in SETTLED]
+    return [*settled, *packed, deform_few, use_solids]
 
 
 def _methods() -> list[str]:
@@ -73,7 +81,9 @@ def _methods() -> list[str]:
 
 def pack_few(method: str, family: str) -> None:
     """Pack a few grains by a method, check, measure and voxelize them."""
-    few: dict[str, Any] = {"sweeps": 100} if method in ("control_point", "digital") else {}
+    # grains settle in a scene of their own
+    walks = method in ("control_point", "digital")
+    few: dict[str, Any] = {"sweeps": 100, "settle": False} if walks else {}
     box = Box((3, 3, 4), periodic=(True, True, False))
     packing = pack(make_shape(family), box, method, count=4, sizes=lognormal(1.0, 0.1), seed=1, **few)
     verify(packing)
@@ -81,10 +91,18 @@ def pack_few(method: str, family: str) -> None:
     to_image(packing, voxel_size=0.1)
 
 
-def pack_settled() -> None:
-    """Let grains settle as true shapes under a lid, and deform them."""
-    few: dict[str, Any] = {"sweeps": 50, "settling": 5, "friction": 0.3, "shaking": 2, "lid": True}
-    deform(pack(make_shape("solid_union"), Box((2, 2, 3)), "digital", count=4, seed=1, **few))
+def settle_few(family: str) -> None:
+    """Let a few grains settle, shaken, with friction and without, and prove that they rest."""
+    shape = make_shape(family)
+    box: Container = Rectangle((3, 4)) if shape.dimension == 2 else Box((2, 2, 4))
+    bed = pack(shape, box, "gravity", count=4, seed=1, shaking={"duration": 1.0})
+    equilibrium(bed)
+    settle(bed, friction=0.0, fall_time=1.0, lid={"weight": 1.0})
+
+
+def deform_few() -> None:
+    """Deform a few grains."""
+    deform(pack(make_shape("solid_union"), Box((2, 2, 3)), "digital", count=4, seed=1, sweeps=50, settle=False))
 
 
 def use_solids() -> None:

@@ -54,12 +54,25 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
         If it cannot be written; what was there before is untouched.
     """
     check_packing(packing, "packing")
+    _WRITERS[known_suffix(path)](packing, path, overwrite=overwrite)
+
+
+def known_suffix(path: str | os.PathLike[str]) -> str:
+    """Return the suffix of a file, in small letters, that a packing can be written to.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is unknown.
+    InputError
+        If the path is no path.
+    """
     suffix = as_path(path).suffix.lower()
     if suffix not in _WRITERS:
         raise FileFormatError(
             f"{path} has the suffix {suffix!r}: packings are kept as {', '.join(_WRITERS)}; choose one of these"
         )
-    _WRITERS[suffix](packing, path, overwrite=overwrite)
+    return suffix
 
 
 def load(

@@ -481,6 +481,7 @@ def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
         lid=None if lid is None else LidPlane(lid.normal, lid.level * unit),
         stop_reason=packing.stop_reason if packing.stop_reason in KEPT_REASONS else reason,
         contact_gap=TOUCHING * unit,
+        forces=None,
         provenance={**packing.provenance, "settling": {"parameters": to_mapping(how), **settler.report}},
     )
     return contact_forces(moved, settler)

@@ -19,6 +19,7 @@ from voxgran.containers.model import Container
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
+from voxgran.settling.parameters import Settling
 from voxgran.shapes.family import families, make_shape
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.model import Shape
@@ -35,7 +36,9 @@ REMEDIES = Remedies(
     choose="choose with 'voxgran repair --bodies largest'",
     hole="close it with 'voxgran repair' and a larger --max-hole",
 )
-SECTIONS = ("scene", "shape", "sizes", "container", "packing", "measure", "output")
+SECTIONS = ("scene", "shape", "sizes", "container", "packing", "settle", "measure", "output")
+#: where a scene says whether and how its grains settle
+SETTLE_KEYS = "a section [settle] says how grains settle; with enabled = false in it they do not"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,6 +117,8 @@ class SceneDescription:
         File of the packing whose grains are there from the beginning.
     parameters : mapping
         Parameters of the method.
+    settle : Settling or bool or None
+        How the grains settle afterwards; False if they do not, None as the method does by default.
     which : tuple of str or None
         Measures; None for all.
     output : Output
@@ -130,6 +135,7 @@ class SceneDescription:
     solid_fraction: float | None
     start: str | None
     parameters: Mapping[str, Any]
+    settle: Settling | Literal[False] | None = None
     which: tuple[str, ...] | None
     output: Output
 
@@ -209,7 +215,10 @@ class SceneDescription:
         count, solid = packing.pop("count", None), packing.pop("solid_fraction", None)
         start = packing.pop("start", None)
         beside = ("method", "count", "solid_fraction", "start")
-        packing = _present(method_registry().get(method).parameters, packing, "[packing]", beside=beside)
+        if "settle" in packing:
+            raise UnknownNameError(f"[packing] settle is no key: {SETTLE_KEYS}")
+        parameters = method_registry().get(method).parameters
+        packing = _present(parameters, packing, "[packing]", beside=beside)
         return cls(
             general=_general(mapping.get("scene", {})),
             shapes=_shape_entries(mapping["shape"], place),
@@ -221,6 +230,7 @@ class SceneDescription:
             solid_fraction=None if solid is None else as_number(solid, "[packing] solid_fraction", above=0, at_most=1),
             start=None if start is None else str(existing_file(place / str(start))),
             parameters=packing,
+            settle=_settle(mapping.get("settle"), str(method), parameters),
             which=_which(mapping.get("measure", {})),
             output=from_mapping(Output, mapping.get("output", {}), "[output]"),
         )
@@ -239,6 +249,9 @@ class SceneDescription:
         if self.sizes is not None:
             kept = {key: value for key, value in self.sizes.to_mapping().items() if value is not None}
             made["sizes"] = kept | {"share_by": self.share_by}
+        if self.settle is not None:
+            given = to_mapping(self.settle) if self.settle else {"enabled": False}
+            made["settle"] = {key: value for key, value in given.items() if value is not None}
         if self.which is not None:
             made["measure"] = {"which": list(self.which)}
         return made
@@ -256,6 +269,7 @@ class SceneDescription:
             "start": self.begin(),
             "unit": self.general.unit,
             "density": self.general.density,
+            "settle": self.settle,
         }
 
     def begin(self) -> Packing | None:
@@ -277,6 +291,27 @@ def _present(cls: type[Any], mapping: Mapping[str, Any], where: str, *, beside: 
     present = {item.former: item.name for item in parameters_of(cls) if item.former}
     found = {present.get(key, key): value for key, value in mapping.items()}
     return {key: getattr(made, key) if isinstance(value, str) else value for key, value in found.items()}
+
+
+def _settle(mapping: Mapping[str, Any] | None, method: str, parameters: type) -> Settling | Literal[False] | None:
+    """Return what the section [settle] says: parameters, False where it is disabled, None where it is left out."""
+    if mapping is None:
+        return None
+    given = dict(mapping)
+    enabled = given.pop("enabled", True)
+    if not isinstance(enabled, bool):
+        raise InputError(f"[settle] enabled is {shown(enabled)}: it must be true or false; change it")
+    if issubclass(parameters, Settling):
+        raise InputError(
+            f"[settle] and method {method!r}: its grains settle as they are packed; write these keys in [packing]"
+        )
+    if enabled and not any(item.name == "gravity" for item in parameters_of(parameters)):
+        raise InputError(
+            f"[settle] and method {method!r}: it packs without gravity; leave this section out, and settle the packing "
+            "with 'voxgran settle out/packing.vtp --gravity -z -o settled.vtp'"
+        )
+    settling = from_mapping(Settling, given, "[settle]", beside=("enabled",))
+    return settling if enabled else False
 
 
 def _general(mapping: Mapping[str, Any]) -> General:

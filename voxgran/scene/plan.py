@@ -10,6 +10,7 @@ from voxgran._base.config import to_mapping
 from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.description import REMEDIES, SceneDescription, ShapeEntry
+from voxgran.settling.parameters import Settling
 from voxgran.shapes.family import families
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.mesh_files import read_surface
@@ -136,9 +137,22 @@ def _stand_in(entry: ShapeEntry) -> Shape:
     return entry.make()
 
 
+def _settling_of(task: Task) -> Settling | None:
+    """Return how the grains settle, after the method or as its own work; None if they do not."""
+    parameters = task.problem.parameters
+    return parameters if isinstance(parameters, Settling) else task.problem.settling
+
+
 def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
-    computed = [f"pack {task.problem.count} grains by {scene.method}", "verify against the true shapes"]
+    computed = [f"pack {task.problem.count} grains by {scene.method}"]
+    if (settling := _settling_of(task)) is not None:
+        share, shapes = (
+            f"until at least {settling.rest:.1%} of them rest",
+            "" if settling.parts == "exact" else ", by hulls",
+        )
+        computed.append(f"settle them with friction {settling.friction:g}{shapes}, {share}")
+    computed.append("verify against the true shapes")
     if scene.general.seeds > 1:
         computed.append(f"all of it {scene.general.seeds} times, with {scene.general.seeds} seeds")
     computed.append("measure " + (", ".join(scene.which) if scene.which else "all that applies"))
@@ -160,6 +174,8 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
         libraries.add("manifold3d")
     if task.problem.dimension == 2:
         skipped.append("anything in three dimensions: the container is flat")
+    if scene.settle is False:
+        skipped.append("settling: [settle] says enabled = false")
     if scene.sizes is None:
         skipped.append("drawing sizes: each shape keeps its own")
     return {"computed": tuple(computed), "skipped": tuple(skipped), "libraries": tuple(sorted(libraries))}

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import math
 import os
 import time
 from collections.abc import Iterator
@@ -34,6 +35,15 @@ if TYPE_CHECKING:
 CHECKPOINT = "checkpoint.voxgran"
 SUMMARY = "summary.json"
 PACKING = "packing.vtp"
+#: measures that a summary has, where they are measured and not NaN
+NUMBERS = (
+    "bulk_solid_fraction",
+    "strict_solid_fraction",
+    "mean_coordination_number",
+    "segregation",
+    "share_at_rest",
+    "share_of_rattlers",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,11 +204,8 @@ def finish_folder(
 def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") -> dict[str, Any]:
     """Return the main numbers of a packing, JSON-able."""
     record = packing.provenance
-    numbers = {
-        name: float(statistics[name])
-        for name in ("bulk_solid_fraction", "strict_solid_fraction")
-        if name in statistics and float(statistics[name]) == float(statistics[name])
-    }
+    numbers = {name: float(statistics[name]) for name in NUMBERS if name in statistics}
+    numbers = {name: value for name, value in numbers.items() if math.isfinite(value)}
     return {
         "method": record.get("method", ""),
         "seed": record.get("seed", 0),

@@ -153,6 +153,14 @@ class Bed:
         partner[inner] = self.order[j[inner]]
         return np.asarray(self.order[i]), partner
 
+    def opening(self, motion: Floats) -> Floats:
+        """Return by how much motions (n + 1, 6) of the bodies open the contacts, (m,), to first order."""
+        row, i, j = self.rows.row[: self.m], self.rows.i[: self.m], self.rows.j[: self.m]
+        here = motion[i, :3] + np.cross(motion[i, 3:], row[:, 3:6])
+        there = motion[j, :3] + np.cross(motion[j, 3:], row[:, 6:9])
+        there[j < 0] = 0.0
+        return np.asarray(((there - here) * row[:, :3]).sum(axis=1))
+
     def forces(self) -> Floats:
         """Return the forces of the contacts on their partners, (m, 3)."""
         row = self.rows.row[: self.m]

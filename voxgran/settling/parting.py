@@ -13,17 +13,20 @@ MARGIN = 0.03
 MISSED = 0.2
 
 
-def part_grains(bed: Bed, distance: float, rounds: int, *, missed: float = MISSED, most: float = MOST) -> float:
+def part_grains(
+    bed: Bed, distance: float, rounds: int, *, missed: float = MISSED, most: float = MOST, margin: float = MARGIN
+) -> float:
     """Part grains until all surfaces are nearly `distance` apart, in at most `rounds` rounds; return the smallest gap.
 
     Each round solves for the least motions, weighted by mass, that open all gaps to first order: a quasi-static step
     without gravity and friction. The forces that the bed keeps do not change.
 
     missed: share of the distance that may be missed.  most: farthest that a grain moves in one round.
+    margin: gap up to which contacts are looked at.
     """
     nowhere = np.zeros(3)
     for turn in range(rounds + 1):
-        bed.find(distance + max(MARGIN, most), distance)
+        bed.find(distance + max(margin, most), distance)
         smallest = float(bed.gap.min(initial=np.inf))
         if smallest > -missed * distance or turn == rounds:
             break

@@ -15,6 +15,8 @@ from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.bed import Bed
+from voxgran.settling.closing import close_round
+from voxgran.settling.contact_rows import SURFACE
 from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.fall import Fall, fall_step, stop_falling
 from voxgran.settling.parameters import Settling
@@ -22,8 +24,8 @@ from voxgran.settling.parting import part_grains
 from voxgran.settling.quasi_static import quasi_static_step
 
 #: stages, in their order: growth to full size, an examination of grains that may rest already, fall, shaking, the fall
-#: after it, quasi-static steps, and the last examination
-GROWTH, START, FALL, SHAKING, AGAIN, STILL, ENDED = range(7)
+#: after it, quasi-static steps, rounds in which surfaces are parted, and the end
+GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED = range(8)
 #: distance that surfaces keep, and up to which they touch
 KEPT, TOUCHING = 5e-4, 1e-3
 #: sinking in a unit of time, and kinetic energy, below which the fall ends; units of time that it lasts at least
@@ -32,10 +34,14 @@ SINKING, ENERGY, SHORTEST = 0.05, 0.05, 4.0
 GROWTH_STEP, GROWTH_STEPS = 0.03, 40
 #: steps of the fall for which a grain is shaken in one direction
 SHAKEN_STEPS = 4
-#: largest number of quasi-static steps, iterations in each, twice as many in beds of more layers than these
-STILL_STEPS, ITERATIONS, DEEP = 150, 30, 40.0
-#: length of the first step of spheres, of convex grains and of others, of the last one, and how lengths shrink
-FIRST, FIRST_CONVEX, FIRST_SURFACE, LAST, SHRINK = 0.3, 0.2, 0.15, 0.1, 0.9
+#: iterations in a quasi-static step, twice as many in beds of more layers than these, and how the steps shrink
+ITERATIONS, DEEP, SHRINK = 30, 40.0, 0.9
+#: largest number of quasi-static steps in all
+STILL_STEPS = 200
+#: what is different in the fall of meshes that are not convex: their distances are known less well
+SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
+#: most rounds in which surfaces are parted
+CLOSING_ROUNDS = 12
 #: length of steps after overlapping grains were parted
 AFTER_PARTING = 0.05
 #: volume of a grain of unit diameter by dimension, whose mass is 1
@@ -50,6 +56,26 @@ QUICK, THOROUGH = 300, 3000
 PARTED, ROUNDS, TRIALS = 1e-4, 60, 3
 
 
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How quasi-static steps are made."""
+
+    kept: float  # distance that surfaces keep
+    margin: float  # gap up to which contacts are found
+    most: float  # farthest that a grain moves in a step
+    first: float  # length of the first step
+    last: float  # of the last ones
+    steps: int  # largest number of steps
+
+
+#: of spheres and disks, of convex grains and polygons, and of meshes that are not convex: by grids of distances, then
+#: by triangles
+ROUND = Manner(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150)
+CONVEX_GRAINS = Manner(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150)
+FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
+EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=80)
+
+
 @dataclass(slots=True)
 class Progress:
     """How far the settling of a bed is."""
@@ -57,7 +83,9 @@ class Progress:
     stage: int = START
     step: int = 0  # steps in all
     stage_step: int = 0  # steps of the stage
-    length: float = FIRST  # of the next quasi-static step
+    still_steps: int = 0  # quasi-static steps by the present manner
+    exact: int = 0  # whether contacts of meshes that are not convex are those of their triangles
+    length: float = 0.0  # of the next quasi-static step
     substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
     trials: int = 0  # times that overlapping grains were parted
     moving: float = 1.0  # share of the grains that do not rest, when last examined
@@ -99,8 +127,8 @@ class Settler:
         self.progress = Progress(stage=START if small is None else GROWTH)
         if small is not None:
             self.bed.resize(small[self.bed.order])
-        self._fall = Fall(how.friction, how.restitution)
-        self._first = (FIRST, FIRST_CONVEX, FIRST_SURFACE)[min(int(self.bed.grains.kind.max(initial=0)), 2)]
+        surfaces = SURFACE in self.bed.grains.kind
+        self._fall = Fall(how.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
         layers = np.ptp(self.bed.grains.position @ gravity) if assembly.count else 0.0
         self._iterations = ITERATIONS if layers <= DEEP else 2 * ITERATIONS
         if not assembly.count:
@@ -116,7 +144,7 @@ class Settler:
         """Largest number of steps, those that were made included."""
         growth = 0 if self.small is None else self._growth_steps()
         shaking = 0 if self.how.shaking is None else math.ceil(self.how.shaking.duration / self._fall.step)
-        return growth + 1 + shaking + 2 * self._fall_steps() + STILL_STEPS + 1
+        return growth + 1 + shaking + 2 * self._fall_steps() + STILL_STEPS + (TRIALS + 1) * CLOSING_ROUNDS
 
     def step(self) -> None:
         """Make the next step."""
@@ -144,6 +172,7 @@ class Settler:
             setattr(self.progress, name, np.array(value) if value.ndim else float(value))
         for name in _COUNTERS:
             setattr(self.progress, name, int(counters[name]))
+        self.bed.finders.exact = bool(self.progress.exact)
         self.bed.restore({name: array for name, array in arrays.items() if name not in _ARRAYS})
 
     @property
@@ -197,7 +226,7 @@ class Settler:
             progress.stage = SHAKING
             return
         stop_falling(self.bed, self._fall.step / self._fall.substeps)
-        progress.stage, progress.length, progress.substep = STILL, self._first, 0.0
+        progress.stage, progress.length, progress.substep = STILL, self._manner.first, 0.0
 
     def _fall_steps(self) -> int:
         """Return the largest number of steps of a fall."""
@@ -230,25 +259,56 @@ class Settler:
 
     def _rest(self) -> None:
         """Make a quasi-static step, and examine the bed when it hardly moves."""
-        progress, bed = self.progress, self.bed
-        moving = quasi_static_step(bed, self.how.friction, progress.length, rest=KEPT, iterations=self._iterations)
+        progress, bed, manner = self.progress, self.bed, self._manner
+        moving = quasi_static_step(
+            bed, self.how.friction, progress.length, rest=manner.kept, iterations=self._iterations,
+            margin=manner.margin, most=manner.most,
+        )  # fmt: skip
         if moving < SLOW:
-            progress.length = max(LAST, SHRINK * progress.length)
-        last = progress.stage_step + 1 >= STILL_STEPS
+            progress.length = max(manner.last, SHRINK * progress.length)
+        progress.still_steps += 1
+        last = progress.still_steps >= manner.steps
         if moving >= CALM and not last:
+            return
+        if manner is FIELDS:
+            self._look_closer()
             return
         self._examine(QUICK)
         if progress.smallest < 0.0 and progress.trials < TRIALS:
             progress.trials += 1
+            if progress.exact:
+                self._look_closer()
+                return
             part_grains(bed, PARTED, ROUNDS)
             progress.length = min(progress.length, AFTER_PARTING)
             self._examine(QUICK)
         if last or (progress.moving < CALM and progress.smallest >= 0.0):
-            if progress.smallest < 0.0:
+            if progress.smallest < 0.0 and not progress.exact:
                 part_grains(bed, PARTED, ROUNDS)
             self._examine(THOROUGH)
             self._rests()
             progress.stage = ENDED
+
+    def _look_closer(self) -> None:
+        """Part the true surfaces, once contacts by grids of distances are in balance."""
+        self.progress.stage, self.progress.exact, self.bed.finders.exact = CLOSING, 0, False
+
+    def _close(self) -> None:
+        """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
+        progress = self.progress
+        wrong = close_round(self.bed, progress.stage_step)
+        if wrong and progress.stage_step + 1 < CLOSING_ROUNDS:
+            return
+        left = max(progress.still_steps if progress.trials else 0, 0)
+        progress.stage, progress.exact, progress.still_steps = STILL, 1, left
+        progress.length, self.bed.finders.exact = EXACT.first, True
+
+    @property
+    def _manner(self) -> "Manner":
+        """How quasi-static steps are made."""
+        if SURFACE not in self.bed.grains.kind:
+            return ROUND if not self.bed.grains.kind.any() else CONVEX_GRAINS
+        return EXACT if self.progress.exact else FIELDS
 
     def _examine(self, iterations: int) -> None:
         """Note how well forces at the contacts balance the grains."""
@@ -257,6 +317,8 @@ class Settler:
         progress.residual = np.maximum(found.residual, found.residual_torque)
         progress.moving = 1.0 - float(found.rests.mean())
         progress.smallest = float(bed.gap.min(initial=TOUCHING))
+        if bed.finders.crossing(bed.pairs, bed.grains):
+            progress.smallest = min(progress.smallest, -TOUCHING)
 
     def _rests(self) -> bool:
         """Return whether the bed counts as resting, as last examined, and note it."""
@@ -269,5 +331,5 @@ _ARRAYS = tuple(item.name for item in fields(Progress) if item.type is not int)
 _COUNTERS = tuple(item.name for item in fields(Progress) if item.type is int)
 _STEPS = {
     GROWTH: Settler._grow, START: Settler._begin, FALL: Settler._drop, SHAKING: Settler._shake, AGAIN: Settler._drop,
-    STILL: Settler._rest,
+    STILL: Settler._rest, CLOSING: Settler._close,
 }  # fmt: skip

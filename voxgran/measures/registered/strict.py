@@ -30,7 +30,7 @@ def strict_solid_fraction(packing: Packing) -> float:
 
 def _shrunk(packing: Packing, factor: float) -> Packing:
     """Return the packing with the grains shrunk about their centroids."""
-    return replace(packing, scale=packing.scale * factor)
+    return replace(packing, scale=packing.scale * factor, forces=None)
 
 
 def _overlaps(packing: Packing) -> bool:

@@ -68,7 +68,7 @@ def grow(packing: Packing, *, max_factor: float = 2.0) -> Packing:
     check_packing(packing, "packing")
     limit = as_number(max_factor, "max_factor", at_least=1.0)
     factor, touches = _factors(packing, limit)
-    grown = replace(packing, scale=packing.scale * factor)
+    grown = replace(packing, scale=packing.scale * factor, forces=None)
     report = {
         "max_factor": limit,
         "solid_fraction_before": packing.solid_fraction,

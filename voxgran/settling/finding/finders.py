@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from voxgran._base.arrays import Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.parts import is_disk
@@ -19,7 +19,7 @@ from voxgran.settling.finding.outline_contacts import find_outline_contacts, out
 from voxgran.settling.finding.sphere_contacts import find_sphere_contacts
 from voxgran.settling.finding.surface_contacts import find_surface_contacts
 from voxgran.settling.finding.surface_memory import surface_work
-from voxgran.settling.finding.triangle_contacts import find_triangle_contacts
+from voxgran.settling.finding.triangle_contacts import find_triangle_contacts, prove_separate
 from voxgran.settling.finding.wall_bodies import Lid, wall_bodies
 from voxgran.settling.finding.wall_contacts import find_wall_contacts
 from voxgran.shapes.model import Shape
@@ -84,6 +84,34 @@ class ContactFinders:
         if OUTLINE in self._kinds:
             self._outlines = outline_bodies(assembly.shapes)
 
+    def prove(
+        self, grains: Grains, pairs: PairList, rows: ContactRows, reach: float
+    ) -> tuple[Floats, Booleans, Booleans]:
+        """Return exact gaps of pairs with a mesh that is not convex, whether they are proven separate, and which pairs.
+
+        All are (m,); gaps are infinite beyond reach.
+        """
+        size = len(pairs.i)
+        kind = np.maximum(grains.kind[pairs.i], grains.kind[pairs.j])
+        self._make_room(size)
+        work = self._surface_work
+        gap, proven = prove_separate(
+            grains, self._surfaces, work, pairs=pairs, size=size, rows=rows, reach=reach
+        )
+        return gap, proven, np.asarray(kind == SURFACE)
+
+    def crossing(self, pairs: PairList, grains: Grains) -> int:
+        """Return how many pairs were not proven to be separate when exact contacts were last found."""
+        if SURFACE not in self._kinds or not self.exact:
+            return 0
+        kind = np.maximum(grains.kind[pairs.i], grains.kind[pairs.j])
+        return int(((kind == SURFACE) & ~self._surface_work.proven[: len(pairs.i)]).sum())
+
+    def _make_room(self, size: int) -> None:
+        """Make room for the memory of pairs."""
+        if size > len(self._surface_work.key):
+            self._surface_work = surface_work(self._surfaces, 2 * size)
+
     def find(
         self, grains: Grains, pairs: PairList, rows: ContactRows, *, at_walls: tuple[Integers, Integers],
         lid_level: float, margin: float, rest: float,
@@ -96,8 +124,7 @@ class ContactFinders:
             work = self._convex_work
             m = find_convex_contacts(grains, self._convex, work, pairs, size, rows, m, margin, rest)
         if m >= 0 and SURFACE in self._kinds:
-            if size > len(self._surface_work.key):
-                self._surface_work = surface_work(self._surfaces, 2 * size)
+            self._make_room(size)
             found = find_triangle_contacts if self.exact else find_surface_contacts
             m = found(grains, self._surfaces, self._surface_work, pairs, size, rows, m, margin, rest)
         if m >= 0 and OUTLINE in self._kinds:

@@ -1,0 +1,150 @@
+"""Commands that let the grains of a packing settle, and that prove that they rest."""
+
+import argparse
+import dataclasses
+import math
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import voxgran
+from voxgran._base.config import parameters_of
+from voxgran._base.errors import InputError, OutputExistsError
+from voxgran._base.files import as_path, refuse_to_replace
+from voxgran.cli.parser import nested_class
+from voxgran.cli.terminal import progress, show
+from voxgran.io.files import known_suffix
+from voxgran.packing.gravity import as_down
+from voxgran.packing.model import Packing
+from voxgran.settling.parameters import Settling
+
+#: largest number of grains that a message lists
+LISTED = 10
+
+
+def checkpoint_of(options: argparse.Namespace) -> Path:
+    """Return the checkpoint of a run that settles a packing: the one that is named, or one beside the output."""
+    return as_path(options.checkpoint or Path(options.output).with_suffix(".checkpoint.voxgran"))
+
+
+def settle(options: argparse.Namespace, packing: Packing) -> int:
+    """Let the grains of a packing settle, and write them; return exit status 1 where some still overlap.
+
+    Raises
+    ------
+    OutputExistsError
+        If the output, or the checkpoint of an interrupted run, is there and neither is to be replaced.
+    FileFormatError
+        If packings are not written with the suffix of the output.
+    """
+    known_suffix(options.output)
+    checkpoint = checkpoint_of(options)
+    if not options.overwrite:
+        refuse_to_replace(options.output)
+        if checkpoint.exists() and not options.resume:
+            raise OutputExistsError(
+                f"{checkpoint} is the checkpoint of an interrupted run: go on with --resume, or start anew with "
+                "--overwrite"
+            )
+    if not options.resume:
+        checkpoint.unlink(missing_ok=True)
+    with progress(options) as on_step:
+        settled = voxgran.settle(
+            packing,
+            **settling_of(options),
+            gravity=options.gravity,
+            seed=options.seed,
+            checkpoint=checkpoint,
+            resume=options.resume,
+            on_step=on_step,
+        )
+    voxgran.save(settled, options.output, overwrite=options.overwrite)
+    checkpoint.unlink(missing_ok=True)
+    proof = voxgran.verify(settled)
+    numbers = _summary(packing, settled)
+    numbers["verify"] = {name: getattr(proof, name) for name in ("ok", "overlapping_pairs", "deepest", "escaped")}
+    show(numbers, options, str(options.output))
+    return 0 if proof.ok else 1
+
+
+def settling_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the parameters of settling that flags give, a mapping for each group of them."""
+    found: dict[str, Any] = {}
+    for item in parameters_of(Settling):
+        group = nested_class(item)
+        if group is None:
+            value = getattr(options, item.name)
+        else:
+            given = {entry.name: getattr(options, f"{item.name}_{entry.name}") for entry in parameters_of(group)}
+            value = {name: value for name, value in given.items() if value is not None} or None
+        if value is not None:
+            found[item.name] = value
+    return found
+
+
+def _summary(before: Packing, after: Packing) -> dict[str, Any]:
+    """Return the main numbers of a settled packing."""
+    record = after.provenance.get("settling", {})
+    fractions = {"bulk_solid_fraction_before": _bulk(before), "bulk_solid_fraction": _bulk(after)}
+    numbers: dict[str, Any] = {
+        "grains": after.count,
+        "steps": record.get("steps", 0),
+        "solid_fraction": after.solid_fraction,
+        **{name: value for name, value in fractions.items() if math.isfinite(value)},
+    }
+    if after.forces is not None:
+        numbers |= {name: getattr(after.forces, name) for name in ("share_at_rest", "share_of_rattlers")}
+    return numbers | {"stop_reason": after.stop_reason}
+
+
+def _bulk(packing: Packing) -> float:
+    """Return the bulk solid fraction; NaN where the packing has no bulk to speak of."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        tree = voxgran.measure(packing, which="density")
+    return float(tree["bulk_solid_fraction"]) if "bulk_solid_fraction" in tree else math.nan
+
+
+def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
+    """Say which grains of a packing rest; return exit status 1 where fewer than asked for do.
+
+    Raises
+    ------
+    InputError
+        If there is no gravity, or a number is out of range.
+    """
+    if options.gravity is not None:
+        packing = dataclasses.replace(packing, gravity=as_down(options.gravity, packing.container))
+    if packing.gravity is None:
+        raise InputError("packing.gravity is None: rest is a balance of weights; give its direction with --gravity -z")
+    friction = options.friction
+    if friction is None:
+        settled_with = None if packing.forces is None else packing.forces.friction
+        friction = 0.5 if settled_with is None else settled_with
+    found = voxgran.equilibrium(packing, friction, options.gap, tolerance=options.tolerance)
+    rattlers = np.flatnonzero(found["rattler"].values)
+    residual = np.maximum(found["residual"].values, found["residual_torque"].values)
+    worst = np.argsort(-residual, kind="stable")[:LISTED]
+    rests = found.attrs["share_at_rest"] >= options.rest
+    show(
+        {
+            "rests": bool(rests),
+            "grains": packing.count,
+            "contacts": found.sizes["contact"],
+            "friction": friction,
+            "share_at_rest": found.attrs["share_at_rest"],
+            "share_of_rattlers": found.attrs["share_of_rattlers"],
+            "rattlers": rattlers.tolist() if options.json else _listed(rattlers.tolist()),
+            "largest_residuals": {f"grain_{grain}": float(residual[grain]) for grain in worst.tolist()},
+        },
+        options,
+    )
+    return 0 if rests else 1
+
+
+def _listed(grains: list[int]) -> str:
+    """Return the numbers of some grains in words, those of the first ones where there are many."""
+    first = ", ".join(str(grain) for grain in grains[:LISTED])
+    return f"{first} and {len(grains) - LISTED} more" if len(grains) > LISTED else first or "none"
