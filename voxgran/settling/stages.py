@@ -249,7 +249,7 @@ class Settler:
         if self.how.fall_time is not None:
             return max(1, round(self.how.fall_time / self._fall.step))
         lower, upper = self.bed.assembly.container.bounds
-        tall = float(np.abs((upper - lower) @ self.bed.gravity))
+        tall = float((upper - lower) @ np.abs(self.bed.gravity))
         # as fast as grains may fall, and then some time to come to rest
         return round((Settling.usual_fall + tall / (self._fall.most / self._fall.step)) / self._fall.step)
 
