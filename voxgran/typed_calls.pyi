@@ -5,7 +5,7 @@ known here takes no parameters, since it would accept misspelt ones: methods of 
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypedDict, Unpack, overload
 
 import numpy as np
@@ -17,6 +17,7 @@ from voxgran.clumps.model import Clump
 from voxgran.containers.model import Container
 from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
+from voxgran.settling.parameters import Lid, Settling, Shaking
 from voxgran.shapes.families.solid_union import Kind
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws import SizeDistribution

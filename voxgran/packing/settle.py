@@ -224,9 +224,8 @@ def _problem_of(packing: Packing, how: Settling, seed: int) -> Problem:
         seed=seed,
         unit_length=unit,
         original=packing.shapes,
-        start=Start(
-            assembly.position, np.column_stack([assembly.orientation, np.tile(packing.gravity, (packing.count, 1))])
-        ),
+        # gravity is a part of the task
+        start=Start(np.vstack([assembly.position, np.array(packing.gravity)]), assembly.orientation),
         unit=packing.unit,
         density=packing.density,
     )

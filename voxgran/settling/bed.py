@@ -127,7 +127,7 @@ class Bed:
         )  # fmt: skip
 
     def deep_overlaps(self, deepest: float) -> tuple[Integers, Integers, Floats]:
-        """Return the pairs of grains (k,), (k,) that overlap deeper than a share of the smaller diameter, and the depths.
+        """Return the pairs of grains (k,), (k,) that overlap deeper than a share of the smaller diameter, and depths.
 
         The depths (k,) are in diameters of the smaller grain. No forces are lost: it is called before the first step.
         """
@@ -146,7 +146,7 @@ class Bed:
         return found
 
     def contact_grains(self, *, wall: int, lid: int) -> tuple[Integers, Integers]:
-        """Return the grains of the contacts as the assembly numbers them, (m,) and (m,), and numbers of walls and lid."""
+        """Return the grains of the contacts as the assembly numbers them, (m,) each; walls and lid as given."""
         i, j, n = self.rows.i[: self.m], self.rows.j[: self.m], self.count
         partner = np.where(j < 0, wall, lid)
         inner = (j >= 0) & (j < n)
@@ -228,9 +228,9 @@ class Bed:
             "lid_level": np.array(self.lid_level),
         }
 
-    def restore(self, arrays: Mapping[str, Floats | Integers]) -> None:
+    def restore(self, arrays: Mapping[str, Any]) -> None:
         """Take over the arrays of a checkpoint."""
-        held = {name: np.array(array) for name, array in arrays.items()}
+        held: dict[str, Any] = {name: np.array(array) for name, array in arrays.items()}
         self.order = held["order"]
         self.orientation, self.bodies = held["orientation"], held["bodies"]
         matrix = np.zeros((len(self.orientation), 3, 3))

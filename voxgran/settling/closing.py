@@ -1,8 +1,8 @@
 """From contacts by grids of distances to the true surfaces of meshes that are not convex.
 
-Grids of distances miss edges that meet edges, so that a gap which they give is too large by up to a few thousandths of a
-diameter. Each pair whose surfaces are proven to be separate gets a room, by which its gaps are too large; the others get
-more room in each round, and are parted.
+Grids of distances miss edges that meet edges, so that a gap which they give is too large by up to a few thousandths of
+a diameter. Each pair whose surfaces are proven to be separate gets a room, by which its gaps are too large; the others
+get more room in each round, and are parted.
 """
 
 import numpy as np

@@ -30,6 +30,8 @@ ITERATIONS = 20_000
 NEAR = 0.8
 #: accuracy of the interior point, in tolerances
 ACCURACY = 0.1
+#: most spheres whose balance without friction is solved directly; of others and of more the gradient is faster
+MOST_DIRECT = 3000
 #: number of the partner at a wall and at a lid
 WALL, LID = -1, -2
 
@@ -74,7 +76,8 @@ def balance_forces(
     """
     row, i, j = rows.row, rows.i, rows.j
     found = np.zeros((m, 3)) if forces is None else np.array(forces, dtype=np.float64)
-    if friction > 0.0:
+    turning = bool(np.abs(np.cross(row[:m, ARM_I : ARM_I + 3], row[:m, NORMAL : NORMAL + 3])).max(initial=0.0) > 1e-9)
+    if friction > 0.0 or turning or len(bodies) > MOST_DIRECT:
         accelerations, made, distance = accelerated_projected_gradient(
             row, i, j, m, bodies, gravity, found, friction=friction, iterations=iterations, tolerance=tolerance,
             near=NEAR * tolerance,
@@ -189,10 +192,8 @@ def carried_by(bed: Bed, forces: Floats) -> Floats:
 
 def _dataset(packing: Assembly, bed: Bed, found: Balance, parameters: dict[str, float]) -> "Dataset":
     """Return what was found, by the grains of the packing, with units and names."""
-    residual, torque, rests, carried = (
-        bed.in_order(values)
-        for values in (found.residual, found.residual_torque, found.rests, carried_by(bed, found.forces))
-    )
+    residual, torque = bed.in_order(found.residual), bed.in_order(found.residual_torque)
+    rests, carried = bed.in_order(found.rests), bed.in_order(carried_by(bed, found.forces))
     rattler = rests & (carried <= parameters["tolerance"])
     others = rests[~rattler]
     length, unit = float(np.median(packing.diameters)) if packing.count else 1.0, getattr(packing, "unit", "1")

@@ -29,7 +29,7 @@ def renewed(pairs: PairList, grains: Grains, container: Container, skin: float) 
     i, j, image = near_pairs(
         grains.position, grains.radius, skin, lower=lower, lengths=upper - lower, periodic=container.periodic
     )
-    shift = np.ascontiguousarray(image * np.where(container.periodic, upper - lower, 0.0))
+    shift = np.asarray(image * np.where(container.periodic, upper - lower, 0.0), dtype=np.float64)
     made = _blank(i, j, shift)
     _hand_on(pairs, made, grains.way)
     grains.way[:] = 0.0

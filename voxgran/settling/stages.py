@@ -79,10 +79,12 @@ RUBBING = (
 #: without friction
 FREE = (
     Manner(2e-4, 0.15, 0.1, first=1.0, last=1.0, steps=40),
-    Manner(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=40),
+    Manner(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60),
 )
 #: accuracy of steps without friction while many grains move, and when few do
 COARSE, FINE = 3e-2, 3e-3
+#: largest number of spheres for which steps without friction are solved to the end
+MOST_DIRECT = 3000
 FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
 EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=80)
 
@@ -305,7 +307,7 @@ class Settler:
     def _quasi_static(self, manner: Manner) -> float:
         """Make a quasi-static step, and return the share of the grains that moved."""
         progress, bed = self.progress, self.bed
-        if self.how.friction == 0.0:
+        if self.how.friction == 0.0 and self._direct:
             accuracy = FINE if progress.moved < SLOW else COARSE
             progress.moved = frictionless_step(
                 bed, progress.length, rest=manner.kept, accuracy=accuracy, margin=manner.margin, most=manner.most
@@ -332,11 +334,17 @@ class Settler:
         progress.length, self.bed.finders.exact = EXACT.first, True
 
     @property
+    def _direct(self) -> bool:
+        """Whether steps without friction are solved to the end: its time grows faster than the number of unknowns."""
+        return not self.bed.grains.kind.any() and self.bed.count <= MOST_DIRECT
+
+    @property
     def _manner(self) -> "Manner":
         """How quasi-static steps are made."""
         if SURFACE not in self.bed.grains.kind:
-            shaped = int(self.bed.grains.kind.any())
-            return (FREE if self.how.friction == 0.0 else RUBBING)[shaped]
+            if self.how.friction == 0.0:
+                return FREE[0 if self._direct else 1]
+            return RUBBING[int(self.bed.grains.kind.any())]
         return EXACT if self.progress.exact else FIELDS
 
     def _examine(self, iterations: int) -> None:

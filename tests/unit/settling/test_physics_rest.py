@@ -181,9 +181,7 @@ def test_oblique_gravity_fills_a_corner():
 @pytest.mark.parametrize("factor", [2.0**-10, 1e-3, 1e3])
 def test_lengths_in_another_unit_give_the_same_bed(factor):
     bed = loose(40, lengths=(4, 4, 10))
-    other = packed(
-        SPHERE.scaled(factor), vg.Box(np.array([4, 4, 10]) * factor, periodic="xy"), bed.position * factor
-    )
+    other = packed(SPHERE.scaled(factor), vg.Box(np.array([4, 4, 10]) * factor, periodic="xy"), bed.position * factor)
     one, other = vg.settle(bed), vg.settle(other)
     if factor == 2.0**-10:
         np.testing.assert_array_equal(other.position, one.position * factor)

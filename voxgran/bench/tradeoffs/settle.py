@@ -22,8 +22,8 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning
 from voxgran.bench.model import LOG, PEERS, TradeOff, calibration, panels_of, scans, write_rows
 from voxgran.clumps.fit import fit_clump
-from voxgran.containers.box import Box
 from voxgran.contacts.verify import verify
+from voxgran.containers.box import Box
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.measures.registered.segregation import segregation
@@ -145,9 +145,7 @@ def packed(case: Case, shapes: list[Shape], count: int, seed: int) -> tuple[Pack
     with warnings.catch_warnings():
         # how many rest is a column of the table
         warnings.simplefilter("ignore", PackingWarning)
-        packing = pack(
-            shapes, box, method="gravity", count=count, sizes=sizes, friction=case.friction, seed=seed
-        )
+        packing = pack(shapes, box, method="gravity", count=count, sizes=sizes, friction=case.friction, seed=seed)
     return packing, time.process_time() - began
 
 

@@ -1,7 +1,7 @@
 """A bed from random seeds: grains grow from them in a column, with contacts, fall, and come to rest.
 
-Seeds lie at random in a column above the floor; each grain begins so small that none overlap and grows to its size while
-its contacts hold it, so that grains of all sizes and shapes stay mixed. Then the bed settles
+Seeds lie at random in a column above the floor; each grain begins so small that none overlap and grows to its size
+while its contacts hold it, so that grains of all sizes and shapes stay mixed. Then the bed settles
 (:mod:`voxgran.settling.stages`).
 
 References

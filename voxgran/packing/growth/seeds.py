@@ -91,8 +91,8 @@ def _place(centers, radii, order, placed, points, room, lower, lengths, wraps, c
             continue
         for c in range(3):
             scale = count[c] / lengths[c]
-            low[c] = int(math.floor((points[k, c] - r - lower[c]) * scale))
-            high[c] = int(math.floor((points[k, c] + r - lower[c]) * scale))
+            low[c] = math.floor((points[k, c] - r - lower[c]) * scale)
+            high[c] = math.floor((points[k, c] + r - lower[c]) * scale)
             if high[c] - low[c] >= count[c]:
                 low[c], high[c] = 0, count[c] - 1
         free = True

@@ -27,7 +27,9 @@ STRIP = 0.02
 
 
 @bare_kernel
-def write_face_contacts(grains, bodies, work, rows, m, i, j, offset, normal, reach, rest, thick, start, old, count, rounds):  # type: ignore[no-untyped-def]
+def write_face_contacts(
+    grains, bodies, work, rows, m, i, j, offset, normal, reach, rest, thick, start, old, count, rounds
+):  # type: ignore[no-untyped-def]
     """Write rows m, ... for the faces of two solids along a normal; return the next row, -1 if there is no space.
 
     Rows from `start` on are those of the pair; old, count: its old rows.

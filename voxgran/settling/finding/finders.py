@@ -95,9 +95,7 @@ class ContactFinders:
         kind = np.maximum(grains.kind[pairs.i], grains.kind[pairs.j])
         self._make_room(size)
         work = self._surface_work
-        gap, proven = prove_separate(
-            grains, self._surfaces, work, pairs=pairs, size=size, rows=rows, reach=reach
-        )
+        gap, proven = prove_separate(grains, self._surfaces, work, pairs=pairs, size=size, rows=rows, reach=reach)
         return gap, proven, np.asarray(kind == SURFACE)
 
     def crossing(self, pairs: PairList, grains: Grains) -> int:

@@ -375,9 +375,9 @@ def find_triangle_contacts(
 ) -> int:  # fmt: skip
     """Write the exact contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
-    Arguments and the value -1 are those of :func:`voxgran.settling.finding.surface_contacts.find_surface_contacts`; the room of
-    a pair is not subtracted. The gaps of the pairs and whether they are proven to be separate are in `work.gap` and
-    `work.proven`. What is remembered does not depend on `pairs.bound`, which is written, not read: the gaps of the
+    Arguments and the value -1 are those of
+    :func:`voxgran.settling.finding.surface_contacts.find_surface_contacts`; the room of a pair is not subtracted. The
+    gaps of the pairs and whether they are proven to be separate are in `work.gap` and `work.proven`. What is remembered does not depend on `pairs.bound`, which is written, not read: the gaps of the
     other finder are too large. The rows of pairs that overlap follow those of all others. If m is -1 no rows are
     written and `pairs` is left as it is.
     """
