@@ -1,8 +1,8 @@
 """Contact points of grains made of convex parts: unions of spheres, ellipsoids, boxes, cylinders, cones, convex meshes.
 
 Each pair of spheres of two unions within the margin is a contact, in closed form. Of other parts the gap and normal are
-those of :mod:`voxgran.settling.finding.convex_distance`, which starts along the normal of the step before; faces that lie on
-each other get further contact points (:mod:`voxgran.settling.finding.face_contacts`).
+those of :mod:`voxgran.settling.finding.convex_distance`, which starts along the normal of the step before; faces that
+lie on each other get further contact points (:mod:`voxgran.settling.finding.face_contacts`).
 """
 
 import math
