@@ -62,10 +62,9 @@ def core_support(corner, links, row, part, at, x, y, z, ellipsoids, rounds):  # 
     ellipsoids, rounds: None where there are no ellipsoids, or cylinders and cones.
     """
     kind, i, lo, hi, base, _ = part
-    if ellipsoids is not None or rounds is not None:
-        if kind != 0 and kind != 2:
-            px, py, pz = support(row[i], 0.0, x, y, z)
-            return px, py, pz, at
+    if (ellipsoids is not None or rounds is not None) and kind != 0 and kind != 2:
+        px, py, pz = support(row[i], 0.0, x, y, z)
+        return px, py, pz, at
     at = farthest_corner(corner, links, base, lo, hi, at, x, y, z)
     return corner[at, 0], corner[at, 1], corner[at, 2], at
 

@@ -27,12 +27,13 @@ STRIP = 0.02
 
 
 @bare_kernel
-def write_face_contacts(
-    grains, bodies, work, rows, m, i, j, offset, normal, reach, rest, thick, start, old, count, rounds
-):  # type: ignore[no-untyped-def]
+def write_face_contacts(  # type: ignore[no-untyped-def]
+    grains, bodies, work, rows, m, i, j, offset, normal, reach, rest, thick, start, old, count, rounds,
+):  # fmt: skip
     """Write rows m, ... for the faces of two solids along a normal; return the next row, -1 if there is no space.
 
-    Rows from `start` on are those of the pair; old, count: its old rows.
+    Rows from `start` on are those of the pair; old, count: its old rows.  rounds:
+    None where there are no cylinders and cones.
     """
     nx, ny, nz = normal
     mine, gx, gy, gz, level, strip = _write_face(grains, bodies, work, i, nx, ny, nz, work.window, rounds)
