@@ -290,4 +290,6 @@ def _doubled(rows: ContactRows) -> ContactRows:
     """Return rows with twice the room; the old ones are kept."""
     made = _no_rows(2 * len(rows.row))
     made.old[: len(rows.old)] = rows.old
+    # the search begins again: no old row is taken
+    made.old[:, 14] = 0.0
     return made

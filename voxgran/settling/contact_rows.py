@@ -77,8 +77,8 @@ class ContactRows(NamedTuple):
 def write_contact(rows, m, i, j, nx, ny, nz, ax, ay, az, bx, by, bz, gap, first, count, within):  # type: ignore[no-untyped-def]
     """Write row m: normal n from i to j, arms a and b from the centroids, and the gap.
 
-    first, count: the old rows of the same pair, of which the nearest takes over its impulses if its arm on i is within
-    a distance.
+    first, count: the old rows of the same pair, of which the nearest that no other took passes on its impulses if its
+    arm on i is within a distance. An old row is taken when its number of column 14 is negative.
     """
     row = rows.row[m]
     rows.i[m], rows.j[m] = i, j
@@ -90,7 +90,10 @@ def write_contact(rows, m, i, j, nx, ny, nz, ax, ay, az, bx, by, bz, gap, first,
     for k in range(first, first + count):
         old = rows.old[k]
         square = (old[3] - ax) ** 2 + (old[4] - ay) ** 2 + (old[5] - az) ** 2
-        if square < best:
+        if square < best and old[14] >= 0.0:
             best, at = square, k
     for column in range(10, 14):
         row[column] = rows.old[at, column] if at >= 0 else 0.0
+    row[14] = 0.0
+    if at >= 0:
+        rows.old[at, 14] = -1.0

@@ -11,7 +11,7 @@ from voxgran.settling.impulses import advance_bodies
 #: time step and number of substeps; farthest that a grain moves in a step; distance up to which contacts are found
 STEP, SUBSTEPS, MOST, MARGIN = 0.05, 4, 0.05, 0.08
 #: share of an overlap that is opened in a substep, and the largest velocity for that
-OPENING, FASTEST = 0.2, 2.0
+OPENING, FASTEST = 0.136, 2.0
 
 
 @dataclass(frozen=True, slots=True)

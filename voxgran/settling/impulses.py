@@ -17,6 +17,9 @@ from voxgran.settling.contact_rows import ContactRows
 
 #: velocity of approach, in sqrt(g d), below which bodies do not rebound
 SLOW = 0.05
+#: overlap that is not opened, and how contacts yield while they open others: factors on the change of an impulse and on
+#: the impulse that is lost; those of a spring of angular frequency 1.57 / h with 5 times the critical damping
+LEFT, GAIN, LOSS = 2.5e-4, 0.9478, 0.0522
 
 
 @bare_kernel
@@ -125,12 +128,15 @@ def _sweep(rows, bodies, motion, m, n, gravity, rate, friction, opening, fastest
         if gap > 0.0:
             excess = speed + gap * rate
         elif moving:
-            excess = speed + max(opening * gap * rate, -fastest)
+            excess = speed + max(opening * min(gap + LEFT, 0.0) * rate, -fastest)
         # bodies have met that push, and those that would within the next substep
         if not moving and restitution > 0.0 and approach[k] < 0.0 and (row[10] > 0.0 or excess < 0.0):
             excess = speed + restitution * approach[k]
         old = row[10]
-        push = max(old - excess * row[14], 0.0)
+        if moving and gap <= 0.0:
+            push = max(old - GAIN * excess * row[14] - LOSS * old, 0.0)
+        else:
+            push = max(old - excess * row[14], 0.0)
         row[10] = push
         change = push - old
         px, py, pz = change * nx, change * ny, change * nz

@@ -48,7 +48,9 @@ def frictionless_forces(
     matrix = FrontalMatrix(i[:m], j[:m], jacobian.data.reshape(m, 2, len(freedoms)), order)
     force, made = np.ones(m) if start is None else np.maximum(start[:m], 1.0), 0
     if m:
-        x, force, made = _solved(jacobian, matrix, weight, openness, skin, force, accuracy)
+        # threads of small products wait for each other longer than they work, and give other bits
+        with load("threadpoolctl").threadpool_limits(1, user_api="blas"):
+            x, force, made = _solved(jacobian, matrix, weight, openness, skin, force, accuracy)
     else:
         x = weight
     accelerations = np.zeros((len(bodies), 6))

@@ -10,6 +10,8 @@ import numpy as np
 
 from voxgran.settling.balance import gauss_seidel_forces
 from voxgran.settling.bed import Bed
+from voxgran.settling.contact_rows import PUSH
+from voxgran.settling.interior_point import frictionless_forces
 
 #: compression of a contact by a force of one weight, in median diameters
 SOFTNESS = 1e-6
@@ -45,3 +47,22 @@ def quasi_static_step(
     bed.keep_forces(forces)
     bed.move(motion, most)
     return moving
+
+
+def frictionless_step(
+    bed: Bed, step: float, *, rest: float, accuracy: float, margin: float = MARGIN, most: float = MOST
+) -> float:
+    """Make a step without friction, solved to the end; return the share of the grains that moved as in a step with it.
+
+    accuracy: to which the conditions of the solution hold, in units of gravity.
+    """
+    bed.find(margin, rest)
+    square, rows, n = step * step, bed.rows, bed.count
+    height = -(bed.grains.position @ bed.gravity)
+    push, accelerations, _ = frictionless_forces(
+        rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, openness=bed.gap / square,
+        skin=2.0 * SOFTNESS / square, accuracy=accuracy, start=rows.row[: bed.m, PUSH].copy(), height=height,
+    )  # fmt: skip
+    bed.keep_forces(push[:, None] * rows.row[: bed.m, :3])
+    bed.move(accelerations * square, most)
+    return float((np.linalg.norm(accelerations[:n, :3], axis=1) > MOVING).mean())

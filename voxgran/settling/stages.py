@@ -6,7 +6,7 @@ stop between any two steps and go on with the same bits. Lengths are in median d
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.fall import Fall, fall_step, stop_falling
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.quasi_static import quasi_static_step
+from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
 
 #: stages, in their order: growth to full size, an examination of grains that may rest already, fall, shaking, the fall
 #: after it, quasi-static steps, rounds in which surfaces are parted, and the end
@@ -30,6 +30,8 @@ GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED = range(8)
 KEPT, TOUCHING = 5e-4, 1e-3
 #: sinking in a unit of time, and kinetic energy, below which the fall ends; units of time that it lasts at least
 SINKING, ENERGY, SHORTEST = 0.05, 0.05, 4.0
+#: units of time that the fall lasts at least without friction, where beds creep
+CREEPING = 30.0
 #: surfaces move at most so far in a step of growth, which lasts at least so many steps
 GROWTH_STEP, GROWTH_STEPS = 0.03, 40
 #: steps of the fall for which a grain is shaken in one direction
@@ -70,8 +72,17 @@ class Manner:
 
 #: of spheres and disks, of convex grains and polygons, and of meshes that are not convex: by grids of distances, then
 #: by triangles
-ROUND = Manner(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150)
-CONVEX_GRAINS = Manner(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150)
+RUBBING = (
+    Manner(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150),
+    Manner(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150),
+)
+#: without friction
+FREE = (
+    Manner(2e-4, 0.15, 0.1, first=1.0, last=1.0, steps=40),
+    Manner(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=40),
+)
+#: accuracy of steps without friction while many grains move, and when few do
+COARSE, FINE = 3e-2, 3e-3
 FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
 EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=80)
 
@@ -88,6 +99,7 @@ class Progress:
     length: float = 0.0  # of the next quasi-static step
     substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
     trials: int = 0  # times that overlapping grains were parted
+    moved: float = 1.0  # share of the grains that moved in the last quasi-static step
     moving: float = 1.0  # share of the grains that do not rest, when last examined
     smallest: float = 0.0  # gap, when last examined
     proven: int = 0  # whether the bed is known to rest
@@ -129,6 +141,8 @@ class Settler:
             self.bed.resize(small[self.bed.order])
         surfaces = SURFACE in self.bed.grains.kind
         self._fall = Fall(how.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
+        if how.friction == 0.0 and not surfaces:
+            self._fall = replace(self._fall, rest=self._manner.kept)
         layers = np.ptp(self.bed.grains.position @ gravity) if assembly.count else 0.0
         self._iterations = ITERATIONS if layers <= DEEP else 2 * ITERATIONS
         if not assembly.count:
@@ -218,8 +232,10 @@ class Settler:
         self._advance(None)
         progress.heights = np.append(progress.heights, self.bed.height)[-unit - 1 :]
         sunk = abs(progress.heights[0] - progress.heights[-1])
-        lasted = progress.stage_step + 1 >= SHORTEST * unit
-        calm = lasted and sunk < SINKING and self.bed.kinetic_energy < ENERGY
+        shortest = SHORTEST if self.how.friction > 0.0 else CREEPING
+        lasted = progress.stage_step + 1 >= shortest * unit
+        # without friction grains go on trembling
+        calm = lasted and sunk < SINKING and (self.how.friction == 0.0 or self.bed.kinetic_energy < ENERGY)
         if not calm and progress.stage_step + 1 < self._fall_steps():
             return
         if progress.stage == FALL and self.how.shaking is not None:
@@ -233,7 +249,7 @@ class Settler:
         if self.how.fall_time is not None:
             return max(1, round(self.how.fall_time / self._fall.step))
         lower, upper = self.bed.assembly.container.bounds
-        tall = float(np.abs((upper - lower) @ self.bed.gravity))
+        tall = float((upper - lower) @ np.abs(self.bed.gravity))
         # as fast as grains may fall, and then some time to come to rest
         return round((Settling.usual_fall + tall / (self._fall.most / self._fall.step)) / self._fall.step)
 
@@ -260,10 +276,7 @@ class Settler:
     def _rest(self) -> None:
         """Make a quasi-static step, and examine the bed when it hardly moves."""
         progress, bed, manner = self.progress, self.bed, self._manner
-        moving = quasi_static_step(
-            bed, self.how.friction, progress.length, rest=manner.kept, iterations=self._iterations,
-            margin=manner.margin, most=manner.most,
-        )  # fmt: skip
+        moving = self._quasi_static(manner)
         if moving < SLOW:
             progress.length = max(manner.last, SHRINK * progress.length)
         progress.still_steps += 1
@@ -289,6 +302,21 @@ class Settler:
             self._rests()
             progress.stage = ENDED
 
+    def _quasi_static(self, manner: Manner) -> float:
+        """Make a quasi-static step, and return the share of the grains that moved."""
+        progress, bed = self.progress, self.bed
+        if self.how.friction == 0.0:
+            accuracy = FINE if progress.moved < SLOW else COARSE
+            progress.moved = frictionless_step(
+                bed, progress.length, rest=manner.kept, accuracy=accuracy, margin=manner.margin, most=manner.most
+            )
+        else:
+            progress.moved = quasi_static_step(
+                bed, self.how.friction, progress.length, rest=manner.kept, iterations=self._iterations,
+                margin=manner.margin, most=manner.most,
+            )  # fmt: skip
+        return progress.moved
+
     def _look_closer(self) -> None:
         """Part the true surfaces, once contacts by grids of distances are in balance."""
         self.progress.stage, self.progress.exact, self.bed.finders.exact = CLOSING, 0, False
@@ -307,7 +335,8 @@ class Settler:
     def _manner(self) -> "Manner":
         """How quasi-static steps are made."""
         if SURFACE not in self.bed.grains.kind:
-            return ROUND if not self.bed.grains.kind.any() else CONVEX_GRAINS
+            shaped = int(self.bed.grains.kind.any())
+            return (FREE if self.how.friction == 0.0 else RUBBING)[shaped]
         return EXACT if self.progress.exact else FIELDS
 
     def _examine(self, iterations: int) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
-from voxgran.contacts.gjk import BOX, ELLIPSOID, ROW, erosion_limit
+from voxgran.contacts.gjk import BOX, CONE, CYLINDER, ELLIPSOID, ROW, erosion_limit
 from voxgran.contacts.parts import CODES, row_of
 from voxgran.settling.contact_rows import Grains
 from voxgran.shapes.mesh import Mesh
@@ -169,6 +169,12 @@ def convex_bodies(shapes: Sequence[Shape]) -> ConvexBodies:
         ring_first=_starts([len(ring) for ring in rings]),
         ring=np.array([k for ring in rings for k in ring], dtype=np.int64),
     )
+
+
+def kinds_among(bodies: ConvexBodies) -> tuple[bool, bool, bool]:
+    """Return whether there are unions of spheres, ellipsoids, and cylinders or cones among shapes."""
+    kinds = set(bodies.kind.tolist())
+    return SPHERES in kinds, ELLIPSOID in kinds, bool(kinds & {CYLINDER, CONE})
 
 
 def convex_work(bodies: ConvexBodies, grains: Grains) -> ConvexWork:

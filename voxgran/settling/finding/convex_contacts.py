@@ -7,16 +7,13 @@ each other get further contact points (:mod:`voxgran.settling.finding.face_conta
 
 import math
 
-import numpy as np
-
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.settling.contact_rows import CONVEX, ContactRows, Grains, PairList, write_contact
-from voxgran.settling.finding.convex_bodies import ConvexBodies, ConvexWork
+from voxgran.settling.finding.convex_bodies import ConvexBodies, ConvexWork, kinds_among
 from voxgran.settling.finding.convex_distance import ellipsoid_gap, part_gap
 from voxgran.settling.finding.face_contacts import SAME, write_face_contacts
 
 
-@kernel
 def find_convex_contacts(
     grains: Grains,
     bodies: ConvexBodies,
@@ -36,77 +33,79 @@ def find_convex_contacts(
     margin: gap, beyond the room of a pair, up to which contacts are written.  rest: length that is subtracted from each
     gap, beside the room.
     """
-    known = np.empty((size, 7))
-    _keep(pairs, size, known)
-    _place(grains, bodies, work)
-    found = _find(grains, bodies, work, pairs, size, rows, m, margin, rest)
+    known = [(array, array[:size].copy()) for array in (pairs.first, pairs.count, pairs.bound, pairs.way, pairs.normal)]
+    # what is None is not compiled: most beds have one kind of solids
+    unions, ellipsoids, rounds = (1 if some else None for some in kinds_among(bodies))
+    found = _find(grains, bodies, work, pairs, size, rows, m, margin, rest, unions, ellipsoids, rounds)
     if found < 0:
-        _restore(pairs, size, known)
-    return found
+        for array, old in known:
+            array[:size] = old
+    return int(found)
 
 
 @bare_kernel
-def _keep(pairs, size, known):  # type: ignore[no-untyped-def]
-    """Write what is remembered of the pairs."""
-    for p in range(size):
-        known[p, 0], known[p, 1] = float(pairs.first[p]), float(pairs.count[p])
-        known[p, 2], known[p, 3] = pairs.bound[p], pairs.way[p]
-        for c in range(3):
-            known[p, 4 + c] = pairs.normal[p, c]
-
-
-@bare_kernel
-def _restore(pairs, size, known):  # type: ignore[no-untyped-def]
-    """Write back what was remembered of the pairs."""
-    for p in range(size):
-        pairs.first[p], pairs.count[p] = int(known[p, 0]), int(known[p, 1])
-        pairs.bound[p], pairs.way[p] = known[p, 2], known[p, 3]
-        for c in range(3):
-            pairs.normal[p, c] = known[p, 4 + c]
-
-
-@bare_kernel
-def _place(grains, bodies, work):  # type: ignore[no-untyped-def]
+def _place(grains, bodies, work, ellipsoids, rounds):  # type: ignore[no-untyped-def]
     """Write the corners and rows of all grains, rotated and scaled."""
     for i in range(len(grains.shape)):
-        s, f, turn = grains.shape[i], grains.scale[i], grains.matrix[i]
-        xx, xy, xz = f * turn[0, 0], f * turn[0, 1], f * turn[0, 2]
-        yx, yy, yz = f * turn[1, 0], f * turn[1, 1], f * turn[1, 2]
-        zx, zy, zz = f * turn[2, 0], f * turn[2, 1], f * turn[2, 2]
-        start = work.first[i] - bodies.first[s]
-        for q in range(bodies.first[s], bodies.first[s + 1]):
-            x, y, z = bodies.corner[q, 0], bodies.corner[q, 1], bodies.corner[q, 2]
-            work.corner[start + q, 0] = xx * x + xy * y + xz * z
-            work.corner[start + q, 1] = yx * x + yy * y + yz * z
-            work.corner[start + q, 2] = zx * x + zy * y + zz * z
-            work.radius[start + q] = f * bodies.radius[q]
+        s, turn = grains.shape[i], grains.matrix[i]
+        _place_corners(
+            bodies.corner, bodies.radius, bodies.first[s], bodies.first[s + 1], turn, grains.scale[i],
+            work.corner, work.radius, work.first[i],
+        )  # fmt: skip
         kind = bodies.kind[s]
-        if kind != 1 and kind != 3 and kind != 4:
-            continue
-        row, placed = bodies.row[s], work.row[i]
-        placed[0] = row[0]
-        for c in range(3):
-            placed[1 + c] = f * row[1 + c]
-            for d in range(3):
-                placed[4 + 3 * c + d] = (
-                    turn[c, 0] * row[4 + d] + turn[c, 1] * row[7 + d] + turn[c, 2] * row[10 + d]
-                )  # fmt: skip
-        if kind == 1:
-            form = work.form[i]
-            for c in range(3):
-                d, other = (c + 1) % 3, (c + 2) % 3
-                form[c], mixed = 0.0, 0.0
-                for k in range(3):
-                    square = placed[1 + k] ** 2
-                    form[c] += square * placed[4 + 3 * c + k] ** 2
-                    mixed += square * placed[4 + 3 * c + k] * placed[4 + 3 * d + k]
-                # xy, yz and zx are numbers 3, 5 and 4
-                form[3 if other == 2 else (5 if other == 0 else 4)] = mixed
+        if ellipsoids is not None and kind == 1:
+            _place_row(bodies.row[s], turn, grains.scale[i], work.row[i])
+            _write_form(work.row[i], work.form[i])
+        if rounds is not None and (kind == 3 or kind == 4):
+            _place_row(bodies.row[s], turn, grains.scale[i], work.row[i])
 
 
 @bare_kernel
-def _find(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
-    """Write the contacts of all pairs; return the next row, or -1."""
+def _place_corners(corner, radius, first, last, turn, f, placed, scaled, start):  # type: ignore[no-untyped-def]
+    """Write corners first ... last - 1 of a shape, rotated and scaled, from row `start`, and their radii."""
+    xx, xy, xz = f * turn[0, 0], f * turn[0, 1], f * turn[0, 2]
+    yx, yy, yz = f * turn[1, 0], f * turn[1, 1], f * turn[1, 2]
+    zx, zy, zz = f * turn[2, 0], f * turn[2, 1], f * turn[2, 2]
+    to = start - first
+    for q in range(first, last):
+        x, y, z = corner[q, 0], corner[q, 1], corner[q, 2]
+        placed[to + q, 0] = xx * x + xy * y + xz * z
+        placed[to + q, 1] = yx * x + yy * y + yz * z
+        placed[to + q, 2] = zx * x + zy * y + zz * z
+        scaled[to + q] = f * radius[q]
+
+
+@bare_kernel
+def _place_row(row, turn, f, placed):  # type: ignore[no-untyped-def]
+    """Write the row of an ellipsoid, cylinder or cone, rotated and scaled."""
+    placed[0] = row[0]
+    for c in range(3):
+        placed[1 + c] = f * row[1 + c]
+        for d in range(3):
+            placed[4 + 3 * c + d] = turn[c, 0] * row[4 + d] + turn[c, 1] * row[7 + d] + turn[c, 2] * row[10 + d]
+
+
+@bare_kernel
+def _write_form(placed, form):  # type: ignore[no-untyped-def]
+    """Write the matrix of the quadratic form of an ellipsoid."""
+    for c in range(3):
+        d, other = (c + 1) % 3, (c + 2) % 3
+        form[c], mixed = 0.0, 0.0
+        for k in range(3):
+            square = placed[1 + k] * placed[1 + k]
+            form[c] += square * (placed[4 + 3 * c + k] * placed[4 + 3 * c + k])
+            mixed += square * placed[4 + 3 * c + k] * placed[4 + 3 * d + k]
+        # xy, yz and zx are numbers 3, 5 and 4
+        form[3 if other == 2 else (5 if other == 0 else 4)] = mixed
+
+
+@kernel
+def _find(grains, bodies, work, pairs, size, rows, m, margin, rest, unions, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+    """Write the contacts of all pairs; return the next row, or -1.
+
+    unions, ellipsoids, rounds: None where there are no spheres, ellipsoids, or cylinders and cones.
+    """
+    _place(grains, bodies, work, ellipsoids, rounds)
     offset = work.offset
     for p in range(size):
         i, j = pairs.i[p], pairs.j[p]
@@ -128,13 +127,21 @@ def _find(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ig
         # gaps are known up to here, so that a pair that is farther apart is not looked at in each step
         look = reach + margin
         kind_i, kind_j = bodies.kind[grains.shape[i]], bodies.kind[grains.shape[j]]
-        old_rows = (old, count, rest + pairs.room[p])
-        if kind_i == 0 and kind_j == 0:
-            m, gap = _touch_spheres(grains, work, rows, m, i, j, offset, reach, look, old_rows, pairs.normal[p])
-        else:
-            m, gap = _touch_parts(
-                grains, bodies, work, rows, m, i, j, offset, distance, reach, look, old_rows, pairs.normal[p]
-            )
+        old_rows, normal, gap = (old, count, rest + pairs.room[p]), pairs.normal[p], look
+        if kind_i > 0 and kind_j > 0:
+            one, two = _solid(grains, bodies, work, i), _solid(grains, bodies, work, j)
+            start = _first_direction(normal, offset[0], offset[1], offset[2], distance, True)
+            m, gap = _touch_two(
+                grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal,
+                ellipsoids, rounds,
+            )  # fmt: skip
+        elif unions is not None:
+            if kind_i == 0 and kind_j == 0:
+                m, gap = _touch_spheres(grains, work, rows, m, i, j, offset, reach, look, old_rows, normal)
+            elif kind_i >= 0 and kind_j >= 0:
+                m, gap = _touch_union(
+                    grains, bodies, work, rows, m, i, j, offset, reach, look, old_rows, normal, ellipsoids, rounds
+                )
         if m < 0:
             return -1
         pairs.bound[p] = gap
@@ -199,16 +206,10 @@ def _touch_spheres(grains, work, rows, m, i, j, offset, reach, look, old_rows, n
 
 
 @bare_kernel
-def _touch_parts(grains, bodies, work, rows, m, i, j, offset, distance, reach, look, old_rows, normal):  # type: ignore[no-untyped-def]
-    """Write the contacts of two grains, of which one at least is a solid; return the next row and the gap."""
-    kind_i, kind_j = bodies.kind[grains.shape[i]], bodies.kind[grains.shape[j]]
-    if kind_i < 0 or kind_j < 0:
-        return m, look
+def _touch_union(grains, bodies, work, rows, m, i, j, offset, reach, look, old_rows, normal, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+    """Write the contacts of a union of spheres and a solid; return the next row and the gap."""
+    kind_i = bodies.kind[grains.shape[i]]
     x, y, z = offset[0], offset[1], offset[2]
-    if kind_i != 0 and kind_j != 0:
-        one, two = _solid(grains, bodies, work, i), _solid(grains, bodies, work, j)
-        start = _first_direction(normal, x, y, z, distance, True)
-        return _touch_two(grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal)
     best = look
     if kind_i == 0:
         many = _select_near(work, i, x, y, z, grains.radius[j], look, work.one)
@@ -228,7 +229,9 @@ def _touch_parts(grains, bodies, work, rows, m, i, j, offset, distance, reach, l
         else:
             one, two = _solid(grains, bodies, work, i), sphere
         before = normal[0], normal[1], normal[2]
-        m, gap = _touch_two(grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal)
+        m, gap = _touch_two(
+            grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal, ellipsoids, rounds
+        )
         if m < 0:
             return -1, best
         if gap < best:
@@ -256,7 +259,9 @@ def _first_direction(normal, x, y, z, distance, remembered):  # type: ignore[no-
 
 
 @bare_kernel
-def _touch_two(grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal):  # type: ignore[no-untyped-def]
+def _touch_two(  # type: ignore[no-untyped-def]
+    grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal, ellipsoids, rounds,
+):  # fmt: skip
     """Write the contacts of two parts, and their normal; return the next row and the gap."""
     old, count, rest = old_rows
     kind_i, i, lo_i, _, _, radius_i = one
@@ -266,21 +271,24 @@ def _touch_two(grains, bodies, work, rows, m, one, two, offset, start, reach, lo
         radius_i if kind_i == 0 else bodies.thick[grains.shape[i]] * grains.scale[i],
         radius_j if kind_j == 0 else bodies.thick[grains.shape[j]] * grains.scale[j],
     )
-    if kind_i <= 1 and kind_j <= 1:
-        ax, ay, az = 0.0, 0.0, 0.0
-        x, y, z = offset[0], offset[1], offset[2]
-        if kind_i == 0:
-            ax, ay, az = work.corner[lo_i, 0], work.corner[lo_i, 1], work.corner[lo_i, 2]
-            x, y, z = x - ax, y - ay, z - az
-        if kind_j == 0:
-            x, y, z = x + work.corner[lo_j, 0], y + work.corner[lo_j, 1], z + work.corner[lo_j, 2]
-        gap, nx, ny, nz = ellipsoid_gap(
-            work.form[i], radius_i, work.form[j], radius_j, (x, y, z), start, look, near
-        )  # fmt: skip
-        ax, ay, az = ax + near[3], ay + near[4], az + near[5]
-    else:
-        gap, nx, ny, nz = part_gap(bodies, work, one, two, offset, start, thick, look)
-        ax, ay, az = near[3], near[4], near[5]
+    smooth = False
+    if ellipsoids is not None:
+        smooth = kind_i <= 1 and kind_j <= 1
+        if smooth:
+            ax, ay, az = 0.0, 0.0, 0.0
+            x, y, z = offset[0], offset[1], offset[2]
+            if kind_i == 0:
+                ax, ay, az = work.corner[lo_i, 0], work.corner[lo_i, 1], work.corner[lo_i, 2]
+                x, y, z = x - ax, y - ay, z - az
+            if kind_j == 0:
+                x, y, z = x + work.corner[lo_j, 0], y + work.corner[lo_j, 1], z + work.corner[lo_j, 2]
+            gap, nx, ny, nz = ellipsoid_gap(
+                work.form[i], radius_i, work.form[j], radius_j, (x, y, z), start, look, near
+            )
+            near[3], near[4], near[5] = ax + near[3], ay + near[4], az + near[5]
+    if not smooth:
+        gap, nx, ny, nz = part_gap(bodies, work, one, two, offset, start, thick, look, ellipsoids, rounds)
+    ax, ay, az = near[3], near[4], near[5]
     normal[0], normal[1], normal[2] = nx, ny, nz
     if gap >= reach:
         return m, gap
@@ -292,6 +300,7 @@ def _touch_two(grains, bodies, work, rows, m, one, two, offset, start, reach, lo
     m += 1
     if kind_i >= 2 and kind_j >= 2:
         m = write_face_contacts(
-            grains, bodies, work, rows, m, i, j, offset, (nx, ny, nz), reach, rest, thick, m - 1, old, count
-        )
+            grains, bodies, work, rows, m, i, j, offset, (nx, ny, nz), reach, rest, thick, m - 1, old, count,
+            rounds,
+        )  # fmt: skip
     return m, gap

@@ -55,52 +55,46 @@ def farthest_corner(corner, links, base, lo, hi, at, x, y, z):  # type: ignore[n
 
 
 @bare_kernel
-def gap_along(bodies, work, one, two, offset, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the gap of two parts along a unit vector, and the height of the first one's support point.
+def core_support(corner, links, row, part, at, x, y, z, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+    """Return the support point of the core of a part along a direction, and which corner it is.
 
-    A part is (kind, grain, first corner, end of corners, first corner in the tables, radius).
+    A part is (kind, grain, first corner, end of corners, first corner in the tables, radius); `at` is a corner of it.
+    ellipsoids, rounds: None where there are no ellipsoids, or cylinders and cones.
     """
-    kind, i, lo, hi, base, radius = one
-    if kind == 0 or kind == 2:
-        q = farthest_corner(work.corner, (bodies.link_first, bodies.link), base, lo, hi, lo, x, y, z)
-        px, py, pz = work.corner[q, 0], work.corner[q, 1], work.corner[q, 2]
-    else:
-        px, py, pz = support(work.row[i], 0.0, x, y, z)
-    high = px * x + py * y + pz * z + radius
-    kind, j, lo, hi, base, radius = two
-    if kind == 0 or kind == 2:
-        q = farthest_corner(work.corner, (bodies.link_first, bodies.link), base, lo, hi, lo, -x, -y, -z)
-        px, py, pz = work.corner[q, 0], work.corner[q, 1], work.corner[q, 2]
-    else:
-        px, py, pz = support(work.row[j], 0.0, -x, -y, -z)
-    low = (offset[0] + px) * x + (offset[1] + py) * y + (offset[2] + pz) * z - radius
+    kind, i, lo, hi, base, _ = part
+    if ellipsoids is not None or rounds is not None:
+        if kind != 0 and kind != 2:
+            px, py, pz = support(row[i], 0.0, x, y, z)
+            return px, py, pz, at
+    at = farthest_corner(corner, links, base, lo, hi, at, x, y, z)
+    return corner[at, 0], corner[at, 1], corner[at, 2], at
+
+
+@bare_kernel
+def gap_along(bodies, work, one, two, offset, x, y, z, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+    """Return the gap of two parts along a unit vector, and the height of the first one's support point."""
+    links = (bodies.link_first, bodies.link)
+    px, py, pz, _ = core_support(work.corner, links, work.row, one, one[2], x, y, z, ellipsoids, rounds)
+    high = px * x + py * y + pz * z + one[5]
+    px, py, pz, _ = core_support(work.corner, links, work.row, two, two[2], -x, -y, -z, ellipsoids, rounds)
+    low = (offset[0] + px) * x + (offset[1] + py) * y + (offset[2] + pz) * z - two[5]
     return low - high, high
 
 
 @bare_kernel
-def distance_along(bodies, work, one, two, ox, oy, oz, dx, dy, dz, limit, close):  # type: ignore[no-untyped-def]
+def distance_along(bodies, work, one, two, ox, oy, oz, dx, dy, dz, limit, close, ellipsoids, rounds):  # type: ignore[no-untyped-def]
     """Return the distance of the cores of two parts, of which the second lies at o; the first search goes along d.
 
     The vector of the distance and the nearest point on the first part are written to `near`. A lower bound above a
     limit is returned as soon as it is known, with its direction; -1 if the parts intersect.
     """
-    kind_i, i, p0, p1, base_i, _ = one
-    kind_j, j, s0, s1, base_j, _ = two
     corner, simplex, mine, near = work.corner, work.simplex, work.mine, work.near
     links = (bodies.link_first, bodies.link)
-    ia, ib, count, best, now, restarts = p0, s0, 0, 1e300, 1e300, 0
+    ia, ib, count, best, now, restarts = one[2], two[2], 0, 1e300, 1e300, 0
     vx, vy, vz = dx, dy, dz
     for _ in range(MOST_STEPS):
-        if kind_i == 0 or kind_i == 2:
-            ia = farthest_corner(corner, links, base_i, p0, p1, ia, vx, vy, vz)
-            ax, ay, az = corner[ia, 0], corner[ia, 1], corner[ia, 2]
-        else:
-            ax, ay, az = support(work.row[i], 0.0, vx, vy, vz)
-        if kind_j == 0 or kind_j == 2:
-            ib = farthest_corner(corner, links, base_j, s0, s1, ib, -vx, -vy, -vz)
-            bx, by, bz = corner[ib, 0], corner[ib, 1], corner[ib, 2]
-        else:
-            bx, by, bz = support(work.row[j], 0.0, -vx, -vy, -vz)
+        ax, ay, az, ia = core_support(corner, links, work.row, one, ia, vx, vy, vz, ellipsoids, rounds)
+        bx, by, bz, ib = core_support(corner, links, work.row, two, ib, -vx, -vy, -vz, ellipsoids, rounds)
         wx, wy, wz = bx + ox - ax, by + oy - ay, bz + oz - az
         along, square = vx * wx + vy * wy + vz * wz, vx * vx + vy * vy + vz * vz
         if along > 0.0 and along * along > limit * limit * square:
@@ -265,7 +259,7 @@ def _weigh_tetrahedron(w, weight, kept):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def part_gap(bodies, work, one, two, offset, normal, thick, limit):  # type: ignore[no-untyped-def]
+def part_gap(bodies, work, one, two, offset, normal, thick, limit, ellipsoids, rounds):  # type: ignore[no-untyped-def]
     """Return the signed gap of two parts and the direction of it, which is first looked for along `normal`.
 
     The nearest point on the core of the first part is written to `work.near`, 3 to 5. A gap above the limit is a lower
@@ -274,7 +268,7 @@ def part_gap(bodies, work, one, two, offset, normal, thick, limit):  # type: ign
     nx, ny, nz = normal
     radii = one[5] + two[5]
     near = work.near
-    gap, high = gap_along(bodies, work, one, two, offset, nx, ny, nz)
+    gap, high = gap_along(bodies, work, one, two, offset, nx, ny, nz, ellipsoids, rounds)
     near[3], near[4], near[5] = nx * (high - one[5]), ny * (high - one[5]), nz * (high - one[5])
     if gap > limit:
         return gap, nx, ny, nz
@@ -285,7 +279,9 @@ def part_gap(bodies, work, one, two, offset, normal, thick, limit):  # type: ign
         h = 0.0 if direct else DISPLACED * thick - min(core, 0.0)
         ox, oy, oz = offset[0] + h * nx, offset[1] + h * ny, offset[2] + h * nz
         keep = near[3], near[4], near[5]
-        distance = distance_along(bodies, work, one, two, ox, oy, oz, nx, ny, nz, limit + h + radii, CLOSE * thick)
+        distance = distance_along(
+            bodies, work, one, two, ox, oy, oz, nx, ny, nz, limit + h + radii, CLOSE * thick, ellipsoids, rounds
+        )
         length = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
         if distance <= 0.0 or length == 0.0:
             near[3], near[4], near[5] = keep
@@ -295,7 +291,7 @@ def part_gap(bodies, work, one, two, offset, normal, thick, limit):  # type: ign
             exact = False
             continue
         mx, my, mz = near[0] / length, near[1] / length, near[2] / length
-        better, _ = gap_along(bodies, work, one, two, offset, mx, my, mz)
+        better, _ = gap_along(bodies, work, one, two, offset, mx, my, mz, ellipsoids, rounds)
         if better < gap:
             if not direct:
                 # along the old normal, the nearest points are as good

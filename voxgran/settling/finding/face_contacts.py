@@ -27,23 +27,23 @@ STRIP = 0.02
 
 
 @bare_kernel
-def write_face_contacts(grains, bodies, work, rows, m, i, j, offset, normal, reach, rest, thick, start, old, count):  # type: ignore[no-untyped-def]
+def write_face_contacts(grains, bodies, work, rows, m, i, j, offset, normal, reach, rest, thick, start, old, count, rounds):  # type: ignore[no-untyped-def]
     """Write rows m, ... for the faces of two solids along a normal; return the next row, -1 if there is no space.
 
     Rows from `start` on are those of the pair; old, count: its old rows.
     """
     nx, ny, nz = normal
-    mine, gx, gy, gz, level, strip = _write_face(grains, bodies, work, i, nx, ny, nz, work.window)
+    mine, gx, gy, gz, level, strip = _write_face(grains, bodies, work, i, nx, ny, nz, work.window, rounds)
     if mine == 0:
         return m
-    theirs, hx, hy, hz, other_level, _ = _write_face(grains, bodies, work, j, -nx, -ny, -nz, work.ring)
+    theirs, hx, hy, hz, other_level, _ = _write_face(grains, bodies, work, j, -nx, -ny, -nz, work.ring, rounds)
     if theirs == 0:
         return m
     for k in range(theirs):
         for c in range(3):
             work.ring[k, c] += offset[c]
     side = 1.0
-    if mine == 2 and theirs > 2:
+    if rounds is not None and mine == 2 and theirs > 2:
         # the segment is clipped to the face
         for k in range(max(mine, theirs)):
             for c in range(3):
@@ -52,7 +52,10 @@ def write_face_contacts(grains, bodies, work, rows, m, i, j, offset, normal, rea
         gx, gy, gz = hx, hy, hz
         level = other_level + gx * offset[0] + gy * offset[1] + gz * offset[2]
     x, y, z = side * nx, side * ny, side * nz
-    left = _clip_to_strip(work, theirs, x, y, z, strip) if mine == 2 else _clip_to_window(work, mine, theirs, x, y, z)
+    if rounds is not None and mine == 2:
+        left = _clip_to_strip(work.window, work.ring, work.other, theirs, x, y, z, strip)
+    else:
+        left = _clip_to_window(work.window, work.ring, work.other, mine, theirs, x, y, z)
     slope = gx * x + gy * y + gz * z
     ring, other = work.ring, work.other
     # the row of `other` holds the gap and the square of the distance from the nearest contact point
@@ -95,7 +98,7 @@ def _shorten(rows, start, stop, point, known):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _write_face(grains, bodies, work, i, nx, ny, nz, ring):  # type: ignore[no-untyped-def]
+def _write_face(grains, bodies, work, i, nx, ny, nz, ring, rounds):  # type: ignore[no-untyped-def]
     """Write the corners of the face of a grain that is most nearly perpendicular to n, relative to its centroid.
 
     Return how many they are (0: no such face, 2: the side of a cylinder or cone), the outward normal and the level of
@@ -105,7 +108,7 @@ def _write_face(grains, bodies, work, i, nx, ny, nz, ring):  # type: ignore[no-u
     kind = bodies.kind[s]
     if kind == 2:
         return _write_flat_face(grains, bodies, work, i, nx, ny, nz, ring)
-    if kind == 3 or kind == 4:
+    if rounds is not None and (kind == 3 or kind == 4):
         return _write_round_face(work.row[i], nx, ny, nz, ring)
     return 0, 0.0, 0.0, 0.0, 0.0, 0.0
 
@@ -174,33 +177,31 @@ def _write_round_face(row, nx, ny, nz, ring):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _clip_to_window(work, corners, left, x, y, z):  # type: ignore[no-untyped-def]
+def _clip_to_window(window, ring, other, corners, left, x, y, z):  # type: ignore[no-untyped-def]
     """Clip a polygon to the prism over another one along n; return the number of corners."""
-    window = work.window
     u = corners - 1
     for v in range(corners):
         ex, ey, ez = window[v, 0] - window[u, 0], window[v, 1] - window[u, 1], window[v, 2] - window[u, 2]
         qx, qy, qz = ey * z - ez * y, ez * x - ex * z, ex * y - ey * x
         level = qx * window[v, 0] + qy * window[v, 1] + qz * window[v, 2]
-        left = _clip(work.ring, work.other, left, qx, qy, qz, level)
+        left = _clip(ring, other, left, qx, qy, qz, level)
         u = v
     return left
 
 
 @bare_kernel
-def _clip_to_strip(work, left, x, y, z, half):  # type: ignore[no-untyped-def]
+def _clip_to_strip(window, ring, other, left, x, y, z, half):  # type: ignore[no-untyped-def]
     """Clip a polygon to the strip over a segment; return the number of corners."""
-    window = work.window
     ex, ey, ez = window[1, 0] - window[0, 0], window[1, 1] - window[0, 1], window[1, 2] - window[0, 2]
     qx, qy, qz = ey * z - ez * y, ez * x - ex * z, ex * y - ey * x
     size = half * math.sqrt(qx * qx + qy * qy + qz * qz)
     low = ex * window[0, 0] + ey * window[0, 1] + ez * window[0, 2]
     high = ex * window[1, 0] + ey * window[1, 1] + ez * window[1, 2]
     middle = qx * window[0, 0] + qy * window[0, 1] + qz * window[0, 2]
-    left = _clip(work.ring, work.other, left, ex, ey, ez, high)
-    left = _clip(work.ring, work.other, left, -ex, -ey, -ez, -low)
-    left = _clip(work.ring, work.other, left, qx, qy, qz, middle + size)
-    return _clip(work.ring, work.other, left, -qx, -qy, -qz, size - middle)
+    left = _clip(ring, other, left, ex, ey, ez, high)
+    left = _clip(ring, other, left, -ex, -ey, -ez, -low)
+    left = _clip(ring, other, left, qx, qy, qz, middle + size)
+    return _clip(ring, other, left, -qx, -qy, -qz, size - middle)
 
 
 @bare_kernel

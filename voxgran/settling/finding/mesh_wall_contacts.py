@@ -29,8 +29,11 @@ GOLDEN = 0.6180339887498949
 
 
 @bare_kernel
-def near_mesh(bodies, walls, shape, scale, m, x, y, z, radius, reach):  # type: ignore[no-untyped-def]
-    """Write the points of a grain at (x, y, z) within reach of a closed mesh; return how many there are."""
+def near_mesh(bodies, walls, shape, scale, m, x, y, z, radius, reach, smooth, edges):  # type: ignore[no-untyped-def]
+    """Write the points of a grain at (x, y, z) within reach of a closed mesh; return how many there are.
+
+    smooth, edges: None where no shape is a smooth solid, and where no edge of the wall is reentrant.
+    """
     px, py, pz = x + walls.shift[0], y + walls.shift[1], z + walls.shift[2]
     square, triangle, feature, qx, qy, qz = search_triangles(
         walls.corners, walls.low, walls.high, walls.start, px, py, pz, np.inf, walls.stack
@@ -51,11 +54,12 @@ def near_mesh(bodies, walls, shape, scale, m, x, y, z, radius, reach):  # type: 
         ay = scale * (m[1, 0] * bx + m[1, 1] * by + m[1, 2] * bz)
         az = scale * (m[2, 0] * bx + m[2, 1] * by + m[2, 2] * bz)
         c = _near_point(bodies, walls, c, px, py, pz, ax, ay, az, r, reach, far)
-    if bodies.kind[shape] != POINTS:
+    if smooth is not None and bodies.kind[shape] != POINTS:
         c = _near_supports(bodies, walls, c, shape, scale, m, px, py, pz, reach, far)
-    side = bodies.mesh
-    if len(side.edge) > 0 and (bodies.kind[shape] != POINTS or side.triangle[shape + 1] > side.triangle[shape]):
-        c = _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach)
+    if edges is not None:
+        first = bodies.mesh.triangle
+        if bodies.kind[shape] != POINTS or first[shape + 1] > first[shape]:
+            c = _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach)
     return c
 
 

