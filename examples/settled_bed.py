@@ -18,10 +18,8 @@ beds = {
     "walked": vg.pack(vg.make_shape("sphere"), box, method="digital", count=150, sweeps=200, settle={"friction": 0.3}),
 }
 for name, bed in beds.items():
-    rest, numbers = (
-        vg.equilibrium(bed, friction=bed.forces.friction),
-        vg.measure(bed, which=["density", "coordination"]),
-    )
+    rest = vg.equilibrium(bed, friction=bed.forces.friction)
+    numbers = vg.measure(bed, which=["density", "coordination"])
     print(
         f"{name}  bulk solid fraction {float(numbers['bulk_solid_fraction']):.3f}  "
         f"coordination {float(numbers['mean_coordination_number']):.2f}  at rest {rest.attrs['share_at_rest']:.3f}  "
