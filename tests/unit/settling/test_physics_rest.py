@@ -181,9 +181,7 @@ def test_oblique_gravity_fills_a_corner():
 @pytest.mark.parametrize("factor", [2.0**-10, 1e-3, 1e3])
 def test_lengths_in_another_unit_give_the_same_bed(factor):
     bed = loose(40, lengths=(4, 4, 10))
-    other = packed(
-        SPHERE.scaled(factor), vg.Box(np.array([4, 4, 10]) * factor, periodic="xy"), bed.position * factor
-    )
+    other = packed(SPHERE.scaled(factor), vg.Box(np.array([4, 4, 10]) * factor, periodic="xy"), bed.position * factor)
     one, other = vg.settle(bed), vg.settle(other)
     if factor == 2.0**-10:
         np.testing.assert_array_equal(other.position, one.position * factor)
@@ -295,7 +293,9 @@ def angle_of_repose(friction, *, count=500, tilt=45.0, seed=1):
     edges = np.arange(*np.quantile(along, [0.1, 0.9]), 1.5)
     bins = [(along >= low) & (along < low + 1.5) for low in edges[:-1]]
     # the end of the trough and the free corner are left out
-    tops = np.array([[low + 0.75, np.sort(height[inside])[-3:].mean()] for low, inside in zip(edges, bins)])
+    tops = np.array(
+        [[low + 0.75, np.sort(height[inside])[-3:].mean()] for low, inside in zip(edges[:-1], bins, strict=True)]
+    )
     slope = np.polyfit(tops[:, 0], tops[:, 1], 1)[0]
     return float(np.degrees(np.arctan(-slope)))
 
