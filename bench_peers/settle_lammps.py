@@ -1,7 +1,7 @@
 """Spheres that settle in LAMMPS (granular package, damped springs): python settle_lammps.py GRAINS.npz POSES.npz.
 
-The input has position (n, 3), diameter (n,), lengths (3,), periodic (3,) and friction, with the corner of the box at the
-origin; the unit of time is sqrt(d / g). Prints the seconds of the processor.
+The input has position (n, 3), diameter (n,), lengths (3,), periodic (3,) and friction, with the corner of the box at
+the origin; the unit of time is sqrt(d / g). Prints the seconds of the processor.
 """
 
 import ctypes
@@ -62,5 +62,5 @@ for _ in range(round(LONGEST)):
     if run.extract_variable("energy") / n < CALM:
         break
 found = np.array(run.gather_atoms("x", 1, 3)).reshape(n, 3)
-print(time.process_time() - began)
+sys.stdout.write(f"{time.process_time() - began}\n")
 np.savez(sys.argv[2], position=found, orientation=np.tile([1.0, 0, 0, 0], (n, 1)))

@@ -44,5 +44,5 @@ for k in range(LONGEST):
         if 0.5 * (speeds**2).sum(axis=1).mean() < CALM * GRAVITY:
             break
 poses = data.qpos.reshape(n, 7)
-print(time.process_time() - began)
+sys.stdout.write(f"{time.process_time() - began}\n")
 np.savez(sys.argv[2], position=poses[:, :3], orientation=poses[:, 3:])

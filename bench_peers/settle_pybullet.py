@@ -42,7 +42,7 @@ for k in range(LONGEST):
         if 0.5 * (speeds**2).sum(axis=1).mean() < CALM * GRAVITY:
             break
 poses = [pybullet.getBasePositionAndOrientation(body) for body in bodies]
-print(time.process_time() - began)
+sys.stdout.write(f"{time.process_time() - began}\n")
 np.savez(
     sys.argv[2],
     position=np.array([place for place, _ in poses]),

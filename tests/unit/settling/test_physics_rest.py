@@ -293,7 +293,9 @@ def angle_of_repose(friction, *, count=500, tilt=45.0, seed=1):
     edges = np.arange(*np.quantile(along, [0.1, 0.9]), 1.5)
     bins = [(along >= low) & (along < low + 1.5) for low in edges[:-1]]
     # the end of the trough and the free corner are left out
-    tops = np.array([[low + 0.75, np.sort(height[inside])[-3:].mean()] for low, inside in zip(edges, bins)])
+    tops = np.array(
+        [[low + 0.75, np.sort(height[inside])[-3:].mean()] for low, inside in zip(edges[:-1], bins, strict=True)]
+    )
     slope = np.polyfit(tops[:, 0], tops[:, 1], 1)[0]
     return float(np.degrees(np.arctan(-slope)))
 

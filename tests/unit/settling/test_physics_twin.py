@@ -16,7 +16,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 def heap():
     """Return a few spheres of two sizes that touch, overlap slightly or approach each other, with their contacts."""
     generator = np.random.Generator(np.random.Philox(11))
-    position = lattice(2, 2, 2) * 0.97 + [0.5, 0.5, 0.0]
+    position = lattice(2, 2, 2) * 0.99 + [0.5, 0.5, 0.0]
     position += 0.02 * generator.normal(size=position.shape)
     scale = np.where(np.arange(8) % 3 == 0, 1.05, 0.98)
     bed = Bed(Assembly.of([vg.make_shape("sphere")], vg.Box((3, 3, 4)), position=position, scale=scale), DOWN)
@@ -100,7 +100,7 @@ def test_a_step_is_that_of_a_plain_twin(friction, restitution):
     bed = heap()
     assert bed.m > 12
     assert (bed.gap < 0).any()
-    assert (bed.gap > 0.01).any()
+    assert (bed.gap > 2e-3).any()
     speed, motion, push, drag = twin(bed, 0.05, 4, friction=friction, restitution=restitution, most=0.5)
     advance_bodies(
         bed.rows, bed.bodies, bed.motion, bed.m, bed.count, bed.gravity, 0.05, 4, friction, restitution, OPENING,
@@ -111,4 +111,4 @@ def test_a_step_is_that_of_a_plain_twin(friction, restitution):
     np.testing.assert_allclose(bed.motion[: bed.count], motion, atol=1e-13)
     np.testing.assert_allclose(row[:, 10], push, atol=1e-12)
     np.testing.assert_allclose(row[:, 11:14], drag, atol=1e-12)
-    assert (push > 0).sum() > 4
+    assert (push > 0).sum() > 2

@@ -50,6 +50,8 @@ PEER_CASES = (
     ("PyBullet", "pybullet", "300 polyhedra"),
     ("MuJoCo", "mujoco", "300 polyhedra"),
 )
+#: solid fraction from which grains fall
+LOOSE = 0.15
 #: seconds after which a peer is stopped
 LONGEST = 120
 
@@ -108,7 +110,7 @@ def rocks() -> list[Shape]:
 def clumps() -> list[Shape]:
     """Return fifty spheres that stand for a scanned body, or for a union of solids where the repository has none."""
     bodies = [*scans("eros.obj").values()] or [make_shape("solid_union", seed=1)]
-    return [_unit(fit_clump(bodies[0], count=50).shape)]
+    return [_unit(fit_clump(bodies[0], max_spheres=50).to_shape())]
 
 
 def _unit(shape: Shape) -> Shape:
@@ -155,9 +157,16 @@ def judged(name: str, program: str, friction: float, packing: Packing, seconds: 
     overlap = max(proof.deepest, proof.largest_escape)
     contacts = coordination_number(packing, [TOUCHING]).mean[0]
     return Row(
-        name, program, friction, packing.count, seconds, float(bulk_solid_fraction(packing)), proof.ok, overlap,
-        float(rest.rests.mean()), segregation(packing).whole, float(contacts),
+        name, program, friction, packing.count, seconds, _bulk(packing), proof.ok, overlap, float(rest.rests.mean()),
+        segregation(packing).whole, float(contacts),
     )  # fmt: skip
+
+
+def _bulk(packing: Packing) -> float:
+    """Return the bulk solid fraction, also where the bulk holds few grains."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", PackingWarning)
+        return float(bulk_solid_fraction(packing))
 
 
 def measure_beds(cases: tuple[Case, ...] = CASES, size: float | None = None) -> list[Row]:
@@ -174,14 +183,14 @@ def measure_beds(cases: tuple[Case, ...] = CASES, size: float | None = None) -> 
 
 
 def measure_peers(size: float | None = None) -> list[Row]:
-    """Let the same grains fall from a lattice in other programs; those that are not installed are left out."""
+    """Let the same grains fall from the same places in other programs; those that are not installed are left out."""
     rows: list[Row] = []
     python = os.environ.get("VOXGRAN_PEERS", sys.executable)
     share = SIZE if size is None else size
     for program, module, name in PEER_CASES:
         case = next(each for each in CASES if each.name == name and each.friction and each.walls == (name[0] == "3"))
         script = PEERS / f"settle_{module}.py"
-        start = falling_lattice(case, max(20, round(share * case.count)))
+        start = falling_grains(case, max(20, round(share * case.count)))
         found = peer_packing(python, script, start, case.friction)
         if found is None:
             LOG.warning("%s is not installed or failed: its row is left out", program)
@@ -190,16 +199,12 @@ def measure_peers(size: float | None = None) -> list[Row]:
     return rows
 
 
-def falling_lattice(case: Case, count: int) -> Packing:
-    """Return grains on a loose lattice, in random order of shapes."""
-    shapes = case.shapes()
-    pitch = 1.02 * 2.0 * max(shape.bounding_radius for shape in shapes)
-    across = int(case.width / pitch)
-    cells = np.array(list(np.ndindex(-(-count // across**2), across, across)), dtype=np.float64)[:count, ::-1]
-    box = Box((case.width, case.width, pitch * (cells[:, 2].max() + 2)), periodic="" if case.walls else "xy")
-    place = (cells + 0.5) * np.array([case.width / across, case.width / across, pitch])
-    place[:, :2] += 0.01 * np.sin(np.arange(2 * count).reshape(-1, 2))
-    return Packing.of(shapes, box, position=place, shape_id=np.arange(count) % len(shapes))
+def falling_grains(case: Case, count: int) -> Packing:
+    """Return grains apart from each other in a tall box, from which all programs start."""
+    height = 3.0 + count * np.pi / 6.0 / (LOOSE * case.width**2)
+    box = Box((case.width, case.width, height), periodic="" if case.walls else "xy")
+    start = pack(case.shapes(), box, method="rsa", count=count, seed=1)
+    return replace(start, gravity=np.array([0.0, 0.0, -1.0]))
 
 
 def peer_packing(python: str, script: Path, start: Packing, friction: float) -> tuple[Packing, float] | None:
@@ -246,12 +251,12 @@ def measure_accuracy(
     solid fraction, deepest overlap at the end of the fall, and the share of the grains that rest at the end.
     """
     case = replace(CASES[0], width=8.0)
-    start = falling_lattice(case, count)
-    rows = []
-    for step in steps:
-        for many in substeps:
-            rows.append((step, many, *_settled(start, Fall(case.friction, step=step, substeps=many))))
-    return rows
+    start = falling_grains(case, count)
+    return [
+        (step, many, *_settled(start, Fall(case.friction, step=step, substeps=many)))
+        for step in steps
+        for many in substeps
+    ]
 
 
 def _settled(start: Packing, how: Fall) -> tuple[float, float, float, float]:
@@ -259,16 +264,17 @@ def _settled(start: Packing, how: Fall) -> tuple[float, float, float, float]:
     assembly, _ = normalized_assembly(start)
     settler = Settler(assembly, Settling(friction=how.friction), np.array(start.gravity, dtype=np.float64))
     settler._fall = how
-    began, deepest = time.process_time(), 0.0
+    began = time.process_time()
     settler.step()
     while settler.progress.stage == FALL:
         settler.step()
-    deepest = max(0.0, how.rest - float(settler.bed.gap.min(initial=0.0)) - 2 * how.rest)
+    # gaps count from the distance at which surfaces rest
+    deepest = max(0.0, -how.rest - float(settler.bed.gap.min(initial=0.0)))
     while not settler.ended:
         settler.step()
     seconds = time.process_time() - began
     bed = _within(start, *settler.bed.poses())
-    return seconds, float(bulk_solid_fraction(bed)), deepest, settler.report["resting"]
+    return seconds, _bulk(bed), deepest, settler.report["resting"]
 
 
 def run(folder: Path) -> tuple[Path, ...]:
