@@ -111,7 +111,7 @@ class Bed:
             self.pairs = renewed(self.pairs, self.grains, self.assembly.container, SKIN)
             self.listed = True
         self.rows = self.rows._replace(row=self.rows.old, old=self.rows.row)
-        places = (self.pairs.first, self.pairs.count, self.wall_first, self.wall_count)
+        places = (*self.pairs[3:], self.wall_first, self.wall_count)
         before = [place.copy() for place in places]
         while (found := self._found(margin, rest)) < 0:
             self.rows = _doubled(self.rows)

@@ -16,7 +16,7 @@ from voxgran._base.arrays import Booleans, Floats, as_number, as_positive, check
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
-from voxgran.settling.balance import accelerated_projected_gradient
+from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces
 from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.contact_rows import ARM_I, GAP, NORMAL, ContactRows
 from voxgran.settling.interior_point import frictionless_forces
@@ -27,11 +27,13 @@ if TYPE_CHECKING:
 #: most iterations of the projected gradient
 ITERATIONS = 20_000
 #: distance from the optimum, root mean square in tolerances, at which it ends; the distance is estimated from above
-NEAR = 0.8
+NEAR = 0.2
 #: accuracy of the interior point, in tolerances
 ACCURACY = 0.1
 #: most spheres whose balance without friction is solved directly; of others and of more the gradient is faster
 MOST_DIRECT = 3000
+#: iterations of the first guess
+GUESS = 300
 #: number of the partner at a wall and at a lid
 WALL, LID = -1, -2
 
@@ -162,8 +164,21 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
     friction, gap = as_number(friction, "friction", at_least=0.0), as_number(gap, "gap", at_least=0.0)
     tolerance = as_positive(tolerance, "tolerance")
     bed = normalized_bed(packing, np.array(down, dtype=np.float64))
+    if friction > 0.0:
+        _guess_forces(bed, friction, gap)
     found = balance_bed(bed, friction, reach=gap, tolerance=tolerance)
     return _dataset(packing, bed, found, {"friction": friction, "gap": gap, "tolerance": tolerance})
+
+
+def _guess_forces(bed: Bed, friction: float, reach: float) -> None:
+    """Let the bed keep forces that nearly balance it, with which the search for the best ones begins."""
+    bed.find(reach, 0.0)
+    forces, rows = np.zeros((bed.m, 3)), bed.rows
+    gauss_seidel_forces(
+        rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, forces, np.zeros(bed.m),
+        friction=friction, skin=0.0, iterations=GUESS,
+    )  # fmt: skip
+    bed.keep_forces(forces)
 
 
 def balance_bed(bed: Bed, friction: float, *, reach: float, tolerance: float, iterations: int = ITERATIONS) -> Balance:
