@@ -59,7 +59,8 @@ variable energy equal ke
 """)
 for _ in range(round(LONGEST)):
     run.command(f"run {round(1.0 / step)} post no")
-    if run.extract_variable("energy") / n < CALM:
+    # the mean of a grain, since energies of these units are divided by the number of grains
+    if run.extract_variable("energy") < CALM:
         break
 found = np.array(run.gather_atoms("x", 1, 3)).reshape(n, 3)
 sys.stdout.write(f"{time.process_time() - began}\n")

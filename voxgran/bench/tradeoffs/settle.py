@@ -51,9 +51,9 @@ PEER_CASES = (
     ("MuJoCo", "mujoco", "300 polyhedra"),
 )
 #: solid fraction from which grains fall
-LOOSE = 0.15
+LOOSE = 0.2
 #: seconds after which a peer is stopped
-LONGEST = 120
+LONGEST = 90
 
 
 @dataclass(frozen=True, slots=True)
