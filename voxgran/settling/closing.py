@@ -36,7 +36,7 @@ def close_round(bed: Bed, turn: int) -> int:
         by_grid[p] = gap[pairs.first[p] : pairs.first[p] + pairs.count[p]].min() + pairs.room[p]
     exact, proven, mixed = bed.finders.prove(bed.grains, pairs, rows, EXACT)
     known = np.isfinite(by_grid) & np.isfinite(exact) & proven
-    pairs.room[known] = np.clip(by_grid - exact, LEAST, MOST)[known]
+    pairs.room[known] = np.clip(by_grid[known] - exact[known], LEAST, MOST)
     wrong = mixed & ~proven
     more = FIRST_ROOM if turn == 0 else MORE_ROOM
     least = np.where(np.isfinite(by_grid), np.maximum(pairs.room, by_grid), pairs.room)

@@ -5,6 +5,8 @@ import numpy as np
 from voxgran.settling.balance import gauss_seidel_forces
 from voxgran.settling.bed import Bed
 
+#: rounds after which a solution gets more iterations: in beds of many layers under load
+PATIENCE = 8
 #: iterations of a solution, and the farthest that a grain moves in one round
 ITERATIONS, MOST = 60, 0.02
 #: distance up to which contacts are looked at, beyond that which is kept
@@ -32,7 +34,7 @@ def part_grains(
             break
         accelerations, _ = gauss_seidel_forces(
             bed.rows.row, bed.rows.i, bed.rows.j, bed.m, bed.bodies, nowhere, np.zeros((bed.m, 3)), bed.gap.copy(),
-            friction=0.0, skin=0.0, iterations=ITERATIONS,
+            friction=0.0, skin=0.0, iterations=ITERATIONS * (1 + turn // PATIENCE),
         )  # fmt: skip
         bed.move(accelerations, most)
     return smallest + distance

@@ -30,6 +30,8 @@ GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED = range(8)
 KEPT, TOUCHING = 5e-4, 1e-3
 #: sinking in a unit of time, and kinetic energy, below which the fall ends; units of time that it lasts at least
 SINKING, ENERGY, SHORTEST = 0.05, 0.05, 4.0
+#: speed of grains that move fast, in sqrt(g d), and their share from which on the fall goes on
+FAST, FEW = 0.2, 0.05
 #: units of time that the fall lasts at least without friction, where beds creep
 CREEPING = 30.0
 #: surfaces move at most so far in a step of growth, which lasts at least so many steps
@@ -237,7 +239,7 @@ class Settler:
         shortest = SHORTEST if self.how.friction > 0.0 else CREEPING
         lasted = progress.stage_step + 1 >= shortest * unit
         # without friction grains go on trembling
-        calm = lasted and sunk < SINKING and (self.how.friction == 0.0 or self.bed.kinetic_energy < ENERGY)
+        calm = lasted and sunk < SINKING and (self.how.friction == 0.0 or self._is_slow())
         if not calm and progress.stage_step + 1 < self._fall_steps():
             return
         if progress.stage == FALL and self.how.shaking is not None:
@@ -245,6 +247,11 @@ class Settler:
             return
         stop_falling(self.bed, self._fall.step / self._fall.substeps)
         progress.stage, progress.length, progress.substep = STILL, self._manner.first, 0.0
+
+    def _is_slow(self) -> bool:
+        """Return whether the grains have little kinetic energy, and few of them move fast."""
+        speed = np.linalg.norm(self.bed.bodies[: self.bed.count, :3], axis=1)
+        return self.bed.kinetic_energy < ENERGY and float((speed > FAST).mean()) < FEW
 
     def _fall_steps(self) -> int:
         """Return the largest number of steps of a fall."""
