@@ -24,8 +24,8 @@ def references(table):
     return tomllib.loads(REFERENCES.read_text())[table]
 
 
-def task_of(method, shapes, container, *, count=None, sizes=None, seed=0, start=None, **parameters):
-    """Return the task of packing so many grains, ready to run, with parameters of the method."""
+def task_of(method, shapes, container, *, count=None, sizes=None, seed=0, start=None, settle=False, **parameters):
+    """Return the task of packing so many grains, ready to run, with parameters of the method; they do not settle."""
     return prepare_task(
         shapes,
         container,
@@ -38,6 +38,7 @@ def task_of(method, shapes, container, *, count=None, sizes=None, seed=0, start=
         seed=seed,
         start=start,
         parameters=parameters,
+        settle=settle,
     )
 
 

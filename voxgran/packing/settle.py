@@ -284,8 +284,7 @@ def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
             if packed.gravity is None or not packed.count:
                 state.stop_reason = state.inner.stop_reason
                 return state
-            state.outer = begun(packed, how, problem.seed)
-            state.take_over()
+            state.begin(begun(packed, how, problem.seed))
         advance_settling(problem, state.outer, attempts)
         state.done, state.total = state.inner.done + state.outer.done, state.inner.total + state.outer.total
         state.stop_reason = state.outer.stop_reason
@@ -293,6 +292,9 @@ def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
 
     def finish(problem: Problem, state: SettledState) -> Packing:
         packed = method.finish(problem, state.inner)
+        if state.held is not None:
+            # a checkpoint of a run that had ended: nothing was advanced since
+            state.begin(begun(packed, how, problem.seed))
         return packed if state.outer is None else finished(packed, state.outer, how)
 
     def cost(problem: Problem) -> Cost:
@@ -391,12 +393,14 @@ class SettledState:
         self.inner.restore({name: arrays[name] for name in arrays if not name.startswith(PREFIX)}, made)
         self.outer, self.held = None, (outer[0], outer[1]) if outer[0] else None
 
-    def take_over(self) -> None:
-        """Give the state of the settling what a checkpoint held of it."""
-        if self.held is not None and self.outer is not None:
+    def begin(self, outer: SettleState) -> None:
+        """Begin to settle, or go on where a checkpoint left off."""
+        self.outer = outer
+        if self.held is not None:
             arrays, counters = self.held
-            self.outer.done, self.outer.total = int(counters.pop("done")), int(counters.pop("total"))
-            self.outer.restore(arrays, counters)
+            outer.done, outer.total = int(counters.pop("done")), int(counters.pop("total"))
+            outer.restore(arrays, counters)
+            outer.stop_reason = self.stop_reason
             self.held = None
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly, Lid
-from voxgran.settling.contact_rows import ROW, ContactRows, Grains, PairList
+from voxgran.settling.contact_rows import MASS_ACROSS, ROW, ContactRows, Grains, PairList
 from voxgran.settling.finding.finders import ContactFinders, kinds_of
 from voxgran.settling.impulses import move_bodies, write_matrices
 from voxgran.settling.pair_list import no_pairs, renewed
@@ -118,6 +118,8 @@ class Bed:
             for place, old in zip(places, before, strict=True):
                 place[:] = old
         self.m = found
+        # nothing of former steps is left in what solvers write
+        self.rows.row[:found, MASS_ACROSS] = 0.0
 
     def _found(self, margin: float, rest: float) -> int:
         """Return the number of contacts, or -1 where they are more than the rows."""
@@ -223,6 +225,9 @@ class Bed:
             "row": self.rows.row[: self.m],
             "row_i": self.rows.i[: self.m],
             "row_j": self.rows.j[: self.m],
+            # where rows are too few, the search begins again, and what it remembers of pairs changes
+            "row_room": np.array(len(self.rows.row)),
+            "listed": np.array(self.listed),
             "wall_first": self.wall_first,
             "wall_count": self.wall_count,
             "lid_level": np.array(self.lid_level),
@@ -242,9 +247,9 @@ class Bed:
         self.bounding = self.assembly.bounding_radii[self.order].copy()
         self.diameter = self.assembly.diameters[self.order].copy()
         self.pairs = PairList(*(held[f"pair_{name}"] for name in PairList._fields))
-        self.listed = True
+        self.listed = bool(held["listed"])
         self.m = len(held["row"])
-        self.rows = _no_rows(2 * self.m + 64)
+        self.rows = _no_rows(int(held["row_room"]))
         self.rows.row[: self.m], self.rows.i[: self.m], self.rows.j[: self.m] = (
             held["row"],
             held["row_i"],

@@ -13,6 +13,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
+from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
@@ -168,7 +169,14 @@ class Settler:
         """Make the next step."""
         progress = self.progress
         stage = progress.stage
-        _STEPS[stage](self)
+        kept = self._kept() if stage in _LONG else None
+        try:
+            _STEPS[stage](self)
+        except Stopped:
+            # what the step has done is lost: the next one begins where it began
+            if kept is not None:
+                self.restore(*kept)
+            raise
         progress.step += 1
         progress.stage_step = progress.stage_step + 1 if progress.stage == stage else 0
 
@@ -192,6 +200,10 @@ class Settler:
             setattr(self.progress, name, int(counters[name]))
         self.bed.finders.exact = bool(self.progress.exact)
         self.bed.restore({name: array for name, array in arrays.items() if name not in _ARRAYS})
+
+    def _kept(self) -> tuple[dict[str, Any], dict[str, int]]:
+        """Return copies of all arrays and counters."""
+        return {name: np.array(array) for name, array in self.arrays.items()}, self.counters
 
     @property
     def report(self) -> dict[str, float]:
@@ -377,3 +389,5 @@ _STEPS = {
     GROWTH: Settler._grow, START: Settler._begin, FALL: Settler._drop, SHAKING: Settler._shake, AGAIN: Settler._drop,
     STILL: Settler._rest, CLOSING: Settler._close,
 }  # fmt: skip
+#: stages whose steps may be stopped in their midst
+_LONG = (START, STILL, CLOSING)

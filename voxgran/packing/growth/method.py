@@ -16,6 +16,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter, to_mapping
+from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.packing.gravity import gravity_text, gravity_vector
@@ -64,8 +65,13 @@ def prepare(problem: Problem) -> SettleState:
     Raises
     ------
     InputError
-        If gravity points along a periodic axis, a shape is an open surface, or seeds find no place.
+        If gravity points along a periodic axis, a shape is an open surface, seeds find no place, or there is a start.
     """
+    if problem.start is not None:
+        raise InputError(
+            f"start has {len(problem.start.position)} grains: method 'gravity' grows all grains from seeds; give "
+            "method='digital' or 'control_point', which pack around a start"
+        )
     assembly, small, gravity = _start(problem)
     how = settling_of(problem.parameters)
     settler = Settler(with_lid(assembly, how, gravity), how, gravity, seed=problem.seed, small=small)

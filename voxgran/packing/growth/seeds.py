@@ -39,6 +39,8 @@ def random_seeds(
         If there is no place for some that are a hundred times smaller.
     """
     n = len(radii)
+    if not n:
+        return np.zeros((0, 3)), radii.copy()
     order, radii = np.argsort(-radii, kind="stable"), radii.copy()
     centers, cells = np.zeros((n, 3)), _cells(container, radii)
     placed, smallest = 0, 1e-2 * float(radii.min(initial=1.0))
