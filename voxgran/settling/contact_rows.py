@@ -74,7 +74,10 @@ class ContactRows(NamedTuple):
 
 
 @bare_kernel
-def write_contact(rows, m, i, j, nx, ny, nz, ax, ay, az, bx, by, bz, gap, first, count, within):  # type: ignore[no-untyped-def]
+def write_contact(
+    rows: ContactRows, m: int, i: int, j: int, nx: float, ny: float, nz: float, ax: float, ay: float, az: float,
+    bx: float, by: float, bz: float, gap: float, first: int, count: int, within: float,
+) -> None:  # fmt: skip
     """Write row m: normal n from i to j, arms a and b from the centroids, and the gap.
 
     first, count: the old rows of the same pair, of which the nearest that no other took passes on its impulses if its

@@ -23,7 +23,7 @@ LEFT, GAIN, LOSS = 2.5e-4, 0.9478, 0.0522
 
 
 @bare_kernel
-def add_impulse(b, rx, ry, rz, px, py, pz):  # type: ignore[no-untyped-def]
+def add_impulse(b: Floats, rx: float, ry: float, rz: float, px: float, py: float, pz: float) -> None:
     """Add an impulse p at an arm r to the velocities of a body."""
     m, t = b[6], b[7]
     b[0] += m * px
@@ -35,7 +35,10 @@ def add_impulse(b, rx, ry, rz, px, py, pz):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def add_to_partner(bodies, j, n, ax, ay, az, rx, ry, rz, px, py, pz):  # type: ignore[no-untyped-def]
+def add_to_partner(
+    bodies: Floats, j: int, n: int, ax: float, ay: float, az: float, rx: float, ry: float, rz: float, px: float,
+    py: float, pz: float,
+) -> None:  # fmt: skip
     """Add an impulse to a partner: a grain, or the lid (j == n), which moves along a only."""
     b = bodies[j]
     if j < n:
@@ -48,7 +51,7 @@ def add_to_partner(bodies, j, n, ax, ay, az, rx, ry, rz, px, py, pz):  # type: i
 
 
 @bare_kernel
-def effective_masses(row, a, b, paired):  # type: ignore[no-untyped-def]
+def effective_masses(row: Floats, a: Floats, b: Floats, paired: bool) -> tuple[float, float]:
     """Return the inverse effective masses of a contact along its normal and across it; b counts where `paired`."""
     x, y, z = row[0], row[1], row[2]
     along = row[3] * x + row[4] * y + row[5] * z
@@ -178,7 +181,7 @@ def _note_approach(rows, bodies, m, approach):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def normal_velocity(row, b, arm):  # type: ignore[no-untyped-def]
+def normal_velocity(row: Floats, b: Floats, arm: int) -> float:
     """Return the velocity of a body at its arm, which begins in a column of the row, along the normal."""
     x, y, z = row[arm], row[arm + 1], row[arm + 2]
     return (
@@ -271,7 +274,7 @@ def move_bodies(position: Floats, orientation: Floats, matrix: Floats, motion: F
 
 
 @bare_kernel
-def rotate(q, matrix):  # type: ignore[no-untyped-def]
+def rotate(q: Floats, matrix: Floats) -> None:
     """Write the rotation matrix of a unit quaternion."""
     a, b, c, d = q[0], q[1], q[2], q[3]
     matrix[0, 0] = 1.0 - 2.0 * (c * c + d * d)

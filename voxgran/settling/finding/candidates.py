@@ -2,8 +2,9 @@
 
 import math
 
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.settling.contact_rows import write_contact
+from voxgran.settling.contact_rows import ContactRows, write_contact
 
 #: distance of arms, in median diameters, up to which a contact takes over the impulses of an old one
 MATCH = 0.1
@@ -18,7 +19,9 @@ TURNED = 1000.0
 
 
 @bare_kernel
-def add_candidate(found, c, ax, ay, az, nx, ny, nz, gap):  # type: ignore[no-untyped-def]
+def add_candidate(
+    found: Floats, c: int, ax: float, ay: float, az: float, nx: float, ny: float, nz: float, gap: float,
+) -> int:  # fmt: skip
     """Add an arm, a normal and a gap to the candidates, of which there are c; return how many there are then."""
     if c == len(found):
         return c
@@ -28,7 +31,9 @@ def add_candidate(found, c, ax, ay, az, nx, ny, nz, gap):  # type: ignore[no-unt
 
 
 @bare_kernel
-def is_candidate(found, start, c, ax, ay, az, nx, ny, nz, near):  # type: ignore[no-untyped-def]
+def is_candidate(
+    found: Floats, start: int, c: int, ax: float, ay: float, az: float, nx: float, ny: float, nz: float, near: float,
+) -> bool:  # fmt: skip
     """Return whether candidates from `start` to c hold an arm, to a distance, with the same normal."""
     for k in range(start, c):
         row = found[k]
@@ -39,7 +44,7 @@ def is_candidate(found, start, c, ax, ay, az, nx, ny, nz, near):  # type: ignore
 
 
 @bare_kernel
-def choose_candidates(found, c, most, spread):  # type: ignore[no-untyped-def]
+def choose_candidates(found: Floats, c: int, most: int, spread: float) -> int:
     """Move those that are deep and at least `spread` apart to the front, at most so many; return how many they are.
 
     The deepest comes first. Of few candidates all are kept, in their order.
@@ -72,7 +77,10 @@ def choose_candidates(found, c, most, spread):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def write_candidates(rows, m, i, j, found, many, ox, oy, oz, first, count, beyond):  # type: ignore[no-untyped-def]
+def write_candidates(
+    rows: ContactRows, m: int, i: int, j: int, found: Floats, many: int, ox: float, oy: float, oz: float, first: int,
+    count: int, beyond: float,
+) -> int:  # fmt: skip
     """Write the first candidates as rows; return the next row, or -1 where they do not fit.
 
     o: centroid of j relative to that of i; at a wall, j < 0 or a lid, it is infinite and the arm on j is 0.

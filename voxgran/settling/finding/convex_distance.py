@@ -11,9 +11,12 @@ Two ellipsoids have smooth support functions, of which Newton's method on the un
 """
 
 import math
+from typing import TypeAlias
 
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.contacts.gjk import support
+from voxgran.settling.finding.convex_bodies import ConvexBodies, ConvexWork
 
 #: the kinds of `convex_bodies`, as numbers of `contacts.gjk`: the kernels below compare with 0, 1 and 2
 #: number of corners from which on the farthest is found by walking along edges
@@ -28,10 +31,15 @@ DIRECT, DISPLACED = 1e-5, 0.05
 MOST_ROUNDS = 40
 #: improvement of the gap, in inner radii, at which the rounds end
 STEADY = 1e-10
+#: a part of a grain: kind, grain, first corner, end of corners, first corner in the tables, radius
+Part: TypeAlias = tuple[int, int, int, int, int, float]
 
 
 @inlined_kernel
-def farthest_corner(corner, links, base, lo, hi, at, x, y, z):  # type: ignore[no-untyped-def]
+def farthest_corner(
+    corner: Floats, links: tuple[Integers, Integers], base: int, lo: int, hi: int, at: int, x: float, y: float,
+    z: float,
+) -> int:  # fmt: skip
     """Return which corner lo ... hi - 1 is farthest along a direction; many are walked through from corner `at`."""
     if hi - lo < WALK:
         at, most = lo, corner[lo, 0] * x + corner[lo, 1] * y + corner[lo, 2] * z
@@ -55,7 +63,10 @@ def farthest_corner(corner, links, base, lo, hi, at, x, y, z):  # type: ignore[n
 
 
 @bare_kernel
-def core_support(corner, links, row, part, at, x, y, z, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+def core_support(
+    corner: Floats, links: tuple[Integers, Integers], row: Floats, part: Part, at: int, x: float, y: float, z: float,
+    ellipsoids: object, rounds: object,
+) -> tuple[float, float, float, int]:  # fmt: skip
     """Return the support point of the core of a part along a direction, and which corner it is.
 
     A part is (kind, grain, first corner, end of corners, first corner in the tables, radius); `at` is a corner of it.
@@ -70,7 +81,10 @@ def core_support(corner, links, row, part, at, x, y, z, ellipsoids, rounds):  # 
 
 
 @bare_kernel
-def gap_along(bodies, work, one, two, offset, x, y, z, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+def gap_along(
+    bodies: ConvexBodies, work: ConvexWork, one: Part, two: Part, offset: Floats, x: float, y: float, z: float,
+    ellipsoids: object, rounds: object,
+) -> tuple[float, float]:  # fmt: skip
     """Return the gap of two parts along a unit vector, and the height of the first one's support point."""
     links = (bodies.link_first, bodies.link)
     px, py, pz, _ = core_support(work.corner, links, work.row, one, one[2], x, y, z, ellipsoids, rounds)
@@ -81,7 +95,10 @@ def gap_along(bodies, work, one, two, offset, x, y, z, ellipsoids, rounds):  # t
 
 
 @bare_kernel
-def distance_along(bodies, work, one, two, ox, oy, oz, dx, dy, dz, limit, close, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+def distance_along(
+    bodies: ConvexBodies, work: ConvexWork, one: Part, two: Part, ox: float, oy: float, oz: float, dx: float,
+    dy: float, dz: float, limit: float, close: float, ellipsoids: object, rounds: object,
+) -> float:  # fmt: skip
     """Return the distance of the cores of two parts, of which the second lies at o; the first search goes along d.
 
     The vector of the distance and the nearest point on the first part are written to `near`. A lower bound above a
@@ -258,7 +275,10 @@ def _weigh_tetrahedron(w, weight, kept):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def part_gap(bodies, work, one, two, offset, normal, thick, limit, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+def part_gap(
+    bodies: ConvexBodies, work: ConvexWork, one: Part, two: Part, offset: Floats, normal: tuple[float, float, float],
+    thick: float, limit: float, ellipsoids: object, rounds: object,
+) -> tuple[float, float, float, float]:  # fmt: skip
     """Return the signed gap of two parts and the direction of it, which is first looked for along `normal`.
 
     The nearest point on the core of the first part is written to `work.near`, 3 to 5. A gap above the limit is a lower
@@ -311,7 +331,10 @@ def part_gap(bodies, work, one, two, offset, normal, thick, limit, ellipsoids, r
 
 
 @bare_kernel
-def ellipsoid_gap(form_one, radius_one, form_two, radius_two, offset, normal, limit, near):  # type: ignore[no-untyped-def]
+def ellipsoid_gap(
+    form_one: Floats, radius_one: float, form_two: Floats, radius_two: float, offset: Floats,
+    normal: tuple[float, float, float], limit: float, near: Floats,
+) -> tuple[float, float, float, float]:  # fmt: skip
     """Return the signed gap of two ellipsoids or spheres and its direction; the nearest point goes to `near`, 3 to 5.
 
     A form holds xx, yy, zz, xy, xz, yz of the matrix whose quadratic form is the square of the support function, zeros

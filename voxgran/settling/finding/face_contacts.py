@@ -10,8 +10,10 @@ Ends of cylinders and cones are polygons of points on the rim; their sides are s
 
 import math
 
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.settling.contact_rows import write_contact
+from voxgran.settling.contact_rows import ContactRows, Grains, write_contact
+from voxgran.settling.finding.convex_bodies import ConvexBodies, ConvexWork
 
 #: cosine of the largest angle between a face and the plane of contact
 FLAT = 0.5
@@ -27,9 +29,11 @@ STRIP = 0.02
 
 
 @bare_kernel
-def write_face_contacts(  # type: ignore[no-untyped-def]
-    grains, bodies, work, rows, m, i, j, offset, normal, reach, rest, thick, start, old, count, rounds,
-):  # fmt: skip
+def write_face_contacts(
+    grains: Grains, bodies: ConvexBodies, work: ConvexWork, rows: ContactRows, m: int, i: int, j: int, offset: Floats,
+    normal: tuple[float, float, float], reach: float, rest: float, thick: float, start: int, old: int, count: int,
+    rounds: object,
+) -> int:  # fmt: skip
     """Write rows m, ... for the faces of two solids along a normal; return the next row, -1 if there is no space.
 
     Rows from `start` on are those of the pair; old, count: its old rows.  rounds:

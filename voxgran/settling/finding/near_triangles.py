@@ -7,8 +7,10 @@ the grains have moved.
 import math
 
 from voxgran._base.kernels import bare_kernel
+from voxgran.settling.contact_rows import Grains
+from voxgran.settling.finding.distance_grids import SurfaceBodies
 from voxgran.settling.finding.surface_contacts import grid_bound, write_turn
-from voxgran.settling.finding.surface_memory import NEAR, copy_numbers, is_kept, motion_since
+from voxgran.settling.finding.surface_memory import NEAR, SurfaceWork, copy_numbers, is_kept, motion_since
 from voxgran.settling.finding.triangle_features import nearest_features, place_triangle
 
 #: distance beyond the margin within which triangles are listed
@@ -160,7 +162,9 @@ def _list_triangles(grains, bodies, work, i, j, reach, slack):  # type: ignore[n
 
 
 @bare_kernel
-def near_triangles(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyped-def]
+def near_triangles(
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, p: int, i: int, j: int, margin: float,
+) -> tuple[int, float]:  # fmt: skip
     """List in `work.found` the pairs of triangles that may be within a margin; return their number, -1 if they cross.
 
     The pose is in `work.now`. Returns too the distance that all others have at least.

@@ -11,7 +11,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran.settling.contact_rows import OUTLINE
+from voxgran.settling.contact_rows import OUTLINE, ContactRows, Grains, PairList
 from voxgran.settling.finding.candidates import add_candidate, choose_candidates, is_candidate, write_candidates
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -73,7 +73,10 @@ def outline_bodies(shapes: tuple[Shape, ...]) -> OutlineBodies:
 
 
 @kernel
-def find_outline_contacts(grains, bodies, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
+def find_outline_contacts(
+    grains: Grains, bodies: OutlineBodies, pairs: PairList, size: int, rows: ContactRows, m: int, margin: float,
+    rest: float,
+) -> int:  # fmt: skip
     """Write where polygons are near polygons and disks, from row m; return the next row, or -1 where rows are full.
 
     A contact has the normal from i to j, the arms of a point on each surface, and the gap minus `rest` and the room of

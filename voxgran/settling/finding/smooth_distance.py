@@ -7,6 +7,7 @@ straight segments about their axis.
 
 import math
 
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.settling.finding.wall_bodies import CONE, ELLIPSOID
 
@@ -15,7 +16,9 @@ HALVINGS = 70
 
 
 @bare_kernel
-def smooth_distance(kind, size, x, y, z):  # type: ignore[no-untyped-def]
+def smooth_distance(
+    kind: int, size: Floats, x: float, y: float, z: float,
+) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
     """Return the distance of a point from a smooth solid, negative inside, its nearest point, and the normal there."""
     if kind == ELLIPSOID:
         qx, qy, qz = _on_ellipsoid(size[0], size[1], size[2], x, y, z)

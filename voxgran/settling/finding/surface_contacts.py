@@ -7,10 +7,16 @@ and an edge that crosses an edge between their points is missed: gaps are too la
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
-from voxgran.settling.contact_rows import SURFACE
+from voxgran.settling.contact_rows import SURFACE, ContactRows, Grains, PairList
+from voxgran.settling.finding.distance_grids import SurfaceBodies
 from voxgran.settling.finding.surface_memory import (
     LEAVES,
+    SurfaceWork,
     copy_numbers,
     is_kept,
     motion_since,
@@ -72,7 +78,10 @@ def _grid_slope(grid, at, nx, ny, nz, cell, x, y, z):  # type: ignore[no-untyped
 
 
 @bare_kernel
-def grid_bound(grid, at, frame, corner, skin, first, last, x, y, z):  # type: ignore[no-untyped-def]
+def grid_bound(
+    grid: NDArray[np.float32], at: int, frame: Floats, corner: Floats, skin: Floats, first: int, last: int, x: float,
+    y: float, z: float,
+) -> float:  # fmt: skip
     """Return a lower bound of the distance of a point, in cells, from a body with a grid or of spheres first to last.
 
     A distance changes by no more than the way between two places, so that the error of the interpolation at a place
@@ -92,7 +101,7 @@ def grid_bound(grid, at, frame, corner, skin, first, last, x, y, z):  # type: ig
 
 
 @bare_kernel
-def write_turn(frame, way, pose, turn):  # type: ignore[no-untyped-def]
+def write_turn(frame: Floats, way: int, pose: Floats, turn: Floats) -> None:
     """Write the map of points of the other grain to the cells of the grid of a body: way 0 of j to i, 1 of i to j."""
     cell = frame[6]
     mine, theirs = pose[12 + way], pose[13 - way]
@@ -193,7 +202,9 @@ def _place(turn, scale, frame, way, offset, candidate, first, last):  # type: ig
 
 
 @bare_kernel
-def field_candidates(grains, bodies, work, p, i, j, offset, near):  # type: ignore[no-untyped-def]
+def field_candidates(
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, p: int, i: int, j: int, offset: Floats, near: float,
+) -> tuple[int, float]:  # fmt: skip
     """Write the candidates of a pair whose pose is in `work.now`; return their number and a bound of the gap."""
     pose, key, old = work.now, work.key[p, 0], work.pose[p, 0]
     kept = is_kept(key, i, j)
@@ -246,7 +257,10 @@ def field_candidates(grains, bodies, work, p, i, j, offset, near):  # type: igno
 
 
 @kernel
-def find_surface_contacts(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
+def find_surface_contacts(
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, pairs: PairList, size: int, rows: ContactRows, m: int,
+    margin: float, rest: float,
+) -> int:  # fmt: skip
     """Write the contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
     grains: `Grains`.  bodies: `SurfaceBodies` of their shapes.  work: `SurfaceWork` for at least `size` pairs.

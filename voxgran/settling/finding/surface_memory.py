@@ -5,14 +5,14 @@ long as this is less than what the list of near points or triangles allows, the 
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.settling.contact_rows import write_contact
+from voxgran.settling.contact_rows import ContactRows, PairList, write_contact
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 
 #: clusters that are kept of each grain of a pair, and pairs of triangles
@@ -84,7 +84,7 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
 
 
 @bare_kernel
-def write_pose(turn, scale, i, j, offset, pose):  # type: ignore[no-untyped-def]
+def write_pose(turn: Floats, scale: Floats, i: int, j: int, offset: Floats, pose: Floats) -> None:
     """Write offset and rotation of grain j in the frame of grain i, and both scales."""
     dx, dy, dz = offset[0], offset[1], offset[2]
     for r in range(3):
@@ -97,7 +97,7 @@ def write_pose(turn, scale, i, j, offset, pose):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def motion_since(pose, old, radius_i, radius_j):  # type: ignore[no-untyped-def]
+def motion_since(pose: Floats, old: Floats, radius_i: float, radius_j: float) -> float:
     """Return how far, at most, a point of one surface has moved relative to the other since an old pose."""
     way, turn = 0.0, 0.0
     for k in range(3):
@@ -110,26 +110,29 @@ def motion_since(pose, old, radius_i, radius_j):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def copy_numbers(target, source, count):  # type: ignore[no-untyped-def]
+def copy_numbers(target: NDArray[Any], source: NDArray[Any], count: int) -> None:
     """Copy the first numbers of a row."""
     for k in range(count):
         target[k] = source[k]
 
 
 @bare_kernel
-def is_kept(key, i, j):  # type: ignore[no-untyped-def]
+def is_kept(key: Integers, i: int, j: int) -> bool:
     """Return whether a row of the memory has the lists of a pair."""
     return key[0] == i and key[1] == j and key[2] >= 0
 
 
 @bare_kernel
-def spacing_of(radius_i, radius_j):  # type: ignore[no-untyped-def]
+def spacing_of(radius_i: float, radius_j: float) -> float:
     """Return how far apart the contact points of a pair are, at least, unless their normals differ."""
     return min(0.15, 0.15 * min(radius_i, radius_j))
 
 
 @bare_kernel
-def write_spread(rows, m, i, j, offset, candidate, k, most, near, less, spacing, first, count):  # type: ignore[no-untyped-def]
+def write_spread(
+    rows: ContactRows, m: int, i: int, j: int, offset: Floats, candidate: Floats, k: int, most: int, near: float,
+    less: float, spacing: float, first: int, count: int,
+) -> int:  # fmt: skip
     """Write the deepest of k candidates that are apart from each other, at most `most`; return the new number of rows.
 
     offset: (3,) from centroid i to j.  near: largest gap.  less: what is subtracted from the gaps.  first, count: the
@@ -165,7 +168,7 @@ def write_spread(rows, m, i, j, offset, candidate, k, most, near, less, spacing,
 
 
 @bare_kernel
-def restore(pairs, saved, last):  # type: ignore[no-untyped-def]
+def restore(pairs: PairList, saved: Integers, last: int) -> None:
     """Give the pairs up to `last` that were looked at their old rows back."""
     for p in range(last + 1):
         if saved[p, 0] >= 0:

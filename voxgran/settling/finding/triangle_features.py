@@ -7,15 +7,17 @@ edge leads nearer to the other surface.
 
 import math
 
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.tree import closest_on_triangle
+from voxgran.settling.finding.distance_grids import SurfaceBodies
 
 #: sine by which a direction may leave a normal cone, where the other feature is a face, and else
 WIDE, NARROW = 0.5, 0.05
 
 
 @bare_kernel
-def place_triangle(corner, t, pose, stretch, placed, k):  # type: ignore[no-untyped-def]
+def place_triangle(corner: Floats, t: int, pose: Floats, stretch: float, placed: Floats, k: int) -> None:
     """Write triangle t of j in the frame and unit of i."""
     for c in range(3):
         x, y, z = corner[t, c, 0] * stretch, corner[t, c, 1] * stretch, corner[t, c, 2] * stretch
@@ -59,7 +61,9 @@ def _keep(points, best, ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def nearest_features(one, a, other, b, points, limit, pierce):  # type: ignore[no-untyped-def]
+def nearest_features(
+    one: Floats, a: int, other: Floats, b: int, points: Floats, limit: float, pierce: bool,
+) -> tuple[float, int, int]:  # fmt: skip
     """Return squared distance and features of the nearest points of triangles one[a] and other[b], written to points.
 
     limit: distance beyond which the points are not wanted: the features are then -1 and the square is a lower bound, at
@@ -180,7 +184,10 @@ def _in_cone(corner, pseudo, fan, fan_rows, t, feature, x, y, z, slack):  # type
 
 
 @bare_kernel
-def is_minimum(bodies, s, mine, t, theirs, pose, x, y, z, solid_i, solid_j):  # type: ignore[no-untyped-def]
+def is_minimum(
+    bodies: SurfaceBodies, s: int, mine: int, t: int, theirs: int, pose: Floats, x: float, y: float, z: float,
+    solid_i: int, solid_j: int,
+) -> bool:  # fmt: skip
     """Return whether the nearest points of triangles s of i and t of j are a minimum, up to a few degrees.
 
     (x, y, z): unit direction from i to j in the frame of i.  solid_i, solid_j: 0 for spheres, which have no cones.

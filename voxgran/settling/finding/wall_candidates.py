@@ -7,9 +7,10 @@ equation with one root above the largest squared semi-axis (Golub 1973, doi:10.1
 
 import math
 
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.settling.finding.candidates import add_candidate
-from voxgran.settling.finding.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS
+from voxgran.settling.finding.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS, WallBodies
 
 #: halvings of the bracket of a root, after which it has the width of rounding
 HALVINGS = 70
@@ -20,7 +21,7 @@ SAME = 0.98
 
 
 @bare_kernel
-def support_of(kind, size, ring, vx, vy, vz):  # type: ignore[no-untyped-def]
+def support_of(kind: int, size: Floats, ring: int, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
     """Return the support point of an ellipsoid, or of a rim of a cylinder or cone, in its own axes.
 
     Along the axis of a rim, where all of its points are equal, it is the middle of the rim.
@@ -36,13 +37,13 @@ def support_of(kind, size, ring, vx, vy, vz):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def rings_of(kind):  # type: ignore[no-untyped-def]
+def rings_of(kind: int) -> int:
     """Return how many smooth curves or surfaces of a kind have support points."""
     return 0 if kind == POINTS else (2 if kind == CYLINDER else 1)
 
 
 @bare_kernel
-def set_frame(bodies, shape, matrix):  # type: ignore[no-untyped-def]
+def set_frame(bodies: WallBodies, shape: int, matrix: Floats) -> None:
     """Write the axes of a smooth solid in space."""
     turn, frame = bodies.turn[shape], bodies.frame
     for i in range(3):
@@ -51,7 +52,9 @@ def set_frame(bodies, shape, matrix):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def support_arm(bodies, shape, scale, ring, nx, ny, nz):  # type: ignore[no-untyped-def]
+def support_arm(
+    bodies: WallBodies, shape: int, scale: float, ring: int, nx: float, ny: float, nz: float,
+) -> tuple[float, float, float]:  # fmt: skip
     """Return the arm of the support point along a normal, of a smooth solid whose frame is set."""
     w = bodies.frame
     vx, vy, vz = (
@@ -68,7 +71,10 @@ def support_arm(bodies, shape, scale, ring, nx, ny, nz):  # type: ignore[no-unty
 
 
 @bare_kernel
-def near_plane(bodies, shape, scale, m, nx, ny, nz, room, reach, smooth):  # type: ignore[no-untyped-def]
+def near_plane(
+    bodies: WallBodies, shape: int, scale: float, m: Floats, nx: float, ny: float, nz: float, room: float,
+    reach: float, smooth: object,
+) -> int:  # fmt: skip
     """Write the points within reach of a plane with a normal, `room` from the centroid; return how many there are.
 
     smooth: None where no shape is a smooth solid.
@@ -102,7 +108,10 @@ def near_plane(bodies, shape, scale, m, nx, ny, nz, room, reach, smooth):  # typ
 
 
 @bare_kernel
-def near_round(bodies, shape, scale, m, dx, dy, dz, flat, radius, reach, smooth):  # type: ignore[no-untyped-def]
+def near_round(
+    bodies: WallBodies, shape: int, scale: float, m: Floats, dx: float, dy: float, dz: float, flat: int, radius: float,
+    reach: float, smooth: object,
+) -> int:  # fmt: skip
     """Write the points within reach of a round wall about the origin; return how many there are.
 
     The centroid is at (dx, dy, dz). The wall is a cylinder about the z axis if `flat` is 0, a sphere if it is 1.
