@@ -1,0 +1,78 @@
+"""Seeds in a column, and the beds that grow from them."""
+
+import numpy as np
+import pytest
+from scipy.stats import spearmanr
+
+import voxgran as vg
+from voxgran._base.errors import InputError, PackingWarning
+from voxgran.packing.growth.seeds import column_top, random_seeds
+
+SPHERE = vg.make_shape("sphere")
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    "container",
+    [vg.Box((6, 6, 8), periodic="xy"), vg.Box((6, 6, 8)), vg.Cylinder(radius=3.0, height=8.0), vg.Sphere(radius=4.0)],
+    ids=["periodic", "walls", "cylinder", "sphere"],
+)
+def test_seeds_do_not_overlap(container):
+    """Nor do they reach beyond a wall or the top of the column; large and small ones are mixed."""
+    generator = np.random.default_rng(3)
+    radii = np.exp(generator.normal(-1.2, 0.5, 150))
+    lower = np.array(container.bounds[0])
+    top = float(lower[2] + 6.0)
+    centers, made = random_seeds(container, radii, up=UP, top=top, generator=generator)
+    packing = vg.Packing.of([SPHERE], container, position=centers, scale=2 * made)
+    assert packing.verify(tolerance=1e-12).ok
+    assert (centers @ UP + made <= top + 1e-12).all()
+    assert (made <= radii).all()
+
+
+def test_seeds_without_room_become_smaller_and_then_are_refused():
+    generator = np.random.default_rng(1)
+    box = vg.Box((2, 2, 2))
+    centers, made = random_seeds(box, np.full(30, 0.5), up=UP, top=2.0, generator=generator)
+    assert made.min() < 0.5
+    assert vg.Packing.of([SPHERE], box, position=centers, scale=2 * made).verify(tolerance=1e-12).ok
+    with pytest.raises(InputError, match="find no place for their seeds"):
+        random_seeds(vg.Box((2, 2, 9)), np.full(30, 0.5), up=UP, top=0.001, generator=generator)
+
+
+def test_the_column_holds_the_volume():
+    """A box to the share of its height, a sphere to the height of its cap."""
+    generator = np.random.default_rng(2)
+    box = vg.Box((3, 4, 10))
+    level = column_top(box, UP, 0.4 * box.volume, generator) - box.bounds[0][2]
+    assert level == pytest.approx(4.0, abs=0.1)
+    ball = vg.Sphere(radius=2.0)
+    middle = column_top(ball, UP, 0.5 * ball.volume, generator)
+    assert middle == pytest.approx(float(np.mean(ball.bounds, axis=0)[2]), abs=0.06)
+
+
+def test_beds_of_graded_spheres_are_not_sorted():
+    """Spearman's correlation of diameter and height; 200 lognormal spheres."""
+    sizes = vg.sizes.lognormal(median=1.0, sigma=0.3)
+    for seed in range(2):
+        bed = vg.pack(SPHERE, vg.Box((6, 6, 20), periodic="xy"), "gravity", count=200, sizes=sizes, seed=seed)
+        assert bed.stop_reason == "settled"
+        assert bed.verify().ok
+        assert abs(spearmanr(bed.diameters, bed.position[:, 2])[0]) < 0.15
+
+
+def test_more_grains_than_fit_are_left_out():
+    with pytest.warns(PackingWarning, match="were placed"):
+        bed = vg.pack(SPHERE, vg.Box((3, 3, 3)), "gravity", count=40)
+    assert bed.stop_reason == "full"
+    assert bed.count == 30
+    assert bed.verify().ok
+
+
+def test_a_looser_column_falls_farther():
+    """The same grains from a column of half the solid fraction come to rest as well."""
+    for fill in (0.25, 0.5):
+        bed = vg.pack(SPHERE, vg.Box((5, 5, 20), periodic="xy"), "gravity", count=80, fill=fill)
+        assert bed.stop_reason == "settled"
+    with pytest.raises(InputError, match="fill is 0.9"):
+        vg.pack(SPHERE, vg.Box((5, 5, 20)), "gravity", count=80, fill=0.9)
