@@ -34,11 +34,12 @@ class SurfaceWork(NamedTuple):
     the frame of i, both scales, the distance beyond which nothing was listed; from column 16 on the direction in which
     the triangles were nearest.  key: (cap, 2, 4): i, j, and the
     lengths of the lists, -1 without a list.  leaf: (cap, 2 LEAVES) clusters of j, then of i.  near: (cap, NEAR, 2)
-    triangles of i and of j, and apart: (cap, NEAR) lower bounds of their distances.  saved: (cap, 2) first and count before a call.
+    triangles of i and of j, and apart: (cap, NEAR) lower bounds of their distances.  saved: (cap, 2) first and
+    count before a call.
     candidate: (LISTED, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (28,) a pose and an
     offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) clusters or leaves.  found: (LISTED, 3) and
     found_apart: (LISTED,) pairs of triangles.  stack: (256,), points: (16,): of searches.  placed: (2, t, 3, 3),
-    plane: (2, t, 8) and number: (2, t): triangles of j and of i in the frame of i.
+    plane: (2, t, 9) and number: (2, t): triangles of j and of i in the frame of i.
     """
 
     gap: Floats
@@ -84,7 +85,7 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
         stack=np.zeros(256, dtype=np.int64),
         points=np.zeros(16),
         placed=np.zeros((2, int(counts[3]), 3, 3)),
-        plane=np.zeros((2, int(counts[3]), 8)),
+        plane=np.zeros((2, int(counts[3]), 9)),
         number=np.zeros((2, int(counts[3])), dtype=np.int64),
     )
 

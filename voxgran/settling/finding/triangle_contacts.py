@@ -3,7 +3,8 @@
 The pairs of triangles that are near each other are listed by a traversal of both box trees, and the list is kept until
 the grains have moved. Contact points are the nearest points of features: corner and face, edge and edge, and so on;
 those that are no minima of the distance, as their direction is not in the normal cones of both features, are left out.
-The least gap is the distance of the surfaces. Where surfaces cross, points and directions come from the grids.
+The least gap is the distance of the surfaces. Where surfaces cross a little, the depths of corners behind faces and of
+edges behind edges are negative gaps; where they cross deeply, points and directions come from the grids.
 """
 
 import math
@@ -197,8 +198,8 @@ def _crossing_candidates(grains, bodies, work, p, i, j, offset, margin):  # type
 def find_triangle_contacts(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
     """Write the exact contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
-    Arguments and the value -1 are those of :func:`voxgran.settling.finding.surface_contacts.find_surface_contacts`; the room of
-    a pair is not subtracted. The gaps of the pairs and whether they are proven to be separate are in `work.gap` and
+    Arguments and the value -1 are those of
+    :func:`voxgran.settling.finding.surface_contacts.find_surface_contacts`; the room of a pair is not subtracted. The gaps of the pairs and whether they are proven to be separate are in `work.gap` and
     `work.proven`. What is remembered does not depend on `pairs.bound`, which is written, not read: the gaps of the
     other finder are too large. If m is -1 no rows are written and `pairs` is left as it is.
     """

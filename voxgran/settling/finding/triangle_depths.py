@@ -33,7 +33,7 @@ def _over_face(one, a, normal, x, y, z):  # type: ignore[no-untyped-def]
 def _between_edges(one, a, c, other, b, d, pseudo, points):  # type: ignore[no-untyped-def]
     """Return the height of edge d of other[b] over edge c of one[a], 1e9 if their nearest points are no inner ones.
 
-    pseudo: the direction outwards at the edge of one.  points: the place on one[a] (3) and the direction (3) are written.
+    pseudo: the direction outwards at the edge of one.  points: place on one[a] (3) and direction (3), written.
     """
     c2, d2 = (c + 1) % 3, (d + 1) % 3
     px, py, pz = one[a, c, 0], one[a, c, 1], one[a, c, 2]
@@ -146,9 +146,7 @@ def crossing_depths(grains, bodies, work, count, i, j, margin):  # type: ignore[
     for q in range(count):
         s, t = work.found[q, 0], work.found[q, 1]
         place_triangle(bodies.corner, t, pose, pose[13] / unit, work.placed[0], 0)
-        many = _pair_depths(
-            bodies, s, t, pose, work.placed[0], work.points, candidate, many, deepest, margin / unit
-        )
+        many = _pair_depths(bodies, s, t, pose, work.placed[0], work.points, candidate, many, deepest, margin / unit)
         if many > 1024:
             break
     kept, low = 0, 1e9

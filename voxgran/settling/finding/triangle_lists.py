@@ -52,8 +52,8 @@ def _list_leaves(  # type: ignore[no-untyped-def]
 def _place_leaves(bodies, listed, count, pose, move, placed, plane, number):  # type: ignore[no-untyped-def]
     """Write the triangles of leaves: corners, bounding spheres, normals and skins; return how many they are.
 
-    move: whether they are those of j, whose corners are turned to the frame and unit of i.  plane: (t, 8) center (3)
-    and radius of the bounding sphere, unit normal (3), skin.  number: (t,) triangles.
+    move: whether they are those of j, whose corners are turned to the frame and unit of i.  plane: (t, 9) center (3)
+    and radius of the bounding sphere, unit normal (3), skin, height of the plane.  number: (t,) triangles.
     """
     stretch, many = pose[13] / pose[12], 0
     for m in range(count):
@@ -74,6 +74,8 @@ def _place_leaves(bodies, listed, count, pose, move, placed, plane, number):  # 
                     for q in range(3):
                         placed[many, q, r] = bodies.corner[t, q, r]
             row[3], row[7] = (skin[4] * stretch, skin[0] * stretch) if move else (skin[4], skin[0])
+            first = placed[many, 0]
+            row[8] = row[4] * first[0] + row[5] * first[1] + row[6] * first[2]
             number[many] = t
             many += 1
     return many
@@ -96,7 +98,7 @@ def _sort_out(placed, plane, number, many, x, y, z, level, sign):  # type: ignor
             for c in range(3):
                 for r in range(3):
                     placed[kept, c, r] = placed[n, c, r]
-            copy_numbers(plane[kept], plane[n], 8)
+            copy_numbers(plane[kept], plane[n], 9)
             number[kept] = number[n]
         kept += 1
     return kept
@@ -163,17 +165,39 @@ def _bound_of(mine, my_plane, n, theirs, their_plane, m, reach, slack):  # type:
 
 
 @bare_kernel
+def _mean_normal(plane, many, others):  # type: ignore[no-untyped-def]
+    """Return the sum of the normals of the triangles of i less that of the triangles of j."""
+    x, y, z = 0.0, 0.0, 0.0
+    for n in range(many):
+        x, y, z = x + plane[1, n, 4] / many, y + plane[1, n, 5] / many, z + plane[1, n, 6] / many
+    for m in range(others):
+        x, y, z = x - plane[0, m, 4] / others, y - plane[0, m, 5] / others, z - plane[0, m, 6] / others
+    return x, y, z
+
+
+@bare_kernel
 def _pair_triangles(work, others, many, unit, reach, slack):  # type: ignore[no-untyped-def]
     """List the pairs of placed triangles that may be within reach; return their number, -1 if they are too many."""
     count = 0
     mine, my_plane, theirs, their_plane = work.placed[1], work.plane[1], work.placed[0], work.plane[0]
+    wide, behind = reach / unit, slack / unit
     for n in range(many):
-        x, y, z, radius = my_plane[n, 0], my_plane[n, 1], my_plane[n, 2], my_plane[n, 3] + reach / unit
+        one = my_plane[n]
+        x, y, z, radius = one[0], one[1], one[2], one[3] + wide
+        nx, ny, nz, level = one[4], one[5], one[6], one[8]
         for m in range(others):
-            square = (their_plane[m, 0] - x) ** 2 + (their_plane[m, 1] - y) ** 2 + (their_plane[m, 2] - z) ** 2
-            if square > (radius + their_plane[m, 3]) ** 2:
+            other = their_plane[m]
+            u, v, w, far = other[0], other[1], other[2], other[3]
+            if (u - x) ** 2 + (v - y) ** 2 + (w - z) ** 2 > (radius + far) ** 2:
                 continue
-            bound = _bound_of(mine, my_plane, n, theirs, their_plane, m, reach / unit, slack / unit)
+            # the sphere around each triangle must reach before the plane of the other, and near it
+            height = nx * u + ny * v + nz * w - level
+            if height < -far - behind or height > far + one[7] + wide:
+                continue
+            height = other[4] * x + other[5] * y + other[6] * z - other[8]
+            if height < -one[3] - behind or height > radius + other[7]:
+                continue
+            bound = _bound_of(mine, my_plane, n, theirs, their_plane, m, wide, behind)
             if bound > 1e8:
                 continue
             if count >= len(work.found):
@@ -213,7 +237,11 @@ def _list_triangles(grains, bodies, work, i, j, reach, slack, known):  # type: i
         else:
             many = count
     for turn in range(2):
-        x, y, z = (pose[0], pose[1], pose[2]) if turn == 0 else (known[0], known[1], known[2])
+        x, y, z = pose[0], pose[1], pose[2]
+        if turn == 1:
+            x, y, z = known[0], known[1], known[2]
+            if x == 0.0 and y == 0.0 and z == 0.0:
+                x, y, z = _mean_normal(work.plane, many, others)
         length = math.sqrt(x * x + y * y + z * z)
         if length == 0.0:
             continue
