@@ -111,28 +111,6 @@ def test_a_corner_in_a_face_has_its_depth():
             assert work.proven[0] == (gap > 0)
 
 
-def test_rocks_that_are_pushed_into_each_other_are_as_deep_as_the_push(rocks):
-    shapes, bodies = rocks
-    grains, turns, pairs = couples(80, shapes, 3)
-    box = vg.Box((4000.0, 40.0, 40.0))
-    for k in range(3):
-        bring_near(shapes, grains, turns, pairs, box, np.random.Generator(np.random.Philox(k)))
-    work, rows = surface_work(bodies, 80), rows_of(MOST * 80)
-    find_triangle_contacts(grains, bodies, work, pairs, 80, rows, 0, 0.01, 0.0)
-    near = np.flatnonzero(work.proven[:80] & (work.gap[:80] < 0.01))
-    normal, gap = rows.row[pairs.first[near], :3].copy(), work.gap[near].copy()
-    depth = 3e-3
-    for p, way, far in zip(near, normal, gap, strict=True):
-        grains.position[pairs.j[p]] -= (far + depth) * way
-    find_triangle_contacts(grains, bodies, work, pairs, 80, rows, 0, 0.01, 0.0)
-    assert not work.proven[near].any()
-    deepest = rows.row[pairs.first[near]]
-    # other contacts of the pair may be a little deeper, or the edge may end
-    good = (np.abs(deepest[:, GAP] + depth) < 1e-9) & ((deepest[:, :3] * normal).sum(axis=1) > 0.999)
-    assert good.mean() > 0.7
-    assert (deepest[:, GAP] < -0.2 * depth).mean() > 0.95
-
-
 def test_faces_touch_at_their_corners():
     block = mesh_box((1.0, 1.0, 1.0))
     grains = grains_of([block], [0, 0], [[0, 0, 0], [0.3, 0.2, 1.001]], np.repeat(STRAIGHT, 2, axis=0))
