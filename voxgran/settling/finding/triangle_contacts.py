@@ -198,10 +198,10 @@ def _crossing_candidates(grains, bodies, work, p, i, j, offset, margin):  # type
 def find_triangle_contacts(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
     """Write the exact contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
-    Arguments and the value -1 are those of
-    :func:`voxgran.settling.finding.surface_contacts.find_surface_contacts`; the room of a pair is not subtracted. The gaps of the pairs and whether they are proven to be separate are in `work.gap` and
-    `work.proven`. What is remembered does not depend on `pairs.bound`, which is written, not read: the gaps of the
-    other finder are too large. If m is -1 no rows are written and `pairs` is left as it is.
+    Arguments and the value -1 are those of :func:`voxgran.settling.finding.surface_contacts.find_surface_contacts`;
+    the room of a pair is not subtracted. The gaps of the pairs and whether they are proven to be separate are in
+    `work.gap` and `work.proven`. What is remembered does not depend on `pairs.bound`, which is written, not read:
+    the gaps of the other finder are too large. If m is -1 no rows are written and `pairs` is left as it is.
     """
     offset, silent = work.now[16:19], m < 0
     for p in range(size):
