@@ -88,9 +88,27 @@ def test_edges_of_crossed_boxes_touch_at_one_place():
     np.testing.assert_allclose(rows.row[0, :10], [0, 0, 1, 0, 0, high / 2, 0, 0, -high / 2, 1e-3], atol=1e-12)
     grains.position[1, 2] = high - 1e-3
     rows, work, m = contacts(grains, bodies, pairs_of([0], [1]), 5e-3)
-    assert m > 0
-    assert rows.row[0, GAP] <= 0
+    # the height of one edge over the other goes on through zero
+    assert m == 1
+    np.testing.assert_allclose(rows.row[0, :10], [0, 0, 1, 0, 0, high / 2, 0, 0, -high / 2, -1e-3], atol=1e-12)
     assert not work.proven[0]
+
+
+def test_a_corner_in_a_face_has_its_depth():
+    block = mesh_box((1.0, 1.0, 1.0))
+    points = np.array([[0, 0, -1], [0.4, 0, 0], [-0.2, 0.35, 0], [-0.2, -0.35, 0]], dtype=float)
+    tip = vg.Shape.from_mesh(*hull(points)[:2])
+    low = float(tip.vertices[:, 2].min())
+    bodies = surface_bodies([block, tip])
+    for gap in (2e-3, -2e-3, -5e-3):
+        place = [[0, 0, 0], [0.1, 0.2, 0.5 - low + gap]]
+        for one, other in ((0, 1), (1, 0)):
+            grains = grains_of([block, tip], [one, other], [place[one], place[other]], np.repeat(STRAIGHT, 2, axis=0))
+            rows, work, m = contacts(grains, bodies, pairs_of([0], [1]), 4e-3)
+            assert m == 1
+            assert rows.row[0, GAP] == pytest.approx(gap, abs=1e-12)
+            np.testing.assert_allclose(rows.row[0, :3], [0, 0, 1 if one == 0 else -1], atol=1e-12)
+            assert work.proven[0] == (gap > 0)
 
 
 def test_faces_touch_at_their_corners():

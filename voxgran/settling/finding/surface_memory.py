@@ -30,13 +30,16 @@ class SurfaceWork(NamedTuple):
 
     gap: (cap,) exact distances of the surfaces at the last exact look: infinite beyond the margin, minus infinity where
     grains overlap.  proven: (cap,) whether the grains were proven to be separate.
-    pose: (cap, 2, 16) poses when the pair was listed, by points and by triangles: offset (3) and rotation (9) of j in
-    the frame of i, both scales, and the distance beyond which nothing was listed.  key: (cap, 2, 4): i, j, and the
+    pose: (cap, 2, 20) poses when the pair was listed, by points and by triangles: offset (3) and rotation (9) of j in
+    the frame of i, both scales, the distance beyond which nothing was listed; from column 16 on the direction in which
+    the triangles were nearest.  key: (cap, 2, 4): i, j, and the
     lengths of the lists, -1 without a list.  leaf: (cap, 2 LEAVES) clusters of j, then of i.  near: (cap, NEAR, 2)
-    triangles of i and of j, and apart: (cap, NEAR) their distances.  saved: (cap, 2) first and count before a call.
+    triangles of i and of j, and apart: (cap, NEAR) lower bounds of their distances.  saved: (cap, 2) first and
+    count before a call.
     candidate: (LISTED, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (28,) a pose and an
-    offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) clusters or leaves.  found: (LISTED, 2) and
-    found_apart: (LISTED,) pairs of triangles.  stack: (256,), placed: (3, 3, 3), points: (16,): of searches.
+    offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) clusters or leaves.  found: (LISTED, 3) and
+    found_apart: (LISTED,) pairs of triangles.  stack: (256,), points: (16,): of searches.  placed: (2, t, 3, 3),
+    plane: (2, t, 9) and number: (2, t): triangles of j and of i in the frame of i.
     """
 
     gap: Floats
@@ -54,8 +57,10 @@ class SurfaceWork(NamedTuple):
     found: Integers
     found_apart: Floats
     stack: Integers
-    placed: Floats
     points: Floats
+    placed: Floats
+    plane: Floats
+    number: Integers
 
 
 def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
@@ -65,7 +70,7 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
     return SurfaceWork(
         gap=np.full(cap, np.inf),
         proven=np.zeros(cap, dtype=np.bool_),
-        pose=np.zeros((cap, 2, 16)),
+        pose=np.zeros((cap, 2, 20)),
         key=np.full((cap, 2, 4), -1, dtype=np.int64),
         leaf=np.zeros((cap, 2 * LEAVES), dtype=np.int32),
         near=np.zeros((cap, NEAR, 2), dtype=np.int32),
@@ -75,11 +80,13 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
         now=np.zeros(28),
         turn=np.zeros((2, 12)),
         listed=np.zeros((2, int(counts.max())), dtype=np.int64),
-        found=np.zeros((LISTED, 2), dtype=np.int64),
+        found=np.zeros((LISTED, 3), dtype=np.int64),
         found_apart=np.zeros(LISTED),
         stack=np.zeros(256, dtype=np.int64),
-        placed=np.zeros((3, 3, 3)),
         points=np.zeros(16),
+        placed=np.zeros((2, int(counts[3]), 3, 3)),
+        plane=np.zeros((2, int(counts[3]), 9)),
+        number=np.zeros((2, int(counts[3])), dtype=np.int64),
     )
 
 

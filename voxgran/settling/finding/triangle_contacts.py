@@ -3,7 +3,8 @@
 The pairs of triangles that are near each other are listed by a traversal of both box trees, and the list is kept until
 the grains have moved. Contact points are the nearest points of features: corner and face, edge and edge, and so on;
 those that are no minima of the distance, as their direction is not in the normal cones of both features, are left out.
-The least gap is the distance of the surfaces. Where surfaces cross, points and directions come from the grids.
+The least gap is the distance of the surfaces. Where surfaces cross a little, the depths of corners behind faces and of
+edges behind edges are negative gaps; where they cross deeply, points and directions come from the grids.
 """
 
 import math
@@ -15,7 +16,6 @@ from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.tree import is_behind, search_triangles
 from voxgran.settling.contact_rows import SURFACE, ContactRows, Grains, PairList
 from voxgran.settling.finding.distance_grids import SurfaceBodies
-from voxgran.settling.finding.near_triangles import near_triangles
 from voxgran.settling.finding.surface_contacts import field_candidates
 from voxgran.settling.finding.surface_memory import (
     SurfaceWork,
@@ -25,7 +25,9 @@ from voxgran.settling.finding.surface_memory import (
     write_pose,
     write_spread,
 )
+from voxgran.settling.finding.triangle_depths import crossing_depths
 from voxgran.settling.finding.triangle_features import is_minimum, nearest_features, place_triangle
+from voxgran.settling.finding.triangle_lists import near_triangles
 
 #: contact points of a pair, at most
 MOST = 8
@@ -36,15 +38,13 @@ ROUNDING = 1e-12
 
 
 @bare_kernel
-def exact_candidates(
-    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, count: int, i: int, j: int, margin: float,
-) -> tuple[int, float]:  # fmt: skip
+def exact_candidates(grains, bodies, work, p, count, way, i, j, margin):  # type: ignore[no-untyped-def]
     """Write the contact points of listed pairs of triangles; return their number and the exact gap.
 
     The gap is -1e9 where triangles cross or the center of a sphere lies in a mesh, and 1e9 where none are within the
     margin.
     """
-    pose, points, placed = work.now, work.points, work.placed
+    pose, points, placed, apart = work.now, work.points, work.placed[0], work.apart[p]
     stretch, unit, turn = pose[13] / pose[12], pose[12], grains.matrix[i]
     solid_i, solid_j = bodies.frame[grains.shape[i], 7], bodies.frame[grains.shape[j], 7]
     pierce = solid_i != 0 and solid_j != 0
@@ -54,12 +54,15 @@ def exact_candidates(
         place_triangle(bodies.corner, t, pose, stretch, placed, 0)
         skin = bodies.skin[s, 0] + bodies.skin[t, 0] * stretch
         square, mine, theirs = nearest_features(bodies.corner, s, placed, 0, points, margin / unit + skin, pierce)
+        length = math.sqrt(square)
+        gap = (length - skin) * unit
+        if work.found[q, 2] >= 0:
+            # when the list was made the distance was at least this
+            apart[work.found[q, 2]] = max(apart[work.found[q, 2]], gap - way)
         if mine < 0:
             continue
-        length = math.sqrt(square)
         if length == 0.0:
             return 0, -1e9
-        gap = (length - skin) * unit
         dx, dy, dz = (
             (points[3] - points[0]) / length,
             (points[4] - points[1]) / length,
@@ -70,7 +73,9 @@ def exact_candidates(
             return 0, -1e9
         if not good and gap >= low:
             continue
-        low = min(low, gap)
+        if gap < low:
+            low = gap
+            work.pose[p, 1, 16], work.pose[p, 1, 17], work.pose[p, 1, 18] = dx, dy, dz
         best = min(best, gap) if good else best
         row = work.candidate[k] if good else spare
         inner = bodies.skin[s, 0]
@@ -147,11 +152,11 @@ def _exact_pair(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyp
 
     The gap is -1e9 where the grains overlap, or a bound of it beyond the margin.
     """
-    count, clear = near_triangles(grains, bodies, work, p, i, j, margin)
+    count, clear, way = near_triangles(grains, bodies, work, p, i, j, margin)
     if count < 0:
         # more triangles than are listed are near each other only where grains lie deep in each other
         return 0, -1e9
-    k, low = exact_candidates(grains, bodies, work, count, i, j, margin)
+    k, low = exact_candidates(grains, bodies, work, p, count, way, i, j, margin)
     if k == 0 and low > 0.0:
         if _is_inside(bodies, work, i, j, grains.shape):
             return 0, -1e9
@@ -162,7 +167,15 @@ def _exact_pair(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyp
 
 @bare_kernel
 def _crossing_candidates(grains, bodies, work, p, i, j, offset, margin):  # type: ignore[no-untyped-def]
-    """Write candidates of a pair that overlaps, from the grids, the least gap at most 0; return number and gap."""
+    """Write candidates of a pair that overlaps, the least gap at most 0; return number and gap.
+
+    They come from the triangles where surfaces cross a little, and else from the grids.
+    """
+    count, _, _ = near_triangles(grains, bodies, work, p, i, j, margin)
+    if count > 0:
+        k, least = crossing_depths(grains, bodies, work, count, i, j, margin)
+        if k > 0:
+            return k, least
     k, _ = field_candidates(grains, bodies, work, p, i, j, offset, margin + OVERSIGHT)
     least = 1e9
     for q in range(k):
