@@ -127,7 +127,8 @@ def pack(
         Given the packing whenever a snapshot is due, such as a :class:`Series` for ParaView.
     settle : bool, mapping or Settling, optional
         Whether the grains settle afterwards, as by :func:`settle`, or its parameters, such as ``dict(friction=0.3)``;
-        default: they do after methods that build beds under gravity, ``digital`` and ``control_point``.
+        default: they do after methods that build beds under gravity, ``digital`` and ``control_point``, unless a shape
+        is open, or grains are to keep a distance or to overlap.
     **parameters
         Parameters of the method, for a name.
 
@@ -287,9 +288,13 @@ def _settling_of(method: PackingMethod, problem: Problem, asked: Any) -> Settlin
     """
     pulled = hasattr(problem.parameters, "gravity") and bool(gravity_vector(problem).any())
     if asked is None:
+<<<<<<< HEAD
         # grains that may overlap, and surfaces without an inside, do not settle
         whole = not any(shape.is_open for shape in problem.shapes) and not getattr(problem.parameters, "overlap", 0.0)
         return Settling() if method.builds_bed and pulled and whole else None
+=======
+        return Settling() if method.builds_bed and pulled and _can_settle(problem) else None
+>>>>>>> 9255baeb3e27658be5884c418b3967f1b378c9d8
     settling = as_settling(asked)
     if settling is not None and not pulled:
         raise InputError(
@@ -297,6 +302,13 @@ def _settling_of(method: PackingMethod, problem: Problem, asked: Any) -> Settlin
             "settle(packing, gravity='-z')"
         )
     return settling
+
+
+def _can_settle(problem: Problem) -> bool:
+    """Return whether grains settle unasked: closed ones, not to keep a distance or to overlap, within known walls."""
+    apart = any(getattr(problem.parameters, name, 0.0) for name in ("distance", "overlap"))
+    known = boundary_of(problem.container) is not UNKNOWN
+    return known and not apart and not any(shape.is_open for shape in problem.shapes)
 
 
 def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Shape, ...]:

@@ -157,7 +157,10 @@ def settle(
     how = from_mapping(Settling, given, "settle")
     packing = _prepared(packing, container, gravity)
     check_drive(checkpoint, resume, on_step, None)
-    problem = _problem_of(packing, how, as_count(seed, "seed", at_most=None))
+    seed = as_count(seed, "seed", at_most=None)
+    if not packing.count:
+        return replace(packing, stop_reason="settled")
+    problem = _problem_of(packing, how, seed)
     method = PackingMethod(
         name="settle",
         summary="",
@@ -168,8 +171,6 @@ def settle(
         finish=lambda _, state: finished(packing, state, how),
         cost=lambda _: Cost(memory=GRAIN_BYTES * packing.count, attempts=0),
     )
-    if not packing.count:
-        return replace(packing, stop_reason="settled")
     state = drive(method, problem, Drive(checkpoint, resume, on_step))
     settled = method.finish(problem, state)
     warn_of_unrest(settled)
@@ -475,11 +476,15 @@ def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
     """Return the packing with its grains where they settled to."""
     settler, unit = state.settler, float(np.median(packing.diameters))
     position, orientation = settler.bed.poses()
+    position *= unit
+    if settler.ended and settler.progress.step == 1:
+        # it rested already: not even the last bits change
+        position, orientation = packing.position, packing.orientation
     lid = settler.bed.moved_assembly().lid
     reason = state.stop_reason or "interrupted"
     moved = replace(
         packing,
-        position=position * unit,
+        position=position,
         orientation=orientation,
         lid=None if lid is None else LidPlane(lid.normal, lid.level * unit),
         stop_reason=packing.stop_reason if packing.stop_reason in KEPT_REASONS else reason,

@@ -196,6 +196,7 @@ def test_true_solids_overlap_at_edges_only_and_sink():
         shapes,
         vg.Box((4, 4, 8), periodic=(True, True, False)),
         method="control_point",
+        settle=False,
         count=30,
         seed=2,
         sizes=vg.sizes.lognormal(1.0, 0.2),
@@ -223,7 +224,14 @@ def test_round_and_closed_containers_hold_their_grains(kind):
         )
         container = vg.ClosedMesh(vg.Shape.from_mesh(solid.vertices + 3.0, solid.faces))
     packing = vg.pack(
-        vg.make_shape("cone"), container, method="control_point", count=6, spacing=0.25, sweeps=200, cycles=1
+        vg.make_shape("cone"),
+        container,
+        method="control_point",
+        settle=False,
+        count=6,
+        spacing=0.25,
+        sweeps=200,
+        cycles=1,
     )
     proof = vg.verify(packing)
     assert packing.count == 6
@@ -238,6 +246,7 @@ def test_gravity_points_where_it_is_told(gravity, axis, sign):
         vg.make_shape("sphere"),
         vg.Box((5, 5, 5)),
         method="control_point",
+        settle=False,
         count=12,
         gravity=gravity,
         spacing=0.3,
@@ -256,6 +265,7 @@ def test_disks_and_polygons_settle_in_two_dimensions():
         shapes,
         vg.Rectangle((8, 12), periodic=(True, False)),
         method="control_point",
+        settle=False,
         count=40,
         sweeps=1500,
         cycles=4,
@@ -339,7 +349,7 @@ def test_signed_distances_see_containment_both_ways(ways):
 
 def test_the_old_name_of_the_test_by_points_gives_the_same_bits():
     cone, box = vg.make_shape("cone"), vg.Box((4, 4, 8), periodic=(True, True, False))
-    how = {"method": "control_point", "count": 6, "spacing": 0.3, "sweeps": 50}
+    how = {"method": "control_point", "settle": False, "count": 6, "spacing": 0.3, "sweeps": 50}
     with pytest.warns(DeprecationWarning, match="contact is 'points', the former name of 'kdtree'"):
         old = vg.pack(cone, box, **how, contact="points")
     new = vg.pack(cone, box, **how, contact="kdtree")
@@ -351,14 +361,16 @@ def test_a_grain_keeps_clear_of_its_own_images():
     """A rod longer than the box is wide would meet itself across the face when it lies along x."""
     rod = vg.make_shape("box", lengths=(2.6, 0.5, 0.5))
     box = vg.Box((2.2, 2.2, 7), (True, True, False))
-    packing = vg.pack(rod, box, method="control_point", count=4, spacing=0.25, sweeps=400, cycles=2)
+    packing = vg.pack(rod, box, method="control_point", settle=False, count=4, spacing=0.25, sweeps=400, cycles=2)
     assert packing.count == 4
     assert vg.verify(packing).deepest < 0.125
 
 
 def test_grains_keep_the_distance_that_is_asked_for():
     sphere, box = vg.make_shape("sphere").scaled(2.0), vg.Box((7, 7, 14))
-    packing = vg.pack(sphere, box, method="control_point", count=20, distance=0.3, spacing=0.3, sweeps=400, cycles=2)
+    packing = vg.pack(
+        sphere, box, method="control_point", settle=False, count=20, distance=0.3, spacing=0.3, sweeps=400, cycles=2
+    )
     gaps = np.linalg.norm(packing.position[:, None] - packing.position[None], axis=2) - packing.diameters.mean()
     np.fill_diagonal(gaps, np.inf)
     assert packing.count == 20
@@ -386,6 +398,7 @@ def test_lengths_scale_exactly_by_powers_of_two():
             [vg.make_shape("box", lengths=(1.2, 0.9, 0.7)).scaled(factor)],
             vg.Box((4 * factor, 4 * factor, 5 * factor)),
             method="control_point",
+            settle=False,
             count=12,
             sizes=vg.sizes.lognormal(factor, 0.2),
             distance=factor / 16,
@@ -404,7 +417,13 @@ def test_lengths_scale_exactly_by_powers_of_two():
 def test_too_many_grains_stop_as_full():
     with pytest.warns(PackingWarning, match="of 45 grains were placed"):
         packing = vg.pack(
-            vg.make_shape("sphere"), vg.Box((3, 3, 3)), method="control_point", count=45, spacing=0.3, sweeps=50
+            vg.make_shape("sphere"),
+            vg.Box((3, 3, 3)),
+            method="control_point",
+            settle=False,
+            count=45,
+            spacing=0.3,
+            sweeps=50,
         )
     assert packing.stop_reason == "full"
     assert 5 < packing.count < 45

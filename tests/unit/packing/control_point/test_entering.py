@@ -242,7 +242,10 @@ def test_a_lid_in_any_container(kind):
 
 
 def test_a_lid_closes_a_bed_that_was_there_from_the_beginning():
-    shape, told = vg.make_shape("cone"), {"method": "control_point", "spacing": 0.25, "sweeps": 100, "cycles": 1}
+    shape, told = (
+        vg.make_shape("cone"),
+        {"method": "control_point", "settle": False, "spacing": 0.25, "sweeps": 100, "cycles": 1},
+    )
     bed = vg.pack(shape, BOX, count=15, **told)
     closed = vg.pack([], BOX, start=bed, lid=True, vibration_up=0.0, **told)
     assert bed.provenance["lid_lowered"] == 0
@@ -261,7 +264,16 @@ def test_the_way_of_the_lid_is_in_the_unit_of_lengths():
 @pytest.mark.parametrize("way", [{"lid": True}, {"feed": "layers"}, {"gravity": (0.5, 0.0, -1.0)}], ids=str)
 def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypatch):
     monkeypatch.setattr("voxgran.packing.driver.FIRST_CHUNK", 1000)
-    told = {"method": "control_point", "count": 12, "spacing": 0.25, "sweeps": 200, "cycles": 2, "seed": 3, **way}
+    told = {
+        "method": "control_point",
+        "settle": False,
+        "count": 12,
+        "spacing": 0.25,
+        "sweeps": 200,
+        "cycles": 2,
+        "seed": 3,
+        **way,
+    }
     shape, path, stops = vg.make_shape("solid_union", seed=2), tmp_path / "run.checkpoint", 0
     whole = vg.pack(shape, BOX, **told)
     for _ in range(500):

@@ -82,7 +82,14 @@ def test_columns_are_kept_where_tables_do_not_do(container, options, monkeypatch
 
 
 def test_large_grains_get_tables():
-    packing_options = {"method": "digital", "count": 6, "voxel_size": 1 / 40, "sweeps": 200, "cycles": 1}
+    packing_options = {
+        "method": "digital",
+        "settle": False,
+        "count": 6,
+        "voxel_size": 1 / 40,
+        "sweeps": 200,
+        "cycles": 1,
+    }
     packing = vg.pack(vg.make_shape("sphere"), vg.Box((2.5, 2.5, 4)), **packing_options)
     assert packing.count == 6
     assert vg.verify(packing).ok

@@ -237,7 +237,16 @@ def test_sleeping_grains_are_passed_over_and_the_bed_is_as_dense():
 )
 def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypatch):
     monkeypatch.setattr("voxgran.packing.driver.FIRST_CHUNK", 1000)
-    options = {"method": "digital", "count": 15, "voxel_size": 0.125, "sweeps": 200, "cycles": 2, "seed": 3, **way}
+    options = {
+        "method": "digital",
+        "settle": False,
+        "count": 15,
+        "voxel_size": 0.125,
+        "sweeps": 200,
+        "cycles": 2,
+        "seed": 3,
+        **way,
+    }
     shape, path, stops = vg.make_shape("solid_union", seed=2), tmp_path / "run.checkpoint", 0
     whole = vg.pack(shape, BOX, **options)
     for _ in range(500):
@@ -262,7 +271,15 @@ def test_grains_enter_any_container_from_any_side(kind, gravity):
         "cylinder": vg.Cylinder(1.6, 3.3),
         "box": boxed,
     }
-    options = {"method": "digital", "count": 6, "sweeps": 20, "cycles": 1, "voxel_size": 0.12, "gravity": gravity}
+    options = {
+        "method": "digital",
+        "settle": False,
+        "count": 6,
+        "sweeps": 20,
+        "cycles": 1,
+        "voxel_size": 0.12,
+        "gravity": gravity,
+    }
     for feed in ("rain", "layers"):
         packing = vg.pack(vg.make_shape("sphere"), containers[kind], feed=feed, **options)
         assert packing.count == 6

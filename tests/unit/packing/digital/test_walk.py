@@ -82,6 +82,7 @@ def test_true_solids_never_overlap_and_sink():
         shapes,
         vg.Box((4, 4, 6), periodic=(True, True, False)),
         method="digital",
+        settle=False,
         count=40,
         seed=2,
         voxel_size=1 / 16,
@@ -101,6 +102,7 @@ def test_gravity_points_where_it_is_told(gravity, axis, sign):
         vg.make_shape("sphere"),
         vg.Box((5, 5, 5)),
         method="digital",
+        settle=False,
         count=12,
         voxel_size=0.125,
         gravity=gravity,
@@ -118,6 +120,7 @@ def test_disks_settle_in_two_dimensions():
         vg.make_shape("disk"),
         vg.Rectangle((8, 10), periodic=(True, False)),
         method="digital",
+        settle=False,
         count=40,
         voxel_size=1 / 24,
         sweeps=3000,
@@ -135,6 +138,7 @@ def test_lengths_scale_exactly_by_powers_of_two():
             [vg.make_shape("solid_union", seed=1).scaled(factor)],
             vg.Box((4 * factor, 4 * factor, 5 * factor)),
             method="digital",
+            settle=False,
             count=15,
             sizes=vg.sizes.lognormal(factor, 0.2),
             voxel_size=factor / 12,
@@ -154,7 +158,13 @@ def test_lengths_scale_exactly_by_powers_of_two():
 def test_too_many_grains_stop_as_full():
     with pytest.warns(PackingWarning, match="of 90 grains were placed"):
         packing = vg.pack(
-            vg.make_shape("sphere"), vg.Box((4, 4, 4)), method="digital", count=90, voxel_size=0.125, sweeps=100
+            vg.make_shape("sphere"),
+            vg.Box((4, 4, 4)),
+            method="digital",
+            settle=False,
+            count=90,
+            voxel_size=0.125,
+            sweeps=100,
         )
     assert packing.stop_reason == "full"
     assert 20 < packing.count < 90
