@@ -288,13 +288,7 @@ def _settling_of(method: PackingMethod, problem: Problem, asked: Any) -> Settlin
     """
     pulled = hasattr(problem.parameters, "gravity") and bool(gravity_vector(problem).any())
     if asked is None:
-<<<<<<< HEAD
-        # grains that may overlap, and surfaces without an inside, do not settle
-        whole = not any(shape.is_open for shape in problem.shapes) and not getattr(problem.parameters, "overlap", 0.0)
-        return Settling() if method.builds_bed and pulled and whole else None
-=======
         return Settling() if method.builds_bed and pulled and _can_settle(problem) else None
->>>>>>> 9255baeb3e27658be5884c418b3967f1b378c9d8
     settling = as_settling(asked)
     if settling is not None and not pulled:
         raise InputError(
