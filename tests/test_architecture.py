@@ -46,7 +46,7 @@ LATERAL = {
     # spheres of a front may grow at the end
     "advancing_front": {"transform"},
     # each file is the entry point of one method
-    "methods": {"digital", "control_point", "rsa", "advancing_front"},
+    "methods": {"digital", "control_point", "rsa", "advancing_front", "growth"},
 }
 #: classes of containers: other rooms ask for their boundary, so that a new container is one file
 CONTAINERS = {"Box", "ClosedMesh", "Cylinder", "Rectangle", "Sphere"}
@@ -78,8 +78,8 @@ COMPILER = {"_base/compiling/kernel_files.py", "_base/compiling/linking.py"}
 NOUNS = {"packing/model.py", "shapes/model.py"}
 LONGEST_FUNCTION = 60  # lines, without the docstring
 LONGEST_FILE = 450
-#: entries of a folder, files and folders together, beside its __init__.py; and of packing/, 20 with it
-FULLEST, FULLEST_PACKING = 25, 19
+#: entries of a folder, files and folders together, beside its __init__.py; and of packing/, 22 with it
+FULLEST, FULLEST_PACKING = 25, 21
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)

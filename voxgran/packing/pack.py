@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_count, as_number, as_positive, check_lengths
+from voxgran._base.arrays import as_number, as_positive, check_lengths
 from voxgran._base.calls import Parameters, chosen, explained
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
@@ -22,14 +22,15 @@ from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.containers.make import container_classes
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
-from voxgran.packing.draw import DrawnGrains, draw_grains
+from voxgran.packing.draw import draw_grains
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
 from voxgran.packing.model import Packing, check_packing
-from voxgran.packing.problem import Problem, warn_of_units
-from voxgran.packing.settle import as_settling, warn_of_unrest, with_settling
-from voxgran.packing.start import Start, check_start
+from voxgran.packing.problem import Problem, normalized_problem, warn_of_units
+from voxgran.packing.settle import as_settling, warn_of_unrest
+from voxgran.packing.settling_run import with_settling
+from voxgran.packing.start import check_start
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.sizes import SizeDistribution, size_distance
@@ -252,13 +253,10 @@ def prepare_task(
         seed=seed,
         surplus=entry.selects,
     )
-    asked = {
-        "count": whole_number_of(count),
-        "solid_fraction": number_of(solid_fraction),
-        "sizes": None if sizes is None else sizes.to_mapping(),
-        "weights": None if weights is None else np.asarray(weights, dtype=float).tolist(),
-        "weights_by": weights_by,
-    }
+    asked: dict[str, Any] = {"count": whole_number_of(count), "solid_fraction": number_of(solid_fraction)}
+    asked["sizes"] = None if sizes is None else sizes.to_mapping()
+    asked["weights"] = None if weights is None else np.asarray(weights, dtype=float).tolist()
+    asked["weights_by"] = weights_by
     if start is not None:
         asked["start"] = {"count": start.count, "method": start.provenance.get("method", "")}
         grains = replace(
@@ -267,7 +265,7 @@ def prepare_task(
             diameter=np.concatenate([start.diameters, grains.diameter]),
         )
         given = (*start.shapes, *given)
-    problem = _problem(given, container, grains, settings, seed=seed, start=start)
+    problem = normalized_problem(given, container, grains, settings, seed=seed, start=start)
     problem.unit, problem.density = unit, 1.0 if density is None else as_positive(density, "density")
     problem.target = count is not None or solid_fraction is not None
     problem.settling = _settling_of(entry, problem, settle)
@@ -351,30 +349,6 @@ def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: C
             f"{container_classes()} only; "
             f"{remedy if container.dimension == 3 else 'use a Rectangle'}, or choose a digital method"
         )
-
-
-def _problem(
-    shapes: tuple[Shape, ...],
-    container: Container,
-    grains: DrawnGrains,
-    settings: Any,
-    *,
-    seed: int,
-    start: Packing | None,
-) -> Problem:
-    """Put shapes, grains and container into the frame whose unit is the median diameter."""
-    unit = float(np.median(grains.diameter)) if len(grains.diameter) else shapes[0].diameter
-    return Problem(
-        shapes=tuple(shape.scaled(1 / shape.diameter) for shape in shapes),
-        shape_id=grains.shape_id,
-        diameter=grains.diameter / unit,
-        container=container.scaled(1 / unit),
-        parameters=settings,
-        seed=as_count(seed, "seed", at_most=None),
-        unit_length=unit,
-        original=shapes,
-        start=None if start is None else Start(start.position / unit, start.orientation),
-    )
 
 
 def with_provenance(task: Task, state: RunState, packing: Packing, *, seconds: float) -> Packing:

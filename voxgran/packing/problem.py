@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers, as_count
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
+from voxgran.packing.draw import DrawnGrains
 from voxgran.packing.model import Packing
 from voxgran.packing.start import Start
 from voxgran.points.control import sample_controls
@@ -206,6 +207,30 @@ class Problem:
         while self._bytes > self.byte_limit and len(self._kept) > 1:
             self._bytes -= self._kept.popitem(last=False)[1].nbytes
         return made
+
+
+def normalized_problem(
+    shapes: tuple[Shape, ...],
+    container: Container,
+    grains: DrawnGrains,
+    settings: Any,
+    *,
+    seed: int,
+    start: Packing | None,
+) -> Problem:
+    """Return the task with shapes, grains and container in the frame whose unit is the median diameter."""
+    unit = float(np.median(grains.diameter)) if len(grains.diameter) else shapes[0].diameter
+    return Problem(
+        shapes=tuple(shape.scaled(1 / shape.diameter) for shape in shapes),
+        shape_id=grains.shape_id,
+        diameter=grains.diameter / unit,
+        container=container.scaled(1 / unit),
+        parameters=settings,
+        seed=as_count(seed, "seed", at_most=None),
+        unit_length=unit,
+        original=shapes,
+        start=None if start is None else Start(start.position / unit, start.orientation),
+    )
 
 
 def stands_free(problem: Problem, start: Start) -> bool:

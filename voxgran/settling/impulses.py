@@ -12,7 +12,7 @@ Moreau 1988, doi:10.1007/978-3-7091-2624-0_1. Macklin et al. 2019, doi:10.1145/3
 import math
 
 from voxgran._base.arrays import Floats
-from voxgran._base.kernels import bare_kernel, kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.settling.contact_rows import ContactRows
 
 #: velocity of approach, in sqrt(g d), below which bodies do not rebound
@@ -92,6 +92,27 @@ def _apply_old(rows, bodies, m, n, gravity):  # type: ignore[no-untyped-def]
             add_to_partner(bodies, rows.j[k], n, gravity[0], gravity[1], gravity[2], row[6], row[7], row[8], px, py, pz)
 
 
+@inlined_kernel
+def _held_back(row, ux, uy, uz, speed, limit):  # type: ignore[no-untyped-def]
+    """Return the tangential impulse that stops sliding, at most a limit; (ux, uy, uz): relative velocity."""
+    nx, ny, nz, mass = row[0], row[1], row[2], row[15]
+    tx = row[11] - (ux - speed * nx) * mass
+    ty = row[12] - (uy - speed * ny) * mass
+    tz = row[13] - (uz - speed * nz) * mass
+    # the old impulse leans out of the tangent plane when the normal has turned
+    lean = tx * nx + ty * ny + tz * nz
+    tx -= lean * nx
+    ty -= lean * ny
+    tz -= lean * nz
+    square = tx * tx + ty * ty + tz * tz
+    if square > limit * limit:
+        part = limit / math.sqrt(square)
+        tx *= part
+        ty *= part
+        tz *= part
+    return tx, ty, tz
+
+
 @bare_kernel
 def _sweep(rows, bodies, motion, m, n, gravity, rate, friction, opening, fastest, restitution, approach, moving, back):  # type: ignore[no-untyped-def]
     """Make one projected Gauss-Seidel sweep over the impulses.
@@ -144,21 +165,7 @@ def _sweep(rows, bodies, motion, m, n, gravity, rate, friction, opening, fastest
         change = push - old
         px, py, pz = change * nx, change * ny, change * nz
         if friction > 0.0 and (push > 0.0 or row[11] != 0.0 or row[12] != 0.0 or row[13] != 0.0):
-            mass = row[15]
-            tx = row[11] - (ux - speed * nx) * mass
-            ty = row[12] - (uy - speed * ny) * mass
-            tz = row[13] - (uz - speed * nz) * mass
-            # the old impulse leans out of the tangent plane when the normal has turned
-            lean = tx * nx + ty * ny + tz * nz
-            tx -= lean * nx
-            ty -= lean * ny
-            tz -= lean * nz
-            square, limit = tx * tx + ty * ty + tz * tz, friction * push
-            if square > limit * limit:
-                part = limit / math.sqrt(square)
-                tx *= part
-                ty *= part
-                tz *= part
+            tx, ty, tz = _held_back(row, ux, uy, uz, speed, friction * push)
             px += tx - row[11]
             py += ty - row[12]
             pz += tz - row[13]

@@ -1,7 +1,7 @@
 import pytest
 from kit import references
 
-from voxgran.bench.tradeoffs.dice import PUBLISHED, Bed, measure_bed, write_beds
+from voxgran.bench.tradeoffs.dice import METHODS, PUBLISHED, Bed, measure_beds, write_beds
 
 
 def test_published_values_are_those_of_the_references():
@@ -12,23 +12,26 @@ def test_published_values_are_those_of_the_references():
         assert found == (loose[short], shaken[short])
 
 
-@pytest.mark.parametrize("method", ["digital", pytest.param("control_point", marks=pytest.mark.slow)])
-def test_a_bed_of_dice_is_free_of_overlap(method):
-    bed = measure_bed(method, "cube", 0.5, count=90)
-    assert bed.apart
-    assert not bed.shaken
-    assert 0.42 < bed.bulk < 0.62
+@pytest.mark.parametrize("method", METHODS)
+def test_beds_of_dice_are_free_of_overlap_and_rest(method):
+    poured, shaken = measure_beds(method, "cube", count=60)
+    assert (poured.shaken, shaken.shaken) == (False, True)
+    for bed in (poured, shaken):
+        assert bed.apart
+        assert bed.resting >= 0.95
+        assert 0.48 < bed.bulk < 0.68
+    assert shaken.bulk > poured.bulk
 
 
 def test_beds_are_written_beside_what_is_published(tmp_path):
     beds = [
-        Bed(method, solid, friction is None, friction or 0.0, 1.0, 0.5, True)
-        for method in ("digital", "control_point")
+        Bed(method, solid, shaken, 1.0, 0.5, True, 0.97)
+        for method in METHODS
         for solid in PUBLISHED
-        for friction in (0.5, None)
+        for shaken in (False, True)
     ]
     table, figure = write_beds(beds, tmp_path)
     rows = table.read_text().splitlines()
-    assert len(rows) == 21
-    assert rows[1].startswith('digital,"tetrahedron",false,0.5,1.0,0.5000,true,0.51,')
+    assert len(rows) == 31
+    assert rows[1].startswith('gravity,"tetrahedron",false,0.5,1.0,0.5000,true,0.970,0.51,')
     assert figure.read_text().count("<svg") == 1

@@ -55,9 +55,9 @@ GRAINS, SOLID, MIXING = 150, 0.3, 400
 #: spheres of a bed, and what is done with it, by name
 BED = 420
 BEDS: dict[str, dict[str, Any]] = {
-    "walk": {},
-    "walk shaken to the end": {"gravity_bias": 0.0, "vibration_up": 1.0, "decay": 1.0},
-    "walk and settling": {"settling": 200},
+    "walk": {"settle": False},
+    "walk shaken to the end": {"gravity_bias": 0.0, "vibration_up": 1.0, "decay": 1.0, "settle": False},
+    "walk and settling": {"settle": True},
 }
 #: least seconds that a program is timed, and approaches of two grains
 SECONDS, APPROACHES = 0.6, 24

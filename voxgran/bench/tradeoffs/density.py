@@ -1,9 +1,9 @@
 """Digital packing: which true densities it reaches, against voxels, vibration, walls and dimension.
 
-Beds settle by the walk and then as true shapes; all densities are bulk solid fractions of the true solids, without
-overlap. Spheres stand at 20, 40 and 80 voxels per diameter, and a line through these is followed to voxels of no size,
-without vibration and shaken. A bed of spheres in a cylinder is compared with the law of de Klerk, and disks of two
-sizes settle in the plane, shaken.
+Beds settle after the walk, by their true shapes and with friction; all densities are bulk solid fractions of the true
+solids, without overlap. Spheres stand at 20, 40 and 80 voxels per diameter, and a line through these is followed to
+voxels of no size, without vibration and shaken. A bed of spheres in a cylinder is compared with the law of de Klerk,
+and disks of two sizes settle in the plane, shaken.
 """
 
 import time
@@ -25,6 +25,7 @@ from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.wall_law import wall_law
+from voxgran.settling.parameters import Settling, Shaking
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
 
@@ -32,16 +33,18 @@ from voxgran.shapes.model import Shape
 Row: TypeAlias = tuple[str, int, bool, float, float, float]
 CELLS = (20, 40, 80)
 SEEDS = (1, 2)
-#: sweeps of shaking
-SHAKING = 200
+#: coefficient of friction of all beds, and how some of them are shaken
+FRICTION, SHAKING = 0.5, Shaking(acceleration=1.0, duration=30.0)
 #: bins of the wall profile, in diameters, and points in each
 BIN, FAR, POINTS = 0.05, 4.0, 20_000
 
 
-def bed(shapes: Shape | list[Shape], container: Container, count: int, **parameters: Any) -> tuple[Packing, float]:
+def bed(
+    shapes: Shape | list[Shape], container: Container, count: int, *, shaken: bool = False, **parameters: Any
+) -> tuple[Packing, float]:
     """Pack a bed digitally, with settling, and return it and the seconds that it took."""
-    began = time.perf_counter()
-    packing = pack(shapes, container, method="digital", count=count, settling=400, **parameters)
+    began, how = time.perf_counter(), Settling(friction=FRICTION, shaking=SHAKING if shaken else None)
+    packing = pack(shapes, container, method="digital", count=count, settle=how, **parameters)
     return packing, time.perf_counter() - began
 
 
@@ -65,7 +68,7 @@ def measure_spheres(cells: tuple[int, ...] = CELLS, seeds: tuple[int, ...] = SEE
             for seed in seeds:
                 packing, seconds = bed(
                     make_shape("sphere"), box, count, voxel_size=1 / n, seed=seed, orientations=1, sweeps=1500,
-                    vibration_up=0.0, shaking=SHAKING if vibrated else 0,
+                    vibration_up=0.0, shaken=vibrated,
                 )  # fmt: skip
                 many.append((1 / n, float(bulk_solid_fraction(packing))))
                 rows.append((f"sphere, seed {seed}", n, vibrated, seconds, many[-1][1], 0.0))
@@ -79,7 +82,7 @@ def measure_disks(count: int = 330) -> list[Row]:
     disks = [make_shape("disk"), make_shape("disk", diameter=1.4)]
     floor = Rectangle((20, 10 + count / 14), periodic=(True, False))
     packing, seconds = bed(
-        disks, floor, count, voxel_size=1 / 20, seed=1, orientations=1, sweeps=3000, shaking=SHAKING, weights=[1, 1]
+        disks, floor, count, voxel_size=1 / 20, seed=1, orientations=1, sweeps=3000, shaken=True, weights=[1, 1]
     )
     return [("disks 1 : 1.4", 20, True, seconds, float(bulk_solid_fraction(packing)), 0.0)]
 

@@ -147,11 +147,11 @@ def measure_beds(beds: tuple[int, ...] = BEDS, sweeps: tuple[int, ...] = SWEEPS)
     rows, box, sphere = [], Box((7, 7, 17)), make_shape("sphere")
     for cells in beds:
         for many in sweeps:
-            for stage, settling in (("walk", 0), ("walk and settling", 200)):
+            for stage, settling in (("walk", False), ("walk and settling", True)):
                 began = time.perf_counter()
                 packing = pack(
                     sphere, box, method="digital", count=420, seed=1, voxel_size=1 / cells, sweeps=many, cycles=6,
-                    orientations=1, settling=settling,
+                    orientations=1, settle=settling,
                 )  # fmt: skip
                 seconds = time.perf_counter() - began
                 rows.append((cells, many, stage, seconds, float(bulk_solid_fraction(packing))))

@@ -29,7 +29,7 @@ from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.measures.registered.segregation import segregation
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
-from voxgran.packing.settle import normalized_assembly
+from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.equilibrium import equilibrium
 from voxgran.settling.fall import Fall
 from voxgran.settling.parameters import Settling
@@ -204,7 +204,7 @@ def falling_grains(case: Case, count: int) -> Packing:
     height = 3.0 + count * np.pi / 6.0 / (LOOSE * case.width**2)
     box = Box((case.width, case.width, height), periodic="" if case.walls else "xy")
     start = pack(case.shapes(), box, method="rsa", count=count, seed=1)
-    return replace(start, gravity=np.array([0.0, 0.0, -1.0]))
+    return replace(start, gravity=(0.0, 0.0, -1.0))
 
 
 def peer_packing(python: str, script: Path, start: Packing, friction: float) -> tuple[Packing, float] | None:

@@ -24,7 +24,7 @@ from voxgran.packing.growth.seeds import LOOSE, RADIUS, column_top, random_seeds
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settle import GRAIN_BYTES, SettleState, advance_settling, contact_forces, with_lid
+from voxgran.packing.settling_run import GRAIN_BYTES, SettleState, advance_settling, contact_forces, with_lid
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import TOUCHING, Settler
 

@@ -13,9 +13,10 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.tree import closest_on_triangle, is_behind, search_triangles, square_to_box
+from voxgran.containers.kernel_container import MeshWalls
 from voxgran.settling.finding.candidates import add_candidate, is_candidate
 from voxgran.settling.finding.smooth_distance import smooth_distance
-from voxgran.settling.finding.wall_bodies import ELLIPSOID, POINTS, MeshSide, WallBodies
+from voxgran.settling.finding.wall_bodies import ELLIPSOID, POINTS, WallBodies
 from voxgran.settling.finding.wall_candidates import rings_of, set_frame, support_arm
 
 #: walls that are looked for about one point, at most
@@ -31,7 +32,7 @@ GOLDEN = 0.6180339887498949
 
 @bare_kernel
 def near_mesh(
-    bodies: WallBodies, walls: MeshSide, shape: int, scale: float, m: Floats, x: float, y: float, z: float,
+    bodies: WallBodies, walls: MeshWalls, shape: int, scale: float, m: Floats, x: float, y: float, z: float,
     radius: float, reach: float, smooth: object, edges: object,
 ) -> int:  # fmt: skip
     """Write the points of a grain at (x, y, z) within reach of a closed mesh; return how many there are.

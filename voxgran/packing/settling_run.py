@@ -1,0 +1,279 @@
+"""The run of beds that settle: states with checkpoints, steps as attempts of the driver, and the packing at the end."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.config import to_mapping
+from voxgran._base.errors import InputError
+from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.assembly import Lid as LidPlane
+from voxgran.contacts.forces import LID, WALL, ContactForces
+from voxgran.packing.gravity import main_axis
+from voxgran.packing.method import Array, Cost, PackingMethod, RunState
+from voxgran.packing.model import STOP_REASONS, Packing
+from voxgran.packing.problem import Problem
+from voxgran.settling.contact_rows import ARM_I, GAP, NORMAL
+from voxgran.settling.equilibrium import carried_by
+from voxgran.settling.parameters import Settling
+from voxgran.settling.stages import RESIDUAL, TOUCHING, Settler
+
+#: bytes of a grain while it settles: pairs, contacts and their copies (measured)
+GRAIN_BYTES = 8000
+#: reasons of a method that hold on when its bed has settled
+KEPT_REASONS = ("full", "saturated", "interrupted")
+#: depth of an overlap that can be parted, in diameters of the smaller grain
+DEEPEST = 0.5
+#: grains that a message names
+NAMED = 5
+
+
+def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
+    """Return a packing method whose packings settle: its attempts, and then steps of one attempt a grain each."""
+
+    def prepare(problem: Problem) -> RunState:
+        inner = method.prepare(problem)
+        return SettledState(inner, done=inner.done, total=inner.total)
+
+    def advance(problem: Problem, state: SettledState, attempts: int) -> RunState:
+        if not state.inner.stop_reason:
+            state.inner = method.advance(problem, state.inner, attempts)
+            state.done, state.total = state.inner.done, state.inner.total
+            return state
+        if state.outer is None:
+            packed = method.finish(problem, state.inner)
+            if packed.gravity is None or not packed.count:
+                state.stop_reason = state.inner.stop_reason
+                return state
+            state.begin(begun(packed, how, problem.seed))
+        advance_settling(problem, state.outer, attempts)
+        state.done, state.total = state.inner.done + state.outer.done, state.inner.total + state.outer.total
+        state.stop_reason = state.outer.stop_reason
+        return state
+
+    def finish(problem: Problem, state: SettledState) -> Packing:
+        packed = method.finish(problem, state.inner)
+        if state.held is not None:
+            # a checkpoint of a run that had ended: nothing was advanced since
+            state.begin(begun(packed, how, problem.seed))
+        return packed if state.outer is None else finished(packed, state.outer, how)
+
+    def cost(problem: Problem) -> Cost:
+        inner = method.cost(problem)
+        return replace(inner, memory=max(inner.memory, GRAIN_BYTES * problem.count))
+
+    return replace(method, prepare=prepare, advance=advance, finish=finish, cost=cost)
+
+
+@dataclass(slots=True)
+class SettleState:
+    """State of a bed that settles, as the driver takes it."""
+
+    settler: Settler
+    done: int = 0
+    total: int = 0
+    stop_reason: str = ""
+    derived: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def stage(self) -> str:
+        """What is being done, for progress."""
+        return "settling"
+
+    @property
+    def arrays(self) -> dict[str, Array]:
+        """Arrays that a checkpoint holds."""
+        return self.settler.arrays
+
+    @property
+    def counters(self) -> dict[str, int | None]:
+        """Counters that a checkpoint holds."""
+        return dict(self.settler.counters)
+
+    def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
+        """Take over the arrays and counters of a checkpoint."""
+        self.settler.restore(arrays, counters)
+
+
+#: prefix of what a checkpoint holds of the settling
+PREFIX = "settling_"
+
+
+@dataclass(slots=True)
+class SettledState:
+    """State of a packing method and of the settling that follows it."""
+
+    inner: RunState
+    outer: SettleState | None = None
+    done: int = 0
+    total: int = 0
+    stop_reason: str = ""
+    # what a checkpoint held of the settling, until its state is made
+    held: tuple[dict[str, Array], dict[str, Any]] | None = None
+
+    @property
+    def stage(self) -> str:
+        """What is being done, for progress."""
+        return "packing" if self.outer is None else "settling"
+
+    @property
+    def derived(self) -> dict[str, Any]:
+        """Data that follow from the other fields."""
+        return self.inner.derived
+
+    @derived.setter
+    def derived(self, value: dict[str, Any]) -> None:
+        self.inner.derived = value
+
+    @property
+    def arrays(self) -> dict[str, Array]:
+        """Arrays that a checkpoint holds."""
+        outer = {} if self.outer is None else self.outer.arrays
+        return {**self.inner.arrays, **{PREFIX + name: array for name, array in outer.items()}}
+
+    @property
+    def counters(self) -> dict[str, int | None]:
+        """Counters that a checkpoint holds; those of the settling begin with its prefix."""
+        inner = self.inner
+        ended = (*STOP_REASONS, "").index(inner.stop_reason)
+        made = {"packing_done": inner.done, "packing_total": inner.total, "packing_ended": ended}
+        if self.outer is None:
+            return {**inner.counters, **made}
+        outer = {**self.outer.counters, "done": self.outer.done, "total": self.outer.total}
+        return {**inner.counters, **made, **{PREFIX + name: count for name, count in outer.items()}}
+
+    def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
+        """Take over the arrays and counters of a checkpoint; those of the settling when its state is made."""
+        outer = [
+            {name.removeprefix(PREFIX): held[name] for name in held if name.startswith(PREFIX)}
+            for held in (arrays, counters)
+        ]
+        made = {name: counters[name] for name in counters if not name.startswith(PREFIX)}
+        self.inner.done, self.inner.total = int(made.pop("packing_done")), int(made.pop("packing_total"))
+        self.inner.stop_reason = (*STOP_REASONS, "")[int(made.pop("packing_ended"))]
+        self.inner.restore({name: arrays[name] for name in arrays if not name.startswith(PREFIX)}, made)
+        self.outer, self.held = None, (outer[0], outer[1]) if outer[0] else None
+
+    def begin(self, outer: SettleState) -> None:
+        """Begin to settle, or go on where a checkpoint left off."""
+        self.outer = outer
+        if self.held is not None:
+            arrays, counters = self.held
+            outer.done, outer.total = int(counters.pop("done")), int(counters.pop("total"))
+            outer.restore(arrays, counters)
+            outer.stop_reason = self.stop_reason
+            self.held = None
+
+
+def begun(packing: Packing, how: Settling, seed: int) -> SettleState:
+    """Return the first state of the settling of a packing, which has grains and gravity.
+
+    Raises
+    ------
+    InputError
+        If grains overlap so deep that they cannot be parted, a shape is an open surface, or the walls of the container
+        are not known.
+    """
+    assembly, _ = normalized_assembly(packing)
+    gravity = np.array(packing.gravity, dtype=np.float64)
+    settler = Settler(with_lid(assembly, how, gravity), how, gravity, seed=seed)
+    _refuse_deep(settler)
+    return SettleState(settler, total=settler.most_steps * packing.count)
+
+
+def _refuse_deep(settler: Settler) -> None:
+    """Refuse grains that overlap so deep that they cannot be parted.
+
+    Raises
+    ------
+    InputError
+        If a pair overlaps by more than half the diameter of the smaller grain.
+    """
+    i, j, depth = settler.bed.deep_overlaps(DEEPEST)
+    if len(i):
+        pairs = ", ".join(f"{a} and {b}" for a, b in zip(i[:NAMED], j[:NAMED], strict=True))
+        more = f" and {len(i) - NAMED} more pairs" if len(i) > NAMED else ""
+        raise InputError(
+            f"grains {pairs}{more} overlap by {depth.max():.2g} of their diameter: at most {DEEPEST:g} can be parted; "
+            "move them apart"
+        )
+
+
+def with_lid(assembly: Assembly, how: Settling, gravity: Floats) -> Assembly:
+    """Return the assembly with a lid above its grains, if there is to be one."""
+    if how.lid is None or not assembly.count:
+        return assembly
+    up = -main_axis(gravity).astype(np.float64)
+    return replace(assembly, lid=LidPlane(up, float((assembly.position @ up + assembly.bounding_radii).max())))
+
+
+def normalized_assembly(packing: Packing) -> tuple[Assembly, float]:
+    """Return the grains of a packing with lengths in median diameters, without lid, and the median diameter."""
+    unit = float(np.median(packing.diameters))
+    arrays = (packing.shapes, packing.shape_id, packing.scale / unit, packing.position / unit, packing.orientation)
+    return Assembly(*arrays, packing.container.scaled(1.0 / unit)), unit
+
+
+def advance_settling(problem: Problem, state: SettleState, attempts: int) -> SettleState:
+    """Make a step if it is due within the attempts: one attempt a grain."""
+    del problem
+    settler = state.settler
+    many = max(settler.bed.count, 1)
+    due = (settler.progress.step + 1) * many
+    if state.done + attempts < due:
+        state.done += attempts
+        return state
+    # a step takes about as long as a chunk of attempts of other methods
+    state.done = due
+    settler.step()
+    state.total = max(state.done, settler.most_steps * many)
+    if settler.ended:
+        state.stop_reason = "settled" if settler.progress.proven else "steps"
+    return state
+
+
+def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
+    """Return the packing with its grains where they settled to."""
+    settler, unit = state.settler, float(np.median(packing.diameters))
+    position, orientation = settler.bed.poses()
+    position *= unit
+    if settler.ended and settler.progress.step == 1:
+        # it rested already: not even the last bits change
+        position, orientation = packing.position, packing.orientation
+    lid = settler.bed.moved_assembly().lid
+    reason = state.stop_reason or "interrupted"
+    moved = replace(
+        packing,
+        position=position,
+        orientation=orientation,
+        lid=None if lid is None else LidPlane(lid.normal, lid.level * unit),
+        stop_reason=packing.stop_reason if packing.stop_reason in KEPT_REASONS else reason,
+        contact_gap=TOUCHING * unit,
+        forces=None,
+        provenance={**packing.provenance, "settling": {"parameters": to_mapping(how), **settler.report}},
+    )
+    return contact_forces(moved, settler)
+
+
+def contact_forces(packing: Packing, settler: Settler) -> Packing:
+    """Return the packing, whose grains are those of a settler, with the forces at their contacts once it has ended."""
+    bed = settler.bed
+    if not settler.ended or not packing.count:
+        return packing
+    unit, forces, row = float(np.median(packing.diameters)), bed.forces(), bed.rows.row[: bed.m]
+    i, j = bed.contact_grains(wall=WALL, lid=LID)
+    residual = bed.in_order(settler.progress.residual)
+    known = ContactForces(
+        i=i,
+        j=j,
+        point=packing.position[i] + row[:, ARM_I : ARM_I + 3] * unit,
+        normal=row[:, NORMAL : NORMAL + 3],
+        force=forces,
+        gap=row[:, GAP] * unit,
+        residual=residual,
+        rattler=(residual <= RESIDUAL) & (bed.in_order(carried_by(bed, forces)) <= RESIDUAL),
+        friction=settler.how.friction,
+    )
+    return replace(packing, forces=known)
