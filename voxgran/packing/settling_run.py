@@ -48,9 +48,11 @@ def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
                 state.stop_reason = state.inner.stop_reason
                 return state
             state.begin(begun(packed, how, problem.seed))
-        advance_settling(problem, state.outer, attempts)
-        state.done, state.total = state.inner.done + state.outer.done, state.inner.total + state.outer.total
-        state.stop_reason = state.outer.stop_reason
+        outer = state.outer
+        assert outer is not None
+        advance_settling(problem, outer, attempts)
+        state.done, state.total = state.inner.done + outer.done, state.inner.total + outer.total
+        state.stop_reason = outer.stop_reason
         return state
 
     def finish(problem: Problem, state: SettledState) -> Packing:

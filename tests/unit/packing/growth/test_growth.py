@@ -74,5 +74,5 @@ def test_a_looser_column_falls_farther():
     for fill in (0.25, 0.5):
         bed = vg.pack(SPHERE, vg.Box((5, 5, 20), periodic="xy"), "gravity", count=80, fill=fill)
         assert bed.stop_reason == "settled"
-    with pytest.raises(InputError, match="fill is 0.9"):
+    with pytest.raises(InputError, match=r"fill is 0\.9"):
         vg.pack(SPHERE, vg.Box((5, 5, 20)), "gravity", count=80, fill=0.9)
