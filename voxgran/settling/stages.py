@@ -151,7 +151,7 @@ class Settler:
         layers = np.ptp(self.bed.grains.position @ gravity) if assembly.count else 0.0
         self._iterations = ITERATIONS if layers <= DEEP else 2 * ITERATIONS
         if not assembly.count:
-            self.progress.stage, self.progress.proven = ENDED, 1
+            self.progress.stage, self.progress.proven, self.progress.moving = ENDED, 1, 0.0
 
     @property
     def ended(self) -> bool:
