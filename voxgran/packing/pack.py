@@ -365,7 +365,8 @@ def with_provenance(task: Task, state: RunState, packing: Packing, *, seconds: f
         "missed": missed,
         "shapes": [{"name": shape.name, "key": shape.key} for shape in packing.shapes],
         "median_diameter": problem.unit_length,
-        "counters": {**state.counters, **problem.counters, "attempts": state.done},
+        # of the method, as in the plan: the steps of settling are in the record of that
+        "counters": {**state.counters, **problem.counters, "attempts": state.counters.get("packing_done", state.done)},
         "versions": {name: importlib.metadata.version(name) for name in ("voxgran", *libraries) if _installed(name)},
         "timing": {"wall_seconds": seconds},
         **packing.provenance,
