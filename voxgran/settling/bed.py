@@ -40,6 +40,8 @@ class Bed:
         Weight of the lid, if the assembly has one, in weights of a grain of the median diameter.
     exact : bool
         Whether contacts of meshes that are not convex come from their triangles, not from grids of distances.
+    hulls : bool
+        Whether convex hulls stand for them.
 
     Raises
     ------
@@ -54,8 +56,10 @@ class Bed:
         *,
         lid_weight: float = 1.0,
         exact: bool = False,
+        hulls: bool = False,
     ) -> None:
         self.assembly, self.gravity = assembly, np.array(gravity, dtype=np.float64)
+        self.hulls = hulls
         self.order: Integers = np.argsort(-(assembly.position @ gravity), kind="stable")
         order, n = self.order, assembly.count
         self.orientation: Floats = assembly.orientation[order].copy()
@@ -66,7 +70,7 @@ class Bed:
             scale=assembly.scale[order],
             radius=self.bounding.copy(),
             shape=assembly.shape_id[order].astype(np.int64),
-            kind=kinds_of(assembly.shapes)[assembly.shape_id[order]],
+            kind=kinds_of(assembly.shapes, hulls=hulls)[assembly.shape_id[order]],
             way=np.zeros(n),
         )
         write_matrices(self.orientation, self.grains.matrix)
@@ -78,7 +82,7 @@ class Bed:
         self.m = 0
         self.wall_first, self.wall_count = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
         self.listed = False
-        self.finders = ContactFinders(assembly, self.grains, exact=exact)
+        self.finders = ContactFinders(assembly, self.grains, exact=exact, hulls=hulls)
 
     @property
     def count(self) -> int:
@@ -154,14 +158,6 @@ class Bed:
         inner = (j >= 0) & (j < n)
         partner[inner] = self.order[j[inner]]
         return np.asarray(self.order[i]), partner
-
-    def opening(self, motion: Floats) -> Floats:
-        """Return by how much motions (n + 1, 6) of the bodies open the contacts, (m,), to first order."""
-        row, i, j = self.rows.row[: self.m], self.rows.i[: self.m], self.rows.j[: self.m]
-        here = motion[i, :3] + np.cross(motion[i, 3:], row[:, 3:6])
-        there = motion[j, :3] + np.cross(motion[j, 3:], row[:, 6:9])
-        there[j < 0] = 0.0
-        return np.asarray(((there - here) * row[:, :3]).sum(axis=1))
 
     def forces(self) -> Floats:
         """Return the forces of the contacts on their partners, (m, 3)."""
@@ -241,7 +237,7 @@ class Bed:
         matrix = np.zeros((len(self.orientation), 3, 3))
         names = {name: held[name] for name in ("position", "scale", "radius", "way")}
         shape = self.assembly.shape_id[self.order].astype(np.int64)
-        kind = kinds_of(self.assembly.shapes)[shape]
+        kind = kinds_of(self.assembly.shapes, hulls=self.hulls)[shape]
         self.grains = Grains(matrix=matrix, shape=shape, kind=kind, **names)
         write_matrices(self.orientation, matrix)
         self.bounding = self.assembly.bounding_radii[self.order].copy()

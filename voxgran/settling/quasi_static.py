@@ -22,31 +22,21 @@ MARGIN, MOST = 0.1, 0.1
 
 
 def quasi_static_step(
-    bed: Bed, friction: float, step: float, *, rest: float, iterations: int, margin: float = MARGIN, most: float = MOST,
-    frozen: int = 1,
-) -> float:  # fmt: skip
+    bed: Bed, friction: float, step: float, *, rest: float, iterations: int, margin: float = MARGIN, most: float = MOST
+) -> float:
     """Make a step with friction, and return the share of the grains that moved by more than a hundredth of free fall.
 
-    rest: distance that surfaces keep.  frozen: number of steps that are made with the same contact points, whose gaps
-    change with the motions to first order; fewer where a grain would move by more than `most`.
+    rest: distance that surfaces keep.
     """
     bed.find(margin, rest)
-    forces, square, rows, n = bed.forces(), step * step, bed.rows, bed.count
-    gap, motion, moving = bed.gap.copy(), np.zeros((n + 1, 6)), 1.0
-    for turn in range(frozen):
-        accelerations, _ = gauss_seidel_forces(
-            rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, forces, gap / square,
-            friction=friction, skin=SOFTNESS / square, iterations=iterations,
-        )  # fmt: skip
-        motion += accelerations * square
-        moving = float((np.linalg.norm(accelerations[:n, :3], axis=1) > MOVING).mean())
-        if turn + 1 < frozen:
-            if float(np.abs(motion[:, :3]).max(initial=0.0)) > 0.5 * most:
-                break
-            gap += bed.opening(accelerations * square)
+    forces, square, rows = bed.forces(), step * step, bed.rows
+    accelerations, _ = gauss_seidel_forces(
+        rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, forces, bed.gap / square,
+        friction=friction, skin=SOFTNESS / square, iterations=iterations,
+    )  # fmt: skip
     bed.keep_forces(forces)
-    bed.move(motion, most)
-    return moving
+    bed.move(accelerations * square, most)
+    return float((np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING).mean())
 
 
 def frictionless_step(

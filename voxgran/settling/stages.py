@@ -89,7 +89,8 @@ COARSE, FINE = 3e-2, 3e-3
 #: largest number of spheres for which steps without friction are solved to the end
 MOST_DIRECT = 3000
 FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
-EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=80)
+#: free fall in a step of the last kind is within `most`: cutting motions off would let grains enter each other
+EXACT = Manner(KEPT, 6e-3, 3e-3, first=0.05, last=0.04, steps=80)
 
 
 @dataclass(slots=True)
@@ -139,7 +140,7 @@ class Settler:
     ) -> None:
         self.how, self.seed = how, seed
         weight = how.lid.weight * float(assembly.volumes.sum()) / UNIT[assembly.dimension] if how.lid else 1.0
-        self.bed = Bed(assembly, gravity, lid_weight=weight)
+        self.bed = Bed(assembly, gravity, lid_weight=weight, hulls=how.parts == "hulls")
         self.small = small
         self.progress = Progress(stage=START if small is None else GROWTH)
         if small is not None:
@@ -236,10 +237,12 @@ class Settler:
         """Examine the grains before any of them moves: a bed that rests stays as it is."""
         self.progress.stage = FALL
         if self.how.shaking is None:
+            self.bed.finders.exact = True
             self._examine(THOROUGH)
             if self._rests():
-                self.progress.stage = ENDED
+                self.progress.stage, self.progress.exact = ENDED, 1
                 return
+            self.bed.finders.exact = False
         self.bed.rows.row[:, 10:14] = 0.0
 
     def _drop(self) -> None:

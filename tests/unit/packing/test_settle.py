@@ -314,3 +314,13 @@ def test_settle_within_pack_takes_true_false_or_parameters():
     assert walk(None).problem.settling == Settling()
     prints = {run.fingerprint(task.method, task.problem) for task in (walk(False), walk(True), walk({"rest": 0.9}))}
     assert len(prints) == 3
+
+
+def test_hulls_in_place_of_meshes_settle_without_overlap():
+    """Convex hulls hold their grains: no true shapes overlap, and more room is left than by the true shapes."""
+    union = vg.make_shape("solid_union", seed=3)
+    box = vg.Box((3, 3, 8), periodic="xy")
+    bed = vg.pack(union, box, "gravity", count=15, parts="hulls")
+    assert bed.verify().ok
+    assert bed.stop_reason == "settled"
+    assert bed.provenance["settling"]["parameters"]["parts"] == "hulls"

@@ -128,43 +128,45 @@ def has_convex_parts(geometry: Geometry) -> bool:
     return isinstance(geometry, Spheres) or is_convex(geometry)
 
 
-def convex_bodies(shapes: Sequence[Shape]) -> ConvexBodies:
+def convex_bodies(shapes: Sequence[Shape], *, hulls: bool = False) -> ConvexBodies:
     """Return the tables of shapes; those that are not made of convex parts have none.
 
     Parameters
     ----------
     shapes : sequence of Shape
         Shapes, with their centroids at the origin.
+    hulls : bool
+        Whether meshes that are not convex are represented by their convex hulls.
     """
     kinds, thick, rows = [], [], np.zeros((len(shapes), ROW))
-    hulls: list[_Hull] = []
+    solids: list[_Hull] = []
     radii: list[Floats] = []
     for s, shape in enumerate(shapes):
         geometry = shape.geometry
-        if not has_convex_parts(geometry):
+        if not has_convex_parts(geometry) and not (hulls and isinstance(geometry, Mesh)):
             kinds.append(NONE)
-            hulls.append(_bare(np.zeros((0, 3))))
+            solids.append(_bare(np.zeros((0, 3))))
             radii.append(np.zeros(0))
             thick.append(1.0)
             continue
         kind, hull, radius, inner = _body(geometry, rows[s])
         kinds.append(kind)
-        hulls.append(hull)
+        solids.append(hull)
         radii.append(radius)
         thick.append(inner)
-    faces = [face for hull in hulls for face in hull.faces]
-    rings = [ring for hull in hulls for ring in hull.rings]
-    links = [link for hull in hulls for link in hull.links]
+    faces = [face for hull in solids for face in hull.faces]
+    rings = [ring for hull in solids for ring in hull.rings]
+    links = [link for hull in solids for link in hull.links]
     return ConvexBodies(
         kind=np.array(kinds, dtype=np.int64),
-        first=_starts([len(hull.corners) for hull in hulls]),
-        corner=np.concatenate([np.zeros((0, 3)), *(hull.corners for hull in hulls)]),
+        first=_starts([len(hull.corners) for hull in solids]),
+        corner=np.concatenate([np.zeros((0, 3)), *(hull.corners for hull in solids)]),
         radius=np.concatenate([np.zeros(0), *radii]),
         link_first=_starts([len(link) for link in links]),
         link=np.array([k for link in links for k in link], dtype=np.int64),
         row=rows,
         thick=np.array(thick, dtype=np.float64),
-        face_first=_starts([len(hull.faces) for hull in hulls]),
+        face_first=_starts([len(hull.faces) for hull in solids]),
         face=np.array(faces, dtype=np.float64).reshape(-1, 4),
         ring_first=_starts([len(ring) for ring in rings]),
         ring=np.array([k for ring in rings for k in ring], dtype=np.int64),

@@ -25,15 +25,18 @@ from voxgran.settling.finding.wall_contacts import find_wall_contacts
 from voxgran.shapes.model import Shape
 
 
-def kinds_of(shapes: Sequence[Shape]) -> Integers:
+def kinds_of(shapes: Sequence[Shape], *, hulls: bool = False) -> Integers:
     """Return what finds the contacts of each shape, (k,): `SPHERE`, `CONVEX`, `SURFACE` or `OUTLINE`.
+
+    hulls: whether convex hulls stand for meshes that are not convex.
 
     Raises
     ------
     InputError
         If a shape is an open surface.
     """
-    return np.array([_kind_of(shape) for shape in shapes], dtype=np.int64)
+    kinds = np.array([_kind_of(shape) for shape in shapes], dtype=np.int64)
+    return np.where(hulls & (kinds == SURFACE), CONVEX, kinds)
 
 
 def _kind_of(shape: Shape) -> int:
@@ -57,6 +60,8 @@ class ContactFinders:
         The grains; their number and shapes count.
     exact : bool
         Whether contacts of meshes that are not convex come from their triangles, not from grids of distances.
+    hulls : bool
+        Whether convex hulls stand for them.
 
     Raises
     ------
@@ -64,7 +69,7 @@ class ContactFinders:
         If the walls of the container are not known.
     """
 
-    def __init__(self, assembly: Assembly, grains: Grains, *, exact: bool = False) -> None:
+    def __init__(self, assembly: Assembly, grains: Grains, *, exact: bool = False, hulls: bool = False) -> None:
         if boundary_of(assembly.container) is UNKNOWN:
             raise InputError(
                 f"container is of type {type(assembly.container).__name__}: grains settle in containers whose walls "
@@ -76,7 +81,7 @@ class ContactFinders:
         self._wall_bodies = wall_bodies(assembly.shapes, assembly.container)
         self._normal = np.zeros(3) if assembly.lid is None else np.array(assembly.lid.normal, dtype=np.float64)
         if CONVEX in self._kinds:
-            self._convex = convex_bodies(assembly.shapes)
+            self._convex = convex_bodies(assembly.shapes, hulls=hulls)
             self._convex_work = convex_work(self._convex, grains)
         if SURFACE in self._kinds:
             self._surfaces = surface_bodies(assembly.shapes)
