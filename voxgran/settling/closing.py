@@ -7,6 +7,7 @@ get more room in each round, and are parted.
 
 import numpy as np
 
+from voxgran._base.arrays import Booleans
 from voxgran.settling.bed import Bed
 from voxgran.settling.contact_rows import GAP, SURFACE
 from voxgran.settling.parting import part_grains
@@ -14,17 +15,17 @@ from voxgran.settling.parting import part_grains
 #: distance up to which gaps by grids are found, and up to which exact ones are
 FOUND, EXACT = 0.02, 3e-3
 #: room by which pairs that are not proven to be separate are parted more in each round, at first and later
-FIRST_ROOM, MORE_ROOM = 3e-3, 1e-3
+FIRST_ROOM, MORE_ROOM = 2e-3, 1e-3
 #: least and largest room of a pair
 LEAST, MOST = -5e-3, 0.05
 #: distance to which grains are parted, rounds of each parting, and gap up to which contacts are looked at
 KEPT, ROUNDS, MARGIN = 3e-4, 6, 0.01
 
 
-def close_round(bed: Bed, turn: int) -> int:
-    """Make a round of parting, and return the number of pairs that were not proven to be separate before.
+def close_round(bed: Bed, *, first: bool) -> int:
+    """Make a round of parting, and return the number of pairs that were not proven to be separate, or overlap, before.
 
-    The contacts are those by grids. turn: number of rounds before.
+    The contacts are those by grids. first: whether it is the first round.
     """
     bed.find(FOUND, 0.0)
     pairs, rows = bed.pairs, bed.rows
@@ -38,9 +39,20 @@ def close_round(bed: Bed, turn: int) -> int:
     known = np.isfinite(by_grid) & np.isfinite(exact) & proven
     pairs.room[known] = np.clip(by_grid[known] - exact[known], LEAST, MOST)
     wrong = mixed & ~proven
-    more = FIRST_ROOM if turn == 0 else MORE_ROOM
+    more = FIRST_ROOM if first else MORE_ROOM
     least = np.where(np.isfinite(by_grid), np.maximum(pairs.room, by_grid), pairs.room)
     pairs.room[wrong] = np.minimum(np.maximum(least + more, 1.3 * pairs.room), MOST)[wrong]
-    if wrong.any():
+    # gaps at walls, and of pairs of other kinds, are exact
+    overlapping = int((gap[_unroomed(bed)] < 0.0).sum())
+    if wrong.any() or overlapping:
         part_grains(bed, KEPT, ROUNDS, margin=MARGIN)
-    return int(wrong.sum())
+    return int(wrong.sum()) + overlapping
+
+
+def _unroomed(bed: Bed) -> Booleans:
+    """Return which contacts are none between a grain and a mesh that is not convex."""
+    i, j = bed.rows.i[: bed.m], bed.rows.j[: bed.m]
+    inner = (j >= 0) & (j < bed.count)
+    kind = bed.grains.kind
+    other = np.where(inner, j, 0)
+    return np.asarray(~inner | ((kind[i] != SURFACE) & (kind[other] != SURFACE)))

@@ -42,7 +42,7 @@ SHAKEN_STEPS = 4
 #: iterations in a quasi-static step, twice as many in beds of more layers than these, and how the steps shrink
 ITERATIONS, DEEP, SHRINK = 30, 40.0, 0.9
 #: largest number of quasi-static steps in all
-STILL_STEPS = 200
+STILL_STEPS = 300
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted
@@ -53,6 +53,9 @@ AFTER_PARTING = 0.05
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
 #: share of moving grains below which steps become shorter, and below which the bed is examined
 SLOW, CALM = 0.03, 0.015
+#: steps between two examinations of meshes by their triangles, whose contact points change from step to step, and the
+#: share of grains that do not rest with which they end
+EXAMINED, ENOUGH = 10, 0.025
 #: net force, in weights, and net torque, in weights times radii, up to which a grain rests
 RESIDUAL = 0.01
 #: iterations of an examination, and of the last one
@@ -89,8 +92,7 @@ COARSE, FINE = 3e-2, 3e-3
 #: largest number of spheres for which steps without friction are solved to the end
 MOST_DIRECT = 3000
 FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
-#: free fall in a step of the last kind is within `most`: cutting motions off would let grains enter each other
-EXACT = Manner(KEPT, 6e-3, 3e-3, first=0.05, last=0.04, steps=80)
+EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=160)
 
 
 @dataclass(slots=True)
@@ -164,7 +166,7 @@ class Settler:
         """Largest number of steps, those that were made included."""
         growth = 0 if self.small is None else self._growth_steps()
         shaking = 0 if self.how.shaking is None else math.ceil(self.how.shaking.duration / self._fall.step)
-        return growth + 1 + shaking + 2 * self._fall_steps() + STILL_STEPS + (TRIALS + 1) * CLOSING_ROUNDS
+        return growth + 1 + shaking + 2 * self._fall_steps() + STILL_STEPS + (TRIALS + 2) * CLOSING_ROUNDS
 
     def step(self) -> None:
         """Make the next step."""
@@ -305,13 +307,16 @@ class Settler:
             progress.length = max(manner.last, SHRINK * progress.length)
         progress.still_steps += 1
         last = progress.still_steps >= manner.steps
-        if moving >= CALM and not last:
+        if moving >= CALM and not last and (manner is not EXACT or progress.still_steps % EXAMINED):
             return
         if manner is FIELDS:
             self._look_closer()
             return
         self._examine(QUICK)
-        if progress.smallest < 0.0 and progress.trials < TRIALS:
+        enough = ENOUGH if manner is EXACT else CALM
+        if manner is EXACT and progress.moving >= enough and not last:
+            return
+        if progress.smallest < 0.0 and (progress.trials < TRIALS or (last and progress.exact)):
             progress.trials += 1
             if progress.exact:
                 self._look_closer()
@@ -319,12 +324,16 @@ class Settler:
             part_grains(bed, PARTED, ROUNDS)
             progress.length = min(progress.length, AFTER_PARTING)
             self._examine(QUICK)
-        if last or (progress.moving < CALM and progress.smallest >= 0.0):
+        if last or (progress.moving < enough and progress.smallest >= 0.0):
             if progress.smallest < 0.0 and not progress.exact:
                 part_grains(bed, PARTED, ROUNDS)
-            self._examine(THOROUGH)
-            self._rests()
-            progress.stage = ENDED
+            self._end()
+
+    def _end(self) -> None:
+        """Examine the bed for the last time."""
+        self._examine(THOROUGH)
+        self._rests()
+        self.progress.stage = ENDED
 
     def _quasi_static(self, manner: Manner) -> float:
         """Make a quasi-static step, and return the share of the grains that moved."""
@@ -348,12 +357,15 @@ class Settler:
     def _close(self) -> None:
         """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
         progress = self.progress
-        wrong = close_round(self.bed, progress.stage_step)
+        wrong = close_round(self.bed, first=progress.stage_step == 0 and not progress.trials)
         if wrong and progress.stage_step + 1 < CLOSING_ROUNDS:
             return
-        left = max(progress.still_steps if progress.trials else 0, 0)
-        progress.stage, progress.exact, progress.still_steps = STILL, 1, left
-        progress.length, self.bed.finders.exact = EXACT.first, True
+        progress.still_steps = progress.still_steps if progress.trials else 0
+        progress.exact, self.bed.finders.exact = 1, True
+        if progress.still_steps >= EXACT.steps:
+            self._end()
+            return
+        progress.stage, progress.length = STILL, EXACT.first
 
     @property
     def _direct(self) -> bool:
