@@ -46,7 +46,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, stands_free
 from voxgran.packing.start import Start, refuse_start
 from voxgran.packing.walking.entering import enters_in_turn, falls_at_entry, moving_grains
-from voxgran.packing.walking.feeding import SETTLE_SWEEPS, entry_of, feed_share, most_attempts
+from voxgran.packing.walking.feeding import SETTLE_SWEEPS, entry_of, feed_share, planned_attempts
 from voxgran.packing.walking.vibration import vibration_schedule
 from voxgran.packing.walking.walk import advance, begin, finished
 
@@ -166,7 +166,7 @@ def cost(problem: Problem) -> Cost:
     check_surfaces(problem)
     return Cost(
         memory=memory_needed(problem),
-        attempts=most_attempts(problem, problem.count),
+        attempts=planned_attempts(problem),
         sampled_shapes=len(problem.shapes) if problem.count else 0,
     )
 

@@ -17,7 +17,7 @@ from voxgran.packing.digital.precompute import (
 )
 from voxgran.packing.method import Cost
 from voxgran.packing.problem import Problem
-from voxgran.packing.walking.feeding import most_attempts
+from voxgran.packing.walking.feeding import planned_attempts
 
 
 def digital_cost(problem: Problem) -> Cost:
@@ -48,7 +48,7 @@ def digital_cost(problem: Problem) -> Cost:
     unpacked = 4 * UNPACKED + (0.0 if even else 2.5 * float(np.prod(lattice.shape)))
     return Cost(
         memory=int((tables or canvas + unpacked) + bank + kept),
-        attempts=most_attempts(problem, problem.count),
+        attempts=planned_attempts(problem),
         voxelized_shapes=different,
     )
 

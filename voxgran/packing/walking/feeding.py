@@ -5,6 +5,7 @@ then interrupted for some sweeps, and ends if those grains hardly sink meanwhile
 so feeding ends after a finite number of attempts.
 """
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -67,6 +68,16 @@ def most_attempts(problem: Problem, grains: int) -> int:
     sweeps: int = problem.parameters.sweeps
     examined = sweeps >= SETTLE_SWEEPS or problem.parameters.lid
     return grains * (sweeps + (SETTLE_LOOKS * SETTLE_SWEEPS if examined else 0))
+
+
+def planned_attempts(problem: Problem) -> int:
+    """Return the number of attempts of a walk with its feeding, if all grains find room at their first tries.
+
+    Of the attempts while grains rain a share `rate` inserts one, at random: six standard deviations are added.
+    """
+    settings, n = problem.parameters, problem.count
+    rate = float(settings.rate) if settings.feed == "rain" else 1.0
+    return most_attempts(problem, n) + math.ceil((n + 6.0 * math.sqrt(n) + 20.0) / rate)
 
 
 def examine_feeding(problem: Problem, state: WalkState, due: int, positions: Callable[[], Floats]) -> None:
