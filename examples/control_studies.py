@@ -23,7 +23,7 @@ count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, m
 width = (0.6 * count) ** (1 / 3)
 periodic = vg.Box((width, width, 4 * width), "xy")
 studies = {
-    "feeding rate": {str(rate): {"rate": rate} for rate in (0.01, 0.05, 0.2, 0.5)},
+    "feeding rate": {str(rate): {"rate": rate} for rate in (0.003, 0.01, 0.05, 0.2)},
     "way of feeding": {
         "rain": {},
         "rain, a lid": {"lid": True},

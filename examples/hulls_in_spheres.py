@@ -1,9 +1,8 @@
 """From spheres to polyhedra: a dense advancing front, a hull inscribed in each sphere, growth, and settling.
 
 Each sphere is replaced by its own convex hull of random points. The hulls grow until each touches a neighbour or a
-wall; control-point packing continues with them in the same box, and they settle. The script prints the solid fraction
-and the mean height after each stage, the growth factors and the resulting change of the gradation, and draws the
-stages.
+wall, and settle. The script prints the solid fraction and the mean height after each stage, the growth factors and the
+resulting change of the gradation, and draws the stages.
 """
 
 import sys
@@ -17,7 +16,6 @@ from voxgran.report.scenes import picture_cut
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/hulls_in_spheres")
 side = float(sys.argv[2]) if len(sys.argv) > 2 else 4.0
-sweeps = int(sys.argv[3]) if len(sys.argv) > 3 else 60
 
 box = vg.Box((side, side, side))
 sizes = vg.sizes.uniform(0.6, 1.2)
@@ -29,8 +27,8 @@ hulls = [vg.make_shape("convex_polyhedron", seed=k, points=12) for k in range(sp
 inscribed = vg.inscribe(spheres, hulls, shape_id=range(spheres.count), seed=1)
 grown = vg.grow(inscribed)
 seconds = time.perf_counter() - began
-moved = vg.pack([], box, method="control_point", start=grown, sweeps=sweeps, cycles=2)
-stages = {"spheres": spheres, "inscribed": inscribed, "grown": grown, "moved": moved}
+settled = vg.settle(grown, gravity="-z")
+stages = {"spheres": spheres, "inscribed": inscribed, "grown": grown, "settled": settled}
 
 folder.mkdir(parents=True, exist_ok=True)
 figure = Figure(figsize=(12, 3.4), layout="constrained")

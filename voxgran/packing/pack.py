@@ -284,9 +284,11 @@ def _settling_of(method: PackingMethod, problem: Problem, asked: Any) -> Settlin
     UnknownNameError
         If a parameter is unknown.
     """
+    if asked is None and not method.builds_bed:
+        return None
     pulled = hasattr(problem.parameters, "gravity") and bool(gravity_vector(problem).any())
     if asked is None:
-        return Settling() if method.builds_bed and pulled and _can_settle(problem) else None
+        return Settling() if pulled and _can_settle(problem) else None
     settling = as_settling(asked)
     if settling is not None and not pulled:
         raise InputError(

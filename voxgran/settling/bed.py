@@ -95,6 +95,12 @@ class Bed:
         return self.rows.row[: self.m, 9]
 
     @property
+    def load(self) -> float:
+        """Ratio of the weight of all grains and the lid to that of the grains."""
+        inverse = float(self.bodies[-1, 6])
+        return 1.0 + (1.0 / (inverse * float((1.0 / self.bodies[:-1, 6]).sum())) if inverse > 0.0 else 0.0)
+
+    @property
     def kinetic_energy(self) -> float:
         """Mean kinetic energy of translation of a grain, for its mass."""
         return 0.5 * float((self.bodies[: self.count, :3] ** 2).sum(axis=1).mean()) if self.count else 0.0

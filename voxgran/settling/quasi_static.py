@@ -13,7 +13,7 @@ from voxgran.settling.bed import Bed
 from voxgran.settling.contact_rows import PUSH
 from voxgran.settling.interior_point import frictionless_forces
 
-#: compression of a contact by a force of one weight, in median diameters
+#: compression of a contact by a force of one weight, in median diameters; a lid does not compress contacts more
 SOFTNESS = 1e-6
 #: acceleration, in that of gravity, from which on a grain moves
 MOVING = 0.01
@@ -32,7 +32,7 @@ def quasi_static_step(
     forces, square, rows = bed.forces(), step * step, bed.rows
     accelerations, _ = gauss_seidel_forces(
         rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, forces, bed.gap / square,
-        friction=friction, skin=SOFTNESS / square, iterations=iterations,
+        friction=friction, skin=SOFTNESS / (bed.load * square), iterations=iterations,
     )  # fmt: skip
     bed.keep_forces(forces)
     bed.move(accelerations * square, most)
@@ -51,7 +51,7 @@ def frictionless_step(
     height = -(bed.grains.position @ bed.gravity)
     push, accelerations, _ = frictionless_forces(
         rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, openness=bed.gap / square,
-        skin=2.0 * SOFTNESS / square, accuracy=accuracy, start=rows.row[: bed.m, PUSH].copy(), height=height,
+        skin=2.0 * SOFTNESS / (bed.load * square), accuracy=accuracy, start=rows.row[: bed.m, PUSH].copy(), height=height,
     )  # fmt: skip
     bed.keep_forces(push[:, None] * rows.row[: bed.m, :3])
     bed.move(accelerations * square, most)

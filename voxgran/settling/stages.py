@@ -41,14 +41,15 @@ GROWTH_STEP, GROWTH_STEPS = 0.03, 40
 SHAKEN_STEPS = 4
 #: iterations in a quasi-static step, twice as many in beds of more layers than these, and how the steps shrink
 ITERATIONS, DEEP, SHRINK = 30, 40.0, 0.9
-#: largest number of quasi-static steps in all
+#: largest number of quasi-static steps in all, and how many times more are made in a bed of fewer grains than these
 STILL_STEPS = 300
+FEW_GRAINS, MORE_STEPS = 1000, 5
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted
 CLOSING_ROUNDS = 12
-#: length of steps after overlapping grains were parted
-AFTER_PARTING = 0.05
+#: length of steps after overlapping grains were parted, in that of the last ones
+AFTER_PARTING = 0.5
 #: volume of a grain of unit diameter by dimension, whose mass is 1
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
 #: share of moving grains below which steps become shorter, and below which the bed is examined
@@ -166,7 +167,9 @@ class Settler:
         """Largest number of steps, those that were made included."""
         growth = 0 if self.small is None else self._growth_steps()
         shaking = 0 if self.how.shaking is None else math.ceil(self.how.shaking.duration / self._fall.step)
-        return growth + 1 + shaking + 2 * self._fall_steps() + STILL_STEPS + (TRIALS + 2) * CLOSING_ROUNDS
+        return (
+            growth + 1 + shaking + 2 * self._fall_steps() + self._patience * STILL_STEPS + (TRIALS + 2) * CLOSING_ROUNDS
+        )
 
     def step(self) -> None:
         """Make the next step."""
@@ -306,7 +309,7 @@ class Settler:
         if moving < SLOW:
             progress.length = max(manner.last, SHRINK * progress.length)
         progress.still_steps += 1
-        last = progress.still_steps >= manner.steps
+        last = progress.still_steps >= self._patience * manner.steps
         if moving >= CALM and not last and (manner is not EXACT or progress.still_steps % EXAMINED):
             return
         if manner is FIELDS:
@@ -322,7 +325,7 @@ class Settler:
                 self._look_closer()
                 return
             part_grains(bed, PARTED, ROUNDS)
-            progress.length = min(progress.length, AFTER_PARTING)
+            progress.length = min(progress.length, AFTER_PARTING * manner.last)
             self._examine(QUICK)
         if last or (progress.moving < enough and progress.smallest >= 0.0):
             if progress.smallest < 0.0 and not progress.exact:
@@ -362,7 +365,7 @@ class Settler:
             return
         progress.still_steps = progress.still_steps if progress.trials else 0
         progress.exact, self.bed.finders.exact = 1, True
-        if progress.still_steps >= EXACT.steps:
+        if progress.still_steps >= self._patience * EXACT.steps:
             self._end()
             return
         progress.stage, progress.length = STILL, EXACT.first
@@ -371,6 +374,11 @@ class Settler:
     def _direct(self) -> bool:
         """Whether steps without friction are solved to the end: its time grows faster than the number of unknowns."""
         return not self.bed.grains.kind.any() and self.bed.count <= MOST_DIRECT
+
+    @property
+    def _patience(self) -> int:
+        """How many times more steps are made than in a large bed: in a small one they take little time."""
+        return min(max(FEW_GRAINS // max(self.bed.count, 1), 1), MORE_STEPS)
 
     @property
     def _manner(self) -> "Manner":

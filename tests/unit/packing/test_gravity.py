@@ -58,9 +58,9 @@ METHODS = [
     ("digital_rsa", {"voxel_size": 0.25}, None, 0.25),
     ("digital_fill", {"voxel_size": 0.25, "gravity": "+y"}, (0.0, 1.0, 0.0), 0.25),
     ("digital_fill", {"voxel_size": 0.25, "place": "wall"}, None, 0.25),
-    ("digital", {"voxel_size": 0.25, "sweeps": 2, "gravity": (0, 3, -4)}, (0.0, 0.6, -0.8), 0.25),
+    ("digital", {"voxel_size": 0.25, "sweeps": 2, "gravity": (0, 3, -4), "settle": False}, (0.0, 0.6, -0.8), 0.25),
     ("digital", {"voxel_size": 0.25, "sweeps": 2, "gravity": "none"}, None, 0.25),
-    ("control_point", {"spacing": 0.25, "sweeps": 2}, (0.0, 0.0, -1.0), 0.5),
+    ("control_point", {"spacing": 0.25, "sweeps": 2, "settle": False}, (0.0, 0.0, -1.0), 0.5),
 ]
 
 

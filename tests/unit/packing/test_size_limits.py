@@ -63,7 +63,7 @@ def test_what_lies_in_a_box_is_never_refused(seed):
 @pytest.mark.parametrize(
     ("method", "parameters"),
     [
-        ("control_point", {"spacing": 0.25, "sweeps": 30, "feed": "at_once"}),
+        ("control_point", {"spacing": 0.25, "sweeps": 30, "feed": "at_once", "settle": False}),
         ("digital_rsa", {"voxel_size": 0.2, "orientations": 480}),
     ],
 )

@@ -28,8 +28,8 @@ from voxgran.packing.settling_run import GRAIN_BYTES, SettleState, advance_settl
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import TOUCHING, Settler
 
-#: share of the container that grains fill at the most
-FULLEST = 0.6
+#: share of the container that grains fill at the most: those of a bed with friction, walls included
+FULLEST = 0.52
 #: largest size of a grain at the beginning, in sizes at which its bounding sphere is its seed
 APART = 0.98
 

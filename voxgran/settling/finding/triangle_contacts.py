@@ -38,7 +38,10 @@ ROUNDING = 1e-12
 
 
 @bare_kernel
-def exact_candidates(grains, bodies, work, p, count, way, i, j, margin):  # type: ignore[no-untyped-def]
+def exact_candidates(
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, p: int, count: int, way: float, i: int, j: int,
+    margin: float,
+) -> tuple[int, float]:  # fmt: skip
     """Write the contact points of listed pairs of triangles; return their number and the exact gap.
 
     The gap is -1e9 where triangles cross or the center of a sphere lies in a mesh, and 1e9 where none are within the

@@ -8,6 +8,9 @@ corner may lie behind several faces, of which the one that it leaves first count
 import math
 
 from voxgran._base.kernels import bare_kernel
+from voxgran.settling.contact_rows import Grains
+from voxgran.settling.finding.distance_grids import SurfaceBodies
+from voxgran.settling.finding.surface_memory import SurfaceWork
 from voxgran.settling.finding.triangle_features import is_minimum, place_triangle
 
 #: depth up to which they are sought, in radii of the smaller grain
@@ -132,7 +135,9 @@ def _deeper_behind(candidate, k, q):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def crossing_depths(grains, bodies, work, count, i, j, margin):  # type: ignore[no-untyped-def]
+def crossing_depths(
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, count: int, i: int, j: int, margin: float
+) -> tuple[int, float]:
     """Write the candidates of listed triangles of two meshes that cross; return number and least gap.
 
     The number is 0 where none lies behind another.

@@ -10,8 +10,10 @@ margin.
 import math
 
 from voxgran._base.kernels import bare_kernel
+from voxgran.settling.contact_rows import Grains
+from voxgran.settling.finding.distance_grids import SurfaceBodies
 from voxgran.settling.finding.surface_contacts import grid_bound, write_turn
-from voxgran.settling.finding.surface_memory import NEAR, copy_numbers, is_kept, motion_since
+from voxgran.settling.finding.surface_memory import NEAR, SurfaceWork, copy_numbers, is_kept, motion_since
 
 #: distance beyond the margin within which triangles are listed, in median diameters and in radii of the smaller grain
 SLACK, SLACK_OF_RADIUS = 8e-3, 0.02
@@ -290,7 +292,9 @@ def _renew(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyped-de
 
 
 @bare_kernel
-def near_triangles(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyped-def]
+def near_triangles(
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, p: int, i: int, j: int, margin: float
+) -> tuple[int, float, float]:
     """List in `work.found` the pairs of triangles that may be within a margin; return their number, -1 if too many.
 
     The pose is in `work.now`. The third number is the place in the list that is kept, -1 without one. Returns too the

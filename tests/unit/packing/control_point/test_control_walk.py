@@ -255,7 +255,8 @@ def test_gravity_points_where_it_is_told(gravity, axis, sign):
         vibration_up=0.0,
     )
     along = (packing.position[:, axis] - 2.5) * sign
-    assert along.min() > 0.4
+    # some lie on others
+    assert np.median(along) > 1.99
     assert vg.verify(packing).ok
 
 

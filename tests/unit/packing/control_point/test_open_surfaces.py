@@ -83,7 +83,14 @@ def test_longer_steps_would():
 
 def test_no_move_of_a_walk_leads_through_a_surface():
     """Each accepted move of a crowded bed, with the longest steps, led straight from pose to pose past all others."""
-    settings = {"contact": "kdtree", "spacing": 0.25, "step": 10.0, "feed": "at_once", "gravity": "none"}
+    settings = {
+        "contact": "kdtree",
+        "spacing": 0.25,
+        "step": 10.0,
+        "feed": "at_once",
+        "gravity": "none",
+        "sweeps": 10_000,
+    }
     task = kit.task_of("control_point", SHEETS, vg.Box((2.1, 2.1, 2.1)), count=6, seed=5, **settings)
     method, problem, moved = task.method, task.problem, 0
     state = method.advance(problem, method.prepare(problem), 3000)

@@ -51,7 +51,7 @@ def test_large_grains_wait_for_small_ones_to_sink():
 def test_a_full_bed_has_come_to_rest(method, feed):
     """The grains below the entry, here all of them, have not sunk in as many sweeps before feeding ended."""
     voxel = {"voxel_size": 1 / 16} if method is digital else {}
-    task = task_of(method.name, vg.Box((3, 3, 3)), count=40, feed=feed, sweeps=0, **voxel)
+    task = task_of(method.name, vg.Box((3, 3, 3)), count=40, feed=feed, rate=0.05, sweeps=0, **voxel)
     state, heights = method.prepare(task.problem), []
     while state.feeding_ended_at is None:
         begins = state.layer_ends
