@@ -284,12 +284,10 @@ def _settling_of(method: PackingMethod, problem: Problem, asked: Any) -> Settlin
     UnknownNameError
         If a parameter is unknown.
     """
-    if asked is None and not method.builds_bed:
+    if asked is None and not (method.builds_bed and _can_settle(problem)):
         return None
     pulled = hasattr(problem.parameters, "gravity") and bool(gravity_vector(problem).any())
-    if asked is None:
-        return Settling() if pulled and _can_settle(problem) else None
-    settling = as_settling(asked)
+    settling = as_settling(pulled if asked is None else asked)
     if settling is not None and not pulled:
         raise InputError(
             f"settle is {shown(asked)}: method {method.name!r} packs without gravity here; leave settle out, or call "

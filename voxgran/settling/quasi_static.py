@@ -48,10 +48,11 @@ def frictionless_step(
     """
     bed.find(margin, rest)
     square, rows, n = step * step, bed.rows, bed.count
+    skin = 2.0 * SOFTNESS / (bed.load * square)
     height = -(bed.grains.position @ bed.gravity)
     push, accelerations, _ = frictionless_forces(
         rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, openness=bed.gap / square,
-        skin=2.0 * SOFTNESS / (bed.load * square), accuracy=accuracy, start=rows.row[: bed.m, PUSH].copy(), height=height,
+        skin=skin, accuracy=accuracy, start=rows.row[: bed.m, PUSH].copy(), height=height,
     )  # fmt: skip
     bed.keep_forces(push[:, None] * rows.row[: bed.m, :3])
     bed.move(accelerations * square, most)
