@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly, Lid
-from voxgran.settling.contact_rows import MASS_ACROSS, ROW, ContactRows, Grains, PairList
+from voxgran.settling.contact_rows import MASS_ACROSS, ROW, ContactRows, Grains, PairList, carry_rows
 from voxgran.settling.finding.finders import ContactFinders, kinds_of
 from voxgran.settling.impulses import move_bodies, write_matrices
 from voxgran.settling.pair_list import no_pairs, renewed
@@ -80,6 +80,8 @@ class Bed:
         self.pairs: PairList = no_pairs()
         self.rows = _no_rows(8 * n + 64)
         self.m = 0
+        # margin and rest distance of the contacts that were found, while they are carried along with the grains
+        self.carried: Floats = np.full(2, np.nan)
         self.wall_first, self.wall_count = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
         self.listed = False
         self.finders = ContactFinders(assembly, self.grains, exact=exact, hulls=hulls)
@@ -110,20 +112,24 @@ class Bed:
         """Mean height of the centroids, along gravity."""
         return -float((self.grains.position @ self.gravity).mean()) if self.count else 0.0
 
-    def find(self, margin: float, rest: float) -> None:
+    def find(self, margin: float, rest: float, *, reuse: float = 0.0) -> None:
         """Find the contacts nearer than a margin; gaps count from a rest distance.
 
-        The rows of before become the old ones, whose impulses the new ones take over.
+        The rows of before become the old ones, whose impulses the new ones take over. Exact contacts of meshes are not
+        found again where neither surface of a pair has moved by more than `reuse` since, if they were carried along.
         """
+        asked = np.array([margin, rest])
+        reuse = reuse if np.array_equal(asked, self.carried) else 0.0
+        self.carried = asked
         way = self.grains.way
         two = np.partition(way, -2)[-2:].sum() if len(way) > 1 else 2.0 * float(way.max(initial=0.0))
         if not self.listed or two + margin > SKIN:
             self.pairs = renewed(self.pairs, self.grains, self.assembly.container, SKIN)
-            self.listed = True
+            self.listed, reuse = True, 0.0
         self.rows = self.rows._replace(row=self.rows.old, old=self.rows.row)
         places = (*self.pairs[3:], self.wall_first, self.wall_count)
         before = [place.copy() for place in places]
-        while (found := self._found(margin, rest)) < 0:
+        while (found := self._found(margin, rest, reuse)) < 0:
             self.rows = _doubled(self.rows)
             for place, old in zip(places, before, strict=True):
                 place[:] = old
@@ -131,11 +137,11 @@ class Bed:
         # nothing of former steps is left in what solvers write
         self.rows.row[:found, MASS_ACROSS] = 0.0
 
-    def _found(self, margin: float, rest: float) -> int:
+    def _found(self, margin: float, rest: float, reuse: float) -> int:
         """Return the number of contacts, or -1 where they are more than the rows."""
         return self.finders.find(
             self.grains, self.pairs, self.rows, at_walls=(self.wall_first, self.wall_count), lid_level=self.lid_level,
-            margin=margin, rest=rest,
+            margin=margin, rest=rest, reuse=reuse,
         )  # fmt: skip
 
     def deep_overlaps(self, deepest: float) -> tuple[Integers, Integers, Floats]:
@@ -176,17 +182,33 @@ class Bed:
         row[:, 10] = (forces * row[:, :3]).sum(axis=1)
         row[:, 11:14] = forces - row[:, 10:11] * row[:, :3]
 
-    def move(self, motion: Floats, most: float) -> float:
-        """Move the grains, and the lid along gravity, by no more than `most`; return the largest translation."""
+    def move(self, motion: Floats, most: float, *, carry: bool = False) -> float:
+        """Move the grains, and the lid along gravity, by no more than `most`; return the largest translation.
+
+        carry: whether the contacts are carried along, so that they need not all be found again.
+        """
         grains, n = self.grains, self.count
+        if carry:
+            motion = self._clipped(motion, most)
+            carry_rows(self.rows, self.m, motion[:n])
+        else:
+            self.carried = np.full(2, np.nan)
         far = move_bodies(grains.position, self.orientation, grains.matrix, motion, grains.radius, grains.way, most)
         if math.isfinite(self.lid_level):
             self.lid_level -= float(np.clip(motion[n, :3] @ self.gravity, -most, most))
         return float(far)
 
+    def _clipped(self, motion: Floats, most: float) -> Floats:
+        """Return the motions (n + 1, 6) of which none moves a point of a surface by more than `most`."""
+        clipped, reach = motion.copy(), np.append(self.grains.radius, 0.0)
+        for part, lever in ((clipped[:, :3], np.ones(len(motion))), (clipped[:, 3:], reach)):
+            far = np.linalg.norm(part, axis=1) * lever
+            part *= np.minimum(1.0, most / np.maximum(far, most))[:, None]
+        return clipped
+
     def resize(self, factor: Floats) -> None:
         """Give the grains sizes of `factor` (n,) times their final ones."""
-        old = self.grains.radius.copy()
+        old, self.carried = self.grains.radius.copy(), np.full(2, np.nan)
         self.grains.scale[:] = self.assembly.scale[self.order] * factor
         self.grains.radius[:] = self.bounding * factor
         self.grains.way[:] += np.maximum(self.grains.radius - old, 0.0)
@@ -233,6 +255,7 @@ class Bed:
             "wall_first": self.wall_first,
             "wall_count": self.wall_count,
             "lid_level": np.array(self.lid_level),
+            "carried": self.carried,
         }
 
     def restore(self, arrays: Mapping[str, Any]) -> None:
@@ -258,7 +281,7 @@ class Bed:
             held["row_j"],
         )
         self.wall_first, self.wall_count = held["wall_first"], held["wall_count"]
-        self.lid_level = float(held["lid_level"])
+        self.lid_level, self.carried = float(held["lid_level"]), held["carried"]
 
 
 def normalized_bed(assembly: Assembly, gravity: Floats) -> Bed:

@@ -7,6 +7,8 @@ pair in the step before, from which the next solution starts.
 
 from typing import NamedTuple
 
+import numpy as np
+
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 
@@ -71,6 +73,22 @@ class ContactRows(NamedTuple):
     i: Integers
     j: Integers
     old: Floats
+
+
+def carry_rows(rows: ContactRows, m: int, motion: Floats) -> None:
+    """Carry m rows along with small motions (n, 6) of the grains: gaps change to first order, and arms turn.
+
+    Rows at walls, and of the lid, stay as they are.
+    """
+    row, n = rows.row[:m], len(motion)
+    moved = np.vstack([motion, np.zeros((1, 6))])
+    inner = (rows.j[:m] >= 0) & (rows.j[:m] < n)
+    normal = row[:, NORMAL:ARM_I]
+    for at, arm, sign in ((rows.i[:m], ARM_I, -1.0), (rows.j[:m], ARM_J, 1.0)):
+        one = moved[np.where(inner, at, n)]
+        turned = np.cross(one[:, 3:], row[:, arm : arm + 3])
+        row[:, GAP] += sign * ((one[:, :3] + turned) * normal).sum(axis=1)
+        row[:, arm : arm + 3] += turned
 
 
 @bare_kernel

@@ -22,20 +22,21 @@ MARGIN, MOST = 0.1, 0.1
 
 
 def quasi_static_step(
-    bed: Bed, friction: float, step: float, *, rest: float, iterations: int, margin: float = MARGIN, most: float = MOST
-) -> float:
+    bed: Bed, friction: float, step: float, *, rest: float, iterations: int, margin: float = MARGIN,
+    most: float = MOST, reuse: float = 0.0,
+) -> float:  # fmt: skip
     """Make a step with friction, and return the share of the grains that moved by more than a hundredth of free fall.
 
-    rest: distance that surfaces keep.
+    rest: distance that surfaces keep.  reuse: motion up to which exact contacts of meshes are not found again.
     """
-    bed.find(margin, rest)
+    bed.find(margin, rest, reuse=reuse)
     forces, square, rows = bed.forces(), step * step, bed.rows
     accelerations, _ = gauss_seidel_forces(
         rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, forces, bed.gap / square,
         friction=friction, skin=SOFTNESS / (bed.load * square), iterations=iterations,
     )  # fmt: skip
     bed.keep_forces(forces)
-    bed.move(accelerations * square, most)
+    bed.move(accelerations * square, most, carry=reuse > 0.0)
     return float((np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING).mean())
 
 

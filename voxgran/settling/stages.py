@@ -75,6 +75,7 @@ class Manner:
     first: float  # length of the first step
     last: float  # of the last ones
     steps: int  # largest number of steps
+    reuse: float = 0.0  # motion of a pair up to which its contacts are not found again
 
 
 #: of spheres and disks, of convex grains and polygons, and of meshes that are not convex: by grids of distances, then
@@ -93,7 +94,7 @@ COARSE, FINE = 3e-2, 3e-3
 #: largest number of spheres for which steps without friction are solved to the end
 MOST_DIRECT = 3000
 FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
-EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=160)
+EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=160, reuse=5e-4)
 
 
 @dataclass(slots=True)
@@ -349,7 +350,7 @@ class Settler:
         else:
             progress.moved = quasi_static_step(
                 bed, self.how.friction, progress.length, rest=manner.kept, iterations=self._iterations,
-                margin=manner.margin, most=manner.most,
+                margin=manner.margin, most=manner.most, reuse=manner.reuse,
             )  # fmt: skip
         return progress.moved
 

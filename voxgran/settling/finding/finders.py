@@ -117,9 +117,12 @@ class ContactFinders:
 
     def find(
         self, grains: Grains, pairs: PairList, rows: ContactRows, *, at_walls: tuple[Integers, Integers],
-        lid_level: float, margin: float, rest: float,
+        lid_level: float, margin: float, rest: float, reuse: float = 0.0,
     ) -> int:  # fmt: skip
-        """Write all contacts nearer than a margin, and return their number, or -1 where they are more than the rows."""
+        """Write all contacts nearer than a margin, and return their number, or -1 where they are more than the rows.
+
+        reuse: motion of a pair up to which exact contacts of meshes are those of before.
+        """
         m, size = 0, len(pairs.i)
         if SPHERE in self._kinds:
             m = find_sphere_contacts(grains, pairs, size, rows, m, margin, rest)
@@ -128,8 +131,8 @@ class ContactFinders:
             m = find_convex_contacts(grains, self._convex, work, pairs, size, rows, m, margin, rest)
         if m >= 0 and SURFACE in self._kinds:
             self._make_room(size)
-            found = find_triangle_contacts if self.exact else find_surface_contacts
-            m = found(grains, self._surfaces, self._surface_work, pairs, size, rows, m, margin, rest)
+            meshes = (grains, self._surfaces, self._surface_work, pairs, size, rows, m, margin, rest)
+            m = find_triangle_contacts(*meshes, reuse=reuse) if self.exact else find_surface_contacts(*meshes)
         if m >= 0 and OUTLINE in self._kinds:
             m = find_outline_contacts(grains, self._outlines, pairs, size, rows, m, margin, rest)
         if m < 0:

@@ -33,6 +33,8 @@ from voxgran.settling.finding.triangle_lists import near_triangles
 MOST = 8
 #: distance, by the grids, within which points of surfaces that cross are found
 OVERSIGHT = 0.02
+#: gap from which on a pair counts as separate while its rows are kept
+SEPARATE = 1e-6
 #: distance, in radii of the pair, below which rounding could hide an overlap
 ROUNDING = 1e-12
 
@@ -199,7 +201,7 @@ def _crossing_candidates(grains, bodies, work, p, i, j, offset, margin):  # type
 
 def find_triangle_contacts(
     grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, pairs: PairList, size: int, rows: ContactRows, m: int,
-    margin: float, rest: float,
+    margin: float, rest: float, *, reuse: float = 0.0,
 ) -> int:  # fmt: skip
     """Write the exact contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
@@ -208,8 +210,9 @@ def find_triangle_contacts(
     gaps of the pairs and whether they are proven to be separate are in `work.gap` and `work.proven`. What is remembered
     does not depend on `pairs.bound`, which is written, not read: the gaps of the other finder are too large. The rows
     of pairs that overlap follow those of all others. If m is -1 no rows are written and `pairs` is left as it is.
+    Pairs known to be separate whose surfaces have moved by no more than `reuse` since keep their old rows.
     """
-    made = int(_find_exact(grains, bodies, work, pairs, size, rows, m, margin, rest))
+    made = int(_find_exact(grains, bodies, work, pairs, size, rows, m, margin, rest, reuse))
     if made >= 0 and np.isneginf(work.gap[:size]).any():
         # a kernel of its own: beds without overlap need not wait for its compilation
         made = int(_find_crossing(grains, bodies, work, pairs, size, rows, made, margin, rest))
@@ -217,13 +220,20 @@ def find_triangle_contacts(
 
 
 @kernel
-def _find_exact(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
+def _find_exact(grains, bodies, work, pairs, size, rows, m, margin, rest, reuse):  # type: ignore[no-untyped-def]
     """Write the contacts of pairs that do not overlap, and the gaps of all."""
     offset, silent = work.now[16:19], m < 0
     for p in range(size):
         i, j = pairs.i[p], pairs.j[p]
         work.saved[p, 0], work.gap[p] = -1, math.inf
         if max(grains.kind[i], grains.kind[j]) != SURFACE:
+            continue
+        way = grains.way[i] + grains.way[j] - pairs.way[p]
+        if reuse > 0.0 and way <= reuse and pairs.bound[p] > SEPARATE:
+            m = _keep_rows(pairs, work, p, rows, m)
+            if m < 0:
+                restore(pairs, work.saved, p)
+                return -1
             continue
         far = _write_offset(grains, pairs, p, offset)
         radii = grains.radius[i] + grains.radius[j]
@@ -264,6 +274,21 @@ def _find_crossing(grains, bodies, work, pairs, size, rows, m, margin, rest):  #
             restore(pairs, work.saved, size - 1)
             return -1
     return m
+
+
+@bare_kernel
+def _keep_rows(pairs, work, p, rows, m):  # type: ignore[no-untyped-def]
+    """Write the old rows of a pair from row m on; return the new number of rows, or -1."""
+    first, count = pairs.first[p], pairs.count[p]
+    work.saved[p, 0], work.saved[p, 1] = first, count
+    pairs.first[p] = m
+    if m + count > len(rows.row):
+        return -1
+    for k in range(count):
+        copy_numbers(rows.row[m + k], rows.old[first + k], 14)
+        rows.row[m + k, 14] = rows.row[m + k, 15] = 0.0
+        rows.i[m + k], rows.j[m + k] = pairs.i[p], pairs.j[p]
+    return m + count
 
 
 @bare_kernel
@@ -314,5 +339,5 @@ def prove_separate(
         Whether the grains are separate; false for pairs of other kinds.
     """
     work.gap[:size], work.proven[:size] = np.inf, False
-    _find_exact(grains, bodies, work, pairs, size, rows, -1, reach, 0.0)
+    _find_exact(grains, bodies, work, pairs, size, rows, -1, reach, 0.0, 0.0)
     return work.gap[:size].copy(), work.proven[:size].copy()

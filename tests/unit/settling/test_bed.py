@@ -1,0 +1,84 @@
+"""Contacts that are carried along with small motions: gaps to first order, and none found again without need."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran.packing.settling_run import normalized_assembly
+from voxgran.settling.bed import Bed
+from voxgran.settling.contact_rows import ARM_I, ARM_J
+
+DOWN = np.array([0.0, 0.0, -1.0])
+MARGIN, REST = 5e-3, 5e-4
+
+
+@pytest.fixture(scope="module")
+def assembly():
+    rocks = [vg.make_shape("solid_union", seed=seed) for seed in (1, 2)]
+    loose = vg.pack(rocks, vg.Box((3, 3, 6), periodic="xy"), "gravity", count=25, rest=0.01)
+    return normalized_assembly(loose)[0]
+
+
+def moved_bed(assembly, far, *, reuse):
+    """Return a bed after a random motion of the grains by about a distance, with its contacts found again."""
+    bed, generator = Bed(assembly, DOWN, exact=True), np.random.Generator(np.random.Philox(3))
+    bed.find(MARGIN, REST)
+    bed.move(far * generator.normal(size=(bed.count + 1, 6)), 1.0, carry=True)
+    bed.find(MARGIN, REST, reuse=reuse)
+    return bed
+
+
+def least_gaps(bed):
+    """Return the least gaps of the pairs that have contacts, by pair."""
+    many = np.flatnonzero(bed.pairs.count)
+    return {(bed.pairs.i[p], bed.pairs.j[p]): bed.gap[bed.pairs.first[p] :][: bed.pairs.count[p]].min() for p in many}
+
+
+def test_carried_gaps_are_those_of_a_search_to_first_order(assembly):
+    worst = []
+    for far in (1e-4, 5e-5, 2.5e-5):
+        kept, found = (least_gaps(moved_bed(assembly, far, reuse=reuse)) for reuse in (1.0, 0.0))
+        common = kept.keys() & found.keys()
+        assert len(common) > 40
+        errors = np.array([abs(kept[pair] - found[pair]) for pair in common])
+        # most pairs keep the features that are nearest
+        worst.append(np.percentile(errors, 75))
+        assert worst[-1] < 50 * far**2
+    assert worst[0] / worst[2] > 8
+
+
+def test_arms_turn_with_their_grains(assembly):
+    bed = Bed(assembly, DOWN, exact=True)
+    bed.find(MARGIN, REST)
+    motion = np.zeros((bed.count + 1, 6))
+    motion[:, 5] = 1e-4
+    before = bed.rows.row[: bed.m].copy()
+    bed.move(motion, 1.0, carry=True)
+    inner = (bed.rows.j[: bed.m] >= 0) & (bed.rows.j[: bed.m] < bed.count)
+    for arm in (ARM_I, ARM_J):
+        at = before[inner, arm : arm + 3]
+        turned = np.column_stack([-at[:, 1], at[:, 0], np.zeros(len(at))]) * 1e-4
+        np.testing.assert_allclose(bed.rows.row[: bed.m][inner, arm : arm + 3], at + turned, atol=1e-15)
+    np.testing.assert_array_equal(bed.rows.row[: bed.m][~inner], before[~inner])
+
+
+def test_contacts_are_found_again_where_they_were_not_carried_or_are_others(assembly):
+    """After a motion without carrying, and for another margin: the same gaps as those of a new bed."""
+    far = 1e-4 * np.random.Generator(np.random.Philox(4)).normal(size=(assembly.count + 1, 6))
+    for carry, margin in ((False, MARGIN), (True, 2e-3)):
+        bed = Bed(assembly, DOWN, exact=True)
+        bed.find(MARGIN, REST)
+        bed.move(far, 1.0, carry=carry)
+        bed.find(margin, REST, reuse=1.0)
+        other = Bed(bed.moved_assembly(), DOWN, exact=True)
+        other.find(margin, REST)
+        np.testing.assert_allclose(np.sort(bed.gap), np.sort(other.gap), atol=1e-12)
+
+
+def test_no_point_moves_farther_than_told(assembly):
+    bed = Bed(assembly, DOWN, exact=True)
+    bed.find(MARGIN, REST)
+    before = bed.grains.way.copy()
+    bed.move(np.full((bed.count + 1, 6), 0.5), 1e-3, carry=True)
+    assert (bed.grains.way - before <= 2e-3 * (1 + 1e-12)).all()
+    assert np.abs(bed.gap).max() < MARGIN + 5e-3
