@@ -39,6 +39,7 @@ bench: $(STAMP)   ## run time against error of voxelization, distances and packi
 	$(BIN)/voxgran bench contact -o docs/figures
 	$(BIN)/voxgran bench rsa -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
+	$(BIN)/voxgran bench settle -o docs/figures
 	$(BIN)/python examples/directions.py docs/figures 120
 	$(BIN)/python examples/chu_rsa.py docs/figures
 	$(BIN)/python examples/control_studies.py docs/figures
@@ -51,6 +52,10 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/open_surfaces/open_surfaces.png docs/figures/open_surfaces.png
 	$(BIN)/python examples/deformed_grains.py out/deformed_grains
 	cp out/deformed_grains/deformed_grains.svg docs/figures/deformed_grains.svg
+	$(BIN)/python examples/hulls_in_spheres.py out/hulls 5
+	cp out/hulls/hulls_in_spheres.png docs/figures/hulls_in_spheres.png
+	$(BIN)/python examples/settled_bed.py out/settled_bed
+	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
 
 clean:   ## remove what the targets above made, except the environment
 	rm -rf out/demo build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

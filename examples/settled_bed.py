@@ -1,14 +1,21 @@
 """Beds at rest: polyhedra that grow from random seeds and settle, the same bed shaken, and spheres after a walk.
 
 The script prints the bulk solid fraction of each bed, the mean coordination number, the share of the grains that
-`equilibrium` proves to rest, and the largest force at a contact. The packings are saved with their forces.
+`equilibrium` proves to rest, and the largest force at a contact. The packings are saved with their forces, and drawn: the
+bed before and after it settles, and the chains of forces in it.
 """
 
 import sys
+from pathlib import Path
+
+from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.report.force_chains import picture_forces
+from voxgran.report.scenes import picture_cut
 
-folder = sys.argv[1] if len(sys.argv) > 1 else "out/settled_bed"
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/settled_bed")
+folder.mkdir(parents=True, exist_ok=True)
 rocks = [vg.make_shape("convex_polyhedron", seed=seed) for seed in range(5)]
 box, sizes = vg.Box((5, 5, 14), periodic="xy"), vg.sizes.lognormal(1.0, 0.2)
 poured = vg.pack(rocks, box, method="gravity", count=150, sizes=sizes, friction=0.5, seed=1)
@@ -25,4 +32,18 @@ for name, bed in beds.items():
         f"coordination {float(numbers['mean_coordination_number']):.2f}  at rest {rest.attrs['share_at_rest']:.3f}  "
         f"largest force {bed.forces.magnitude.max():.1f} weights  verified {vg.verify(bed).ok}"
     )
-    vg.save(bed, f"{folder}/{name}.vtp", overwrite=True)
+    vg.save(bed, folder / f"{name}.vtp", overwrite=True)
+
+loose = vg.pack(rocks, vg.Box((8, 8, 10), periodic="xy"), method="rsa", count=120, sizes=sizes, seed=1)
+settled = vg.settle(loose, gravity="-z")
+figure = Figure(figsize=(12, 4.2), layout="constrained")
+pictures = {
+    "before": picture_cut(loose),
+    "settled": picture_cut(settled),
+    "forces between the grains": picture_forces(settled),
+}
+for panel, (title, picture) in zip(figure.subplots(1, 3), pictures.items(), strict=True):
+    panel.imshow(picture)
+    panel.set_title(title)
+    panel.axis("off")
+figure.savefig(folder / "settled_bed.png", dpi=110)

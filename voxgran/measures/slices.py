@@ -41,9 +41,11 @@ def cut_mesh(triangles: Floats, maps: Floats, centers: Floats, *, lower: Floats,
     """
     volumes = np.zeros(len(centers))
     work = np.zeros((2, 12, 3))
+    # one product of matrices, which is much faster than one for each triangle
+    points = np.ascontiguousarray(triangles).reshape(-1, 3)
     for copy in range(len(centers)):
         # the box is translated instead of the mesh, so that no digits are lost far from the origin
-        corners = triangles @ maps[copy].T
+        corners = (points @ maps[copy].T).reshape(triangles.shape)
         low, high = lower - centers[copy], upper - centers[copy]
         low[2] = max(low[2], corners[..., 2].min())
         high[2] = min(high[2], corners[..., 2].max())
