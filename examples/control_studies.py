@@ -1,9 +1,9 @@
 """Four small studies of control-point packing: feeding rate, way of feeding, boundaries, and shape of the grains.
 
 Each study changes one condition of the same bed: spheres fed at the default rate into a box with periodic sides, half
-as wide as the bed is high. The script prints the bulk solid fraction (which needs 50 grains away from walls and
-surface), the mean height of the grains above the floor in diameters, and the seconds of a run, as means over several
-seeds. It writes a table and a figure with error bars of two standard errors.
+as wide as the bed is high, which settles after the walk. The script prints the bulk solid fraction (which needs 50
+grains away from walls and surface), the mean height of the grains above the floor in diameters, and the seconds of a
+run, as means over several seeds. It writes a table and a figure with error bars of two standard errors.
 
 Arguments: folder, number of grains, sweeps, number of seeds.
 """
@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 import voxgran as vg
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/control_studies")
-count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 400), (3, 2000), (4, 3)))
+count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 400), (3, 400), (4, 3)))
 width = (0.6 * count) ** (1 / 3)
 periodic = vg.Box((width, width, 4 * width), "xy")
 studies = {
@@ -42,8 +42,7 @@ studies = {
         "octahedron": {"shape": vg.make_shape("platonic", solid="octahedron")},
     },
 }
-# what is varied is the walk: nothing settles after it
-usual = {"method": "control_point", "sweeps": sweeps, "cycles": 4, "spacing": 0.2, "settle": False}
+usual = {"method": "control_point", "sweeps": sweeps, "cycles": 4, "spacing": 0.2}
 known = {}
 
 

@@ -92,8 +92,8 @@ def spheres() -> list[Shape]:
 
 
 def polyhedra() -> list[Shape]:
-    """Return hulls of twenty random points."""
-    return [make_shape("convex_polyhedron", points=20, seed=seed) for seed in range(10)]
+    """Return hulls of twenty random points, with the equivalent diameter 1."""
+    return [_unit(make_shape("convex_polyhedron", points=20, seed=seed)) for seed in range(10)]
 
 
 def ellipsoids() -> list[Shape]:
