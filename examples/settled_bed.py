@@ -1,8 +1,8 @@
 """Beds at rest: polyhedra that grow from random seeds and settle, the same bed shaken, and spheres after a walk.
 
 The script prints the bulk solid fraction of each bed, the mean coordination number, the share of the grains that
-`equilibrium` proves to rest, and the largest force at a contact. The packings are saved with their forces, and drawn: the
-bed before and after it settles, and the chains of forces in it.
+`equilibrium` proves to rest, and the largest force at a contact. The packings are saved with their forces. A loose bed
+is drawn before and after it settles, with the forces between its grains.
 """
 
 import sys

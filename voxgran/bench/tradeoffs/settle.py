@@ -51,7 +51,7 @@ PEER_CASES = (
     ("MuJoCo", "mujoco", "300 polyhedra"),
 )
 #: solid fraction from which grains fall
-LOOSE = 0.2
+LOOSE = 0.15
 #: seconds after which a peer is stopped
 LONGEST = 90
 
