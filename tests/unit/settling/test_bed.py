@@ -82,3 +82,14 @@ def test_no_point_moves_farther_than_told(assembly):
     bed.move(np.full((bed.count + 1, 6), 0.5), 1e-3, carry=True)
     assert (bed.grains.way - before <= 2e-3 * (1 + 1e-12)).all()
     assert np.abs(bed.gap).max() < MARGIN + 5e-3
+
+
+def test_what_is_kept_is_all_rows_with_their_impulses(assembly):
+    bed = Bed(assembly, DOWN, exact=True)
+    bed.find(MARGIN, REST)
+    bed.rows.row[: bed.m, 10] = 1.0 + np.arange(bed.m)
+    before, pairs = bed.rows.row[: bed.m, :14].copy(), (bed.rows.i[: bed.m].copy(), bed.rows.j[: bed.m].copy())
+    bed.move(np.zeros((bed.count + 1, 6)), 1.0, carry=True)
+    bed.find(MARGIN, REST, reuse=1e-4)
+    np.testing.assert_array_equal(bed.rows.row[: bed.m, :14], before)
+    np.testing.assert_array_equal(np.array([bed.rows.i[: bed.m], bed.rows.j[: bed.m]]), np.array(pairs))
