@@ -43,7 +43,7 @@ SHAKEN_STEPS = 4
 ITERATIONS, DEEP, SHRINK = 30, 40.0, 0.9
 #: largest number of quasi-static steps in all, and how many times more are made in a bed of fewer grains than these
 STILL_STEPS = 300
-FEW_GRAINS, MORE_STEPS = 1500, 5
+FEW_GRAINS, MORE_STEPS = 1000, 5
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted
