@@ -198,6 +198,16 @@ class Bed:
             self.lid_level -= float(np.clip(motion[n, :3] @ self.gravity, -most, most))
         return float(far)
 
+    def put(self, position: Floats, orientation: Floats, lid_level: float) -> None:
+        """Put the grains in former poses (n, 3), (n, 4), in the order of the bed, and the lid where it was.
+
+        Nothing of what is known of pairs holds any more.
+        """
+        self.lid_level = lid_level
+        self.grains.position[:], self.orientation[:] = position, orientation
+        write_matrices(self.orientation, self.grains.matrix)
+        self.pairs, self.listed, self.carried = no_pairs(), False, np.full(2, np.nan)
+
     def _clipped(self, motion: Floats, most: float) -> Floats:
         """Return the motions (n + 1, 6) of which none moves a point of a surface by more than `most`."""
         clipped, reach = motion.copy(), np.append(self.grains.radius, 0.0)

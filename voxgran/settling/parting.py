@@ -29,8 +29,8 @@ def part_grains(
     margin: gap up to which contacts are looked at.
     """
     bodies = bed.bodies.copy()
-    # a heavy lid gives way like a grain: sweeps converge slowly where masses differ much
-    bodies[-1, 6] = np.ceil(min(bodies[-1, 6], 1.0))
+    # a lid that moves has the mass of a grain here: sweeps converge slowly where masses differ much
+    bodies[-1, 6] = 1.0 if bodies[-1, 6] > 0.0 else 0.0
     for turn in range(rounds + 1):
         bed.find(distance + max(margin, most), distance)
         smallest = float(bed.gap.min(initial=np.inf))

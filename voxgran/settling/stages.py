@@ -43,7 +43,7 @@ SHAKEN_STEPS = 4
 ITERATIONS, DEEP, SHRINK = 30, 40.0, 0.9
 #: largest number of quasi-static steps in all, and how many times more are made in a bed of fewer grains than these
 STILL_STEPS = 300
-FEW_GRAINS, MORE_STEPS = 1000, 5
+FEW_GRAINS, MORE_STEPS = 1500, 5
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted
@@ -115,6 +115,10 @@ class Progress:
     proven: int = 0  # whether the bed is known to rest
     heights: Floats = field(default_factory=lambda: np.zeros(0))  # of the last unit of time of the fall
     residual: Floats = field(default_factory=lambda: np.zeros(0))  # when last examined, in the order of the bed
+    best: float = 1.0  # least share of the grains that did not rest in an examined bed without overlap
+    best_position: Floats = field(default_factory=lambda: np.zeros((0, 3)))  # of that bed
+    best_orientation: Floats = field(default_factory=lambda: np.zeros((0, 4)))
+    best_lid: float = math.inf
 
 
 class Settler:
@@ -169,7 +173,12 @@ class Settler:
         growth = 0 if self.small is None else self._growth_steps()
         shaking = 0 if self.how.shaking is None else math.ceil(self.how.shaking.duration / self._fall.step)
         return (
-            growth + 1 + shaking + 2 * self._fall_steps() + self._patience * STILL_STEPS + (TRIALS + 2) * CLOSING_ROUNDS
+            growth
+            + 1
+            + shaking
+            + 2 * self._fall_steps()
+            + self._more_steps * STILL_STEPS
+            + (TRIALS + 2) * CLOSING_ROUNDS
         )
 
     def step(self) -> None:
@@ -310,7 +319,7 @@ class Settler:
         if moving < SLOW:
             progress.length = max(manner.last, SHRINK * progress.length)
         progress.still_steps += 1
-        last = progress.still_steps >= self._patience * manner.steps
+        last = progress.still_steps >= self._more_steps * manner.steps
         if moving >= CALM and not last and (manner is not EXACT or progress.still_steps % EXAMINED):
             return
         if manner is FIELDS:
@@ -334,10 +343,15 @@ class Settler:
             self._end()
 
     def _end(self) -> None:
-        """Examine the bed for the last time."""
+        """Examine the bed for the last time; where a former one was better, go back to it."""
+        progress = self.progress
         self._examine(THOROUGH)
-        self._rests()
-        self.progress.stage = ENDED
+        better = progress.smallest < 0.0 or progress.best < progress.moving
+        if not self._rests() and better and len(progress.best_position):
+            self.bed.put(progress.best_position, progress.best_orientation, progress.best_lid)
+            self._examine(THOROUGH)
+            self._rests()
+        progress.stage, progress.best_position, progress.best_orientation = ENDED, np.zeros((0, 3)), np.zeros((0, 4))
 
     def _quasi_static(self, manner: Manner) -> float:
         """Make a quasi-static step, and return the share of the grains that moved."""
@@ -366,7 +380,7 @@ class Settler:
             return
         progress.still_steps = progress.still_steps if progress.trials else 0
         progress.exact, self.bed.finders.exact = 1, True
-        if progress.still_steps >= self._patience * EXACT.steps:
+        if progress.still_steps >= self._more_steps * EXACT.steps:
             self._end()
             return
         progress.stage, progress.length = STILL, EXACT.first
@@ -377,10 +391,10 @@ class Settler:
         return not self.bed.grains.kind.any() and self.bed.count <= MOST_DIRECT
 
     @property
-    def _patience(self) -> int:
+    def _more_steps(self) -> int:
         """How many times more steps are made than in a large bed: in a small one they take little time."""
         if self.how.friction == 0.0 and not self._direct:
-            # such beds creep on, and more steps are no proof
+            # such beds go on creeping
             return 1
         return min(max(FEW_GRAINS // max(self.bed.count, 1), 1), MORE_STEPS)
 
@@ -402,6 +416,9 @@ class Settler:
         progress.smallest = float(bed.gap.min(initial=TOUCHING))
         if bed.finders.crossing(bed.pairs, bed.grains):
             progress.smallest = min(progress.smallest, -TOUCHING)
+        if progress.stage == STILL and progress.smallest >= 0.0 and progress.moving < progress.best:
+            progress.best, progress.best_lid = progress.moving, bed.lid_level
+            progress.best_position, progress.best_orientation = bed.grains.position.copy(), bed.orientation.copy()
 
     def _rests(self) -> bool:
         """Return whether the bed counts as resting, as last examined, and note it."""
