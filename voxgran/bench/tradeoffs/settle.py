@@ -308,19 +308,23 @@ def run(folder: Path) -> tuple[Path, ...]:
 
 
 def _draw(rows: list[Row], accuracy: list[tuple[float, int, float, float, float, float]], path: Path) -> None:
-    """Draw seconds of the beds on the left, and density and overlap against seconds of the fall on the right."""
+    """Draw seconds of the beds on the left, and density and overlap against substeps of the fall on the right."""
     with panels_of(path, 3, width=14.0) as (left, middle, right):
         names = [f"{row.name}, {row.program}, {row.friction:g}" for row in rows]
         left.barh(names, [max(row.seconds, 1e-3) for row in rows])
         left.set(xlabel="seconds of the processor", xscale="log")
-        left.tick_params(labelsize=6)
+        left.tick_params(axis="y", labelsize=6)
         for k, step in enumerate(dict.fromkeys(row[0] for row in accuracy)):
             some = [row for row in accuracy if row[0] == step]
-            middle.plot([row[2] for row in some], [row[3] for row in some], f"C{k}o-", label=f"step {step:g}")
-            right.semilogy([row[2] for row in some], [max(row[4], 1e-6) for row in some], f"C{k}o-")
-        middle.set(xlabel="seconds of the processor", ylabel="bulk solid fraction")
-        right.set(xlabel="seconds of the processor", ylabel="deepest overlap at the end of the fall, in diameters")
+            rate = [many / step for _, many, *_ in some]
+            middle.semilogx(rate, [row[3] for row in some], f"C{k}o-", label=f"step {step:g}")
+            right.loglog(rate, [max(row[4], 1e-6) for row in some], f"C{k}o-")
+        middle.set(xlabel="substeps in a unit of time", ylabel="bulk solid fraction")
+        right.set(xlabel="substeps in a unit of time", ylabel="deepest overlap after the fall, in diameters")
         middle.legend(frameon=False, fontsize=8)
+        for panel, ticks in ((left, (1, 3, 10, 30)), (middle, (20, 50, 100, 200)), (right, (20, 50, 100, 200))):
+            panel.xaxis.set_minor_formatter("")
+            panel.set_xticks(ticks, [str(tick) for tick in ticks])
 
 
 registration = TradeOff(
