@@ -9,6 +9,9 @@ LOWEST ?= .venv-lowest
 QUICK := $(addprefix tests/unit/,_base lattice containers io measures points clumps/test_fit.py shapes/test_families.py \
   shapes/test_image_files.py report/test_figures.py packing/digital/test_walk.py contacts/test_verify.py test_cli.py)
 
+# modules are compiled once, also where the environment says that none are kept
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
 .PHONY: demo test test-slow test-lowest lint bench figures clean

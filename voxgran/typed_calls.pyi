@@ -64,6 +64,7 @@ class GravityKeywords(PackKeywords, total=False):
     parts: Literal["exact", "hulls"]
     gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | (Sequence[Number] | NDArray[Any]) | None
     fill: Number
+    height: Number | None
 
 class DigitalRsaKeywords(PackKeywords, total=False):
     voxel_size: Number | None

@@ -25,7 +25,7 @@ STAGES = {
     "rsa, saturated": {"until": "saturated", "tries": 20},
 }
 #: what makes a method quick here; anything else is its default
-QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 24}
+QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 6}
 #: what is done between two looks whether to stop, made little
 SHORTENED = {
     "voxgran.contacts.surface_pairs.AT_ONCE": 3,

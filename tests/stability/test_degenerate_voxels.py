@@ -18,7 +18,9 @@ CENTERS = GRID.coordinates(np.argwhere(np.ones(GRID.shape)))
 
 def wrong_voxels(mask, equations, tolerance=1e-9):
     """Count the voxels strictly inside or outside of half-spaces that are on the wrong side."""
-    height = (CENTERS @ equations[:, :3].T + equations[:, 3]).max(axis=1)
+    # faces of the same plane are one
+    planes = np.unique(equations.round(12), axis=0)
+    height = (planes[:, :3] @ CENTERS.T + planes[:, 3:]).max(axis=0)
     taken = mask.ravel()
     return int(np.count_nonzero((height < -tolerance) & ~taken) + np.count_nonzero((height > tolerance) & taken))
 

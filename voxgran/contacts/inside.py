@@ -11,8 +11,8 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
-#: number of bisections that give the nearest point of an ellipsoid to the last digits
-HALVINGS = 64
+#: largest number of Newton steps to the nearest point of an ellipsoid; far fewer reach the last digits
+NEWTON_STEPS = 64
 
 
 def inner_distance(geometry: Geometry) -> Inner:
@@ -65,21 +65,27 @@ def _in_primitive(primitive: Primitive, points: Floats) -> Floats:
 def _in_ellipsoid(p: Floats, axes: Floats) -> Floats:
     """Return the distance to the surface of an ellipsoid for points of the first octant, negative outside.
 
-    The nearest point is ``a^2 p / (a^2 + t)`` with the root t of a decreasing function, found by bisection
-    (Eberly 2013, Distance from a point to an ellipse, an ellipsoid, or a hyperellipsoid).
+    With the shortest half axis as unit the nearest point is ``a^2 p / (a^2 - 1 + s)``, where the vector
+    ``v = a p / (a^2 - 1 + s)`` has norm 1 (Eberly 2013, Distance from a point to an ellipse, an ellipsoid, or a
+    hyperellipsoid). Newton's method for ``1 / |v| = 1``, which is nearly linear in s, rises to the root from below
+    (Moré & Sorensen 1983, doi:10.1137/0904038).
     """
     smallest = float(axes.min())
     unit, square = p / smallest, (axes / smallest) ** 2
     inside = ((p / axes) ** 2).sum(axis=1) < 1.0
-    low = np.where(inside, -1.0, 0.0)
-    high = np.where(inside, 0.0, np.linalg.norm(unit * np.sqrt(square), axis=1))
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        with np.errstate(divide="ignore", invalid="ignore"):
-            value = np.nansum((np.sqrt(square) * unit / (square + middle[:, None])) ** 2, axis=1)
-        low, high = np.where(value > 1, middle, low), np.where(value > 1, high, middle)
-    t = high[:, None]
-    nearest = square * unit / np.maximum(square + t, 1e-300)
+    weighted, shift = unit * np.sqrt(square), square - 1.0
+    # where one component alone has norm 1 the root is not below
+    s = np.maximum((weighted - shift).max(axis=1), 0.0)
+    for _ in range(NEWTON_STEPS):
+        bottom = np.maximum(shift + s[:, None], 1e-300)
+        parts = (weighted / bottom) ** 2
+        norm, slope = np.sqrt(parts.sum(axis=1)), (parts / bottom).sum(axis=1)
+        above = norm > 1.0
+        step = np.divide(norm**2 * (norm - 1.0), slope, out=np.zeros_like(s), where=above)
+        if not (s + step > s).any():
+            break
+        s += step
+    nearest = square * unit / np.maximum(shift + s[:, None], 1e-300)
     # a point of the middle planes: the missing coordinate on the surface is along the shortest axis
     missing = np.maximum(1.0 - (nearest**2 / square).sum(axis=1), 0.0)
     shortest = int(axes.argmin())

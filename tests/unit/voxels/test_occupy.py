@@ -161,24 +161,24 @@ def least_gauge(solid, low, high):
     """Return the least value over a cube of a convex function that is below 0 in the solid."""
     d, turn = solid.dimensions, solid.matrix
 
-    def gauge(point):
-        x, y, z = point @ turn
+    def gauge(points):
+        x, y, z = (points @ turn).T
         if solid.kind == "ellipsoid":
             return np.sqrt((x / d[0]) ** 2 + (y / d[1]) ** 2 + (z / d[2]) ** 2) - 1
         if solid.kind == "cylinder":
-            return max(np.hypot(x, y) / d[0] - 1, 2 * abs(z) / d[1] - 1)
-        return max(np.hypot(x, y) - d[0] * (0.75 - z / d[1]), -0.25 * d[1] - z)
+            return np.maximum(np.hypot(x, y) / d[0] - 1, 2 * abs(z) / d[1] - 1)
+        return np.maximum(np.hypot(x, y) - d[0] * (0.75 - z / d[1]), -0.25 * d[1] - z)
 
     # the gauge is convex: a compass search from its best corner, with all 26 directions, ends near the least value
     best = np.clip(np.zeros(3), low, high)
-    value, step = gauge(best), (high - low).max()
+    value, step = gauge(best[None])[0], (high - low).max()
     ways = np.array([w for w in np.ndindex(3, 3, 3) if w != (1, 1, 1)]) - 1.0
     generator = stream(12, "ways")
     while step > 1e-9:
         tries = np.clip(best + step * np.concatenate([ways, generator.normal(size=(20, 3))]), low, high)
-        values = [gauge(point) for point in tries]
-        if min(values) < value - 1e-15:
-            best, value = tries[int(np.argmin(values))], min(values)
+        values = gauge(tries)
+        if values.min() < value - 1e-15:
+            best, value = tries[int(np.argmin(values))], values.min()
         else:
             step /= 1.6
     return value

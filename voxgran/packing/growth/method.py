@@ -20,7 +20,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.packing.gravity import gravity_text, gravity_vector
-from voxgran.packing.growth.seeds import LOOSE, RADIUS, column_top, random_seeds
+from voxgran.packing.growth.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds, volume_below
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -30,6 +30,8 @@ from voxgran.settling.stages import TOUCHING, Settler
 
 #: share of the container that grains fill at the most: those of a bed with friction, walls included
 FULLEST = 0.52
+#: solid fraction by which the grains of a bed of a given height are counted: walls included, with friction and without
+USUAL, FRICTIONLESS = 0.57, 0.63
 #: largest size of a grain at the beginning, in sizes at which its bounding sphere is its seed
 APART = 0.98
 
@@ -53,6 +55,13 @@ class Gravity(Settling):
         LOOSE, doc="solid fraction of the column in which the grains grow; lower ones fall farther", above=0.0,
         at_most=FULLEST,
     )  # fmt: skip
+    height: float | None = parameter(
+        None,
+        doc="height of the tops of the uppermost grains above the lowest point of the container, in units of length, "
+        "to several percent: as many grains grow as fill it at the usual solid fraction; if omitted, count and "
+        "solid_fraction alone decide",
+        above=0.0,
+    )
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -92,7 +101,7 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
     generator = stream(problem.seed, "seeds")
     # as many grains, in the order in which they were drawn, as there is room for
     volume = np.cumsum(problem.volumes)
-    n = int(np.searchsorted(volume, FULLEST * container.volume, side="right"))
+    n = int(np.searchsorted(volume, _most_volume(problem, up), side="right"))
     total = float(volume[n - 1]) if n else 0.0
     top = column_top(container, up, total / settings.fill, generator) if n else 0.0
     fill = max(settings.fill, total / container.volume)
@@ -108,13 +117,36 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
     return assembly, small, gravity
 
 
+def _most_volume(problem: Problem, up: Floats) -> float:
+    """Return the largest volume of the grains: what settles in the container, or up to the height that is asked.
+
+    Raises
+    ------
+    InputError
+        If the height is above that of the container.
+    """
+    container, settings = problem.container, problem.parameters
+    most = FULLEST * container.volume
+    if settings.height is None:
+        return most
+    floor, top = container_levels(container, up)
+    height = problem.length(settings.height)
+    if height > top - floor:
+        raise InputError(
+            f"height is {settings.height:g}, and the container is {(top - floor) * problem.unit_length:g} high along "
+            "gravity: give a height within it, or a higher container"
+        )
+    solid_fraction = FRICTIONLESS if settings.friction == 0.0 else USUAL
+    return min(most, solid_fraction * volume_below(container, up, floor + height, stream(problem.seed, "height")))
+
+
 def finish(problem: Problem, state: SettleState) -> Packing:
     """Return the packing of the grains."""
     settler = state.settler
     position, orientation = settler.bed.poses()
     n = len(position)
     reason = state.stop_reason
-    if n < problem.count and reason in ("settled", "steps", "count"):
+    if problem.target and n < problem.count and reason in ("settled", "steps", "count"):
         reason = "full"
     packing = problem.packing(
         np.arange(n),

@@ -25,6 +25,19 @@ def column_top(container: Container, up: Floats, volume: float, generator: np.ra
     return float(np.quantile(points @ up, share)) if share < 1.0 else float((points @ up).max())
 
 
+def container_levels(container: Container, up: Floats) -> tuple[float, float]:
+    """Return the lowest and the highest level along `up` of the bounding box of a container."""
+    lower, upper = (np.asarray(corner, dtype=np.float64) for corner in container.bounds)
+    ends = np.stack([lower * up, upper * up])
+    return float(ends.min(axis=0).sum()), float(ends.max(axis=0).sum())
+
+
+def volume_below(container: Container, up: Floats, level: float, generator: np.random.Generator) -> float:
+    """Return the volume of a container below a level along `up`, estimated to about one percent."""
+    points = _points_inside(container, SAMPLES, generator)
+    return container.volume * float((points @ up < level).mean())
+
+
 def random_seeds(
     container: Container, radii: Floats, *, up: Floats, top: float, generator: np.random.Generator
 ) -> tuple[Floats, Floats]:

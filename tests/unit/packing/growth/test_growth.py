@@ -6,7 +6,7 @@ from scipy.stats import spearmanr
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran.packing.growth.seeds import column_top, random_seeds
+from voxgran.packing.growth.seeds import column_top, container_levels, random_seeds, volume_below
 
 SPHERE = vg.make_shape("sphere")
 UP = np.array([0.0, 0.0, 1.0])
@@ -77,3 +77,37 @@ def test_a_looser_column_falls_farther():
         assert bed.stop_reason == "settled"
     with pytest.raises(InputError, match=r"fill is 0\.9"):
         vg.pack(SPHERE, vg.Box((5, 5, 20)), "gravity", count=80, fill=0.9)
+
+
+def test_a_height_counts_the_grains():
+    """The bed ends at the height that is asked, also without friction and above a bed of lognormal spheres."""
+    box = vg.Box((7, 7, 30), periodic="xy")
+    for parameters in ({}, {"friction": 0.0}, {"sizes": vg.sizes.lognormal(median=1.0, sigma=0.3)}):
+        bed = vg.pack(SPHERE, box, "gravity", height=8.0, **parameters)
+        tops = bed.position[:, 2] + 0.5 * bed.diameters
+        assert bed.stop_reason == "settled"
+        # the tops of the uppermost grains, without the few that lie on the others
+        assert np.quantile(tops, 0.95) - box.bounds[0][2] == pytest.approx(8.0, rel=0.07)
+
+
+def test_a_height_in_the_unit_of_the_container_and_with_a_count():
+    box = vg.Box((4e-3, 4e-3, 2e-2), periodic="xy")
+    grains = vg.make_shape("sphere", diameter=1e-3)
+    bed = vg.pack(grains, box, "gravity", height=3e-3)
+    assert bed.volumes.sum() == pytest.approx(0.57 * 4e-3 * 4e-3 * 3e-3, rel=0.03)
+    few = vg.pack(grains, box, "gravity", height=3e-3, count=20)
+    assert few.count == 20
+
+
+def test_a_height_above_the_container_is_refused():
+    with pytest.raises(InputError, match=r"height is 6, and the container is 5 high.*give a height within it"):
+        vg.pack(SPHERE, vg.Box((5, 5, 5)), "gravity", height=6.0)
+
+
+def test_volume_below_a_level_follows_the_closed_form_of_a_cap():
+    ball = vg.Sphere(4.0)
+    lower, upper = container_levels(ball, UP)
+    assert (upper - lower) == pytest.approx(8.0)
+    depth = 3.0
+    cap = np.pi * depth**2 * (3 * 4.0 - depth) / 3
+    assert volume_below(ball, UP, lower + depth, np.random.default_rng(0)) == pytest.approx(cap, rel=0.03)
