@@ -51,6 +51,7 @@ from voxgran.points.sample import sample_surface as sample_surface
 from voxgran.report.compare import save_comparison as save_comparison
 from voxgran.report.page import save_report as save_report
 from voxgran.report.plot import plot as plot
+from voxgran.report.clumps import save_clump_picture as save_clump_picture
 from voxgran.report.turntable import save_turntable as save_turntable
 from voxgran.scene.scene import Scene as Scene
 from voxgran.settling.equilibrium import equilibrium as equilibrium

@@ -280,15 +280,67 @@ def make_shape(family: str | Parameters, **keywords: Unpack[MakeShapeKeywords]) 
 
 class FitClumpKeywords(TypedDict, total=False):
     max_spheres: Whole | None
-    target: Number | None
-    tolerance: Number | None
+    target: str | None
+    value: Number | None
+    seed: Whole
+
+class OptimalKeywords(FitClumpKeywords, total=False):
+    mode: Literal["balanced", "inscribed", "bounding"]
+    overlap: bool
+    uniform: bool
+    min_radius: Number
+    max_radius: Number | None
+    match_volume: bool
 
 class InscribedKeywords(FitClumpKeywords, total=False):
     min_radius: Number
+    resolution: Number
+
+class InnerNormalKeywords(FitClumpKeywords, total=False):
+    min_radius: Number | None
+    distance: Number | None
+    order: Literal["largest", "random"]
+
+class FourPointKeywords(FitClumpKeywords, total=False):
+    tolerance: Number | None
+    trials: Whole
+    min_radius: Number
+
+class DynamicKeywords(FitClumpKeywords, total=False):
+    steps: Whole
+    damping: Number
+    min_radius: Number
+
+class ClusterKeywords(FitClumpKeywords, total=False):
+    radius: Number | None
+    lattice: Literal["cubic", "hexagonal"]
+    spacing: Number | None
+    inside: Number | None
+    merge: bool
 
 @overload
 def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["cluster"] = ..., **keywords: Unpack[ClusterKeywords]
+) -> Clump: ...
+@overload
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["dynamic"] = ..., **keywords: Unpack[DynamicKeywords]
+) -> Clump: ...
+@overload
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["four_point"] = ..., **keywords: Unpack[FourPointKeywords]
+) -> Clump: ...
+@overload
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["inner_normal"] = ..., **keywords: Unpack[InnerNormalKeywords]
+) -> Clump: ...
+@overload
+def fit_clump(
     shape_or_voxels: Shape | Voxels, *, method: Literal["inscribed"] = ..., **keywords: Unpack[InscribedKeywords]
+) -> Clump: ...
+@overload
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["optimal"] = ..., **keywords: Unpack[OptimalKeywords]
 ) -> Clump: ...
 @overload
 def fit_clump(

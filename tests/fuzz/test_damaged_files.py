@@ -69,6 +69,12 @@ LAMMPS_DATA = (
     + "".join(f"{k + 1} 1 {2 * r} 2500 {x} {y} {z} 0 0 0\n" for k, (x, y, z, r) in enumerate(SPHERES.tolist()))
     + "\nVelocities\n\n1 0 0 0 0 0 0\n"
 )
+CLUMP = "x,y,z,r\n" + ROWS.replace(" ", ",") + "# unit = mm\n# volume = 2.5\n# centroid = 1.5, 1.5, 1\n"
+CLUMP += "# inertia = 1.0, 1.5, 2.0, 0.0, 0.125, 0.0\n"
+MOLECULE = "# clump\n\n4 atoms\n5.0 mass\n1.5 1.5 1 com\n2 3 4 0 0.25 0 inertia\n\nCoords\n\n"
+MOLECULE += "".join(f"{k + 1} {x} {y} {z}\n" for k, (x, y, z, _) in enumerate(SPHERES.tolist()))
+MOLECULE += "\nTypes\n\n1 1\n2 1\n3 1\n4 1\n\nDiameters\n\n"
+MOLECULE += "".join(f"{k + 1} {2 * r}\n" for k, (_, _, _, r) in enumerate(SPHERES.tolist()))
 LAMMPS_DUMP = "".join(
     f"ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n4\nITEM: BOX BOUNDS pp pp ff\n0 4\n0 4\n0 4\n"
     "ITEM: ATOMS id type x y z radius\n"
@@ -274,6 +280,9 @@ FORMATS = {
     "own spheres": (".xyzr", lambda p: saved(lambda q: vg.save(sphere_packing(), q), p), vg.load),
     "named spheres": (".csv", constant("x[mm];y;z;diameter;name\n1,5;2;3;1;a\n2;4;3;0,5;b\n"), vg.load),
     "clumps": (".txt", constant("#format x_y_z_r_clumpId\n1 1 1 .5 0\n1.5 1 1 .5 0\n3 3 3 1 -1\n"), vg.load),
+    "clump table": (".csv", constant(CLUMP), vg.load_shape),
+    "clump lines": (".txt", constant("#format x_y_z_r_clumpId\n1 1 1 .5 0\n1.5 1 1 .5 0\n"), vg.load_shape),
+    "molecule": (".mol", constant(MOLECULE), vg.load_shape),
     "atoms": (".data", constant(LAMMPS_DATA), vg.load),
     "dump": (".dump", constant(LAMMPS_DUMP), vg.load),
     "text stl": (".stl", constant(TEXT_STL), vg.load_shape),

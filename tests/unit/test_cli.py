@@ -71,11 +71,39 @@ def test_shapes_and_clumps(tmp_path, capsys):
     mesh, spheres = tmp_path / "grain.stl", tmp_path / "rock.csv"
     assert main(["shape", "solid_union", "--seed", "7", "--solids", "3,4", "-o", str(mesh), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["diameter"] == pytest.approx(1.0)
-    assert main(["clump", str(mesh), "--max-spheres", "5", "-o", str(spheres), "--json"]) == 0
+    words = ["clump", str(mesh), "--spheres", "5", "-o", str(spheres)]
+    picture = tmp_path / "rock.png"
+    assert main([*words, "--picture", str(picture), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["spheres"] == 5
     rows = spheres.read_text().splitlines()
     assert rows[0] == "x,y,z,r"
-    assert len(rows) == 6
+    assert sum(not row.startswith("#") for row in rows) == 6
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert vg.load_shape(spheres).volume == pytest.approx(vg.load_shape(mesh).volume)
+    assert main([*words, "--overwrite", "--target", "iou", "--value", "0.7", "--mode", "inscribed", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["iou"] >= 0.7
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--spheres", "0"], "is 0: it must be a whole number, at least 1"),
+        (["--spheres", "5", "--target", "iou", "--value", "0.99"], "is not reached with up to 5 spheres; the best is"),
+        (["--method", "optimul"], "did you mean 'optimal'"),
+        (["--mode", "inscribd"], "mode is 'inscribd'"),
+        (["--min-radus", "0.1"], "did you mean '--min-radius'"),
+        (["-o", "rock.stl"], "rock.stl has the suffix '.stl': clumps are kept as"),
+        (["-o", "FOLDER/there.csv"], "there.csv"),
+    ],
+)
+def test_clumps_that_cannot_be(words, text, tmp_path, capsys):
+    mesh, there = tmp_path / "grain.stl", tmp_path / "there.csv"
+    vg.save_shape(vg.make_shape("box"), mesh)
+    there.write_text("kept")
+    status, line = complaint(capsys, "clump", str(mesh), *(word.replace("FOLDER", str(tmp_path)) for word in words))
+    assert status == 2
+    assert text in line
+    assert there.read_text() == "kept"
 
 
 @pytest.mark.filterwarnings("always::DeprecationWarning")
@@ -84,7 +112,6 @@ def test_shapes_and_clumps(tmp_path, capsys):
     [
         ("repair", "--largest-hole", "--max-hole"),
         ("cloud", "--largest-hole", "--max-gap"),
-        ("clump", "--spheres", "--max-spheres"),
     ],
 )
 def test_former_flags_warn_and_are_hidden(command, former, present, capsys):

@@ -200,7 +200,7 @@ def test_methods_are_chosen_by_parameter_objects():
     assert vg.pack(shape, box, vg.methods.Rsa(tries=50), count=4) == by_name
     assert vg.pack(shape, box, method=vg.methods.Rsa(tries=50), count=4).provenance["method"] == "rsa"
     assert vg.make_shape(vg.families.Sphere(diameter=1.0)) == shape == vg.make_shape("sphere", radius=0.5)
-    fitted = vg.fit_clump(shape, method=vg.clumps.Inscribed(), max_spheres=1)
+    fitted = vg.fit_clump(shape, method=vg.clumps.Optimal(), max_spheres=1)
     assert (fitted.radii == vg.fit_clump(shape, max_spheres=1).radii).all()
 
 
@@ -250,7 +250,7 @@ sizes = vg.sizes.lognormal(median=1.0, sigma=0.2)
 settings: dict[str, Any] = {"tries": 50}
 vg.pack([grain, rock], box, method="rsa", sizes=sizes, weights=[1, 2], start=bed, **settings)
 vg.pack([grain, rock], box, method="digital", solid_fraction=0.2, weights=np.ones(2), gravity=(0, 0, -1), cycles=None)
-clump = vg.fit_clump(rock, max_spheres=counts[1], min_radius=2)
+clump = vg.fit_clump(rock, max_spheres=counts[1], min_radius=0.1)
 number: int = len(bed[bed.diameter > 0.5] + again)
 vg.measure(bed, "density"), bed.measure("density"), vg.measure(bed, which=["density"])
 print(bed[0].shape, bed.verify().ok, [one.diameter for one in bed], number, vg.make_shape(names[0]), clump.radii)

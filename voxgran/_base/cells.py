@@ -31,7 +31,9 @@ def near_pairs(
     flat = (index[:, 0] * cells[1] + index[:, 1]) * cells[2] + index[:, 2]
     order = np.argsort(flat, kind="stable")
     start = np.searchsorted(flat[order], np.arange(int(np.prod(cells)) + 1))
-    around = np.where(wraps & (reach > span / cells), np.ceil(reach / (span / cells)), 1).astype(np.int64)
+    # an open axis along which all centers agree has no width to divide by
+    width = np.where(wraps, span / cells, 1.0)
+    around = np.where(wraps & (reach > width), np.ceil(reach / width), 1).astype(np.int64)
     packed = np.column_stack([wrapped, radii])[order]
     arguments = (packed, float(gap), index, order, start, cells, around, wraps, span)
     pairs = np.zeros((16 * n, 5), dtype=np.int64)

@@ -12,6 +12,7 @@ from voxgran._base.config import parameters_of
 from voxgran._base.errors import UnknownNameError
 from voxgran._base.files import write_text
 from voxgran._base.registry import unknown
+from voxgran.cli.clumps import clump
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
 from voxgran.cli.terminal import complain, entry_line, progress, show, table
@@ -223,25 +224,6 @@ def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[st
     for shape, path in zip(shapes, names, strict=True):
         voxgran.save_shape(shape, path, overwrite=options.overwrite)
     return [str(path) for path in names]
-
-
-def clump(options: argparse.Namespace) -> None:
-    """Fit a clump of spheres to a mesh file and write its spheres."""
-    from voxgran.shapes.files import shape_of_file
-    from voxgran.shapes.repairing.diagnose import Remedies
-
-    remedies = Remedies(
-        mend="use 'voxgran repair'", keep_open="", choose="choose with 'voxgran repair --bodies largest'"
-    )
-    body = shape_of_file(options.file, remedies=remedies)
-    made = voxgran.fit_clump(body, max_spheres=options.max_spheres, method=options.method)
-    if options.output:
-        rows = [
-            "x,y,z,r",
-            *(",".join(f"{v:.17g}" for v in (*c, r)) for c, r in zip(made.centers, made.radii, strict=True)),
-        ]
-        write_text(options.output, "\n".join(rows) + "\n", overwrite=options.overwrite)
-    show({"spheres": made.count, **made.errors.to_mapping()}, options)
 
 
 def methods(options: argparse.Namespace) -> None:

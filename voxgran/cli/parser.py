@@ -80,6 +80,7 @@ PACKING: tuple[Flag, ...] = (
     _flag("--periodic", help="axes along which the box of such spheres is periodic, such as xy"),
     _flag("--unit", help="unit of lengths of such spheres"),
 )
+TARGETS = ("iou", "volume", "inertia", "surface")
 COLOR_BY = ("diameter", "shape", "coordination", "distance", "force")
 
 #: flags of each command beside --json and --overwrite
@@ -168,10 +169,19 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     ),
     "clump": (
         _flag("file", help="mesh file"),
-        _flag("--max-spheres", type=int, default=50, help="largest number of spheres"),
-        _former("--spheres", "--max-spheres", int),
-        _flag("--method", default="inscribed", help="clump method; 'voxgran methods' lists them"),
-        _flag("-o", "--output", help="CSV file: x,y,z,r in the frame of the centroid"),
+        _flag(
+            "--spheres",
+            "--max-spheres",
+            dest="max_spheres",
+            type=int,
+            help="number of spheres, with a target the largest that is tried; default: 50, or 1000 with a target",
+        ),
+        _flag("--target", choices=TARGETS, help="error that is to be reached with the fewest spheres"),
+        _flag("--value", type=float, help="value of the target"),
+        _flag("--method", default="optimal", help="clump method; 'voxgran methods' lists them"),
+        _flag("--seed", type=int, default=0, help="random seed"),
+        _flag("-o", "--output", help="file for the spheres: .csv (x,y,z,r), .txt (YADE) or .mol (LAMMPS molecule)"),
+        _flag("--picture", help="PNG file: the shape beside its clump, coloured by the distance from the true surface"),
     ),
     "methods": (_flag("name", nargs="?", help="one method, family or measure; default: all of them"),),
     "bench": (_flag("name", help="trade-off"), _flag("-o", "--output", default="bench", help="folder")),
@@ -195,7 +205,8 @@ EXAMPLES: dict[str, str] = {
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --max-hole 0.1",
     "cloud": "voxgran cloud scan.ply --outliers 2 -o rock.stl",
-    "clump": "voxgran clump rock.stl --max-spheres 50 -o rock.csv",
+    "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv --picture rock.png\n"
+    "  voxgran clump rock.stl --target iou --value 0.95 --mode balanced -o rock.mol",
     "methods": "voxgran methods\n  voxgran methods digital",
     "bench": "voxgran bench voxelize -o figures",
     "doctor": "voxgran doctor\n  voxgran doctor --warm",
@@ -240,6 +251,8 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
             _add_family(sub, named)
         if name == "settle":
             _add_parameters(sub, Settling)
+        if name == "clump" and named[:1] == ["clump"]:
+            _add_parameters(sub, _clump_parameters(words))
         sub.add_argument("--json", action="store_true", help="print JSON")
         sub.add_argument("--overwrite", action="store_true", help="replace what is there")
         sub.add_argument("-v", "--verbose", action="store_true", help="say more on the error stream")
@@ -304,6 +317,15 @@ def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
             for name in item.names:
                 text = parameter_text(item).replace("%", "%%") if name == item.name else argparse.SUPPRESS
                 sub.add_argument("--" + name.replace("_", "-"), dest=name, type=_value, help=text)
+
+
+def _clump_parameters(words: Sequence[str]) -> type:
+    """Return the parameter class of the clump method that the words name, or of the default."""
+    from voxgran.clumps.method import clump_registry
+
+    method = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    method.add_argument("--method", default="optimal")
+    return clump_registry().get(method.parse_known_args(list(words))[0].method).parameters
 
 
 def _add_parameters(sub: argparse.ArgumentParser, cls: type) -> None:

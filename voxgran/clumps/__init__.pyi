@@ -1,3 +1,9 @@
 from voxgran.clumps.fit import fit_clump as fit_clump
+from voxgran.clumps.methods.cluster import Cluster as Cluster
+from voxgran.clumps.methods.dynamic import Dynamic as Dynamic
+from voxgran.clumps.methods.four_point import FourPoint as FourPoint
+from voxgran.clumps.methods.inner_normal import InnerNormal as InnerNormal
 from voxgran.clumps.methods.inscribed import Inscribed as Inscribed
+from voxgran.clumps.methods.optimal import Optimal as Optimal
 from voxgran.clumps.model import Clump as Clump
+from voxgran.shapes.spheres import MassProperties as MassProperties

@@ -2,71 +2,90 @@
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import kernel
+from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.lazy import load
-from voxgran._base.tree import grow_tree
+from voxgran._base.rotation import normalized, rotation_matrices
+from voxgran.clumps.body import Body
 from voxgran.clumps.model import ClumpErrors
-from voxgran.points.sample import sample_surface
+from voxgran.clumps.sphere_sets import union_gaps
+from voxgran.lattice.grid import Grid
+from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 from voxgran.voxels.closed_form import spheres_bits
-from voxgran.voxels.model import Voxels
+from voxgran.voxels.occupy import occupied
 
-#: spacing of the points at which distances are taken, in equivalent diameters
-SPACING = 0.05
-#: number of points on all spheres together, before those inside other spheres are removed
-SPHERE_POINTS = 20_000
+#: voxels along the equivalent diameter in which the overlap is counted
+RESOLUTION = 160
+#: number of points on the solid at which distances are taken, and largest number on all spheres, hidden ones included
+SURFACE_POINTS, MOST_POINTS = 10_000, 100_000
+#: quaternion by which both solids are turned before voxels are counted, and shift in voxels
+TURN, SHIFT = np.array([0.682, 0.473, 0.134, 0.543]), np.array([0.31, 0.17, 0.43])
 
 
-def clump_errors(voxels: Voxels, shape: Shape, spheres: Spheres) -> ClumpErrors:
-    """Return the errors of a clump against a solid, given by voxel centers and continuous, in the same frame.
+def clump_errors(body: Body, spheres: Spheres) -> ClumpErrors:
+    """Return the errors of a clump against its solid, both in the frame and unit of the body.
 
-    Volume, centroid and inertia are from exact integrals; the overlap is from voxels; the distances are from points.
+    Volume, centroid and inertia are from exact integrals. Of the overlap only the symmetric difference is counted, in
+    voxels: with the exact volumes A and B and that difference D it is (A + B - D) / (A + B + D).
     """
-    mask = spheres_bits(spheres.centers, spheres.radii, voxels.grid, cover="center").unpacked()
-    both, either = int((mask & voxels.mask).sum()), int((mask | voxels.mask).sum())
-    # the errors of the voxels at the surface are independent: their sum grows with the root of their number
-    rim = voxels.mask ^ load("scipy.ndimage").binary_erosion(voxels.mask)
+    shape = body.shape
+    both = shape.volume + spheres.volume
+    apart, uncertain = _difference(shape, spheres)
     inertia = np.linalg.norm(spheres.inertia - shape.inertia) / np.linalg.norm(shape.inertia)
-    near = _surface_gaps(shape, spheres)
+    near = _surface_gaps(body, spheres)
     return ClumpErrors(
-        iou=both / either,
-        iou_uncertainty=float(np.sqrt(rim.sum()) / 2 / either),
+        iou=(both - apart) / (both + apart),
+        iou_uncertainty=2 * both * uncertain / (both + apart) ** 2,
         volume=spheres.volume / shape.volume - 1,
-        centroid=float(np.linalg.norm(spheres.centroid)) / shape.diameter,
+        centroid=float(np.linalg.norm(spheres.centroid)),
         inertia=float(inertia),
-        surface_mean=float(near.mean()) / shape.diameter,
-        surface_max=float(near.max()) / shape.diameter,
+        surface_mean=float(near.mean()),
+        surface_max=float(near.max()),
     )
 
 
-def _surface_gaps(shape: Shape, spheres: Spheres) -> Floats:
+def _difference(shape: Shape, spheres: Spheres) -> tuple[float, float]:
+    """Return the volume that lies in only one of a solid and a union of spheres, and its standard error.
+
+    Both are turned and shifted, so that no plane face lies along the lattice and no symmetry is that of the lattice. A
+    voxel at one of the surfaces is then in or out independently of the others: the error is half the root of their
+    number.
+    """
+    turn, shift = normalized(TURN[None]), SHIFT / RESOLUTION
+    union = spheres.rotated(rotation_matrices(turn)[0]).moved(shift)
+    reach = max(shape.bounding_radius, spheres.bounding_radius) * np.ones(3) + 1.0 / RESOLUTION
+    grid = Grid.around(-reach, reach, 1.0 / RESOLUTION)
+    solid = occupied(shape, grid, rotation=turn[0], offset=shift).words
+    words = solid ^ spheres_bits(union.centers, union.radii, grid, cover="center").words
+    rim = (shape.surface_area + spheres.surface_area) * RESOLUTION**2
+    return PackedMask(words, grid.shape).count() / RESOLUTION**3, float(np.sqrt(rim)) / 2 / RESOLUTION**3
+
+
+def _surface_gaps(body: Body, spheres: Spheres) -> Floats:
     """Return the distances of points on each surface from the other, with equally many points on both."""
-    body = np.array(sample_surface(shape, spacing=SPACING * shape.diameter, method="uniform"))
-    rim = _exposed_points(spheres)
-    there = _distances_from_union(body, spheres, rim)
-    back = np.abs(grow_tree(shape.vertices, shape.faces).nearest(rim)[0])
+    points = body.surface(SURFACE_POINTS, seed=0).points
+    there = _distances_from_union(points, spheres)
+    back = np.abs(body.depth(_exposed_points(spheres)))
     many = min(len(there), len(back))
     return np.concatenate([_thinned(there, many), _thinned(back, many)])
 
 
-def _distances_from_union(points: Floats, spheres: Spheres, rim: Floats) -> Floats:
-    """Return the distances of points from the surface of a union of spheres.
+def _distances_from_union(points: Floats, spheres: Spheres) -> Floats:
+    """Return the distances of points near the surface of a union of spheres from that surface.
 
     Outside the union the distance from the nearest sphere is exact. Inside, the shortest exit from the sphere that
     contains the point most deeply is a lower bound, which is exact if it ends outside all other spheres; otherwise the
-    distance from the nearest point of `rim` is used.
+    distance from the nearest of the other exits is used.
     """
-    gap, owner = _gaps(points, spheres)
-    inside = np.flatnonzero(gap < 0)
-    middle = spheres.centers[owner[inside]]
-    ray = points[inside] - middle
+    gap, owner = union_gaps(points, spheres.centers, spheres.radii)
+    ray = points - spheres.centers[owner]
     length = np.linalg.norm(ray, axis=1, keepdims=True)
-    exit_point = middle + ray * (spheres.radii[owner[inside], None] / np.maximum(length, 1e-300))
-    hidden = inside[_gaps(exit_point, spheres)[0] < -1e-9 * float(spheres.radii.max())]
-    distance = np.abs(gap)
-    if len(hidden):
+    exits = spheres.centers[owner] + ray * (spheres.radii[owner, None] / np.maximum(length, 1e-300))
+    bare = _bare(exits, spheres)
+    distance, hidden = np.abs(gap), (gap < 0) & ~bare
+    if hidden.any():
+        rim = np.concatenate([exits[bare], _exposed_points(spheres)])
         distance[hidden] = load("scipy.spatial").cKDTree(rim).query(points[hidden])[0]
     return distance
 
@@ -80,17 +99,17 @@ def _thinned(values: Floats, count: int) -> Floats:
 
 def _exposed_points(spheres: Spheres) -> Floats:
     """Return points on the spheres, at equal density, that lie in no other sphere."""
-    areas = spheres.radii**2
-    counts = np.ceil(SPHERE_POINTS * areas / areas.sum()).astype(np.int64)
+    areas = 4 * np.pi * spheres.radii**2
+    # so many that about as many remain as there are on the solid
+    count = min(SURFACE_POINTS * float(areas.sum()) / spheres.surface_area, MOST_POINTS)
+    counts = np.ceil(count * areas / areas.sum()).astype(np.int64)
     rim = np.concatenate([c + r * _spiral(n) for c, r, n in zip(spheres.centers, spheres.radii, counts, strict=True)])
-    return rim[_gaps(rim, spheres)[0] >= -1e-9 * float(spheres.radii.max())]
+    return rim[_bare(rim, spheres)]
 
 
-def _gaps(points: Floats, spheres: Spheres) -> tuple[Floats, Integers]:
-    """Return the signed distance of each point from the union (negative inside) and the index of the sphere."""
-    gap, owner = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
-    _find_gaps(np.ascontiguousarray(points), spheres.centers, spheres.radii, gap, owner)
-    return gap, owner
+def _bare(points: Floats, spheres: Spheres) -> Booleans:
+    """Return which points on the spheres lie in no other sphere."""
+    return union_gaps(points, spheres.centers, spheres.radii)[0] >= -1e-9 * float(spheres.radii.max())
 
 
 def _spiral(count: int) -> Floats:
@@ -99,14 +118,3 @@ def _spiral(count: int) -> Floats:
     z, angle = 1 - 2 * k / count, np.pi * (1 + np.sqrt(5)) * k
     flat = np.sqrt(1 - z * z)
     return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
-
-
-@kernel
-def _find_gaps(points, centers, radii, gap, owner):  # type: ignore[no-untyped-def]
-    """Fill `gap` with the smallest signed distance from a sphere and `owner` with the sphere's index."""
-    for p in range(len(points)):
-        for s in range(len(radii)):
-            dx, dy, dz = points[p, 0] - centers[s, 0], points[p, 1] - centers[s, 1], points[p, 2] - centers[s, 2]
-            found = np.sqrt(dx * dx + dy * dy + dz * dz) - radii[s]
-            if found < gap[p]:
-                gap[p], owner[p] = found, s

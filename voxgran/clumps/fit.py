@@ -1,14 +1,16 @@
 """`fit_clump`: spheres for a shape or for voxels, with measured errors."""
 
+import warnings
 from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import as_count, as_number, check_type
+from voxgran._base.arrays import as_choice, as_count, as_number, check_type
 from voxgran._base.calls import Parameters, chosen
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, PackingWarning
+from voxgran.clumps.body import Body
 from voxgran.clumps.errors import clump_errors
-from voxgran.clumps.method import Wanted, clump_methods, clump_registry
+from voxgran.clumps.method import ClumpMethod, Fitted, clump_methods, clump_registry
 from voxgran.clumps.model import Clump
 from voxgran.lattice.label import connected_components
 from voxgran.lattice.surface import smooth_surface
@@ -16,16 +18,15 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.bodies import split
 from voxgran.shapes.spheres import Spheres
 from voxgran.voxels.model import Voxels
-from voxgran.voxels.occupy import voxelize
 
 __all__ = ["clump_methods", "fit_clump"]
 
 #: keywords beside the parameters of the method, suggested for unknown ones
-BESIDE = ("max_spheres", "target", "tolerance")
-#: voxels per equivalent diameter at which a shape is voxelized
-RESOLUTION = 64
-#: largest number of spheres without any other stopping rule, and with one
-DEFAULT_SPHERES, MOST_SPHERES = 100, 100_000
+BESIDE = ("max_spheres", "target", "value", "seed")
+#: what an error that is to be reached is called
+TARGETS = ("iou", "volume", "inertia", "surface")
+#: number of spheres without a target, and the largest number that is tried for one
+DEFAULT_SPHERES, MOST_SPHERES = 50, 1000
 #: width of the smoothing filter for surfaces of voxels, in voxels
 SMOOTHING = 0.7
 
@@ -33,10 +34,11 @@ SMOOTHING = 0.7
 def fit_clump(
     shape_or_voxels: Shape | Voxels,
     *,
-    method: str | Parameters = "inscribed",
+    method: str | Parameters = "optimal",
     max_spheres: int | None = None,
-    target: float | None = None,
-    tolerance: float | None = None,
+    target: str | None = None,
+    value: float | None = None,
+    seed: int = 0,
     **parameters: Any,
 ) -> Clump:
     """Fit a clump of overlapping spheres to a solid.
@@ -46,62 +48,166 @@ def fit_clump(
     shape_or_voxels : Shape or Voxels
         Solid to approximate; three-dimensional.
     method : str or parameter object, optional
-        Name of a clump method, or its parameters, such as ``vg.clumps.Inscribed(min_radius=2)``. Default:
-        ``"inscribed"``.
+        Name of a clump method, or its parameters, such as ``vg.clumps.Inscribed(min_radius=0.1)``. Default:
+        ``"optimal"``.
     max_spheres : int, optional
-        Largest number of spheres. Default: 100, or 100 000 if `target` or `tolerance` is given.
-    target : float, optional
-        Intersection over union by voxel centers (``errors.iou``) at which the fit stops, in (0, 1]. Default: 1.
-    tolerance : float, optional
-        Largest distance, in equivalent diameters, of the solid from the clump at which the fit stops. Default: 0, no
-        such limit.
+        Number of spheres; with a target the largest number that is tried. Default: 50, or 1000 with a target.
+    target : {"iou", "volume", "inertia", "surface"}, optional
+        Error that is to be reached with the fewest spheres: the intersection over union, the relative error of the
+        volume or of the inertia tensor, or the largest distance between the surfaces in equivalent diameters. Default:
+        none; the clump has `max_spheres` spheres.
+    value : float, optional
+        Value of the target: at least this for ``"iou"``, at most this for the others. Required with `target`.
+    seed : int, optional
+        Random seed, of at least 0. Default: 0.
     **parameters
         Parameters of the method; `voxgran methods` lists them.
 
     Returns
     -------
     Clump
-        Spheres in the body frame of the shape, with errors.
+        Spheres in the body frame of the shape, with errors. Where it has fewer spheres than asked, `reason` says why.
 
     Raises
     ------
     InputError
-        If a value breaks a rule, the shape is flat or an open surface, or no sphere fits.
+        If a value breaks a rule, the shape is flat, an open surface or too thin for the voxels of the method, no sphere
+        fits, or the target is not reached; the message then says what was.
     UnknownNameError
         If the method or a parameter is unknown.
+
+    Warns
+    -----
+    PackingWarning
+        If there are fewer spheres than asked, except where they are exactly the shape.
     """
     _, entry, settings = chosen(clump_registry(), method, parameters, where="clump method", beside=BESIDE)
-    shape, voxels = _both(shape_or_voxels)
-    if max_spheres is None:
-        most = DEFAULT_SPHERES if target is None and tolerance is None else MOST_SPHERES
-    else:
-        most = as_count(max_spheres, "max_spheres", at_least=1)
-    wanted = Wanted(
-        max_spheres=most,
-        target=1.0 if target is None else as_number(target, "target", above=0.0, at_most=1.0),
-        tolerance=0.0 if tolerance is None else as_number(tolerance, "tolerance", at_least=0.0) * shape.diameter,
+    level = _level(target, value)
+    default = DEFAULT_SPHERES if target is None else MOST_SPHERES
+    most = default if max_spheres is None else as_count(max_spheres, "max_spheres", at_least=1)
+    shape = _solid(shape_or_voxels)
+    fit = _Fit(shape, entry, settings, as_count(seed, "seed", at_most=None))
+    if target is None:
+        clump = fit.clump(most)
+        if clump.reason and _own_spheres(shape, most) is None:
+            warnings.warn(f"{shape.name!r} has {clump.count} spheres: {clump.reason}", PackingWarning, stacklevel=2)
+        return clump
+    return _fewest(fit, target, level, most)
+
+
+class _Fit:
+    """Clumps of one solid by one method, with any number of spheres."""
+
+    def __init__(self, shape: Shape, entry: ClumpMethod, settings: Any, seed: int) -> None:
+        self.shape = shape
+        self._body = Body(shape)
+        self._entry, self._settings, self._seed = entry, settings, seed
+
+    def clump(self, count: int) -> Clump:
+        """Return the clump of at most so many spheres.
+
+        Raises
+        ------
+        InputError
+            If no sphere fits.
+        """
+        size = self.shape.diameter
+        found = _own_spheres(self.shape, count)
+        if found is None:
+            made = self._entry.fit(self._body, count, self._settings, self._seed)
+            found = Fitted(made.centers * size, made.radii * size, made.reason)
+        if len(found.radii) == 0:
+            reason = found.reason or "every sphere is too small"
+            raise InputError(f"no sphere fits in {self.shape.name!r}: {reason}; allow smaller ones, or finer voxels")
+        errors = clump_errors(self._body, Spheres(found.centers / size, found.radii / size))
+        return Clump(found.centers, found.radii, self.shape, errors, self._entry.name, found.reason)
+
+
+def _own_spheres(shape: Shape, count: int) -> Fitted | None:
+    """Return the spheres of a shape that is a union of at most so many; None for all others."""
+    geometry = shape.geometry
+    if shape.is_sphere:
+        reason = "" if count == 1 else "the shape is exactly one sphere"
+        return Fitted(np.zeros((1, 3)), np.array([shape.bounding_radius]), reason)
+    if isinstance(geometry, Spheres) and len(geometry.radii) <= count:
+        reason = "" if count == len(geometry.radii) else "the shape is exactly these spheres"
+        return Fitted(geometry.centers.copy(), geometry.radii.copy(), reason)
+    return None
+
+
+def _level(target: str | None, value: float | None) -> float:
+    """Return the value of the target, checked; 0 without one."""
+    if (target is None) != (value is None):
+        given, missing = ("target", "value") if value is None else ("value", "target")
+        raise InputError(f"{given} is given without {missing}: give both, such as target='iou', value=0.95")
+    if target is None or value is None:
+        return 0.0
+    as_choice(target, "target", TARGETS)
+    return as_number(value, "value", above=0.0, at_most=1.0)
+
+
+def _fewest(fit: _Fit, target: str, level: float, most: int) -> Clump:
+    """Return the clump with the fewest spheres that reaches a target, by doubling and then halving their number.
+
+    Raises
+    ------
+    InputError
+        If none reaches it.
+    """
+
+    def reached(clump: Clump) -> bool:
+        found = getattr(clump.errors, "surface_max" if target == "surface" else target)
+        return bool(found >= level) if target == "iou" else abs(found) <= level
+
+    low, high = 0, 1
+    best = clump = fit.clump(1)
+    while not reached(clump):
+        if high >= most or clump.reason:
+            raise InputError(_unreached(best, target, level, most))
+        low, high = high, min(2 * high, most)
+        clump = fit.clump(high)
+        best = min(best, clump, key=lambda made: _distance(made, target))
+    while high - low > 1:
+        middle = (low + high) // 2
+        tried = fit.clump(middle)
+        if reached(tried):
+            high, clump = middle, tried
+        else:
+            low = middle
+    return clump
+
+
+def _distance(clump: Clump, target: str) -> float:
+    """Return how far a clump is from its solid in the sense of a target."""
+    found = getattr(clump.errors, "surface_max" if target == "surface" else target)
+    return 1.0 - float(found) if target == "iou" else abs(float(found))
+
+
+def _unreached(best: Clump, target: str, level: float, most: int) -> str:
+    """Say what was reached in place of the target."""
+    distance = _distance(best, target)
+    found = 1.0 - distance if target == "iou" else distance
+    side = "at least" if target == "iou" else "at most"
+    why = f": {best.reason}" if best.reason else ""
+    return (
+        f"{target} of {side} {level:g} is not reached with up to {most} spheres; the best is {found:.4g}, with "
+        f"{best.count}{why}; ask for less, or raise max_spheres"
     )
-    centers, radii = entry.fit(voxels, wanted, settings)
-    if len(radii) == 0:
-        raise InputError(f"no sphere that is large enough fits in {shape.name!r}: allow smaller ones, or finer voxels")
-    return Clump(centers, radii, shape, clump_errors(voxels, shape, Spheres(centers.copy(), radii.copy())))
 
 
-def _both(given: Shape | Voxels) -> tuple[Shape, Voxels]:
-    """Return the solid both as a shape and as voxels."""
+def _solid(given: Shape | Voxels) -> Shape:
+    """Return the solid as a shape: that of voxels is their smooth surface."""
     if isinstance(given, Voxels):
         if not given.mask.any() or given.mask.shape[2] == 1:
             raise InputError(
                 f"voxels have shape {given.mask.shape} and {given.mask.sum()} taken: a clump needs a solid"
             )
-        shape = _surface_of(given)
-        moved = Voxels(given.mask, np.asarray(given.origin) - np.array(shape.offset), given.voxel_size, given.cover)
-        return shape, moved
+        return _surface_of(given)
     check_type(given, Shape, "shape_or_voxels", "a Shape or Voxels; make_shape and load_shape make a shape")
     if given.dimension == 2:
         raise InputError(f"shape {given.name!r} is flat: a clump of spheres needs a solid; use disks in two dimensions")
     given.refuse_open("clumps of spheres")
-    return given, voxelize(given, voxel_size=given.diameter / RESOLUTION)
+    return given
 
 
 def _surface_of(voxels: Voxels) -> Shape:

@@ -2,32 +2,34 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from voxgran._base.arrays import Floats
 from voxgran._base.registry import Registry
-from voxgran.voxels.model import Voxels
+from voxgran.clumps.body import Body
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
-    """Stopping rules of a fit; it ends when one of them holds."""
+class Fitted(NamedTuple):
+    """Spheres that a method returns, in the frame and unit of the body."""
 
-    max_spheres: int  # largest number of spheres
-    target: float  # intersection over union, by voxel centers
-    # largest distance of voxel centers of the solid from the clump, in the unit of lengths; 0: no such rule
-    tolerance: float
+    centers: Floats  # (n, 3)
+    radii: Floats  # (n,)
+    #: why there are fewer than asked, as half a sentence such as "the spheres cover every voxel"; "" if there are not
+    reason: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClumpMethod:
-    """One registered clump method."""
+    """One registered clump method.
+
+    `fit` takes the body, the number of spheres asked, the parameters and the seed. It returns at most that number.
+    """
 
     name: str
     summary: str  # one line
     source: str  # reference
     parameters: type  # parameter class
-    fit: Callable[[Voxels, Wanted, Any], tuple[Floats, Floats]]  # function that returns centers (n, 3) and radii (n,)
+    fit: Callable[[Body, int, Any, int], Fitted]
 
 
 def clump_registry() -> Registry[ClumpMethod]:

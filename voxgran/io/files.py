@@ -89,7 +89,8 @@ def load(
     ----------
     path : path-like
         Recognized by its content: a ``.vtp`` that :func:`save` wrote; spheres as text (``x y z r``, YADE's
-        ``x y z r clumpId``, CSV with a header); a LAMMPS data or dump file; ``.vtp`` or ``.vtu`` points with radii.
+        ``x y z r clumpId``, CSV with a header); a LAMMPS data or dump file; ``.vtp`` or ``.vtu`` points with radii. The
+        file of one clump is read by :func:`load_shape`.
     container : Container, optional
         What holds the spheres of another program; default: as the file says, or else the box around them.
     unit : str, optional
@@ -114,6 +115,11 @@ def load(
         If the content is damaged, no packing, or of no known form.
     InputError
         If a container, unit or axes are given for a file of voxgran, which holds its own, or do not fit.
+
+    Warns
+    -----
+    PackingWarning
+        If most spheres of a text without clumps overlap others, as those of one clump do.
     """
     found = existing_file(path)
     with found.open("rb") as file:

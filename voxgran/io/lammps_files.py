@@ -153,6 +153,8 @@ def _data_head(lines: list[str], path: Path) -> tuple[Floats, float]:
         if tilted or words[-1:] in (["avec"], ["bvec"], ["cvec"]):
             raise FileFormatError(f"{path}, line {number}: the box is tilted: give an upright one")
     if not np.isfinite(bounds).all():
+        if any(re.match(r"\s*Coords\b", line) for line in lines):
+            raise FileFormatError(f"{path} is a molecule and no packing: read it with vg.load_shape, as a clump")
         raise FileFormatError(f"{path} gives no box (xlo xhi, ylo yhi, zlo zhi): write it with write_data")
     return bounds, count
 

@@ -1,5 +1,6 @@
 """Spheres of a file of another program, and the packing of these, with a record of all assumptions."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -10,7 +11,8 @@ import numpy as np
 
 from voxgran._base.arrays import LONGEST, SHORTEST, Booleans, Floats, Integers
 from voxgran._base.axes import Periodic
-from voxgran._base.errors import FileFormatError, InputError, shown, with_article
+from voxgran._base.cells import near_pairs
+from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, with_article
 from voxgran._base.rotation import quaternions_of
 from voxgran._base.units import known_unit
 from voxgran.containers.box import Box
@@ -26,6 +28,8 @@ from voxgran.shapes.spheres import Spheres
 SPHERE_RULE = f"all must be finite and at most {LONGEST:g} in magnitude, and r above 0 (at least {SHORTEST:g})"
 #: largest number of a clump
 LARGEST_CLUMP = 2.0**53
+#: largest number of spheres that may be a clump, and overlap in radii of the smaller one above which they may be one
+MOST_OF_A_CLUMP, DEEP = 2000, 0.05
 #: clumps whose spheres agree within this part of their size share a shape
 SAME = 1e-6
 
@@ -96,7 +100,13 @@ def packing_of(
     ------
     InputError
         If there is neither a container nor a sphere to put a box around, or `periodic` does not fit.
+
+    Warns
+    -----
+    PackingWarning
+        If most spheres overlap others, as those of a clump do.
     """
+    _warn_of_a_clump(particles, path)
     assumed = dict(particles.assumed)
     held = container or particles.container
     if held is None:
@@ -131,6 +141,26 @@ def packing_of(
         **(particles.fields if held is particles.container else {}),
         **grains,
     )
+
+
+def _warn_of_a_clump(particles: Particles, path: Path) -> None:
+    """Warn where the file is that of a clump: few spheres without container, most of which overlap others deeply."""
+    centers, radii = particles.centers, particles.radii
+    if particles.container is not None or particles.clump is not None or particles.flat:
+        return
+    if not 2 <= len(radii) <= MOST_OF_A_CLUMP:
+        return
+    i, j, _ = near_pairs(centers, radii, 0.0, lower=np.zeros(3), lengths=np.ones(3), periodic=(False, False, False))
+    depth = radii[i] + radii[j] - np.linalg.norm(centers[j] - centers[i], axis=1)
+    deep = depth > DEEP * np.minimum(radii[i], radii[j])
+    count = len(np.union1d(i[deep], j[deep]))
+    if count > len(radii) / 2:
+        warnings.warn(
+            f"{path} holds {len(radii)} spheres as a packing, of which {count} overlap others by more than {DEEP:.0%} "
+            "of their radius: if they are one clump, read it with vg.load_shape",
+            PackingWarning,
+            stacklevel=4,
+        )
 
 
 def _box_around(particles: Particles, path: Path) -> Box | Rectangle:

@@ -30,7 +30,7 @@ from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.sizes import make_sizes
-from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.surface import Surface
 
 #: version of the layout; a reader refuses a higher one
@@ -221,6 +221,8 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
             parts = {"points": (points, geometry.vertices), "faces": (faces, geometry.faces)}
         elif isinstance(geometry, Spheres):
             parts = {"points": (points, geometry.centers), "radii": (radii, geometry.radii)}
+            if geometry.mass is not None:
+                entry["mass"] = {name: getattr(geometry.mass, name) for name in ("volume", "centroid", "inertia")}
         elif isinstance(geometry, Primitive):
             entry |= {"kind": geometry.kind, "dimensions": geometry.dimensions, "rotation": geometry.rotation}
         else:
@@ -261,7 +263,8 @@ def _geometry(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> G
         vertices = as_points(part["points"], "vertices")
         return (Mesh if kind == "Mesh" else Surface)(vertices, as_faces(part["faces"], len(vertices)))
     if kind == "Spheres":
-        return Spheres(as_points(part["points"], "centers"), as_floats(part["radii"], "radii", shape=(None,)))
+        mass = MassProperties(**entry["mass"]) if "mass" in entry else None
+        return Spheres(as_points(part["points"], "centers"), as_floats(part["radii"], "radii", shape=(None,)), mass)
     if kind == "Primitive":
         w, x, y, z = entry["rotation"]
         return Primitive(entry["kind"], tuple(entry["dimensions"]), (w, x, y, z))

@@ -25,7 +25,7 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
     suffix ``.csv`` the file is a table with the names of the columns in its first line and values separated by commas,
     as pandas and spreadsheets read it; else values are separated by blanks, and container, unit, gravity and contact
     gap stand in comments at the top, where :func:`voxgran.load` finds them. Numbers have as many digits as read back to
-    the same bits.
+    the same bits. Mass properties of clumps that are not those of their spheres are not kept: a ``.vtp`` holds them.
 
     Raises
     ------
@@ -84,5 +84,5 @@ def _spheres_of_shape(shape: Shape, grain: int) -> tuple[Floats, Floats]:
     kind = geometry.kind if isinstance(geometry, Primitive | Outline) else type(geometry).__name__.lower()
     raise InputError(
         f"grain {grain} is {with_article(kind)}: text holds only spheres, clumps of them and disks; save as .vtp, or "
-        "pack the clumps of fit_clump instead"
+        "pack the clumps of fit_clump instead, or take packing.with_clumps()"
     )

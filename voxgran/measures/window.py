@@ -101,9 +101,14 @@ class Solids:
 
     @cached_property
     def spheres(self) -> tuple[Floats, Floats, Planes] | None:
-        """Centers, radii and planes of equal power of all spheres of all grains; None unless all grains are spheres."""
+        """Centers, radii and planes of equal power of all spheres of all grains; None unless all grains are spheres.
+
+        It is None too where clumps have the volume of the solids that they stand for.
+        """
         used = [self.packing.shapes[k] for k in np.unique(self.packing.shape_id)]
         if any(_body_spheres(shape) is None for shape in used):
+            return None
+        if any(isinstance(shape.geometry, Spheres) and shape.geometry.mass is not None for shape in used):
             return None
         centers, radii = flat_spheres(self.packing)
         return centers, radii, power_planes(centers, radii, self.packing.container)
@@ -247,7 +252,9 @@ def _cut_shape(shape: Shape, maps: Floats, centers: Floats, lower: Floats, upper
     if isinstance(geometry, Outline):
         return _cut_outline(geometry, maps, centers, lower, upper), 0.0
     if isinstance(geometry, Spheres):
-        return _cut_clumps(geometry, maps, centers, lower, upper), 0.0
+        # a clump has the volume of the solid that it stands for, spread evenly over its spheres
+        share = 1.0 if geometry.mass is None else geometry.volume / geometry.union.volume
+        return _cut_clumps(geometry, maps, centers, lower, upper) * share, 0.0
     if isinstance(geometry, Mesh):
         return cut_mesh(geometry.triangles, maps, centers, lower=lower, upper=upper), 0.0
     size = geometry.dimensions

@@ -3,17 +3,22 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import Any, Self, overload
+from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.errors import GrainIndexError, shown
+from voxgran._base.errors import GrainIndexError, InputError, shown
 from voxgran._base.lazy import load
+from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.shapes.model import Shape
+from voxgran.shapes.spheres import Spheres
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -152,6 +157,67 @@ class GrainSequence(Assembly):
     def __reduce__(self) -> tuple[Any, ...]:
         # made anew by its constructor, so that its arrays are read-only again and what was cached stays behind
         return partial(type(self), **{entry.name: getattr(self, entry.name) for entry in fields(self)}), ()
+
+    def bonds(
+        self,
+        *,
+        strength: float,
+        shear_strength: float | None = None,
+        tolerance: float = TOUCHING,
+        least_area: float = LEAST_AREA,
+    ) -> "Dataset":
+        """Return the bonds between the spheres of each grain, for grains that may break; spheres alone have none.
+
+        Parameters and rules are those of :meth:`Clump.bonds`.
+
+        Parameters
+        ----------
+        strength : float
+            Strength in tension, force per area, at least 0.
+        shear_strength : float, optional
+            Strength in shear, force per area, at least 0. Default: `strength`.
+        tolerance : float
+            Gap up to which spheres touch, as share of the radius of the smaller one.
+        least_area : float
+            Least area of a bond, as share of the great circle of the smaller sphere, from 0 to 1.
+
+        Returns
+        -------
+        xarray.Dataset
+            As of :meth:`Clump.bonds`, with `grain` and with points in the container, those of a grain together where it
+            reaches across a periodic side. Spheres are numbered in the order in which :func:`voxgran.save` writes them
+            as text.
+
+        Raises
+        ------
+        InputError
+            If a grain is neither a sphere nor a clump, a strength or the tolerance is negative, or the least area is
+            not from 0 to 1.
+
+        Warns
+        -----
+        PackingWarning
+            If spheres are bonded that do not touch.
+        """
+        bodies = []
+        for index, shape in enumerate(self.shapes):
+            geometry = shape.geometry
+            if not isinstance(geometry, Spheres) and not shape.is_sphere and (self.shape_id == index).any():
+                raise InputError(
+                    f"shape {index}, {shape.name!r}, is not made of spheres: bonds join those of a clump; ask for them "
+                    "of packing.with_clumps()"
+                )
+            alone = np.zeros((1, 3)), np.ones(1)
+            bodies.append((geometry.centers, geometry.radii) if isinstance(geometry, Spheres) else alone)
+        return bonds_of_bodies(
+            bodies,
+            self.shape_id,
+            scale=self.scale,
+            matrices=self.matrices,
+            position=self.position,
+            strengths=Strengths.of(strength, shear_strength, tolerance, least_area),
+            unit=getattr(self, "unit", "1"),
+        )
 
     def to_pyvista(self) -> Any:
         """Return the surfaces of all grains as one `pyvista.PolyData`, with the cell data ``grain`` and ``diameter``.

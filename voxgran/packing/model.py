@@ -14,6 +14,8 @@ from voxgran._base import public
 from voxgran._base.arrays import Integers, as_choice, as_number, as_positive, check_type
 from voxgran._base.errors import InputError, shown
 from voxgran._base.units import NO_UNIT, as_unit, unit_factor
+from voxgran.clumps.model import Clump
+from voxgran.clumps.stand_in import as_clumps
 from voxgran.contacts.assembly import checked_arrays
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.forces import ContactForces, check_forces
@@ -217,6 +219,31 @@ class Packing(GrainSequence):
         forces = self.forces if np.array_equal(kept, every) else None
         some = GrainSequence._chosen(replace(self, forces=None), kept)
         return replace(some, provenance=record, stop_reason=reason, asked_sizes=None, forces=forces)
+
+    def with_clumps(self, clumps: Clump | Sequence[Clump | None] | None = None, **fitting: Any) -> "Packing":
+        """Return the same grains at the same poses as clumps with the mass properties of their true shapes.
+
+        Spheres, disks and clumps stay. Forces and the contact gap are those of the true shapes and are left out, and
+        the stop reason becomes ``"count"`` where it was about them; ``provenance["clumps"]`` has the errors.
+
+        Parameters
+        ----------
+        clumps : Clump or sequence of Clump or None, optional
+            One for each shape; a single one where one shape is replaced. Default: fitted, once for each shape.
+        **fitting
+            Keywords of :func:`voxgran.fit_clump`, such as ``max_spheres=100``.
+
+        Raises
+        ------
+        InputError
+            If a clump is that of another shape, a shape cannot be fitted, or a keyword is given beside clumps.
+        """
+        shapes, errors = as_clumps(self.shapes, clumps, fitting)
+        if not any(errors):
+            return self
+        reason = "count" if self.stop_reason in (*_OF_THE_WHOLE, "settled") else self.stop_reason
+        record = {**deepcopy(self.provenance), "clumps": errors}
+        return replace(self, shapes=shapes, provenance=record, stop_reason=reason, contact_gap=0.0, forces=None)
 
     def __add__(self, other: "Packing") -> "Packing":
         """Return the packing of the grains of both; nothing is moved, so that they may overlap.

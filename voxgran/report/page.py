@@ -5,7 +5,6 @@ to wide and narrow windows.
 """
 
 import base64
-import io
 import json
 import os
 from collections.abc import Mapping
@@ -26,7 +25,7 @@ from voxgran.report.colors import Coloring, coloring
 from voxgran.report.figures import figures_of
 from voxgran.report.force_chains import picture_forces
 from voxgran.report.numbers import json_text, page_numbers
-from voxgran.report.stage import Picture
+from voxgran.report.stage import Picture, png_of
 from voxgran.report.turntable import animated
 from voxgran.shapes.model import Shape
 
@@ -220,16 +219,9 @@ def _grains_note(packing: Packing) -> str:
     return f"The {SHAPES_DRAWN} most frequent of {used} shapes." if used > SHAPES_DRAWN else ""
 
 
-def _png(picture: Picture) -> bytes:
-    """Return a picture as a PNG file."""
-    buffer = io.BytesIO()
-    load("matplotlib.image").imsave(buffer, picture, format="png", pil_kwargs={"optimize": True})
-    return buffer.getvalue()
-
-
 def view_of(picture: Picture, alt: str, caption: str) -> View:
     """Return a picture with its texts and size."""
-    source = "data:image/png;base64," + base64.b64encode(_png(picture)).decode()
+    source = "data:image/png;base64," + base64.b64encode(png_of(picture)).decode()
     return View(source, alt, caption, picture.shape[1], picture.shape[0])
 
 
@@ -246,10 +238,10 @@ def _turning(packing: Packing, color_by: str) -> list[View]:
 
 def _picture_files(drawn: Drawn, folder: Path) -> dict[Path, bytes]:
     """Return the pictures as PNG files, the four of a grain side by side."""
-    files = {folder / f"{name}.png": _png(picture) for name, (picture, _, _) in drawn.packing.items()}
+    files = {folder / f"{name}.png": png_of(picture) for name, (picture, _, _) in drawn.packing.items()}
     for index, views in enumerate(drawn.grains.values()):
         row = np.hstack([picture for picture, _, _ in views.values()])
-        files[folder / f"grain_{index}.png"] = _png(row)
+        files[folder / f"grain_{index}.png"] = png_of(row)
     return files
 
 

@@ -1,6 +1,7 @@
 """Common setup of all pictures: light, background, and a camera that frames a box."""
 
 import contextlib
+import io
 from collections.abc import Iterator
 from typing import Any, TypeAlias
 
@@ -88,6 +89,13 @@ def shot(stage: Any) -> Picture:
     stage.render()
     image: Picture = np.ascontiguousarray(stage.screenshot(None, return_img=True)[:, :, :3])
     return image
+
+
+def png_of(picture: Picture) -> bytes:
+    """Return a picture as a PNG file."""
+    buffer = io.BytesIO()
+    load("matplotlib.image").imsave(buffer, picture, format="png", pil_kwargs={"optimize": True})
+    return buffer.getvalue()
 
 
 def beads(points: Floats, radii: Floats | float, level: int) -> Any:

@@ -7,13 +7,16 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from voxgran._base.arrays import as_count, as_number, as_positive, check_type
+from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, check_type
 from voxgran._base.config import from_mapping, parameter, parameters_of, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
 from voxgran._base.registry import nearest, unknown
 from voxgran._base.units import as_unit
+from voxgran.clumps.fit import TARGETS, fit_clump
+from voxgran.clumps.method import clump_registry
+from voxgran.clumps.stand_in import record_of
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
 from voxgran.io.files import load
@@ -27,7 +30,7 @@ from voxgran.shapes.repairing.diagnose import Remedies
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 #: keys of a [[shape]] from a file, and of any
-FILE_KEYS = ("file", "share", "repair", "surface", "unit")
+FILE_KEYS = ("file", "share", "repair", "surface", "unit", "clump")
 SHAPE_KEYS = (*FILE_KEYS, "family", "seed")
 #: remedies for a mesh that is not one closed solid
 REMEDIES = Remedies(
@@ -36,6 +39,8 @@ REMEDIES = Remedies(
     choose="choose with 'voxgran repair --bodies largest'",
     hole="close it with 'voxgran repair' and a larger --max-hole",
 )
+#: keys of a clump beside the parameters of its method
+CLUMP_KEYS = ("max_spheres", "method", "target", "value", "seed")
 SECTIONS = ("scene", "shape", "sizes", "container", "packing", "settle", "measure", "output")
 #: where a scene says whether and how its grains settle
 SETTLE_KEYS = "a section [settle] says how grains settle; with enabled = false in it they do not"
@@ -79,18 +84,28 @@ class Output:
 
 @dataclass(frozen=True, slots=True)
 class ShapeEntry:
-    """One [[shape]]: a file or a family with parameters, and its share."""
+    """One [[shape]]: a file or a family with parameters, its share, and how a clump is fitted that is packed in its
+    place; None for the shape itself.
+    """
 
     source: Literal["file", "family"]
     name: str
     share: float = 1.0
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    clump: Mapping[str, Any] | None = None
 
     def make(self) -> Shape:
-        """Return the shape."""
+        """Return the shape, before a clump takes its place."""
         if self.source == "file":
             return shape_of_file(self.name, remedies=REMEDIES, **self.parameters)
         return make_shape(self.name, **self.parameters)
+
+    def grain(self) -> tuple[Shape, dict[str, Any] | None]:
+        """Return what is packed, and what provenance says of the clump; None where there is none."""
+        if self.clump is None:
+            return self.make(), None
+        clump = fit_clump(self.make(), **self.clump)
+        return clump.to_shape(), record_of(clump)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,7 +252,11 @@ class SceneDescription:
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the scene as nested JSON-able values, from which :meth:`from_mapping` makes it again."""
-        shapes = [{entry.source: entry.name, "share": entry.share, **entry.parameters} for entry in self.shapes]
+        shapes = [
+            {entry.source: entry.name, "share": entry.share, **entry.parameters}
+            | ({} if entry.clump is None else {"clump": dict(entry.clump)})
+            for entry in self.shapes
+        ]
         packing = {name: getattr(self, name) for name in ("method", "count", "solid_fraction", "start")}
         made = {
             "scene": to_mapping(self.general),
@@ -366,6 +385,7 @@ def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
         check_type(entry, Mapping, "[[shape]]", "a section; write [[shape]] above its keys")
         rest = dict(entry)
         share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
+        clump = _clump(rest.pop("clump")) if "clump" in rest else None
         if ("file" in rest) == ("family" in rest):
             meant = next((key for key in entry if key not in SHAPE_KEYS and nearest(key, ("file", "family"))), None)
             if meant is not None:
@@ -380,10 +400,34 @@ def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
                     as_unit(value, "[[shape]] unit")
                 elif not isinstance(value, bool):
                     raise InputError(f"[[shape]] {key} is {shown(value)}: it must be true or false")
-            made.append(ShapeEntry("file", str(existing_file(path)), share, rest))
+            if clump is not None and rest.get("surface"):
+                raise InputError("[[shape]] has surface = true and clump: an open surface has no clump; leave one out")
+            made.append(ShapeEntry("file", str(existing_file(path)), share, rest, clump))
             continue
         family = rest.pop("family")
         seed = {key: rest.pop(key) for key in ("seed",) if key in rest}
-        settings = _present(families().get(family).parameters, rest, f"[[shape]] {family}")
-        made.append(ShapeEntry("family", family, share, settings | seed))
+        settings = _present(families().get(family).parameters, rest, f"[[shape]] {family}", beside=("clump",))
+        made.append(ShapeEntry("family", family, share, settings | seed, clump))
     return tuple(made)
+
+
+def _clump(given: Any) -> dict[str, Any]:
+    """Return the checked keywords of `fit_clump` that the key clump of a [[shape]] holds: a number of spheres, or a
+    table.
+    """
+    where = "[[shape]] clump"
+    if not isinstance(given, Mapping):
+        return {"max_spheres": as_count(given, where, at_least=1)}
+    rest = dict(given)
+    beside = {key: rest.pop(key) for key in CLUMP_KEYS if key in rest}
+    parameters = clump_registry().get(beside.get("method", "optimal")).parameters
+    for key, least in (("max_spheres", 1), ("seed", 0)):
+        if key in beside:
+            as_count(beside[key], f"{where} {key}", at_least=least)
+    if ("target" in beside) != ("value" in beside):
+        missing = "value" if "target" in beside else "target"
+        raise InputError(f"{where} has no {missing}: target and value belong together; give both, or max_spheres alone")
+    if "target" in beside:
+        as_choice(beside["target"], f"{where} target", TARGETS)
+        as_number(beside["value"], f"{where} value", above=0.0, at_most=1.0)
+    return beside | _present(parameters, rest, where, beside=CLUMP_KEYS)

@@ -1,5 +1,7 @@
 """Plan: what a run would compute, skip and cost, before anything is computed."""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -7,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.config import to_mapping
+from voxgran._base.errors import InputError
 from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.description import REMEDIES, SceneDescription, ShapeEntry
@@ -17,8 +20,12 @@ from voxgran.shapes.mesh_files import read_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_open
+from voxgran.shapes.sphere_files import SUFFIXES
+from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.surface import Surface
 
+#: spheres that a clump of which none are asked for has, without and with a target
+SPHERES, FOR_A_TARGET = 50, 200
 #: bytes with the libraries that check, measure and save, when the method's own arrays are gone (measured)
 FINISHING_BYTES = 245 * 2**20
 #: and what the libraries that draw take beside them (measured)
@@ -117,7 +124,39 @@ def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:
 
 
 def _stand_in(entry: ShapeEntry) -> Shape:
+    """Return a shape that costs as much as the one that is packed; for a clump, spheres in the bounds of its solid.
+
+    Raises
+    ------
+    InputError
+        If the solid of a clump is flat.
+    """
+    solid = _solid(entry)
+    if entry.clump is None or isinstance(solid.geometry, Spheres) or solid.is_sphere:
+        return solid
+    if solid.dimension == 2:
+        raise InputError(f"[[shape]] {entry.name} is flat and has a clump: clumps are solids; leave out clump")
+    solid.refuse_open("clumps of spheres")
+    count = _spheres_of(entry.clump)
+    half = np.abs(solid.bounds).max(axis=0)
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, k * (math.pi * (3 - math.sqrt(5)))
+    flat = np.sqrt(1 - z * z)
+    directions = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+    mass = MassProperties(solid.volume, np.zeros(3), solid.inertia)
+    spheres = Spheres(0.6 * half * directions, np.full(count, 0.4 * float(half.min())), mass)
+    return Shape.of(spheres, name=solid.name, unit=solid.unit)
+
+
+def _spheres_of(clump: Mapping[str, Any]) -> int:
+    """Return how many spheres a clump may have."""
+    return int(clump.get("max_spheres", FOR_A_TARGET if "target" in clump else SPHERES))
+
+
+def _solid(entry: ShapeEntry) -> Shape:
     """Return a shape that costs as much as the real one: meshes checked for holes, random solids as an ellipsoid."""
+    if entry.source == "file" and Path(entry.name).suffix.lower() in SUFFIXES:
+        return entry.make()
     if entry.source == "file":
         points, faces = read_surface(entry.name)
         known: dict[str, Any] = {"name": entry.name, "unit": entry.parameters.get("unit")}
@@ -145,7 +184,10 @@ def _settling_of(task: Task) -> Settling | None:
 
 def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
-    computed = [f"pack {task.problem.count} grains by {scene.method}"]
+    clumps = [entry.clump for entry in scene.shapes if entry.clump is not None]
+    most = max(map(_spheres_of, clumps), default=0)
+    computed = [f"fit clumps of up to {most} spheres to {len(clumps)} of the shapes"] if clumps else []
+    computed += [f"pack {task.problem.count} grains by {scene.method}"]
     if (settling := _settling_of(task)) is not None:
         share, shapes = (
             f"until at least {settling.rest:.1%} of them rest",

@@ -83,18 +83,18 @@ def run_one(
     place = as_path(folder)
     if resume and is_complete(place) and not (place / FOLDER_LOCK).exists():
         return read_folder(scene, place)
-    plan, shapes = make_plan(scene), tuple(entry.make() for entry in scene.shapes)
+    plan, grains = make_plan(scene), tuple(entry.grain() for entry in scene.shapes)
     with opened_folder(folder, resume=resume, overwrite=overwrite) as target:
         if resume and is_complete(target):
             return read_folder(scene, target)
-        return _run_in(target, scene, plan, shapes, resume=resume, on_step=on_step)
+        return _run_in(target, scene, plan, grains, resume=resume, on_step=on_step)
 
 
 def _run_in(
     target: Path,
     scene: SceneDescription,
     plan: Plan,
-    shapes: tuple[Shape, ...],
+    grains: tuple[tuple[Shape, dict[str, Any] | None], ...],
     *,
     resume: bool,
     on_step: OnStep | None,
@@ -108,8 +108,10 @@ def _run_in(
         place, most = target / "snapshots.pvd", scene.output.snapshots
         recorder = Series(place, max_snapshots=most, every=plan.grains, resume=resume, overwrite=True)
     run: dict[str, Any] = {"checkpoint": checkpoint, "resume": resume, "on_step": on_step, "recorder": recorder}
-    packing = pack(shapes, scene.container, **scene.asked(), **run, **scene.parameters)
-    packing = replace(packing, provenance={**packing.provenance, "scene": scene.to_mapping()})
+    packing = pack(tuple(shape for shape, _ in grains), scene.container, **scene.asked(), **run, **scene.parameters)
+    clumps = [record for _, record in grains]
+    told = {"scene": scene.to_mapping()} | ({"clumps": clumps} if any(clumps) else {})
+    packing = replace(packing, provenance={**packing.provenance, **told})
     result = finish_folder(packing, target, scene=scene, on_step=on_step)
     result.summary["plan"] = plan.to_mapping()
     write_text(target / SUMMARY, json.dumps(result.summary, indent=2) + "\n")

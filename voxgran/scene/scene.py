@@ -15,8 +15,8 @@ class Scene(SceneDescription):
     """A granular scene, from a TOML file or a mapping; its attributes are those of :class:`SceneDescription`."""
 
     def plan(self) -> Plan:
-        """Return what a run would compute, skip and cost; nothing is packed and neither numba, Open3D nor VTK is
-        loaded.
+        """Return what a run would compute, skip and cost; nothing is packed, and neither Open3D nor VTK is
+        loaded, and numba only for the volume of the spheres of a clump file.
 
         Raises
         ------

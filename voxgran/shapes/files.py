@@ -1,4 +1,4 @@
-"""Shapes from mesh files and back."""
+"""Shapes from files of meshes and of clumps, and back."""
 
 import logging
 import os
@@ -12,6 +12,7 @@ from voxgran.shapes.mesh_files import WRITERS, read_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Remedies, merged, refuse_dirty
 from voxgran.shapes.repairing.repair import repaired
+from voxgran.shapes.sphere_files import SUFFIXES, read_spheres, write_spheres
 from voxgran.shapes.surface import Surface, refuse_unfit
 
 #: of `load_shape`
@@ -26,15 +27,18 @@ log = logging.getLogger(__name__)
 def load_shape(
     path: str | os.PathLike[str], *, unit: str | None = None, repair: bool = False, surface: bool = False
 ) -> Shape:
-    """Read a shape from a file with a closed surface, or with an open one if `surface` is true.
+    """Read a shape from a file with a closed surface, or with an open one if `surface` is true, or with the spheres of
+    a clump.
 
     Parameters
     ----------
     path : path-like
         File in STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH format, by its suffix. Polygons are triangulated; coordinates
-        keep all digits of the format.
+        keep all digits of the format. A ``.csv``, ``.txt``, ``.xyzr``, ``.mol`` or ``.molecule`` is a clump: a table
+        ``x,y,z,r`` with or without names of the columns, lines ``x y z r clumpId`` as of YADE, or a molecule file of
+        LAMMPS with diameters. Mass properties that such a file states are those of the shape.
     unit : str, optional
-        Unit of lengths, which is recorded; lengths are not converted. Default: unknown.
+        Unit of lengths, which is recorded; lengths are not converted. Default: as a clump file says, or else unknown.
     repair : bool
         Whether a surface that is almost closed is repaired first by :func:`voxgran.repair` with its defaults; the
         changes are logged.
@@ -52,12 +56,12 @@ def load_shape(
     MissingFileError
         If there is no such file.
     FileFormatError
-        If the suffix is not known, or the file is empty, truncated or damaged.
+        If the suffix is not known, the file is empty, truncated or damaged, or it holds several clumps or a packing.
     DirtyMeshError
         If the surface does not bound exactly one solid, or cannot be repaired with certainty, or is not an open surface
         although `surface` is true.
     InputError
-        If `repair` or `surface` is neither True nor False, or both are true.
+        If `repair` or `surface` is neither True nor False, both are true, or one is true for a clump.
     """
     return shape_of_file(path, unit=unit, repair=repair, surface=surface, remedies=LOADING)
 
@@ -90,6 +94,13 @@ def shape_of_file(
         raise InputError(
             "repair and surface are both true: repair closes a surface, and surface keeps it open; use one"
         )
+    if as_path(path).suffix.lower() in SUFFIXES:
+        if repair or surface:
+            raise InputError(
+                f"{'repair' if repair else 'surface'} is true for {path}, which holds spheres: only surfaces of "
+                "triangles are repaired or open; leave it out"
+            )
+        return read_spheres(path, unit=unit)
     points, faces = read_surface(path)
     found = Path(path)
     if repair:
@@ -104,21 +115,23 @@ def shape_of_file(
 
 
 def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write the tessellation of a shape, in its body frame.
+    """Write the tessellation of a shape, or its spheres, in its body frame.
 
     Parameters
     ----------
     shape : Shape
         Shape to write.
     path : path-like
-        STL (binary, float32), OBJ, PLY, OFF or VTP file, by its suffix; all formats but STL keep all digits.
+        STL (binary, float32), OBJ, PLY, OFF or VTP file, by its suffix; all formats but STL keep all digits. A
+        ``.csv``, ``.txt``, ``.xyzr``, ``.mol`` or ``.molecule`` holds the spheres of a clump, as :meth:`Clump.save`
+        writes them.
     overwrite : bool
         Whether an existing file may be replaced.
 
     Raises
     ------
     InputError
-        If `shape` is not a shape, or `path` not a path.
+        If `shape` is not a shape, or has no spheres for a file of these, or `path` is not a path.
     FileFormatError
         If the suffix is not known.
     OutputExistsError
@@ -128,10 +141,12 @@ def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = 
     """
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     target = as_path(path)
+    if target.suffix.lower() in SUFFIXES:
+        write_spheres(shape, target, overwrite=overwrite)
+        return
     writer = WRITERS.get(target.suffix.lower())
     if writer is None:
-        raise FileFormatError(
-            f"{target} has the suffix {target.suffix!r}: known are {', '.join(sorted(WRITERS))}; choose one"
-        )
+        known = ", ".join(sorted((*WRITERS, *SUFFIXES)))
+        raise FileFormatError(f"{target} has the suffix {target.suffix!r}: known are {known}; choose one")
     with written_whole(target, overwrite=overwrite) as draft:
         writer(shape.vertices, shape.faces, draft)

@@ -195,7 +195,7 @@ class Shape:
         """Whether it is a single sphere (in 2D a disk) about its centroid, however it is described."""
         geometry = self.geometry
         if isinstance(geometry, Spheres):
-            return len(geometry.radii) == 1 and not geometry.centers.any()
+            return len(geometry.radii) == 1 and not geometry.centers.any() and geometry.mass is None
         if isinstance(geometry, Primitive):
             return geometry.kind == "sphere"
         return isinstance(geometry, Outline) and geometry.kind == "disk" and geometry.center == (0.0, 0.0)

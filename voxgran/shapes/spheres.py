@@ -6,7 +6,17 @@ from functools import cached_property
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_points, read_only
+from voxgran._base.arrays import (
+    Booleans,
+    Floats,
+    Integers,
+    as_floats,
+    as_points,
+    as_positive,
+    as_vector,
+    check_type,
+    read_only,
+)
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran.shapes.boolean import united
@@ -16,11 +26,89 @@ from voxgran.shapes.triangles import Moments
 
 #: largest number of triangles of all spheres before they are united
 MOST_TRIANGLES = 80_000
+#: relative error up to which an inertia tensor is symmetric and that of a solid
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """Volume, centroid and inertia tensor of a solid of unit density.
+
+    Attributes
+    ----------
+    volume : float
+        Volume, which is the mass at unit density; above 0.
+    centroid : (3,) ndarray of float
+        Centroid, in the unit of lengths.
+    inertia : (3, 3) ndarray of float
+        Inertia tensor about the centroid at unit density; symmetric, with principal moments that a solid can have.
+
+    Raises
+    ------
+    InputError
+        If a value is not finite or has the wrong shape, the volume is not above 0, the tensor is not symmetric, or a
+        principal moment is not above 0 or is larger than the sum of the other two.
+    """
+
+    volume: float
+    centroid: Floats
+    inertia: Floats
+
+    def __post_init__(self) -> None:
+        volume = as_positive(self.volume, "volume")
+        centroid = as_vector(self.centroid, "centroid").copy()
+        inertia = as_floats(self.inertia, "inertia", shape=(3, 3)).copy()
+        allowed = ROUNDING * float(np.abs(inertia).max())
+        if float(np.abs(inertia / 2 - inertia.T / 2).max()) > allowed:
+            raise InputError(f"inertia is {inertia.tolist()}: it must be symmetric; give I[i, j] equal to I[j, i]")
+        low, middle, high = (float(value) for value in np.linalg.eigvalsh(inertia))
+        if low <= 0 or high > low + middle + allowed:
+            raise InputError(
+                f"inertia has the principal moments {low:g}, {middle:g}, {high:g}: those of a solid are above 0 and "
+                "none is above the sum of the other two; give the tensor about the centroid"
+            )
+        object.__setattr__(self, "volume", volume)
+        object.__setattr__(self, "centroid", read_only(centroid))
+        # symmetric to the last bit
+        object.__setattr__(self, "inertia", read_only(inertia / 2 + inertia.T / 2))
+
+    def __eq__(self, other: object) -> bool:
+        """Compare by bits."""
+        return self.content() == other.content() if isinstance(other, MassProperties) else NotImplemented
+
+    def __hash__(self) -> int:
+        """Hash by content."""
+        return hash(self.content())
+
+    def __repr__(self) -> str:
+        """Volume, centroid and principal moments of inertia."""
+        moments = ", ".join(f"{value:.6g}" for value in np.linalg.eigvalsh(self.inertia))
+        x, y, z = (float(value) for value in self.centroid)
+        return f"MassProperties(volume={self.volume:.6g}, centroid=({x:.3g}, {y:.3g}, {z:.3g}), moments=({moments}))"
+
+    def content(self) -> bytes:
+        """Return the bytes by which two of them are compared; -0 counts as 0."""
+        return np.concatenate([[self.volume], self.centroid + 0.0, self.inertia.ravel() + 0.0]).tobytes()
+
+    def moved(self, offset: Floats) -> "MassProperties":
+        """Return those of the solid shifted by a (3,) offset."""
+        return MassProperties(self.volume, self.centroid + offset, self.inertia)
+
+    def rotated(self, matrix: Floats) -> "MassProperties":
+        """Return those of the solid rotated about the origin by a (3, 3) rotation matrix."""
+        return MassProperties(self.volume, matrix @ self.centroid, matrix @ self.inertia @ matrix.T)
+
+    def scaled(self, factor: float) -> "MassProperties":
+        """Return those of the solid scaled about the origin."""
+        return MassProperties(self.volume * factor**3, self.centroid * factor, self.inertia * factor**5)
 
 
 @dataclass(frozen=True, eq=False)
 class Spheres(Moments):
     """A union of spheres, whose common volume counts once.
+
+    Where `mass` is given, volume, centroid and inertia are those of the solid that the spheres stand for; all else,
+    such as points inside, surface area and contacts, is that of the spheres.
 
     Attributes
     ----------
@@ -28,15 +116,19 @@ class Spheres(Moments):
         Centers, in the unit of lengths.
     radii : (n,) ndarray of float
         Radii, above 0.
+    mass : MassProperties or None
+        Mass properties in place of those of the union, in the same frame.
 
     Raises
     ------
     InputError
-        If there is no sphere, the numbers of centers and radii differ, or a radius is not above 0.
+        If there is no sphere, the numbers of centers and radii differ, a radius is not above 0, or `mass` is something
+        else than MassProperties.
     """
 
     centers: Floats
     radii: Floats
+    mass: MassProperties | None = None
 
     dimension = 3
 
@@ -49,12 +141,24 @@ class Spheres(Moments):
             worst = int(radii.argmin())
             raise InputError(f"radius of sphere {worst} is {radii[worst]}: it must be above 0; remove the sphere")
         object.__setattr__(self, "centers", read_only(centers))
+        if self.mass is not None:
+            check_type(self.mass, MassProperties, "mass", "MassProperties, or None for those of the union")
         object.__setattr__(self, "radii", read_only(radii))
 
     @property
     def surface_area(self) -> float:
         """Area of the outer surface and of the inner surfaces of enclosed cavities."""
-        return self._moments[3]
+        return self._union[3]
+
+    @property
+    def union(self) -> MassProperties:
+        """Mass properties of the union of the spheres."""
+        return MassProperties(*self._union[:3])
+
+    @property
+    def _moments(self) -> tuple[float, Floats, Floats]:
+        """Volume, centroid and inertia that the geometry has."""
+        return self._union[:3] if self.mass is None else (self.mass.volume, self.mass.centroid, self.mass.inertia)
 
     @cached_property
     def bounding_radius(self) -> float:
@@ -62,8 +166,8 @@ class Spheres(Moments):
         return float((np.linalg.norm(self.centers, axis=1) + self.radii).max())
 
     @cached_property
-    def _moments(self) -> tuple[float, Floats, Floats, float]:
-        """Volume, centroid, inertia and area; a central point preserves digits far from the origin."""
+    def _union(self) -> tuple[float, Floats, Floats, float]:
+        """Volume, centroid, inertia and area of the union; a central point preserves digits far from the origin."""
         low = (self.centers - self.radii[:, None]).min(axis=0)
         high = (self.centers + self.radii[:, None]).max(axis=0)
         middle = (low + high) / 2
@@ -82,19 +186,20 @@ class Spheres(Moments):
 
     def content(self) -> bytes:
         """Return the bytes from which the key of the shape is computed."""
-        return b"spheres" + self.centers.tobytes() + self.radii.tobytes()
+        spheres = b"spheres" + self.centers.tobytes() + self.radii.tobytes()
+        return spheres if self.mass is None else spheres + b"mass" + self.mass.content()
 
     def moved(self, offset: Floats) -> "Spheres":
         """Return the union shifted by a (3,) offset."""
-        return Spheres(self.centers + offset, self.radii)
+        return Spheres(self.centers + offset, self.radii, self.mass and self.mass.moved(offset))
 
     def rotated(self, matrix: Floats) -> "Spheres":
         """Return the union rotated about the origin by a (3, 3) rotation matrix."""
-        return Spheres(self.centers @ matrix.T, self.radii)
+        return Spheres(self.centers @ matrix.T, self.radii, self.mass and self.mass.rotated(matrix))
 
     def scaled(self, factor: float) -> "Spheres":
         """Return the union scaled about the origin."""
-        return Spheres(self.centers * factor, self.radii * factor)
+        return Spheres(self.centers * factor, self.radii * factor, self.mass and self.mass.scaled(factor))
 
     def tessellation(self) -> tuple[Floats, Integers, float]:
         """Return vertices, faces and their largest distance from the true surface.

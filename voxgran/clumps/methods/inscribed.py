@@ -1,11 +1,13 @@
 """Greedy selection of inscribed spheres from the distance transform of the voxels.
 
-The candidates are the largest inscribed spheres centered at the voxels of the solid. Only those contained in no other
+The candidates are the largest inscribed spheres centered at voxels of the solid. Only those contained in no other
 candidate are kept; their centers lie along the medial surface. Each step adds the candidate that covers the largest
 number of uncovered voxels. Coverage is submodular, so the greedy choice covers at least 1 - 1/e of what the best choice
 of as many spheres covers (Nemhauser, Wolsey & Fisher 1978, doi:10.1007/BF01588971). A gain computed earlier is an upper
-bound of the present one, so few candidates are evaluated again (Minoux 1978, doi:10.1007/BFb0006528). Radii are
-distances to the nearest voxel outside; the clump therefore lies within the solid up to one voxel, and is smaller.
+bound of the present one, so few candidates are evaluated again (Minoux 1978, doi:10.1007/BFb0006528).
+
+Radii are distances from the surface, not from voxels. Three times as many candidates as asked are first chosen and
+moved by up to about a voxel to where the surface is farther; the spheres are then chosen from these and the others.
 
 References
 ----------
@@ -17,16 +19,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.kernels import kernel
-from voxgran.clumps.method import ClumpMethod, Wanted
+from voxgran.clumps.body import Body
+from voxgran.clumps.method import ClumpMethod, Fitted
 from voxgran.lattice.distance import inside_distance
-from voxgran.voxels.model import Voxels
 
 #: largest protrusion, in voxels, of a sphere from that of a neighbour for which the sphere is dropped: away from the
 #: medial surface radii grow as fast as positions change, and the nearest of the 26 directions deviates by 0.2
 SLACK = 0.25
+#: number of candidates that are refined for each sphere asked
+REFINED = 3
+#: steps of the refinement, in voxels
+STEPS = tuple(0.5 * 0.7**k for k in range(12))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -36,32 +42,41 @@ class Inscribed:
     Raises
     ------
     InputError
-        If the smallest radius is negative.
+        If a value is out of range.
     """
 
     min_radius: float = parameter(
-        0.0, doc="smallest radius of a sphere", unit="voxels", former="smallest", at_least=0.0
+        0.02, doc="smallest radius of a sphere", unit="equivalent diameters", at_least=0.0, at_most=0.5
+    )
+    resolution: float = parameter(
+        64.0, doc="number of voxels along the equivalent diameter", at_least=8.0, at_most=512.0
     )
 
     def __post_init__(self) -> None:
-        """Check the range."""
+        """Check the ranges."""
         check_bounds(self)
 
 
-def fit(voxels: Voxels, wanted: Wanted, parameters: Inscribed) -> tuple[Floats, Floats]:
-    """Return centers (n, 3) and radii (n,) of the greedy choice."""
+def fit(body: Body, count: int, settings: Inscribed, seed: int) -> Fitted:
+    """Return the spheres of the greedy choice."""
+    voxels = body.voxels(settings.resolution)
     room = inside_distance(voxels.mask, 1.0)
-    places = np.argwhere(_maximal(np.pad(room, 1)) & (room >= parameters.min_radius))
-    radii = room[tuple(places.T)]
-    # largest first; ties in the order of the lattice, so that the result repeats
-    order = np.argsort(-radii, kind="stable")
-    places, radii = places[order], radii[order]
-    taken = np.zeros(min(wanted.max_spheres, len(radii)), dtype=np.int64)
-    enough = int(np.ceil(wanted.target * voxels.mask.sum() - 1e-9))
-    far = wanted.tolerance / voxels.voxel_size
-    count = _choose(places, radii, voxels.mask.copy(), enough, far, taken)
-    chosen = taken[:count]
-    return voxels.grid.coordinates(places[chosen]), radii[chosen] * voxels.voxel_size
+    # the distance from voxels is known within a voxel
+    deep = room >= settings.min_radius * settings.resolution - 1.0
+    places = np.argwhere(_maximal(np.pad(room, 1)) & deep)
+    centers = voxels.grid.coordinates(places)
+    radii = body.depth(centers)
+    # largest first; ties up to rounding in the order of the lattice, so that the result repeats
+    order = np.argsort(-np.round(radii, 9), kind="stable")
+    order = order[radii[order] >= max(settings.min_radius, 1e-6)]
+    centers, radii = centers[order], radii[order]
+    index = (centers - np.asarray(voxels.origin)) * settings.resolution - 0.5
+    some = _chosen(index, radii * settings.resolution, voxels.mask, REFINED * count)
+    centers[some], radii[some] = _refined(body, centers[some], radii[some], 1.0 / settings.resolution)
+    index = (centers - np.asarray(voxels.origin)) * settings.resolution - 0.5
+    last = _chosen(index, radii * settings.resolution, voxels.mask, count)
+    reason = "" if len(last) == count else "no inscribed sphere of at least min_radius covers a further voxel"
+    return Fitted(centers[last], radii[last], reason)
 
 
 registration = ClumpMethod(
@@ -71,6 +86,32 @@ registration = ClumpMethod(
     parameters=Inscribed,
     fit=fit,
 )
+
+
+def _chosen(places: Floats, radii: Floats, mask: Booleans, most: int) -> Integers:
+    """Return the greedy choice of at most so many spheres, in voxels."""
+    taken = np.full(min(most, len(radii)), -1)
+    _choose(places, radii, mask.copy(), taken)
+    return taken[taken >= 0]
+
+
+def _refined(body: Body, centers: Floats, radii: Floats, voxel: float) -> tuple[Floats, Floats]:
+    """Return centers and radii of inscribed spheres after ascent of the distance from the surface.
+
+    The slope is taken over the length of a step. On the medial surface, where the distance has a kink, it thus points
+    along that surface.
+    """
+    for step in STEPS:
+        length = step * voxel
+        slope = np.column_stack(
+            [body.depth(centers + side) - body.depth(centers - side) for side in length * np.eye(3)]
+        )
+        slope /= np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-300)
+        moved = centers + length * slope
+        depth = body.depth(moved)
+        better = depth > radii
+        centers, radii = np.where(better[:, None], moved, centers), np.where(better, depth, radii)
+    return centers, radii
 
 
 @kernel
@@ -93,18 +134,16 @@ def _maximal(room):  # type: ignore[no-untyped-def]
 
 @kernel
 def _visit(place, radius, left, clear):  # type: ignore[no-untyped-def]
-    """Count the uncovered voxels of a sphere, and mark them as covered if `clear`."""
+    """Count the uncovered voxels whose centers lie in a sphere, and mark them as covered if `clear`."""
     count = 0
-    square = radius * radius * (1.0 + 1e-12)
-    reach = int(radius) + 1
     x, y, z = place[0], place[1], place[2]
-    for i in range(max(x - reach, 0), min(x + reach + 1, left.shape[0])):
-        for j in range(max(y - reach, 0), min(y + reach + 1, left.shape[1])):
-            rest = square - (i - x) ** 2 - (j - y) ** 2
+    for i in range(max(int(np.ceil(x - radius)), 0), min(int(np.floor(x + radius)) + 1, left.shape[0])):
+        for j in range(max(int(np.ceil(y - radius)), 0), min(int(np.floor(y + radius)) + 1, left.shape[1])):
+            rest = radius * radius - (i - x) ** 2 - (j - y) ** 2
             if rest < 0.0:
                 continue
-            half = int(np.sqrt(rest))
-            for k in range(max(z - half, 0), min(z + half + 1, left.shape[2])):
+            half = np.sqrt(rest)
+            for k in range(max(int(np.ceil(z - half)), 0), min(int(np.floor(z + half)) + 1, left.shape[2])):
                 count += left[i, j, k]
                 if clear:
                     left[i, j, k] = False
@@ -112,26 +151,10 @@ def _visit(place, radius, left, clear):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _farthest(gap, left, place, radius):  # type: ignore[no-untyped-def]
-    """Update the distances of the uncovered voxels for a new sphere and return the largest one."""
-    most = 0.0
-    for i in range(left.shape[0]):
-        for j in range(left.shape[1]):
-            for k in range(left.shape[2]):
-                if left[i, j, k]:
-                    square = float((i - place[0]) ** 2 + (j - place[1]) ** 2 + (k - place[2]) ** 2)
-                    gap[i, j, k] = min(gap[i, j, k], np.sqrt(square) - radius)
-                    most = max(most, gap[i, j, k])
-    return most
-
-
-@kernel
-def _choose(places, radii, left, enough, far, taken):  # type: ignore[no-untyped-def]
-    """Add the sphere of largest gain until `enough` voxels are covered, or all others lie within `far` of the clump."""
+def _choose(places, radii, left, taken):  # type: ignore[no-untyped-def]
+    """Fill `taken` with the spheres of largest gain until none covers a further voxel."""
     bound = 4.2 * (radii + 1.0) ** 3
-    gap = np.full(left.shape, np.inf)
-    covered, count = 0, 0
-    while count < len(taken) and covered < enough:
+    for n in range(len(taken)):
         best = bound.argmax()
         gain = _visit(places[best], radii[best], left, False)
         while gain < bound[best]:
@@ -140,10 +163,6 @@ def _choose(places, radii, left, enough, far, taken):  # type: ignore[no-untyped
             gain = _visit(places[best], radii[best], left, False)
         if gain == 0:
             break
-        covered += _visit(places[best], radii[best], left, True)
+        _visit(places[best], radii[best], left, True)
         bound[best] = 0.0
-        taken[count] = best
-        count += 1
-        if far > 0.0 and _farthest(gap, left, places[best], radii[best]) <= far:
-            break
-    return count
+        taken[n] = best

@@ -1,0 +1,32 @@
+"""The same solids reproduced by each method of clump fitting, as pictures and as a table of errors.
+
+    python examples/clump_methods.py [FOLDER] [SPHERES]
+
+The picture is in the manner of figure 6 of Sajjadi & Khalili (2015): each row is a solid and its clumps.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import voxgran as vg
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/clump_methods")
+spheres = int(sys.argv[2]) if len(sys.argv) > 2 else 50
+data = Path(__file__).parents[1] / "data"
+folder.mkdir(parents=True, exist_ok=True)
+
+solids = [vg.load_shape(data / "eros.obj"), vg.load_shape(data / "itokawa_lp.obj"), vg.make_shape("box")]
+for solid in solids:
+    clumps = [vg.fit_clump(solid, method=method, max_spheres=spheres) for method in vg.clump_methods()]
+    for clump in clumps:
+        errors = clump.errors
+        unit = solid.diameter
+        print(
+            f"{solid.name:12} {clump.method:13} {clump.count:3} spheres: overlap {errors.iou:.3f}, "
+            f"volume {errors.volume:+.3f}, inertia {errors.inertia:.3f}, farthest {errors.surface_max:.3f}, "
+            f"radii {np.min(clump.radii) / unit:.3f} to {np.max(clump.radii) / unit:.3f}"
+        )
+    vg.save_clump_picture(clumps, folder / f"{solid.name}.png", overwrite=True)
+print(f"pictures in {folder}")

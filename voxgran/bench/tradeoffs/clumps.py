@@ -1,0 +1,149 @@
+"""Clumps: error against number of spheres against seconds, for all methods, beside two other programs.
+
+Where the interpreter named by the environment variable ``VOXGRAN_PEERS`` has multisphere or clump-python (CLUMP), they
+fit the same bodies, as programs of their own. A second row of each is made fair by one change of all radii that gives
+the union the volume of the body. Seconds are those of the processor, without compilation and loading; those of voxgran
+include the measurement of the errors.
+"""
+
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.lazy import load
+from voxgran.bench.model import PEERS, TradeOff, calibration, least_seconds, panels_of, scans, write_rows
+from voxgran.clumps.body import Body
+from voxgran.clumps.errors import clump_errors
+from voxgran.clumps.fit import clump_methods, fit_clump
+from voxgran.clumps.methods.optimal import growth_to_volume
+from voxgran.clumps.model import ClumpErrors
+from voxgran.clumps.sphere_sets import SphereSet
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.files import save_shape
+from voxgran.shapes.model import Shape
+from voxgran.shapes.spheres import Spheres
+
+LOG = logging.getLogger(__name__)
+#: numbers of spheres of voxgran's methods, and of other programs, which take longer
+COUNTS, PEER_COUNTS = (5, 10, 20, 50, 100, 200), (20, 50)
+#: scans that are fitted beside a cube
+SCANS = ("eros.obj", "itokawa_lp.obj", "bennu_lp.obj")
+#: other programs by the ends of the names of their scripts
+PROGRAMS = {"multisphere": "multisphere", "clump": "CLUMP"}
+#: most seconds of one fit of another program
+LONGEST = 300.0
+
+
+class Row(NamedTuple):
+    """One fit."""
+
+    program: str
+    body: str
+    asked: int
+    spheres: int
+    errors: ClumpErrors
+    seconds: float
+
+
+def bodies() -> dict[str, Shape]:
+    """Return the bodies that are fitted, by name: a cube and scans."""
+    return {"cube": make_shape("box", lengths=(1.0, 1.0, 1.0)), **scans(*SCANS)}
+
+
+def measure(solids: dict[str, Shape] | None = None, counts: tuple[int, ...] = COUNTS) -> list[Row]:
+    """Fit each body by each method with each number of spheres."""
+    rows = []
+    for body, shape in (bodies() if solids is None else solids).items():
+        for method in clump_methods():
+            for count in counts:
+                made = fit_clump(shape, method=method, max_spheres=count)
+                seconds = least_seconds(
+                    lambda: fit_clump(shape, method=method, max_spheres=count),  # noqa: B023
+                    repeats=1,
+                    processor=True,
+                )
+                rows.append(Row(method, body, count, made.count, made.errors, seconds))
+    return rows
+
+
+def measure_peers(solids: dict[str, Shape] | None = None, counts: tuple[int, ...] = PEER_COUNTS) -> list[Row]:
+    """Fit each body by other programs; those that are not installed are left out."""
+    rows = []
+    python = os.environ.get("VOXGRAN_PEERS", sys.executable)
+    for script, program in PROGRAMS.items():
+        for body, shape in (bodies() if solids is None else solids).items():
+            for count in counts:
+                found = peer_spheres(python, PEERS / f"clumps_{script}.py", shape, count)
+                if found is None:
+                    LOG.warning("%s is not installed or failed on %s: its row is left out", program, body)
+                    continue
+                centers, radii, seconds = found
+                solid, unit = Body(shape), shape.diameter
+                given = SphereSet(centers / unit, radii / unit)
+                grown = given.radii + growth_to_volume(given, solid.volume)
+                for name, size in ((program, given.radii), (f"{program}, same volume", grown)):
+                    errors = clump_errors(solid, Spheres(given.centers, size))
+                    rows.append(Row(name, body, count, len(size), errors, seconds))
+    return rows
+
+
+def peer_spheres(python: str, script: Path, shape: Shape, count: int) -> tuple[Floats, Floats, float] | None:
+    """Run another program and return centers, radii and seconds; None where it fails."""
+    if not script.is_file():
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        mesh, spheres = Path(folder) / "body.stl", Path(folder) / "spheres.npz"
+        save_shape(shape, mesh)
+        command = [python, os.fspath(script), os.fspath(mesh), str(count), os.fspath(spheres)]
+        try:
+            ended = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=True)
+        except (OSError, subprocess.SubprocessError):
+            return None
+        made = np.load(spheres)
+        return made["centers"], made["radii"], float(ended.stdout.split()[-1])
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    rows, loop = measure() + measure_peers(), calibration()
+    lines = [
+        f'"{row.program}",{row.body},{row.asked},{row.spheres},{row.errors.iou:.4f},{row.errors.volume:.5f},'
+        f"{row.errors.inertia:.5f},{row.errors.surface_mean:.5f},{row.errors.surface_max:.5f},{row.seconds:.3f},{loop:.5f}"
+        for row in rows
+    ]
+    head = "program,body,asked,spheres,iou,volume_error,inertia_error,surface_mean,surface_max,seconds"
+    _draw(rows, folder / "clumps.svg")
+    return write_rows(folder / "clumps.csv", f"{head},calibration_seconds", lines), folder / "clumps.svg"
+
+
+registration = TradeOff(
+    name="clumps", summary="error of clumps against number of spheres and seconds, for all methods", run=run
+)
+
+
+def _draw(rows: list[Row], path: Path) -> None:
+    """Draw the error of the scans and the cube, as mean, against the number of spheres, and against seconds."""
+    with panels_of(path, 2, width=10.4) as (left, right):
+        for k, program in enumerate(dict.fromkeys(row.program for row in rows)):
+            counts = sorted({row.asked for row in rows if row.program == program})
+            found = [[row for row in rows if row.program == program and row.asked == count] for count in counts]
+            errors = [float(np.mean([1.0 - row.errors.iou for row in group])) for group in found]
+            number = [float(np.mean([row.spheres for row in group])) for group in found]
+            seconds = [float(np.mean([row.seconds for row in group])) for group in found]
+            look = {"marker": "o", "label": program, "color": f"C{k}"}
+            left.loglog(number, errors, **look)
+            right.loglog(seconds, errors, **look)
+        ticks = load("matplotlib.ticker").ScalarFormatter()
+        for panel in (left, right):
+            panel.yaxis.set_major_formatter(ticks)
+            panel.set(ylabel="1 - intersection over union")
+        left.set(xlabel="spheres")
+        right.set(xlabel="seconds of the processor")
+        left.legend(frameon=False, fontsize=7)

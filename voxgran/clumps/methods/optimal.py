@@ -1,0 +1,251 @@
+"""Spheres whose union differs least from the solid: medial spheres, refined against the surface by least squares.
+
+The integral of the distance between both surfaces over the surface of the solid is, to first order, the volume in which
+they differ. It is minimized over all centers and radii. Spheres are added a third at a time, each the medial sphere
+that lowers the integral most, and all are refined in between and at the end. Each point of the surface belongs to the
+sphere that is nearest, as points belong to planes in a variational approximation of a surface (Cohen-Steiner, Alliez &
+Desbrun 2004, doi:10.1145/1186562.1015817); a step is then one small least-squares problem for each sphere. More spheres
+than asked are added, and those that matter least removed. Powers of
+the distance below 2 are weights that change from step to step. At the end one change of all radii gives the union the
+volume of the solid.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_choice
+from voxgran._base.config import check_bounds, parameter
+from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
+from voxgran._base.seeds import stream
+from voxgran.clumps.body import Body
+from voxgran.clumps.covering import covering_growth, enclosed_holes
+from voxgran.clumps.method import ClumpMethod, Fitted
+from voxgran.clumps.sphere_sets import (
+    INSIDE,
+    OUTSIDE,
+    SURFACE,
+    Points,
+    Rules,
+    SphereSet,
+    best_inserts,
+    refined,
+    without_cheapest,
+)
+from voxgran.clumps.tangent import tangent_spheres
+from voxgran.shapes.spheres import Spheres
+
+#: number of points on the surface while spheres are added; at the end as many a sphere, within the limits
+POINTS, POINTS_A_SPHERE, MOST_POINTS = 8_000, 80, 40_000
+#: number of medial spheres to choose from, at least, and for each sphere
+CANDIDATES, CANDIDATES_A_SPHERE = 1_500, 4
+#: voxels along the equivalent diameter that give points inside and outside, and the number of these in surface points
+RESOLUTION, SHARE = 20.0, 1 / 3
+#: smallest radius, in equivalent diameters
+LEAST = 0.02
+#: share of spheres that are added at once, steps between, and share of those asked that are added beyond them
+GROWTH, STEPS, BEYOND = 0.33, 8, 0.3
+#: power of the distances while spheres are added, and at the end; steps at the end
+EARLY, LATE, LAST_STEPS = 1.5, 1.0, 60
+#: weight of distances by which an inscribed union protrudes, or a bounding one does not cover
+ONE_SIDED = 200.0
+#: accuracy of the volume after the change of radii
+VOLUME_ERROR = 1e-6
+#: rounds in which spheres that left the solid are replaced, or what is open inside is closed with growing weight
+ROUNDS, HEAVIER = 4, 10.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Optimal:
+    """Parameters of the refined fit.
+
+    Raises
+    ------
+    InputError
+        If a value is out of range, the largest radius is not above the smallest, or tangent spheres are to be bounding.
+    """
+
+    mode: Literal["balanced", "inscribed", "bounding"] = parameter(
+        "balanced",
+        doc="balanced: the least error, of the same volume; inscribed: nothing protrudes; bounding: all is covered",
+    )
+    overlap: bool = parameter(True, doc="whether spheres may overlap; if false they touch, for breakable agglomerates")
+    uniform: bool = parameter(False, doc="whether all radii are equal")
+    min_radius: float = parameter(LEAST, doc="smallest radius", unit="equivalent diameters", at_least=1e-3)
+    max_radius: float | None = parameter(
+        None, doc="largest radius; if omitted, there is no limit", unit="equivalent diameters", above=0.0
+    )
+    match_volume: bool = parameter(
+        True, doc="whether a balanced union gets exactly the volume of the solid, by one change of all radii"
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_bounds(self)
+        as_choice(self.mode, "mode", ("balanced", "inscribed", "bounding"))
+        if self.max_radius is not None and self.max_radius <= self.min_radius:
+            raise InputError(
+                f"max_radius is {self.max_radius:g}: it must be above min_radius, {self.min_radius:g}; raise it, or "
+                "set uniform"
+            )
+        if self.mode == "bounding" and not self.overlap:
+            raise InputError("overlap is false in mode 'bounding': spheres without overlap leave gaps; allow overlap")
+
+
+def fit(body: Body, count: int, settings: Optimal, seed: int) -> Fitted:
+    """Return the spheres of the refined fit."""
+    if not settings.overlap:
+        return tangent_spheres(body, count, settings.min_radius, settings.max_radius, uniform=settings.uniform)
+    return _Fit(body, settings, seed).spheres(count)
+
+
+registration = ClumpMethod(
+    name="optimal",
+    summary="medial spheres, refined against the surface: the least difference in volume",
+    source="Cohen-Steiner, Alliez & Desbrun 2004, doi:10.1145/1186562.1015817 (partition); Ma, Bae & Choi 2012, "
+    "doi:10.1007/s00371-011-0594-7 (medial spheres)",
+    parameters=Optimal,
+    fit=fit,
+)
+
+
+class _Fit:
+    """The refined fit of one solid."""
+
+    def __init__(self, body: Body, settings: Optimal, seed: int) -> None:
+        self.body, self.settings, self.seed = body, settings, seed
+        most = math.inf if settings.max_radius is None else settings.max_radius
+        self.early = Rules(power=EARLY, least=settings.min_radius, most=most, equal=settings.uniform)
+        one_sided = {"inscribed": {"inside": ONE_SIDED}, "bounding": {"outside": ONE_SIDED}}.get(settings.mode, {})
+        self.late = replace(self.early, power=LATE, **one_sided)
+
+    def spheres(self, count: int) -> Fitted:
+        """Return the spheres, as many as asked unless further ones would not lower the error."""
+        points, pool = self._points(POINTS), self._candidates(CANDIDATES + CANDIDATES_A_SPHERE * count)
+        if self.settings.uniform:
+            found = refined(points, self._even(count), self.early, LAST_STEPS)
+        else:
+            found = self._grown(points, pool, count)
+        wide = min(POINTS_A_SPHERE * count, MOST_POINTS)
+        points = self._points(wide) if wide > POINTS else points
+        found = refined(points, found, self.late, LAST_STEPS)
+        found = self._kept_inside(points, found, pool)
+        found = self._closed(points, found)
+        radii = self._sized(found)
+        reason = "" if len(found) == count else "no further sphere lowers the error"
+        return Fitted(found.centers, radii, reason)
+
+    def _points(self, count: int) -> Points:
+        """Return points on the surface, and the centers of voxels that lie wholly inside or outside."""
+        surface = self.body.surface(count, self.seed)
+        volume = self.body.volume
+        made = Points(surface.points, np.full(count, SURFACE), np.full(count, surface.area / volume))
+        for kind, places in zip((INSIDE, OUTSIDE), self.body.lattice_points(RESOLUTION, self.seed), strict=True):
+            few = stream(self.seed, "lattice points", kind).permutation(len(places))[: int(SHARE * count)]
+            # a voxel counts as one of the faces that bound it
+            weight = 0.6 / RESOLUTION**2 / volume * len(places) / max(1, len(few))
+            made = made.joined(places[few], kind, np.full(len(few), weight))
+        return made
+
+    def _candidates(self, count: int) -> SphereSet:
+        """Return medial spheres, those too large replaced by the largest that touch the surface at the same point."""
+        surface = self.body.surface(max(POINTS, 2 * count), self.seed)
+        chosen = stream(self.seed, "candidates").permutation(len(surface.points))[:count]
+        _, radii = self.body.medial_spheres(surface, chosen)
+        if math.isfinite(self.early.most):
+            radii = np.minimum(radii, self.early.most)
+        centers = surface.points[chosen] - surface.normals[chosen] * radii[:, None]
+        if math.isfinite(self.early.most):
+            # spheres at the surface alone would leave the middle empty
+            deep = self.body.lattice_points(RESOLUTION, self.seed)[0]
+            centers = np.concatenate([centers, deep])
+            radii = np.concatenate([radii, np.minimum(self.body.depth(deep), self.early.most)])
+        large = radii >= self.early.least
+        if not large.any():
+            raise InputError(
+                f"min_radius is {self.early.least:g} equivalent diameters: no sphere of that radius fits in "
+                f"{self.body.name!r}; the largest has {radii.max():.3g}"
+            )
+        return SphereSet(np.ascontiguousarray(centers[large]), radii[large])
+
+    def _grown(self, points: Points, pool: SphereSet, count: int) -> SphereSet:
+        """Return the spheres after more than asked are added, some at a time, and the least useful ones removed."""
+        found, most = SphereSet(np.zeros((0, 3)), np.zeros(0)), count + int(BEYOND * count)
+        while len(found) < most:
+            added = best_inserts(points, found, pool, min(most - len(found), max(1, int(GROWTH * len(found)))))
+            if not len(added):
+                break
+            found = refined(points, found.joined(added), self.early, STEPS)
+        while len(found) > count:
+            fewer = min(len(found) - count, max(1, int(GROWTH * BEYOND * count)))
+            found = refined(points, without_cheapest(points, found, fewer), self.early, STEPS)
+        return found
+
+    def _even(self, count: int) -> SphereSet:
+        """Return equal spheres at the centers of parts of equal size, by k-means of the voxels."""
+        places = self.body.lattice_points(max(RESOLUTION, 3.0 * count ** (1 / 3)), self.seed)[0]
+        centers = places[stream(self.seed, "parts").permutation(len(places))[:count]]
+        tree = load("scipy.spatial").cKDTree
+        for _ in range(LAST_STEPS):
+            owner = tree(centers).query(places)[1]
+            number = np.maximum(np.bincount(owner, minlength=len(centers)), 1)
+            sums = [np.bincount(owner, places[:, axis], len(centers)) for axis in range(3)]
+            centers = np.column_stack(sums) / number[:, None]
+        radius = (self.body.volume / count * 3 / (4 * math.pi)) ** (1 / 3)
+        return SphereSet(centers, np.full(len(centers), np.clip(radius, self.early.least, self.early.most)))
+
+    def _kept_inside(self, points: Points, found: SphereSet, pool: SphereSet) -> SphereSet:
+        """Return the spheres, those centered outside the solid replaced by the best medial ones."""
+        for last in (False,) * ROUNDS + (True,):
+            good = self.body.depth(found.centers) > 0
+            if good.all():
+                break
+            kept = found.taken(good)
+            found = kept.joined(best_inserts(points, kept, pool, len(found) - len(kept)))
+            if not last:
+                found = refined(points, found, self.late, STEPS)
+        return found
+
+    def _closed(self, points: Points, found: SphereSet) -> SphereSet:
+        """Return the spheres after holes that they enclose are closed, as far as possible."""
+        weight = float(points.weight.max())
+        for _ in range(ROUNDS):
+            places = enclosed_holes(self.body, found)
+            if not len(places):
+                break
+            points = points.joined(places, INSIDE, np.full(len(places), weight))
+            tried = refined(points, found, self.late, 2 * STEPS)
+            if (self.body.depth(tried.centers) <= 0.0).any():
+                break
+            found, weight = tried, HEAVIER * weight
+        return found
+
+    def _sized(self, found: SphereSet) -> Floats:
+        """Return the radii that the mode asks for; only bounding ones may exceed the largest."""
+        settings, error = self.settings, self.body.shape.tessellation_error
+        if settings.mode == "inscribed":
+            # spheres may also grow until they meet the surface
+            inner = np.minimum(self.body.depth(found.centers) - error, self.early.most)
+            return np.full(len(inner), inner.min()) if settings.uniform else inner
+        if settings.mode == "bounding":
+            return found.radii + covering_growth(self.body, found) + error
+        if not settings.match_volume:
+            return found.radii
+        grown = found.radii + growth_to_volume(found, self.body.volume)
+        return np.clip(grown, self.early.least, self.early.most)
+
+
+def growth_to_volume(found: SphereSet, volume: float) -> float:
+    """Return the length by which all radii grow so that the union has a volume."""
+
+    def excess(growth: float) -> float:
+        return Spheres(found.centers, found.radii + growth).volume / volume - 1.0
+
+    low, high = -0.9 * float(found.radii.min()), 1.0
+    if excess(low) > 0.0:
+        # the smallest sphere would vanish first
+        return low
+    return float(load("scipy.optimize").brentq(excess, low, high, xtol=VOLUME_ERROR / 10, rtol=1e-12))

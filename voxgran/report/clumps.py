@@ -1,0 +1,100 @@
+"""Pictures of clumps: the solid beside its clumps, coloured by the distance from the true surface."""
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import check_type
+from voxgran._base.errors import InputError
+from voxgran._base.files import refuse_to_replace, written_whole
+from voxgran.clumps.body import Body
+from voxgran.clumps.model import Clump
+from voxgran.report.stage import MATERIAL, Picture, beads, look_at, png_of, shot, stage_of
+
+#: colours from inside of the solid to outside
+COLORS = "RdBu_r"
+#: distances, in equivalent diameters, at which the colours end
+FARTHEST = 0.05
+#: window of each body, in pixels
+WINDOW = (420, 380)
+#: number of spheres above which they are drawn with fewer triangles
+MANY = 100
+
+_SOLID = "#b9c4cb"
+_SMOOTH = {"smooth_shading": True, "split_sharp_edges": True, **MATERIAL}
+
+
+def picture_clumps(
+    clumps: Sequence[Clump], *, window: tuple[int, int] = WINDOW, titles: Sequence[str] | None = None
+) -> Picture:
+    """Draw the solid of the first clump and all clumps in a row, from the same side.
+
+    Blue parts of a clump lie inside of the solid, red ones protrude; white ones are on its surface. The window, in
+    pixels, is that of each body; titles are those of the clumps. Returns an (h, w, 3) array of bytes.
+    """
+    shape = clumps[0].shape
+    corners = [shape.vertices, *(beads(clump.centers, clump.radii, 1).points for clump in clumps)]
+    frame = 1.05 * np.concatenate(corners)
+    names = ["solid", *(titles or [f"{clump.method}, {clump.count} spheres" for clump in clumps])]
+    images = []
+    for clump, name in zip([None, *clumps], names, strict=True):
+        with stage_of(window) as stage:
+            if clump is None:
+                stage.add_mesh(shape.to_pyvista(), color=_SOLID, **_SMOOTH)
+            else:
+                _add_clump(stage, clump)
+            stage.add_text(name, position="lower_edge", font_size=9, color="#2b3640")
+            look_at(stage, frame)
+            images.append(shot(stage))
+    return np.concatenate(images, axis=1)
+
+
+def save_clump_picture(
+    clumps: Clump | Sequence[Clump], path: str | os.PathLike[str], *, overwrite: bool = False
+) -> None:
+    """Write a picture of a solid beside its clumps as PNG.
+
+    Blue parts of a clump lie inside of the solid, red ones protrude, both up to 5 % of the equivalent diameter; white
+    ones are on its surface.
+
+    Parameters
+    ----------
+    clumps : Clump or sequence of Clump
+        Clumps of the same solid.
+    path : path-like
+        File to write.
+    overwrite : bool
+        Whether a file that is there may be replaced.
+
+    Raises
+    ------
+    InputError
+        If there is no clump, or they are clumps of different solids.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    OutputError
+        If it cannot be written; what was there before is untouched.
+    MissingLibraryError
+        If PyVista or Matplotlib cannot be loaded.
+    """
+    drawn = [clumps] if isinstance(clumps, Clump) else list(clumps)
+    for clump in drawn:
+        check_type(clump, Clump, "clumps", "a Clump, or a list of them; fit_clump makes one")
+    if len({clump.shape for clump in drawn}) != 1:
+        raise InputError(f"clumps has {len(drawn)} entries: it must be clumps of one solid; fit them to the same shape")
+    if not overwrite:
+        refuse_to_replace(path)
+    content = png_of(picture_clumps(drawn))
+    with written_whole(path, overwrite=overwrite) as draft:
+        draft.write_bytes(content)
+
+
+def _add_clump(stage: Any, clump: Clump) -> None:
+    """Draw the surface of the union, coloured by the signed distance from the surface of the solid."""
+    mesh = beads(clump.centers, clump.radii, 4 if clump.count <= MANY else 3)
+    places = np.asarray(mesh.points, dtype=np.float64) / clump.shape.diameter
+    mesh.point_data["distance"] = -Body(clump.shape).depth(places)
+    look = {"cmap": COLORS, "clim": (-FARTHEST, FARTHEST), "show_scalar_bar": False}
+    stage.add_mesh(mesh, scalars="distance", smooth_shading=True, **look, **MATERIAL)
