@@ -206,6 +206,7 @@ class Packing(GrainSequence):
             unit=target,
             contact_gap=self.contact_gap * factor,
             asked_sizes=None if self.asked_sizes is None else self.asked_sizes.scaled(factor),
+            lid=None if self.lid is None else replace(self.lid, level=self.lid.level * factor),
             forces=None if self.forces is None else self.forces.scaled(factor),
         )
 

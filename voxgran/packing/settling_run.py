@@ -211,6 +211,12 @@ def with_lid(assembly: Assembly, how: Settling, gravity: Floats) -> Assembly:
     return replace(assembly, lid=LidPlane(up, float((assembly.position @ up + assembly.bounding_radii).max())))
 
 
+def lid_of(settler: Settler, unit: float) -> LidPlane | None:
+    """Return the lid where it lies now, in the unit of lengths in which the median diameter is `unit`."""
+    lid = settler.bed.assembly.lid
+    return None if lid is None else LidPlane(lid.normal, settler.bed.lid_level * unit)
+
+
 def normalized_assembly(packing: Packing) -> tuple[Assembly, float]:
     """Return the grains of a packing with lengths in median diameters, without lid, and the median diameter."""
     unit = float(np.median(packing.diameters))
@@ -244,13 +250,12 @@ def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
     if settler.ended and settler.progress.step == 1:
         # it rested already: not even the last bits change
         position, orientation = packing.position, packing.orientation
-    lid = settler.bed.moved_assembly().lid
     reason = state.stop_reason or "interrupted"
     moved = replace(
         packing,
         position=position,
         orientation=orientation,
-        lid=None if lid is None else LidPlane(lid.normal, lid.level * unit),
+        lid=lid_of(settler, unit),
         stop_reason=packing.stop_reason if packing.stop_reason in KEPT_REASONS else reason,
         contact_gap=TOUCHING * unit,
         forces=None,

@@ -9,7 +9,7 @@ References
 Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi:10.1007/978-3-7091-2624-0_1.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -24,7 +24,7 @@ from voxgran.packing.growth.seeds import LOOSE, RADIUS, column_top, container_le
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settling_run import GRAIN_BYTES, SettleState, advance_settling, contact_forces, with_lid
+from voxgran.packing.settling_run import GRAIN_BYTES, SettleState, advance_settling, contact_forces, lid_of, with_lid
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import TOUCHING, Settler
 
@@ -160,7 +160,7 @@ def finish(problem: Problem, state: SettleState) -> Packing:
             "settling": {"parameters": to_mapping(settling_of(problem.parameters)), **settler.report},
         },
     )
-    return contact_forces(packing, settler)
+    return contact_forces(replace(packing, lid=lid_of(settler, problem.unit_length)), settler)
 
 
 def cost(problem: Problem) -> Cost:

@@ -104,6 +104,15 @@ def test_a_height_above_the_container_is_refused():
         vg.pack(SPHERE, vg.Box((5, 5, 5)), "gravity", height=6.0)
 
 
+def test_a_lid_lies_on_the_bed_that_it_presses():
+    bed = vg.pack(SPHERE, vg.Box((4e-3, 4e-3, 8e-3), periodic="xy"), "gravity", count=30, lid={"weight": 2.0},
+        sizes=vg.sizes.fixed(1e-3))  # fmt: skip
+    top = (bed.position[:, 2] + 0.5 * bed.diameters).max()
+    assert bed.lid.normal == pytest.approx([0.0, 0.0, 1.0])
+    assert top <= bed.lid.level <= top + 2e-6
+    assert (bed.forces.j == -2).any()
+
+
 def test_volume_below_a_level_follows_the_closed_form_of_a_cap():
     ball = vg.Sphere(4.0)
     lower, upper = container_levels(ball, UP)
