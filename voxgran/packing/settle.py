@@ -58,7 +58,7 @@ def settle(
     packing : Packing
         The grains, made by any method, loaded or put together by hand. They may overlap.
     friction : float
-        Coulomb coefficient of friction between grains and at walls, at least 0.
+        Coulomb coefficient of friction between grains and at walls, from 0 to 2; what rests with 2 rests with more.
     restitution : float
         Ratio of the velocities after and before an impact, along the normal, from 0 to 1.
     shaking : Shaking or mapping, optional

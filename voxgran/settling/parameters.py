@@ -5,6 +5,9 @@ from typing import ClassVar, Literal
 
 from voxgran._base.config import check_bounds, parameter
 
+#: largest coefficient of friction with which sweeps over the contacts are known to converge
+MOST_FRICTION = 2.0
+
 
 @dataclass(frozen=True, slots=True)
 class Shaking:
@@ -70,7 +73,11 @@ class Settling:
     usual_fall: ClassVar[float] = 20.0
 
     friction: float = parameter(
-        0.5, doc="Coulomb coefficient of friction between grains and at walls", at_least=0.0, at_most=100.0
+        0.5,
+        doc="Coulomb coefficient of friction between grains and at walls; what rests with the largest one also rests "
+        "with more",
+        at_least=0.0,
+        at_most=MOST_FRICTION,
     )
     restitution: float = parameter(
         0.0, doc="ratio of the velocities after and before an impact, along the normal", at_least=0.0, at_most=1.0
