@@ -228,9 +228,10 @@ def warn_of_unrest(packing: Packing) -> None:
         text = f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: settle them once more"
         warnings.warn(text, PackingWarning, stacklevel=3)
     elif record["resting"] < asked:
+        lighter = ", a lighter lid" if packing.lid is not None else ""
         text = (
             f"{record['resting']:.1%} of the grains are proven to rest, where {asked:.1%} are asked for: settle them "
-            "once more, or take a larger friction"
+            f"once more, or take a larger friction{lighter}"
         )
         warnings.warn(text, PackingWarning, stacklevel=3)
 

@@ -7,6 +7,8 @@ from voxgran._base.config import check_bounds, parameter
 
 #: largest coefficient of friction with which sweeps over the contacts are known to converge
 MOST_FRICTION = 2.0
+#: largest weight of a lid under which beds were seen to come to rest, in weights of all grains
+HEAVIEST = 100.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +37,7 @@ class Shaking:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        check_bounds(self)
+        check_bounds(self, of="shaking")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,14 +52,14 @@ class Lid:
     Raises
     ------
     InputError
-        If it is not above 0.
+        If it is not above 0, or above 100.
     """
 
-    weight: float = parameter(1.0, doc="weight, in weights of all grains together", above=0.0)
+    weight: float = parameter(1.0, doc="weight, in weights of all grains together", above=0.0, at_most=HEAVIEST)
 
     def __post_init__(self) -> None:
         """Check the range."""
-        check_bounds(self)
+        check_bounds(self, of="lid")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
