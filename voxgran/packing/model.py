@@ -71,7 +71,8 @@ class Packing(GrainSequence):
         Distribution of sizes that was asked for; None where there was none.
     forces : ContactForces or None
         Forces at the contacts, with the residual of each grain; None where they are not known. They hold for the grains
-        as they are: a packing of some of the grains, a sum of packings, and grains that grow have none.
+        as they are: a packing of some of the grains, a sum of packings, and grains that grow have none. Where you give
+        other poses or another gravity with ``dataclasses.replace``, give ``forces=None, stop_reason="count"`` too.
     """
 
     density: float = 1.0

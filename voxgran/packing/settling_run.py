@@ -264,10 +264,21 @@ def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
     return contact_forces(moved, settler)
 
 
+def no_forces(friction: float) -> ContactForces:
+    """Return the forces of a bed without grains."""
+    none, nobody, vectors = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+    return ContactForces(
+        i=nobody, j=nobody, point=vectors, normal=vectors, force=vectors, gap=none, residual=none,
+        rattler=np.zeros(0, dtype=bool), friction=friction,
+    )  # fmt: skip
+
+
 def contact_forces(packing: Packing, settler: Settler) -> Packing:
     """Return the packing, whose grains are those of a settler, with the forces at their contacts once it has ended."""
     bed = settler.bed
-    if not settler.ended or not packing.count:
+    if not packing.count:
+        return replace(packing, forces=no_forces(settler.how.friction))
+    if not settler.ended:
         return packing
     unit, forces, row = float(np.median(packing.diameters)), bed.forces(), bed.rows.row[: bed.m]
     i, j = bed.contact_grains(wall=WALL, lid=LID)

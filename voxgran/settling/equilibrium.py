@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, as_number, as_positive, check_type
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
@@ -110,6 +111,7 @@ def balance_forces(
     return Balance(found, residual, torque, rests, made, distance)
 
 
+@explained(hint="equilibrium(packing, friction=0.5)")
 def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, tolerance: float = 0.01) -> "Dataset":
     """Return whether grains rest: forces at their contacts that balance the weight and the torque of each.
 

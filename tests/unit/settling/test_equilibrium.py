@@ -7,7 +7,7 @@ import pytest
 from kit import hull, mesh_box
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import CallError, InputError
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.settling.balance import net_accelerations
 from voxgran.settling.equilibrium import equilibrium
@@ -274,3 +274,5 @@ def test_bad_input_is_refused():
         equilibrium(Assembly.of([SPHERE], packing.container, position=[[2.0, 2.0, 0.5]]))
     with pytest.raises(InputError, match="packing"):
         equilibrium(3)
+    with pytest.raises(CallError, match="did you mean 'friction'"):
+        equilibrium(packing, frction=1)

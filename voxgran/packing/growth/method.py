@@ -31,7 +31,7 @@ from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import TOUCHING, Settler
 
 #: largest solid fraction of the column, and the largest one in that of the bed
-FULLEST, LOOSER = 0.52, 0.85
+FULLEST, LOOSER = 0.52, 0.87
 #: largest size of a grain at the beginning, in sizes at which its bounding sphere is its seed
 APART = 0.98
 
@@ -53,7 +53,7 @@ class Gravity(Settling):
     )
     fill: float = parameter(
         LOOSE,
-        doc="solid fraction of the column in which the grains grow, at most 0.85 of that of the bed; lower ones fall "
+        doc="solid fraction of the column in which the grains grow, at most 0.87 of that of the bed; lower ones fall "
         "farther",
         above=0.0,
         at_most=FULLEST,
