@@ -83,8 +83,10 @@ def test_more_grains_than_fit_are_left_out():
         (vg.make_shape("platonic", solid="tetrahedron"), vg.Box((6, 6, 6)), {}),
         (vg.make_shape("box", aspect=(1, 1, 8)), vg.Box((8, 8, 8)), {}),
         (vg.make_shape("disk"), vg.Rectangle((12, 12)), {}),
+        (vg.make_shape("polygon", corners=3), vg.Rectangle((12, 12)), {}),
+        (vg.make_shape("polygon", corners=4), vg.Rectangle((12, 12)), {}),
     ],
-    ids=["walls", "graded", "cylinder", "sphere", "tetrahedra", "rods", "disks"],
+    ids=["walls", "graded", "cylinder", "sphere", "tetrahedra", "rods", "disks", "triangles", "squares"],
 )
 def test_by_default_a_container_is_filled_to_below_its_top(shape, container, parameters):
     """The bed rests, with a free surface, whatever walls and grains are, and takes most of the container."""
