@@ -143,6 +143,28 @@ def test_files_that_are_missing_there_already_or_of_another_kind_are_told(file, 
         assert expected in line
 
 
+def test_grains_that_the_output_cannot_hold_are_told_before_they_settle(tmp_path, capsys):
+    cubes = vg.Packing.of(vg.make_shape("platonic", solid="cube"), BOX, position=[[1.5, 1.5, 2.0]])
+    vg.save(cubes, tmp_path / "cubes.vtp")
+    for name in ("bed.txt", "bed.csv"):
+        status, line = complaint(capsys, "settle", tmp_path / "cubes.vtp", "-o", tmp_path / name)
+        assert status == 2
+        assert "text holds only spheres" in line
+    assert [path.name for path in tmp_path.iterdir()] == ["cubes.vtp"]
+
+
+def test_the_checkpoint_of_another_run_is_told(file, tmp_path, capsys, monkeypatch):
+    words = ["settle", str(file), "-o", str(tmp_path / "bed.vtp")]
+    with monkeypatch.context() as patched:
+        patched.setattr("voxgran.cli.settling.progress", stopping_at_step)
+        assert main(words) == 143
+    capsys.readouterr()
+    status, line = complaint(capsys, *words, "--resume", "--friction", "0.3")
+    assert status == 2
+    assert "belongs to another run" in line
+    assert "the options that wrote it, or start anew: without it, or at the prompt with --overwrite" in line
+
+
 def test_a_packing_without_gravity_needs_a_direction(tmp_path, capsys):
     path = tmp_path / "loose.vtp"
     vg.save(loose(gravity=None), path)

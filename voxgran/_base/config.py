@@ -83,20 +83,23 @@ def parameters_of(cls: type) -> tuple[Parameter, ...]:
     )
 
 
-def check_bounds(instance: Any) -> None:
-    """Check the parameters of an object against their bounds, in the ``__post_init__`` of its class."""
+def check_bounds(instance: Any, *, of: str = "") -> None:
+    """Check the parameters of an object against their bounds, in the ``__post_init__`` of its class.
+
+    `of` is the name of the group in messages, such as ``"lid"``, where the object is a parameter of another one.
+    """
     for entry in parameters_of(type(instance)):
         value = getattr(instance, entry.name)
         if value is None or not entry.bounds:
             continue
-        whole = int in _kinds(entry.type) and float not in _kinds(entry.type)
+        whole, name = int in _kinds(entry.type) and float not in _kinds(entry.type), f"{of} {entry.name}".lstrip()
         for item in value if isinstance(value, tuple | list) else (value,):
             if whole:
-                as_count(item, entry.name, **{rule: int(bound) for rule, bound in entry.bounds.items()})
+                as_count(item, name, **{rule: int(bound) for rule, bound in entry.bounds.items()})
             else:
-                as_number(item, entry.name, **entry.bounds)
+                as_number(item, name, **entry.bounds)
                 if entry.unit == "length":
-                    check_lengths(item, entry.name)
+                    check_lengths(item, name)
 
 
 def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside: Iterable[str] = ()) -> T:
@@ -234,5 +237,9 @@ def _describe(wanted: Any) -> str:
             return f"a list, each entry {_describe(arguments[0])}"
         return f"a list of {len(arguments)}, each entry {_describe(arguments[0])}"
     if dataclasses.is_dataclass(wanted):
-        return "a table of " + " and ".join(field.name for field in dataclasses.fields(wanted))
+        entries = dataclasses.fields(wanted)
+        example = {field.name: field.default for field in entries if field.default is not MISSING}
+        return f"a table of {' and '.join(field.name for field in entries)}" + (
+            f", such as {example}" if example else ""
+        )
     return getattr(wanted, "__name__", str(wanted))

@@ -15,7 +15,7 @@ from voxgran._base.errors import InputError, OutputExistsError
 from voxgran._base.files import as_path, refuse_to_replace
 from voxgran.cli.parser import nested_class
 from voxgran.cli.terminal import progress, show
-from voxgran.io.files import known_suffix
+from voxgran.io.files import check_savable
 from voxgran.packing.gravity import as_down
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Settling
@@ -38,8 +38,10 @@ def settle(options: argparse.Namespace, packing: Packing) -> int:
         If the output, or the checkpoint of an interrupted run, is there and neither is to be replaced.
     FileFormatError
         If packings are not written with the suffix of the output.
+    InputError
+        If a file with that suffix cannot hold the grains.
     """
-    known_suffix(options.output)
+    check_savable(packing, options.output)
     checkpoint = checkpoint_of(options)
     if not options.overwrite:
         refuse_to_replace(options.output)

@@ -10,7 +10,7 @@ from voxgran._base.files import as_path, existing_file
 from voxgran.containers.model import Container
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
 from voxgran.io.particles import packing_of
-from voxgran.io.spheres import save_spheres
+from voxgran.io.spheres import owned_spheres, save_spheres
 from voxgran.io.tables import read_table
 from voxgran.io.vtk_files import is_own, load_packing, save_packing
 from voxgran.io.vtk_points import SUFFIXES, read_vtk_points
@@ -73,6 +73,20 @@ def known_suffix(path: str | os.PathLike[str]) -> str:
             f"{path} has the suffix {suffix!r}: packings are kept as {', '.join(_WRITERS)}; choose one of these"
         )
     return suffix
+
+
+def check_savable(packing: Packing, path: str | os.PathLike[str]) -> None:
+    """Check, before anything is computed, that a file with this suffix can hold the grains of a packing.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is unknown.
+    InputError
+        If the grains do not fit the format, or the path is no path.
+    """
+    if _WRITERS[known_suffix(path)] is save_spheres:
+        owned_spheres(packing)
 
 
 def load(

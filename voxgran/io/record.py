@@ -18,6 +18,7 @@ from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_poin
 from voxgran._base.errors import FileFormatError, InputError, VoxgranError, with_article
 from voxgran._base.guarded import reason_of
 from voxgran._base.units import known_unit
+from voxgran.contacts.assembly import Lid
 from voxgran.contacts.forces import ContactForces
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.make import make_container
@@ -85,6 +86,8 @@ def to_record(packing: Packing) -> Record:
     arrays["solid_fraction"] = np.array([packing.solid_fraction])
     arrays["contact_gap"] = np.array([packing.contact_gap])
     arrays["gravity"] = np.zeros(3) if packing.gravity is None else np.array(packing.gravity)
+    if packing.lid is not None:
+        arrays["lid"] = np.append(packing.lid.normal, packing.lid.level)
     _add_forces(packing.forces, per_grain, arrays)
     texts = {
         "unit": packing.unit,
@@ -150,7 +153,9 @@ def _packing(record: Record) -> Packing:
 
 
 def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
-    """Return gravity, contact gap, asked sizes and forces; files of before have the first three in the provenance."""
+    """Return gravity, contact gap, asked sizes, lid and forces; files of before have the first three in the
+    provenance.
+    """
     if "gravity" not in record.arrays:
         return fields_of(packing.provenance, packing.container, packing.diameters)
     down, sizes = np.array(record.arrays["gravity"], dtype=np.float64), json.loads(record.texts["asked_sizes"])
@@ -158,8 +163,21 @@ def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
         "gravity": as_down(down, packing.container) if down.any() else None,
         "contact_gap": as_number(float(record.arrays["contact_gap"][0]), "contact_gap", at_least=0.0),
         "asked_sizes": None if sizes is None else make_sizes(sizes),
+        "lid": _lid(record),
         "forces": _forces(record),
     }
+
+
+def _lid(record: Record) -> Lid | None:
+    """Return the lid of a record; None where there is none."""
+    if "lid" not in record.arrays:
+        return None
+    values = as_floats(record.arrays["lid"], "lid", shape=(4,))
+    if abs(np.linalg.norm(values[:3]) - 1.0) > 1e-9:
+        raise FileFormatError(
+            f"the normal of the lid is {values[:3].tolist()}: it must be a unit vector; write it again"
+        )
+    return Lid(values[:3].copy(), float(values[3]))
 
 
 def _add_forces(

@@ -186,7 +186,7 @@ def _restore(problem: Problem, state: RunState, path: str | os.PathLike[str], ma
     if header.get("fingerprint") != mark:
         raise CheckpointError(
             f"{path} belongs to another run (other shapes, sizes, parameters, seed or version): resume with the scene "
-            "that wrote it, or start anew without it"
+            "or the options that wrote it, or start anew: without it, or at the prompt with --overwrite"
         )
     for name in problem.made:
         problem.made[name] |= set(arrays.pop(name).tolist())
@@ -237,6 +237,8 @@ def check_drive(checkpoint: Any, resume: Any, on_step: Any, recorder: Any) -> No
         as_path(checkpoint)
     if not isinstance(resume, bool | np.bool_):
         raise InputError(f"resume is {shown(resume)}: it must be True or False; give the file as checkpoint")
+    if resume and checkpoint is None:
+        raise InputError("resume is True and checkpoint is None: give the file to go on from as checkpoint")
     if on_step is not None and not callable(on_step):
         raise InputError(f"on_step is {shown(on_step)}: it must be a function of a step; change it")
     if recorder is not None and not (hasattr(recorder, "due") and hasattr(recorder, "record")):

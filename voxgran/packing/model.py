@@ -73,7 +73,8 @@ class Packing(GrainSequence):
         Distribution of sizes that was asked for; None where there was none.
     forces : ContactForces or None
         Forces at the contacts, with the residual of each grain; None where they are not known. They hold for the grains
-        as they are: a packing of some of the grains, a sum of packings, and grains that grow have none.
+        as they are: a packing of some of the grains, a sum of packings, and grains that grow have none. Where you give
+        other poses or another gravity with ``dataclasses.replace``, give ``forces=None, stop_reason="count"`` too.
     """
 
     density: float = 1.0
@@ -208,6 +209,7 @@ class Packing(GrainSequence):
             unit=target,
             contact_gap=self.contact_gap * factor,
             asked_sizes=None if self.asked_sizes is None else self.asked_sizes.scaled(factor),
+            lid=None if self.lid is None else replace(self.lid, level=self.lid.level * factor),
             forces=None if self.forces is None else self.forces.scaled(factor),
         )
 

@@ -287,7 +287,7 @@ def _settling_of(method: PackingMethod, problem: Problem, asked: Any) -> Settlin
     if asked is None and not (method.builds_bed and _can_settle(problem)):
         return None
     pulled = hasattr(problem.parameters, "gravity") and bool(gravity_vector(problem).any())
-    settling = as_settling(pulled if asked is None else asked)
+    settling = as_settling(pulled if asked is None else asked, problem.parameters)
     if settling is not None and not pulled:
         raise InputError(
             f"settle is {shown(asked)}: method {method.name!r} packs without gravity here; leave settle out, or call "

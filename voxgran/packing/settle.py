@@ -18,14 +18,23 @@ from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
-from voxgran.containers.model import Container, check_container
+from voxgran.containers.model import Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
+from voxgran.packing.draw import DENSEST
 from voxgran.packing.driver import Drive, check_drive, drive
 from voxgran.packing.gravity import as_down
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settling_run import GRAIN_BYTES, NAMED, advance_settling, begun, finished, normalized_assembly
+from voxgran.packing.settling_run import (
+    GRAIN_BYTES,
+    NAMED,
+    advance_settling,
+    begun,
+    finished,
+    no_forces,
+    normalized_assembly,
+)
 from voxgran.packing.start import Start
 from voxgran.settling.parameters import Lid, Settling, Shaking
 
@@ -58,7 +67,7 @@ def settle(
     packing : Packing
         The grains, made by any method, loaded or put together by hand. They may overlap.
     friction : float
-        Coulomb coefficient of friction between grains and at walls, at least 0.
+        Coulomb coefficient of friction between grains and at walls, from 0 to 2; what rests with 2 rests with more.
     restitution : float
         Ratio of the velocities after and before an impact, along the normal, from 0 to 1.
     shaking : Shaking or mapping, optional
@@ -95,8 +104,8 @@ def settle(
     Raises
     ------
     InputError
-        If a value breaks a rule, there is no gravity, grains are outside of the container or overlap so deep that they
-        cannot be parted, or a shape is an open surface.
+        If a value breaks a rule, there is no gravity, grains are outside of the container, fill more of it than they
+        can or overlap so deep that they cannot be parted, or a shape is an open surface.
     CheckpointError
         If the checkpoint is damaged or belongs to another run.
     OutputError
@@ -145,7 +154,7 @@ def settle(
     check_drive(checkpoint, resume, on_step, None)
     seed = as_count(seed, "seed", at_most=None)
     if not packing.count:
-        return replace(packing, stop_reason="settled")
+        return replace(packing, stop_reason="settled", forces=no_forces(how.friction))
     problem = _problem_of(packing, how, seed)
     method = PackingMethod(
         name="settle",
@@ -169,7 +178,7 @@ def _prepared(packing: Packing, container: Container | None, gravity: ArrayLike 
     Raises
     ------
     InputError
-        If there is no gravity, or the centroid of a grain is outside of the container.
+        If there is no gravity, the centroid of a grain is outside of the container, or grains fill more than they can.
     """
     if container is not None:
         check_container(container)
@@ -182,6 +191,7 @@ def _prepared(packing: Packing, container: Container | None, gravity: ArrayLike 
             "packing.gravity is None: grains settle under gravity only; give gravity='-z' along an axis that has walls"
         )
     if packing.count:
+        _refuse_too_full(packing)
         beyond = packing.container.signed_distance(packing.position)
         outside = np.flatnonzero(beyond > 0.0)
         if len(outside):
@@ -190,6 +200,25 @@ def _prepared(packing: Packing, container: Container | None, gravity: ArrayLike 
                 "larger container"
             )
     return packing
+
+
+def _refuse_too_full(packing: Packing) -> None:
+    """Refuse grains that fill more of their container than grains can without overlap.
+
+    Raises
+    ------
+    InputError
+        If they have more volume than it, or are equal spheres in a box and denser than the densest lattice.
+    """
+    sizes = packing.diameters
+    equal = all(shape.is_sphere for shape in packing.shapes) and np.ptp(sizes) <= 1e-9 * sizes.max()
+    lattice = equal and boundary_of(packing.container).is_flat
+    most = DENSEST[packing.dimension] if lattice else 1.0
+    if packing.solid_fraction > most * (1.0 + 1e-9):
+        raise InputError(
+            f"the solid fraction is {packing.solid_fraction:.4g}: without overlap these grains fill at most {most:.4g} "
+            "of the container; give a larger container or fewer grains"
+        )
 
 
 def named_grains(grains: Integers) -> str:
@@ -225,26 +254,37 @@ def warn_of_unrest(packing: Packing) -> None:
         return
     asked = record["parameters"]["rest"]
     if record["smallest_gap"] < 0.0:
-        text = f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: settle them once more"
+        text = (
+            f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: settle them once more or, "
+            "where that does not help, give a larger container or fewer grains"
+        )
         warnings.warn(text, PackingWarning, stacklevel=3)
     elif record["resting"] < asked:
+        lighter = ", a lighter lid" if packing.lid is not None else ""
         text = (
             f"{record['resting']:.1%} of the grains are proven to rest, where {asked:.1%} are asked for: settle them "
-            "once more, or take a larger friction"
+            f"once more, or take a larger friction{lighter}"
         )
         warnings.warn(text, PackingWarning, stacklevel=3)
 
 
-def as_settling(asked: Any) -> Settling | None:
+def as_settling(asked: Any, parameters: Any = None) -> Settling | None:
     """Return the parameters of settling that True, False, a mapping or an object of them stand for; None for none.
+
+    parameters: those of the method after which grains settle.
 
     Raises
     ------
     InputError
-        If it is something else, or a value breaks a rule.
+        If it is something else, a value breaks a rule, or the method has parameters of settling itself.
     UnknownNameError
         If a key is unknown.
     """
+    if isinstance(parameters, Settling) and isinstance(asked, Settling | Mapping):
+        raise InputError(
+            f"settle is {shown(asked)}: grains of this method settle as they are packed; leave settle out, and give "
+            "these values as parameters of the method, such as friction=0.3"
+        )
     if isinstance(asked, Settling):
         return asked
     if isinstance(asked, Mapping):

@@ -211,6 +211,12 @@ def with_lid(assembly: Assembly, how: Settling, gravity: Floats) -> Assembly:
     return replace(assembly, lid=LidPlane(up, float((assembly.position @ up + assembly.bounding_radii).max())))
 
 
+def lid_of(settler: Settler, unit: float) -> LidPlane | None:
+    """Return the lid where it lies now, in the unit of lengths in which the median diameter is `unit`."""
+    lid = settler.bed.assembly.lid
+    return None if lid is None else LidPlane(lid.normal, settler.bed.lid_level * unit)
+
+
 def normalized_assembly(packing: Packing) -> tuple[Assembly, float]:
     """Return the grains of a packing with lengths in median diameters, without lid, and the median diameter."""
     unit = float(np.median(packing.diameters))
@@ -244,13 +250,12 @@ def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
     if settler.ended and settler.progress.step == 1:
         # it rested already: not even the last bits change
         position, orientation = packing.position, packing.orientation
-    lid = settler.bed.moved_assembly().lid
     reason = state.stop_reason or "interrupted"
     moved = replace(
         packing,
         position=position,
         orientation=orientation,
-        lid=None if lid is None else LidPlane(lid.normal, lid.level * unit),
+        lid=lid_of(settler, unit),
         stop_reason=packing.stop_reason if packing.stop_reason in KEPT_REASONS else reason,
         contact_gap=TOUCHING * unit,
         forces=None,
@@ -259,10 +264,21 @@ def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
     return contact_forces(moved, settler)
 
 
+def no_forces(friction: float) -> ContactForces:
+    """Return the forces of a bed without grains."""
+    none, nobody, vectors = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
+    return ContactForces(
+        i=nobody, j=nobody, point=vectors, normal=vectors, force=vectors, gap=none, residual=none,
+        rattler=np.zeros(0, dtype=bool), friction=friction,
+    )  # fmt: skip
+
+
 def contact_forces(packing: Packing, settler: Settler) -> Packing:
     """Return the packing, whose grains are those of a settler, with the forces at their contacts once it has ended."""
     bed = settler.bed
-    if not settler.ended or not packing.count:
+    if not packing.count:
+        return replace(packing, forces=no_forces(settler.how.friction))
+    if not settler.ended:
         return packing
     unit, forces, row = float(np.median(packing.diameters)), bed.forces(), bed.rows.row[: bed.m]
     i, j = bed.contact_grains(wall=WALL, lid=LID)

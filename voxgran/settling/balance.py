@@ -76,7 +76,7 @@ def gauss_seidel_forces(
 
 def accelerated_projected_gradient(
     row: Floats, i: Integers, j: Integers, m: int, bodies: Floats, gravity: Floats, forces: Floats,
-    *, friction: float, iterations: int, tolerance: float, near: float,
+    *, friction: float, iterations: int, tolerance: float, near: float, decide: bool = False,
 ) -> tuple[Floats, int, float]:  # fmt: skip
     """Change the forces (m, 3), within their friction cones, to those that balance all bodies best.
 
@@ -85,7 +85,8 @@ def accelerated_projected_gradient(
     mass.
 
     forces: the first guess, changed in place.  tolerance: the iterations end where no body accelerates by more, nor its
-    points at the radius of gyration.  near: they also end at this distance from the optimum.
+    points at the radius of gyration.  near: they also end at this distance from the optimum.  decide: then they go on
+    as long as a body that accelerates by more might not do so at the optimum.
     """
     order, pair = np.arange(m), np.empty((m, 2), dtype=np.int64)
     work, last = np.empty((m, WORK)), len(bodies) - 1
@@ -105,8 +106,11 @@ def accelerated_projected_gradient(
         # squares of the motions, by mass; the optimum, which has the least sum, is no farther than they are large
         squares = (accelerations.reshape(-1, 2, 3) ** 2).sum(axis=2) * masses
         excess = max(_excess(pair, work, last, friction, accelerations), 0.0)
-        distance = math.sqrt(min(excess, float(squares.sum())) / max(float(masses[:, 0].sum()), 1e-300))
-        if distance <= near or not (squares > tolerance**2 * masses[:, :1]).any():
+        reach, total = math.sqrt(min(excess, float(squares.sum()))), max(float(masses[:, 0].sum()), 1e-300)
+        distance = reach / math.sqrt(total)
+        beyond = np.sqrt(squares) - tolerance * np.sqrt(masses[:, :1])
+        moving = beyond > 0.0
+        if not moving.any() or (distance <= near and not (decide and (beyond[moving] <= reach).any())):
             break
     forces[:m] = work[:, 12:15]
     return net_accelerations(row, i, j, m, bodies, gravity, forces), made, distance

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, as_number, as_positive, check_type
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
@@ -20,6 +21,7 @@ from voxgran.settling.balance import accelerated_projected_gradient, gauss_seide
 from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.contact_rows import ARM_I, GAP, NORMAL, ContactRows
 from voxgran.settling.interior_point import frictionless_forces
+from voxgran.settling.parameters import MOST_FRICTION
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -69,12 +71,14 @@ class Balance:
 def balance_forces(
     rows: ContactRows, m: int, bodies: Floats, gravity: Floats, *, friction: float, tolerance: float = 0.01,
     forces: Floats | None = None, height: Floats | None = None, iterations: int = ITERATIONS, dimension: int = 3,
+    decide: bool = False,
 ) -> Balance:  # fmt: skip
     """Return the forces at the first m contacts, within their friction cones, that balance the grains best.
 
     bodies: (n + 1, 8) rows of the grains and of the lid.  gravity: (3,) unit vector.  forces: (m, 3), where the search
     with friction begins; none where left out.  height: (n,) of the grains, or left out where they are numbered
-    by it.  dimension: 2 or 3, by which masses tell radii.
+    by it.  dimension: 2 or 3, by which masses tell radii.  decide: whether the search goes on near the optimum while
+    grains that do not rest may rest at the optimum.
     """
     row, i, j = rows.row, rows.i, rows.j
     found = np.zeros((m, 3)) if forces is None else np.array(forces, dtype=np.float64)
@@ -82,7 +86,7 @@ def balance_forces(
     if friction > 0.0 or turning or len(bodies) > MOST_DIRECT:
         accelerations, made, distance = accelerated_projected_gradient(
             row, i, j, m, bodies, gravity, found, friction=friction, iterations=iterations, tolerance=tolerance,
-            near=NEAR * tolerance,
+            near=NEAR * tolerance, decide=decide,
         )  # fmt: skip
     else:
         push, accelerations, made = frictionless_forces(
@@ -107,6 +111,7 @@ def balance_forces(
     return Balance(found, residual, torque, rests, made, distance)
 
 
+@explained(hint="equilibrium(packing, friction=0.5)")
 def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, tolerance: float = 0.01) -> "Dataset":
     """Return whether grains rest: forces at their contacts that balance the weight and the torque of each.
 
@@ -166,22 +171,31 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
     bed = normalized_bed(packing, np.array(down, dtype=np.float64))
     if friction > 0.0:
         _guess_forces(bed, friction, gap)
-    found = balance_bed(bed, friction, reach=gap, tolerance=tolerance)
+    found = balance_bed(bed, friction, reach=gap, tolerance=tolerance, decide=True)
     return _dataset(packing, bed, found, {"friction": friction, "gap": gap, "tolerance": tolerance})
 
 
 def _guess_forces(bed: Bed, friction: float, reach: float) -> None:
-    """Let the bed keep forces that nearly balance it, with which the search for the best ones begins."""
+    """Let the bed keep forces that nearly balance it, with which the search for the best ones begins.
+
+    They lie within the cones of a friction with which sweeps converge, and so within those of more friction. Where they
+    balance the grains no better than none do, the search begins with none.
+    """
     bed.find(reach, 0.0)
     forces, rows = np.zeros((bed.m, 3)), bed.rows
-    gauss_seidel_forces(
+    accelerations, _ = gauss_seidel_forces(
         rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, forces, np.zeros(bed.m),
-        friction=friction, skin=0.0, iterations=GUESS,
+        friction=min(friction, MOST_FRICTION), skin=0.0, iterations=GUESS,
     )  # fmt: skip
-    bed.keep_forces(forces)
+    inverse = bed.bodies[:-1, 6:8]
+    left = (accelerations[:-1].reshape(-1, 2, 3) ** 2).sum(axis=2) / inverse
+    # without forces all grains fall with the acceleration 1
+    bed.keep_forces(forces if left.sum() < (1.0 / inverse[:, 0]).sum() else np.zeros_like(forces))
 
 
-def balance_bed(bed: Bed, friction: float, *, reach: float, tolerance: float, iterations: int = ITERATIONS) -> Balance:
+def balance_bed(
+    bed: Bed, friction: float, *, reach: float, tolerance: float, iterations: int = ITERATIONS, decide: bool = False
+) -> Balance:
     """Return the forces at the contacts of a bed within reach that balance its grains best; grains as the bed has them.
 
     The search begins with the forces that the bed keeps, and the bed keeps those that are found.
@@ -190,6 +204,7 @@ def balance_bed(bed: Bed, friction: float, *, reach: float, tolerance: float, it
     found = balance_forces(
         bed.rows, bed.m, bed.bodies, bed.gravity, friction=friction, tolerance=tolerance, forces=bed.forces(),
         iterations=iterations, dimension=bed.assembly.dimension, height=-(bed.grains.position @ bed.gravity),
+        decide=decide,
     )  # fmt: skip
     bed.keep_forces(found.forces)
     return found

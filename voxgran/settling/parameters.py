@@ -5,6 +5,11 @@ from typing import ClassVar, Literal
 
 from voxgran._base.config import check_bounds, parameter
 
+#: largest coefficient of friction with which sweeps over the contacts are known to converge
+MOST_FRICTION = 2.0
+#: largest weight of a lid under which beds were seen to come to rest, in weights of all grains
+HEAVIEST = 100.0
+
 
 @dataclass(frozen=True, slots=True)
 class Shaking:
@@ -32,7 +37,7 @@ class Shaking:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        check_bounds(self)
+        check_bounds(self, of="shaking")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +52,14 @@ class Lid:
     Raises
     ------
     InputError
-        If it is not above 0.
+        If it is not above 0, or above 100.
     """
 
-    weight: float = parameter(1.0, doc="weight, in weights of all grains together", above=0.0)
+    weight: float = parameter(1.0, doc="weight, in weights of all grains together", above=0.0, at_most=HEAVIEST)
 
     def __post_init__(self) -> None:
         """Check the range."""
-        check_bounds(self)
+        check_bounds(self, of="lid")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,7 +75,11 @@ class Settling:
     usual_fall: ClassVar[float] = 20.0
 
     friction: float = parameter(
-        0.5, doc="Coulomb coefficient of friction between grains and at walls", at_least=0.0, at_most=100.0
+        0.5,
+        doc="Coulomb coefficient of friction between grains and at walls; what rests with the largest one also rests "
+        "with more",
+        at_least=0.0,
+        at_most=MOST_FRICTION,
     )
     restitution: float = parameter(
         0.0, doc="ratio of the velocities after and before an impact, along the normal", at_least=0.0, at_most=1.0

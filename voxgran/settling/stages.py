@@ -115,6 +115,7 @@ class Progress:
     proven: int = 0  # whether the bed is known to rest
     heights: Floats = field(default_factory=lambda: np.zeros(0))  # of the last unit of time of the fall
     residual: Floats = field(default_factory=lambda: np.zeros(0))  # when last examined, in the order of the bed
+    first: float = -math.inf  # smallest gap at the beginning, where the grains were examined then
     best: float = 1.0  # least share of the grains that did not rest in an examined bed without overlap
     best_position: Floats = field(default_factory=lambda: np.zeros((0, 3)))  # of that bed
     best_orientation: Floats = field(default_factory=lambda: np.zeros((0, 4)))
@@ -254,6 +255,7 @@ class Settler:
         if self.how.shaking is None:
             self.bed.finders.exact = True
             self._examine(THOROUGH)
+            self.progress.first = self.progress.smallest
             if self._rests():
                 self.progress.stage, self.progress.exact = ENDED, 1
                 return
@@ -344,11 +346,18 @@ class Settler:
 
     def _end(self) -> None:
         """Examine the bed for the last time; where a former one was better, go back to it."""
-        progress = self.progress
+        progress, bed = self.progress, self.bed
         self._examine(THOROUGH)
         better = progress.smallest < 0.0 or progress.best < progress.moving
         if not self._rests() and better and len(progress.best_position):
-            self.bed.put(progress.best_position, progress.best_orientation, progress.best_lid)
+            bed.put(progress.best_position, progress.best_orientation, progress.best_lid)
+            self._examine(THOROUGH)
+            self._rests()
+        elif progress.smallest < min(progress.first, 0.0):
+            # the grains cannot be parted: they overlapped less where they were
+            assembly, order = bed.assembly, bed.order
+            level = math.inf if assembly.lid is None else assembly.lid.level
+            bed.put(assembly.position[order], assembly.orientation[order], level)
             self._examine(THOROUGH)
             self._rests()
         progress.stage, progress.best_position, progress.best_orientation = ENDED, np.zeros((0, 3)), np.zeros((0, 4))

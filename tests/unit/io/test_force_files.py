@@ -9,6 +9,7 @@ from kit import column
 import voxgran as vg
 from voxgran._base.errors import FileFormatError
 from voxgran._base.lazy import load as load_library
+from voxgran.contacts.assembly import Lid
 from voxgran.contacts.forces import ContactForces
 from voxgran.io.record import from_record, to_record
 
@@ -64,6 +65,23 @@ def test_other_programs_find_residuals_of_the_grains(tmp_path):
     data = load_library("pyvista").read(tmp_path / "p.vtp")
     assert data.point_data["forces_residual"].tolist() == [1e-3] * 3
     assert data.point_data["forces_rattler"].tolist() == [0, 0, 0]
+
+
+def test_the_lid_reloads_bit_for_bit(tmp_path):
+    """With it the same forces balance the grains as before."""
+    lid = Lid(np.array([0.0, 0.0, 1.0]), 3.0 + 1e-15)
+    packing = replace(column(3), lid=lid)
+    vg.save(packing, tmp_path / "p.vtp")
+    again = vg.load(tmp_path / "p.vtp")
+    assert again == packing
+    assert again.lid.normal.tobytes() == lid.normal.tobytes()
+    assert again.lid.level == lid.level
+    vg.save(replace(packing, lid=None), tmp_path / "q.vtp")
+    assert vg.load(tmp_path / "q.vtp").lid is None
+    record = to_record(packing)
+    record.arrays["lid"] = np.array([0.0, 2.0, 0.0, 1.0])
+    with pytest.raises(FileFormatError, match="normal of the lid"):
+        from_record(record)
 
 
 @pytest.mark.parametrize(

@@ -238,6 +238,11 @@ def test_a_bed_that_rests_stays_as_it_is():
 def test_no_grains_and_one_grain():
     none = vg.settle(spheres_at())
     assert (none.count, none.stop_reason) == (0, "settled")
+    # the forces are known: there are none
+    empty = vg.pack(SPHERE, BOX, "gravity", count=0)
+    for bed in (none, empty, vg.settle(empty)):
+        assert bed.forces.count == 0
+        assert np.isnan(float(vg.measure(bed, ["forces"])["share_at_rest"]))
     one = vg.settle(spheres_at(5.0))
     assert one.position[0] == pytest.approx([1.5, 1.5, 0.5], abs=1e-3)
 
@@ -287,14 +292,19 @@ def test_grains_that_overlap_too_deep_are_named():
     ("asked", "words"),
     [
         ({"friction": -0.1}, "friction"),
+        ({"friction": 5.0}, "friction is 5.0: it must be finite and at least 0 and at most 2"),
         ({"restitution": 1.5}, "restitution"),
         ({"rest": 0.0}, "rest"),
         ({"fall_time": -1.0}, "fall_time"),
-        ({"lid": {"weight": 0.0}}, "weight"),
-        ({"shaking": {"acceleration": -1.0}}, "acceleration"),
+        ({"lid": {"weight": 0.0}}, "lid weight is 0.0: it must be finite and above 0"),
+        ({"lid": {"weight": 1e6}}, "lid weight is 1000000.0: it must be .* at most 100"),
+        ({"lid": 1.0}, "lid is 1.0: it must be a table of weight, such as {'weight': 1.0} or left out"),
+        ({"shaking": {"acceleration": -1.0}}, "shaking acceleration is -1.0"),
+        ({"shaking": {"duration": -1.0}}, "shaking duration is -1.0"),
         ({"parts": "all"}, "parts"),
         ({"seed": -1}, "seed"),
         ({"checkpoint": 3}, "checkpoint"),
+        ({"resume": True}, "resume is True and checkpoint is None: give the file"),
     ],
     ids=str,
 )
@@ -314,6 +324,35 @@ def test_settle_within_pack_takes_true_false_or_parameters():
     assert walk(None).problem.settling == Settling()
     prints = {run.fingerprint(task.method, task.problem) for task in (walk(False), walk(True), walk({"rest": 0.9}))}
     assert len(prints) == 3
+
+
+def test_a_method_that_settles_itself_takes_no_second_friction():
+    for asked in ({"friction": 0.9}, Settling(friction=0.9)):
+        with pytest.raises(InputError, match=r"settle as they are packed; leave settle out, .* such as friction=0\.3"):
+            vg.pack(SPHERE, BOX, "gravity", count=10, friction=0.3, settle=asked)
+    for asked in (True, False, None):
+        assert vg.pack(SPHERE, BOX, "gravity", count=10, settle=asked).stop_reason == "settled"
+
+
+def lattice(spacing):
+    """Return 125 spheres on a cubic lattice in a box in which they have hardly room."""
+    place = np.stack(np.meshgrid(*[np.arange(5)] * 3), axis=-1).reshape(-1, 3) * spacing
+    box = vg.Box((5 * spacing, 5 * spacing, 5 * spacing))
+    return vg.Packing.of(SPHERE, box, position=place + 0.5 * spacing + np.array(box.bounds[0]))
+
+
+def test_more_grains_than_fit_are_refused():
+    with pytest.raises(InputError, match=r"the solid fraction is 1\.023: .* at most 0\.7405 .* or fewer grains"):
+        vg.settle(lattice(0.8))
+
+
+def test_grains_that_cannot_be_parted_overlap_no_deeper_than_before():
+    """The solid fraction is 0.718: possible on another lattice, which grains do not find."""
+    loose = lattice(0.9)
+    with pytest.warns(PackingWarning, match="give a larger container or fewer grains"):
+        bed = vg.settle(loose)
+    assert bed.stop_reason == "steps"
+    assert vg.verify(bed).deepest <= vg.verify(loose).deepest + 1e-9
 
 
 def test_hulls_in_place_of_meshes_settle_without_overlap():

@@ -1,10 +1,13 @@
 """One unit of all lengths of a packing, wherever shapes, containers and packings meet."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
+from voxgran.contacts.assembly import Lid
 from voxgran.packing.control_point.first_contact import Encounter
 
 BALL = vg.make_shape("sphere")
@@ -136,6 +139,8 @@ def test_a_packing_in_another_unit_is_the_same_packing():
     assert bed.to_unit("cm") is bed
     with pytest.raises(InputError, match="lengths without a unit cannot be converted to or from mm"):
         other.to_unit("1")
+    pressed = dataclasses.replace(bed, lid=Lid(np.array([0.0, 0.0, 1.0]), 4.0))
+    assert pressed.to_unit("mm").lid.level == 40.0
     in_drum = thrown(BALL, vg.ClosedMesh(cube(10.0)), unit="m").to_unit("cm")
     assert in_drum.container.volume == pytest.approx(1e9)
 

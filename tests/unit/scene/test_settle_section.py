@@ -96,6 +96,14 @@ def test_the_plan_says_how_the_bed_settles_and_what_memory_it_takes(write):
     assert any("friction 0.4" in step for step in vg.Scene.from_toml(path).plan().computed)
 
 
+def test_a_plan_refuses_a_height_that_no_bed_can_have(write):
+    """The container is 6 high."""
+    path = write('method = "digital"\ncount = 20\nvoxel_size = 0.1\nsweeps = 100', 'method = "gravity"\nheight = 7')
+    path.write_text(path.read_text().replace("[settle]\n", ""))
+    with pytest.raises(InputError, match="height is 7, and the container is 6 high"):
+        vg.Scene.from_toml(path).plan()
+
+
 @pytest.mark.parametrize(
     ("old", "new", "error", "words"),
     [

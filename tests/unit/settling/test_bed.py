@@ -91,5 +91,6 @@ def test_what_is_kept_is_all_rows_with_their_impulses(assembly):
     before, pairs = bed.rows.row[: bed.m, :14].copy(), (bed.rows.i[: bed.m].copy(), bed.rows.j[: bed.m].copy())
     bed.move(np.zeros((bed.count + 1, 6)), 1.0, carry=True)
     bed.find(MARGIN, REST, reuse=1e-4)
-    np.testing.assert_array_equal(bed.rows.row[: bed.m, :14], before)
+    # rotation matrices are made again from quaternions that are normalized again
+    np.testing.assert_allclose(bed.rows.row[: bed.m, :14], before, rtol=0, atol=1e-14)
     np.testing.assert_array_equal(np.array([bed.rows.i[: bed.m], bed.rows.j[: bed.m]]), np.array(pairs))

@@ -7,8 +7,9 @@ import pytest
 from kit import hull, mesh_box
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import CallError, InputError
 from voxgran.contacts.assembly import Assembly, Lid
+from voxgran.settling.balance import net_accelerations
 from voxgran.settling.equilibrium import equilibrium
 from voxgran.shapes.model import Shape
 
@@ -141,6 +142,41 @@ def voussoirs(count=9, inner=2.0, outer=2.6, gap=4e-4):
     return vg.Packing.of(shapes, floor_box(8, 8, 8), position=np.array(position) + origin, shape_id=np.arange(count))
 
 
+def heap():
+    """Return grains of a bed that rests with a friction of 0.5."""
+    shapes = [vg.make_shape("convex_polyhedron", seed=seed) for seed in range(3)]
+    return vg.pack(shapes, vg.Box((5, 5, 12), periodic="xy"), "gravity", count=60)
+
+
+@pytest.mark.parametrize("friction", [2.0, 20.0, 100.0, 1e6])
+def test_a_bed_rests_with_any_friction_above_its_own(friction):
+    """The forces stay moderate: friction lets contacts wedge each other, but nothing asks for that."""
+    found = equilibrium(heap(), friction=friction)
+    assert found.attrs["share_at_rest"] == 1.0
+    assert float(np.abs(found.force).max()) < 60.0
+
+
+def test_a_guess_worse_than_no_forces_is_rejected(monkeypatch):
+    bed = heap()
+
+    def far_off(row, i, j, m, bodies, gravity, forces, *more, **how):
+        forces += 1e6 * row[:m, :3]
+        return net_accelerations(row, i, j, m, bodies, gravity, forces), 1
+
+    monkeypatch.setattr("voxgran.settling.equilibrium.gauss_seidel_forces", far_off)
+    found = equilibrium(bed)
+    assert float(np.abs(found.force).max()) < 60.0
+    assert found.attrs["share_at_rest"] == 1.0
+
+
+def test_a_bed_that_settled_to_the_last_grain_is_proven_to_rest():
+    """The search goes on while the grains above the tolerance may rest."""
+    loose = vg.pack(SPHERE, vg.Box((5, 5, 12), periodic="xy"), "rsa", count=100, seed=3)
+    bed = vg.settle(loose, gravity="-z", rest=1.0)
+    assert bed.stop_reason == "settled"
+    assert bool(equilibrium(bed).rests.all())
+
+
 @pytest.mark.parametrize(("friction", "stands"), [(0.7, True), (0.05, False)])
 def test_an_arch_stands_by_friction(friction, stands):
     found = equilibrium(voussoirs(), friction=friction)
@@ -238,3 +274,5 @@ def test_bad_input_is_refused():
         equilibrium(Assembly.of([SPHERE], packing.container, position=[[2.0, 2.0, 0.5]]))
     with pytest.raises(InputError, match="packing"):
         equilibrium(3)
+    with pytest.raises(CallError, match="did you mean 'friction'"):
+        equilibrium(packing, frction=1)

@@ -156,6 +156,34 @@ def test_squares_in_a_stack_lie_on_two_corners():
         assert len(rows) == 2
 
 
+def test_squares_side_by_side_are_parted_sideways():
+    """The lower one overlaps by less at its top and bottom than sideways: its corners are nearest to those edges."""
+    large = polygon((0, 0), (1.004, 0), (1.004, 1.004), (0, 1.004))
+    for shapes, sign in (([SQUARE, large], 1.0), ([large, SQUARE], -1.0)):
+        pair = Found(shapes, [(0.0, 0.0), (sign * 0.992, 0.0)], [0.0, 0.0], [(0, 1)], 0.05)
+        np.testing.assert_allclose(pair.of()[:, :2], [[sign, 0.0]] * 2, atol=1e-12)
+        np.testing.assert_allclose(pair.of()[:, 9], -0.01, atol=1e-12)
+        np.testing.assert_allclose(np.sort(pair.of()[:, 4]), [-0.5, 0.5], atol=1e-12)
+
+
+@pytest.mark.parametrize("corners", [3, 4, 5, 7])
+def test_convex_polygons_that_overlap_are_as_deep_as_the_shortest_way_apart(corners):
+    """Moved along the normal by their depth they touch, and by no shorter way in 400 directions do they part."""
+    one, other = (vg.make_shape("polygon", corners=many) for many in (corners, 4))
+    for seed in range(10):
+        generator = np.random.Generator(np.random.Philox(seed))
+        places, angles = np.array([[0.0, 0.0], generator.uniform(-0.5, 0.5, 2)]), 2 * math.pi * generator.random(2)
+        rows = Found([one, other], places, angles, [(0, 1)], 0.05).of()
+        deepest, depth = rows[rows[:, 9].argmin()], -rows[:, 9].min()
+        assert depth > 0.0
+        np.testing.assert_allclose(rows[:, :3], np.tile(deepest[:3], (len(rows), 1)))
+        apart = Found([one, other], places + np.outer([0, 1], (depth + 1e-9) * deepest[:2]), angles, [(0, 1)], 0.05)
+        assert apart.exact()[0] == pytest.approx(1e-9, abs=1e-8)
+        for way in 2 * math.pi * np.arange(400) / 400:
+            shift = 0.99 * depth * np.array([math.cos(way), math.sin(way)])
+            assert Found([one, other], places + np.outer([0, 1], shift), angles, [(0, 1)], 0.05).of()[:, 9].min() < 0.0
+
+
 def test_combs_that_interlock_touch_on_all_sides():
     """The tooth of one comb, turned over, stands in the notch of the other: left, right and below."""
     tooth = polygon((0, 0), (0.96, 0), (0.96, 1), (3, 1), (3, 2), (-2, 2), (-2, 1), (0, 1))

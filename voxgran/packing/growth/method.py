@@ -9,29 +9,29 @@ References
 Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi:10.1007/978-3-7091-2624-0_1.
 """
 
-from dataclasses import dataclass, fields
+import warnings
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter, to_mapping
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.packing.gravity import gravity_text, gravity_vector
-from voxgran.packing.growth.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds, volume_below
+from voxgran.packing.growth.filling import highest_surface, usual_solid_fraction, volume_at_rest
+from voxgran.packing.growth.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settling_run import GRAIN_BYTES, SettleState, advance_settling, contact_forces, with_lid
+from voxgran.packing.settling_run import GRAIN_BYTES, SettleState, advance_settling, contact_forces, lid_of, with_lid
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import TOUCHING, Settler
 
-#: share of the container that grains fill at the most: those of a bed with friction, walls included
-FULLEST = 0.52
-#: solid fraction by which the grains of a bed of a given height are counted: walls included, with friction and without
-USUAL, FRICTIONLESS = 0.57, 0.63
+#: largest solid fraction of the column, and the largest one in that of the bed
+FULLEST, LOOSER = 0.52, 0.87
 #: largest size of a grain at the beginning, in sizes at which its bounding sphere is its seed
 APART = 0.98
 
@@ -52,14 +52,17 @@ class Gravity(Settling):
         "dimensions",
     )
     fill: float = parameter(
-        LOOSE, doc="solid fraction of the column in which the grains grow; lower ones fall farther", above=0.0,
+        LOOSE,
+        doc="solid fraction of the column in which the grains grow, at most 0.87 of that of the bed; lower ones fall "
+        "farther",
+        above=0.0,
         at_most=FULLEST,
-    )  # fmt: skip
+    )
     height: float | None = parameter(
         None,
-        doc="height of the tops of the uppermost grains above the lowest point of the container, in units of length, "
-        "to several percent: as many grains grow as fill it at the usual solid fraction; if omitted, count and "
-        "solid_fraction alone decide",
+        doc="height of the surface of the bed above the lowest point of the container, in units of length, to about "
+        "7 percent from four grains on: about 95 percent of all grains have their tops below it; as many grains grow "
+        "as usually fill it; if omitted, count and solid_fraction alone decide, or the container",
         above=0.0,
     )
 
@@ -103,8 +106,9 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
     volume = np.cumsum(problem.volumes)
     n = int(np.searchsorted(volume, _most_volume(problem, up), side="right"))
     total = float(volume[n - 1]) if n else 0.0
-    top = column_top(container, up, total / settings.fill, generator) if n else 0.0
-    fill = max(settings.fill, total / container.volume)
+    fill = min(settings.fill, LOOSER * usual_solid_fraction(problem)) if n else settings.fill
+    top = column_top(container, up, total / fill, generator) if n else 0.0
+    fill = max(fill, total / container.volume)
     radii = RADIUS * (LOOSE / fill) ** (1.0 / dimension) * problem.diameter[:n]
     centers, radii = random_seeds(container, radii, up=up, top=top, generator=generator)
     turns = generator.normal(size=(n, 4))
@@ -118,26 +122,46 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
 
 
 def _most_volume(problem: Problem, up: Floats) -> float:
-    """Return the largest volume of the grains: what settles in the container, or up to the height that is asked.
+    """Return the largest volume of the grains: what settles in the container, or up to the height that is asked."""
+    if not problem.count:
+        return 0.0
+    wanted, highest = _height(problem, up), highest_surface(problem, up)
+    if wanted is not None and wanted > highest:
+        unit = problem.unit_length
+        warnings.warn(
+            f"height is {wanted * unit:g}, and grains are filled to {highest * unit:.4g} only, so that the bed has "
+            "room below the top of the container: ask for less, or give a higher container",
+            PackingWarning,
+            stacklevel=2,
+        )
+    height = highest if wanted is None else min(wanted, highest)
+    return volume_at_rest(problem, up, height, stream(problem.seed, "height"))
+
+
+def _height(problem: Problem, up: Floats) -> float | None:
+    """Return the height that is asked, in median diameters; None where there is none.
 
     Raises
     ------
     InputError
-        If the height is above that of the container.
+        If it is above that of the container, or below the median diameter.
     """
-    container, settings = problem.container, problem.parameters
-    most = FULLEST * container.volume
-    if settings.height is None:
-        return most
-    floor, top = container_levels(container, up)
-    height = problem.length(settings.height)
+    asked, unit = problem.parameters.height, problem.unit_length
+    if asked is None:
+        return None
+    floor, top = container_levels(problem.container, up)
+    height = problem.length(asked)
     if height > top - floor:
         raise InputError(
-            f"height is {settings.height:g}, and the container is {(top - floor) * problem.unit_length:g} high along "
-            "gravity: give a height within it, or a higher container"
+            f"height is {asked:g}, and the container is {(top - floor) * unit:g} high along gravity: give a height "
+            "within it, or a higher container"
         )
-    solid_fraction = FRICTIONLESS if settings.friction == 0.0 else USUAL
-    return min(most, solid_fraction * volume_below(container, up, floor + height, stream(problem.seed, "height")))
+    if height < 1.0:
+        raise InputError(
+            f"height is {asked:g}, and the median diameter of the grains is {unit:g}: a bed is at least as high as a "
+            "grain; give a larger height, or smaller grains"
+        )
+    return height
 
 
 def finish(problem: Problem, state: SettleState) -> Packing:
@@ -160,11 +184,18 @@ def finish(problem: Problem, state: SettleState) -> Packing:
             "settling": {"parameters": to_mapping(settling_of(problem.parameters)), **settler.report},
         },
     )
-    return contact_forces(packing, settler)
+    return contact_forces(replace(packing, lid=lid_of(settler, problem.unit_length)), settler)
 
 
 def cost(problem: Problem) -> Cost:
-    """Return the cost: memory by the number of grains."""
+    """Return the cost: memory by the number of grains.
+
+    Raises
+    ------
+    InputError
+        If a height is asked that no bed in the container can have.
+    """
+    _height(problem, -gravity_vector(problem))
     return Cost(memory=GRAIN_BYTES * problem.count, attempts=problem.count)
 
 

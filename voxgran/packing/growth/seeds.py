@@ -20,7 +20,7 @@ TRIES, SMALLER = 4, 0.8
 
 def column_top(container: Container, up: Floats, volume: float, generator: np.random.Generator) -> float:
     """Return the level along `up` below which the container has a volume, estimated to about one percent."""
-    points = _points_inside(container, SAMPLES, generator)
+    points = points_inside(container, generator)
     share = min(volume / container.volume, 1.0)
     return float(np.quantile(points @ up, share)) if share < 1.0 else float((points @ up).max())
 
@@ -30,12 +30,6 @@ def container_levels(container: Container, up: Floats) -> tuple[float, float]:
     lower, upper = (np.asarray(corner, dtype=np.float64) for corner in container.bounds)
     ends = np.stack([lower * up, upper * up])
     return float(ends.min(axis=0).sum()), float(ends.max(axis=0).sum())
-
-
-def volume_below(container: Container, up: Floats, level: float, generator: np.random.Generator) -> float:
-    """Return the volume of a container below a level along `up`, estimated to about one percent."""
-    points = _points_inside(container, SAMPLES, generator)
-    return container.volume * float((points @ up < level).mean())
 
 
 def random_seeds(
@@ -59,7 +53,7 @@ def random_seeds(
     placed, smallest = 0, 1e-2 * float(radii.min(initial=1.0))
     while placed < n:
         stop_if_asked()
-        points = _points_inside(container, max(TRIES * n, SAMPLES), generator)
+        points = points_inside(container, generator, max(TRIES * n, SAMPLES))
         room = -np.asarray(container.signed_distance(points))
         # as far from the top as from the floor, or else large grains would begin higher
         room = np.minimum(room, top - points @ up)
@@ -140,7 +134,7 @@ def _place(centers, radii, order, placed, points, room, lower, lengths, wraps, c
     return placed
 
 
-def _points_inside(container: Container, many: int, generator: np.random.Generator) -> Floats:
+def points_inside(container: Container, generator: np.random.Generator, many: int = SAMPLES) -> Floats:
     """Return random points (many, 3) in a container."""
     lower, upper = container.bounds
     found, missing = [], many

@@ -2,6 +2,7 @@
 
 Surfaces that are apart are nearest at a corner of one of them. Each corner near the other polygon is compared with its
 edges, so that edges that lie on each other have two contacts, and a corner in a notch one with each of its sides.
+Convex polygons that overlap are pushed apart across the edge by which that takes the shortest way.
 """
 
 import math
@@ -31,7 +32,8 @@ class OutlineBodies(NamedTuple):
 
     start: (s + 1,) first corner of each shape, and vertex: (v, 2) corners of the polygons, counterclockwise.
     center, radius: (s, 2) and (s,) of disks; the radius of a polygon is 0.  spread: (s,) least distance of contacts.
-    placed: (2, v, 2) corners of a pair.  found: (k, 8) candidates.  seen: (3, 4) edge points and normals.
+    convex: (s,) 1 for polygons that are convex.  placed: (2, v, 2) corners of a pair.  found: (k, 8) candidates.
+    seen: (3, 4) edge points and normals.
     """
 
     start: Integers
@@ -39,6 +41,7 @@ class OutlineBodies(NamedTuple):
     center: Floats
     radius: Floats
     spread: Floats
+    convex: Integers
     placed: Floats
     found: Floats
     seen: Floats
@@ -65,11 +68,19 @@ def outline_bodies(shapes: tuple[Shape, ...]) -> OutlineBodies:
             center[k], radius[k] = geometry.center, geometry.radius
     counts = [len(item) for item in vertices]
     spread = np.array([SPREAD * shape.diameter for shape in shapes])
-    most = max(counts)
+    most, convex = max(counts), np.array([_is_convex(item) for item in vertices[1:]], dtype=np.int64)
     return OutlineBodies(
-        *(np.cumsum(counts).astype(np.int64), np.concatenate(vertices), center, radius, spread),
+        *(np.cumsum(counts).astype(np.int64), np.concatenate(vertices), center, radius, spread, convex),
         *(np.zeros((2, most, 2)), np.zeros((2 * EDGES * most + 64, 8)), np.zeros((EDGES, 4))),
     )
+
+
+def _is_convex(vertex: Floats) -> bool:
+    """Return whether corners (v, 2), counterclockwise, are those of a convex polygon, up to rounding."""
+    ahead = np.roll(vertex, -1, axis=0) - vertex
+    after = np.roll(ahead, -1, axis=0)
+    turn = ahead[:, 0] * after[:, 1] - ahead[:, 1] * after[:, 0]
+    return len(vertex) > 2 and bool((turn >= -1e-9 * np.abs(vertex).max() ** 2).all())
 
 
 @kernel
@@ -177,8 +188,65 @@ def _near_pair(grains, bodies, i, j, ox, oy, reach):  # type: ignore[no-untyped-
                     x, y = x + ox, y + oy
             if (x - x0) ** 2 + (y - y0) ** 2 <= far * far:
                 c = _near_point(bodies, c, its, most, x, y, radius, sign, reach)
+    if bodies.convex[one] == 1 and bodies.convex[other] == 1:
+        return _parted(bodies, c, ni, nj, reach)
     if ni > 0 and nj > 0:
         c = _crossing(bodies, c, ni, nj, ox, oy)
+    return c
+
+
+@bare_kernel
+def _parted(bodies, c, ni, nj, reach):  # type: ignore[no-untyped-def]
+    """Put contacts across the edge by which the shortest way parts two convex polygons in the place of the candidates.
+
+    The edge nearest to a corner that is inside may be another one: near the common end of two edges that lie on each
+    other it would push the polygons along these edges. Where the polygons do not overlap the candidates stay.
+    """
+    best, side, at = -math.inf, 0, 0
+    for mine in range(2):
+        many, others = (ni, nj) if mine == 0 else (nj, ni)
+        for k in range(many):
+            nx, ny = _edge_normal(bodies.placed[mine], many, k)
+            least = math.inf
+            for q in range(others):
+                dx = bodies.placed[1 - mine, q, 0] - bodies.placed[mine, k, 0]
+                dy = bodies.placed[1 - mine, q, 1] - bodies.placed[mine, k, 1]
+                least = min(least, dx * nx + dy * ny)
+            if least >= 0.0:
+                return c
+            if least > best:
+                best, side, at = least, mine, k
+    many, others = (ni, nj) if side == 0 else (nj, ni)
+    edge, facing, opposite = bodies.placed[side], bodies.placed[1 - side], math.inf
+    nx, ny = _edge_normal(edge, many, at)
+    met = 0
+    for q in range(others):
+        mx, my = _edge_normal(facing, others, q)
+        if nx * mx + ny * my < opposite:
+            opposite, met = nx * mx + ny * my, q
+    # the deepest corner is an end of the edge that faces this one; both ends may lie beyond those of this edge, the
+    # deepest one only where the edges are parallel
+    end, last = (at + 1) % many, (met + 1) % others
+    if (facing[last, 0] - facing[met, 0]) * nx + (facing[last, 1] - facing[met, 1]) * ny < 0.0:
+        met, last = last, met
+    px, py = facing[met, 0], facing[met, 1]
+    ux, uy, near, far = facing[last, 0] - px, facing[last, 1] - py, 0.0, 1.0
+    slope = ux * ny - uy * nx
+    if slope != 0.0:
+        one = ((edge[at, 0] - px) * ny - (edge[at, 1] - py) * nx) / slope
+        other = ((edge[end, 0] - px) * ny - (edge[end, 1] - py) * nx) / slope
+        far = max(min(max(one, other), 1.0), 0.0)
+        near = min(max(min(one, other), 0.0), far)
+    sign, c = 1.0 if side == 0 else -1.0, 0
+    for turn in range(2):
+        share = near if turn == 0 else far
+        x, y = px + share * ux, py + share * uy
+        gap = (x - edge[at, 0]) * nx + (y - edge[at, 1]) * ny
+        if turn == 1 and (gap > reach or far == near):
+            break
+        # the point on the surface of i: that of its edge, or of the facing one
+        ax, ay = (x - gap * nx, y - gap * ny) if side == 0 else (x, y)
+        c = add_candidate(bodies.found, c, ax, ay, 0.0, sign * nx, sign * ny, 0.0, gap)
     return c
 
 
