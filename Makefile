@@ -43,6 +43,7 @@ bench: $(STAMP)   ## run time against error of voxelization, distances and packi
 	$(BIN)/voxgran bench rsa -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
 	$(BIN)/voxgran bench settle -o docs/figures
+	$(BIN)/voxgran bench clumps -o docs/figures
 	$(BIN)/python examples/directions.py docs/figures 120
 	$(BIN)/python examples/chu_rsa.py docs/figures
 	$(BIN)/python examples/control_studies.py docs/figures
@@ -57,6 +58,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/deformed_grains/deformed_grains.svg docs/figures/deformed_grains.svg
 	$(BIN)/python examples/hulls_in_spheres.py out/hulls 5
 	cp out/hulls/hulls_in_spheres.png docs/figures/hulls_in_spheres.png
+	$(BIN)/python examples/clump_methods.py out/clump_methods
+	cp out/clump_methods/clump_methods.png docs/figures/clump_methods.png
 	$(BIN)/python examples/settled_bed.py out/settled_bed
 	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
 

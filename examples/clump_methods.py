@@ -8,6 +8,7 @@ The picture is in the manner of figure 6 of Sajjadi & Khalili (2015): each row i
 import sys
 from pathlib import Path
 
+import matplotlib.image
 import numpy as np
 
 import voxgran as vg
@@ -17,6 +18,7 @@ spheres = int(sys.argv[2]) if len(sys.argv) > 2 else 50
 data = Path(__file__).parents[1] / "data"
 folder.mkdir(parents=True, exist_ok=True)
 
+rows = []
 solids = [vg.load_shape(data / "eros.obj"), vg.load_shape(data / "itokawa_lp.obj"), vg.make_shape("box")]
 for solid in solids:
     clumps = [vg.fit_clump(solid, method=method, max_spheres=spheres) for method in vg.clump_methods()]
@@ -29,4 +31,6 @@ for solid in solids:
             f"radii {np.min(clump.radii) / unit:.3f} to {np.max(clump.radii) / unit:.3f}"
         )
     vg.save_clump_picture(clumps, folder / f"{solid.name}.png", overwrite=True)
+    rows.append(matplotlib.image.imread(folder / f"{solid.name}.png"))
+matplotlib.image.imsave(folder / "clump_methods.png", np.concatenate(rows))
 print(f"pictures in {folder}")

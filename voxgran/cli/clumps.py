@@ -41,5 +41,3 @@ def clump(options: argparse.Namespace) -> None:
         voxgran.save_clump_picture(made, options.picture, overwrite=options.overwrite)
     written = ", ".join(str(path) for path in (options.output, options.picture) if path)
     show({"spheres": made.count, **made.errors.to_mapping()}, options, written)
-
-

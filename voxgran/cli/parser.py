@@ -350,4 +350,5 @@ def parameter_text(item: Parameter) -> str:
         rest = "must be given"
     else:
         rest = "optional" if item.default is None else f"default {item.default!r}"
-    return f"{item.doc} ({item.type_text}; {rest})"
+    unit = "" if item.unit in ("", "length") or item.unit in item.doc else f" {item.unit}"
+    return f"{item.doc} ({item.type_text}{unit}; {rest})"

@@ -80,7 +80,7 @@ class Body:
             return -geometry.tree.signed_distance(points)
         return -self.shape.signed_distance(points)
 
-    def voxels(self, resolution: float, *, cover: str = "center") -> Voxels:
+    def voxels(self, resolution: float) -> Voxels:
         """Return the voxels of the solid, with `resolution` of them along the equivalent diameter.
 
         Raises

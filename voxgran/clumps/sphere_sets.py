@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 
 #: kinds of points: on the surface (distance 0), inside (at most 0) and outside (at least 0)
@@ -58,7 +58,7 @@ class SphereSet:
     def __len__(self) -> int:
         return len(self.radii)
 
-    def taken(self, chosen: Integers) -> "SphereSet":
+    def taken(self, chosen: Integers | Booleans) -> "SphereSet":
         """Return some of the spheres, by index or mask."""
         return SphereSet(np.ascontiguousarray(self.centers[chosen]), self.radii[chosen])
 

@@ -119,8 +119,8 @@ class _Fit:
         self.body, self.settings, self.seed = body, settings, seed
         most = math.inf if settings.max_radius is None else settings.max_radius
         self.early = Rules(power=EARLY, least=settings.min_radius, most=most, equal=settings.uniform)
-        one_sided = {"inscribed": {"inside": ONE_SIDED}, "bounding": {"outside": ONE_SIDED}}.get(settings.mode, {})
-        self.late = replace(self.early, power=LATE, **one_sided)
+        inside, outside = (ONE_SIDED if settings.mode == mode else 1.0 for mode in ("inscribed", "bounding"))
+        self.late = replace(self.early, power=LATE, inside=inside, outside=outside)
 
     def spheres(self, count: int) -> Fitted:
         """Return the spheres, as many as asked unless further ones would not lower the error."""
