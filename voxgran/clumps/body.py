@@ -113,8 +113,8 @@ class Body:
         near = ndimage.binary_dilation(mask)
         outer = np.argwhere(ndimage.binary_dilation(near, iterations=AROUND - 1) & ~near)
         generator, low = stream(seed, "jitter"), np.asarray(voxels.origin) - AROUND / resolution
-        inner, outer = (at + 0.5 + generator.uniform(-0.25, 0.25, at.shape) for at in (inner, outer))
-        return low + inner / resolution, low + outer / resolution
+        jitter = [generator.uniform(0.25, 0.75, places.shape) for places in (inner, outer)]
+        return low + (inner + jitter[0]) / resolution, low + (outer + jitter[1]) / resolution
 
     def medial_spheres(self, surface: SurfacePoints, chosen: Integers) -> tuple[Floats, Floats]:
         """Return centers and radii of the largest inner spheres that touch the surface at the chosen points.

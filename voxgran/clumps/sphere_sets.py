@@ -168,7 +168,7 @@ def _stepped(
         # the radius is common to all: its own equation, and those of the centers for that radius
         common = -slope[:, 3].sum() / matrix[:, 3, 3].sum()
         slope = slope + matrix[:, :, 3] * common
-        move = np.zeros((len(spheres), 4))
+        move: Floats = np.zeros((len(spheres), 4))
         move[:, :3] = np.linalg.solve(matrix[:, :3, :3], -slope[:, :3, None])[:, :, 0]
         move[:, 3] = common
     else:

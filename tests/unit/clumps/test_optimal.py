@@ -136,7 +136,7 @@ def test_the_least_useful_sphere_is_removed():
     ways = generator.normal(size=(400, 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     centers = np.array([[0.0, 0, 0], [0.05, 0, 0], [2.0, 0, 0]])
-    points = Points(np.concatenate([ways, ways + [2.0, 0, 0]]), np.full(800, SURFACE), np.ones(800))
+    points = Points(np.concatenate([ways, ways + centers[2]]), np.full(800, SURFACE), np.ones(800))
     kept = without_cheapest(points, SphereSet(centers, np.array([1.0, 0.95, 1.0])), 1)
     np.testing.assert_array_equal(kept.centers, centers[[0, 2]])
     # and put back it is the best of what is offered
