@@ -186,7 +186,8 @@ def test_methods_list_the_allowed_values_of_each_choice(columns, capsys, monkeyp
     text = " ".join(" ".join(lines).split())
     for registry in (method_registry(), clump_registry(), families()):
         for item in (item for name in registry.names() for item in parameters_of(registry.get(name).parameters)):
-            assert f"{item.name} {item.doc} ({item.type_text}; " in text
+            unit = f" {item.unit}" if item.unit not in ("", "length") and item.unit not in item.doc else ""
+            assert f"{item.name} {item.doc} ({item.type_text}{unit}; " in text
     for choice in ("'loose', 'dense'; default 'loose'", "'-z', '+z', 'none' or a list of 3", "'4d'; default 'classic'"):
         assert choice in text
     assert "None" not in text

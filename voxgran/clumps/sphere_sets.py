@@ -168,11 +168,11 @@ def _stepped(
         # the radius is common to all: its own equation, and those of the centers for that radius
         common = -slope[:, 3].sum() / matrix[:, 3, 3].sum()
         slope = slope + matrix[:, :, 3] * common
-        move: Floats = np.zeros((len(spheres), 4))
+        move = np.zeros((len(spheres), 4))
         move[:, :3] = np.linalg.solve(matrix[:, :3, :3], -slope[:, :3, None])[:, :, 0]
         move[:, 3] = common
     else:
-        move = np.linalg.solve(matrix, -slope[:, :, None])[:, :, 0]
+        move = np.asarray(np.linalg.solve(matrix, -slope[:, :, None])[:, :, 0])
     length = np.linalg.norm(move, axis=1, keepdims=True)
     move *= np.minimum(1.0, step / np.maximum(length, 1e-300))
     if rules.equal:
