@@ -104,7 +104,7 @@ class Body:
     def lattice_points(self, resolution: float, seed: int) -> tuple[Floats, Floats]:
         """Return points well inside and well outside of the solid, one somewhere in each voxel away from the surface.
 
-        Those outside are at most `AROUND` voxels away from the solid.
+        Those outside are at most `AROUND` voxels away from the solid. In a thin solid there are none inside.
         """
         voxels = voxelize(self.shape, voxel_size=1.0 / resolution)
         mask = np.pad(voxels.mask, AROUND)
@@ -115,6 +115,22 @@ class Body:
         generator, low = stream(seed, "jitter"), np.asarray(voxels.origin) - AROUND / resolution
         jitter = [generator.uniform(0.25, 0.75, places.shape) for places in (inner, outer)]
         return low + (inner + jitter[0]) / resolution, low + (outer + jitter[1]) / resolution
+
+    def inner_points(self, resolution: float, seed: int) -> Floats:
+        """Return points well inside of the solid, at least one.
+
+        Raises
+        ------
+        InputError
+            If the solid is too thin for the voxels.
+        """
+        found = self.lattice_points(resolution, seed)[0]
+        if not len(found):
+            raise InputError(
+                f"shape {self.name!r} is too thin: no voxel of {1.0 / resolution:.3g} equivalent diameters lies "
+                "inside; allow overlap and radii that differ, or thicken the shape"
+            )
+        return found
 
     def medial_spheres(self, surface: SurfacePoints, chosen: Integers) -> tuple[Floats, Floats]:
         """Return centers and radii of the largest inner spheres that touch the surface at the chosen points.

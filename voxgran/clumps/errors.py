@@ -17,6 +17,8 @@ from voxgran.voxels.occupy import occupied
 
 #: voxels along the equivalent diameter in which the overlap is counted
 RESOLUTION = 160
+#: largest number of these voxels
+MOST_VOXELS = 1_000_000_000
 #: number of points on the solid at which distances are taken, and largest number on all spheres, hidden ones included
 SURFACE_POINTS, MOST_POINTS = 10_000, 100_000
 #: quaternion by which both solids are turned before voxels are counted, and shift in voxels
@@ -52,14 +54,20 @@ def _difference(shape: Shape, spheres: Spheres) -> tuple[float, float]:
     voxel at one of the surfaces is then in or out independently of the others: the error is half the root of their
     number.
     """
-    turn, shift = normalized(TURN[None]), SHIFT / RESOLUTION
-    union = spheres.rotated(rotation_matrices(turn)[0]).moved(shift)
-    reach = max(shape.bounding_radius, spheres.bounding_radius) * np.ones(3) + 1.0 / RESOLUTION
-    grid = Grid.around(-reach, reach, 1.0 / RESOLUTION)
+    turn = normalized(TURN[None])
+    matrix = rotation_matrices(turn)[0]
+    corners = shape.vertices @ matrix.T
+    centers, error = spheres.centers @ matrix.T, shape.tessellation_error
+    low = np.minimum(corners.min(axis=0) - error, (centers - spheres.radii[:, None]).min(axis=0))
+    high = np.maximum(corners.max(axis=0) + error, (centers + spheres.radii[:, None]).max(axis=0))
+    # long solids get coarser voxels
+    size = max(1.0 / RESOLUTION, float(np.cbrt(np.prod(high - low) / MOST_VOXELS)))
+    grid, shift = Grid.around(low, high, size, margin=2), SHIFT * size
+    union = Spheres(centers + shift, spheres.radii)
     solid = occupied(shape, grid, rotation=turn[0], offset=shift).words
     words = solid ^ spheres_bits(union.centers, union.radii, grid, cover="center").words
-    rim = (shape.surface_area + spheres.surface_area) * RESOLUTION**2
-    return PackedMask(words, grid.shape).count() / RESOLUTION**3, float(np.sqrt(rim)) / 2 / RESOLUTION**3
+    rim = (shape.surface_area + spheres.surface_area) / size**2
+    return PackedMask(words, grid.shape).count() * size**3, float(np.sqrt(rim)) / 2 * size**3
 
 
 def _surface_gaps(body: Body, spheres: Spheres) -> Floats:

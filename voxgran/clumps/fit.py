@@ -11,7 +11,7 @@ from voxgran._base.errors import InputError, PackingWarning
 from voxgran.clumps.body import Body
 from voxgran.clumps.errors import clump_errors
 from voxgran.clumps.method import ClumpMethod, Fitted, clump_methods, clump_registry
-from voxgran.clumps.model import Clump
+from voxgran.clumps.model import Clump, ClumpErrors
 from voxgran.lattice.label import connected_components
 from voxgran.lattice.surface import smooth_surface
 from voxgran.shapes.model import Shape
@@ -27,6 +27,10 @@ BESIDE = ("max_spheres", "target", "value", "seed")
 TARGETS = ("iou", "volume", "inertia", "surface")
 #: number of spheres without a target, and the largest number that is tried for one
 DEFAULT_SPHERES, MOST_SPHERES = 50, 1000
+#: errors of spheres that are exactly the shape
+EXACT = ClumpErrors(
+    iou=1.0, iou_uncertainty=0.0, volume=0.0, centroid=0.0, inertia=0.0, surface_mean=0.0, surface_max=0.0
+)
 #: width of the smoothing filter for surfaces of voxels, in voxels
 SMOOTHING = 0.7
 
@@ -112,10 +116,11 @@ class _Fit:
             If no sphere fits.
         """
         size = self.shape.diameter
-        found = _own_spheres(self.shape, count)
-        if found is None:
-            made = self._entry.fit(self._body, count, self._settings, self._seed)
-            found = Fitted(made.centers * size, made.radii * size, made.reason)
+        own = _own_spheres(self.shape, count)
+        if own is not None:
+            return Clump(own.centers, own.radii, self.shape, EXACT, self._entry.name, own.reason)
+        made = self._entry.fit(self._body, count, self._settings, self._seed)
+        found = Fitted(made.centers * size, made.radii * size, made.reason)
         if len(found.radii) == 0:
             reason = found.reason or "every sphere is too small"
             raise InputError(f"no sphere fits in {self.shape.name!r}: {reason}; allow smaller ones, or finer voxels")
@@ -143,7 +148,7 @@ def _level(target: str | None, value: float | None) -> float:
     if target is None or value is None:
         return 0.0
     as_choice(target, "target", TARGETS)
-    return as_number(value, "value", above=0.0, at_most=1.0)
+    return as_number(value, "value", above=0.0, at_most=np.inf if target == "surface" else 1.0)
 
 
 def _fewest(fit: _Fit, target: str, level: float, most: int) -> Clump:

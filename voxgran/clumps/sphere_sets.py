@@ -92,6 +92,8 @@ def refined(points: Points, spheres: SphereSet, rules: Rules, steps: int) -> Sph
 
     The best spheres found are returned; they are never worse than those given.
     """
+    if not len(spheres):
+        return spheres
     gap, owner = points.gaps(spheres)
     best, least = spheres, _cost(points, gap, rules)
     damping, step, idle = DAMPING, STEP, 0
@@ -118,6 +120,8 @@ def best_inserts(points: Points, spheres: SphereSet, pool: SphereSet, count: int
 
     Some of the points stand for all of them.
     """
+    if not len(pool):
+        return pool
     some = np.flatnonzero(points.kind != OUTSIDE)
     some = some[:: max(1, len(some) // CHOOSING)]
     places, kind, weight = np.ascontiguousarray(points.places[some]), points.kind[some], points.weight[some]

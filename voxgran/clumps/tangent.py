@@ -31,7 +31,7 @@ def tangent_spheres(body: Body, count: int, least: float, most: float | None, *,
 
 def _greedy(body: Body, count: int, least: float, most: float) -> Fitted:
     """Return spheres of free size, the largest for which there is room first."""
-    places = body.lattice_points(RESOLUTION, 0)[0]
+    places = body.inner_points(RESOLUTION, 0)
     depth = body.depth(places)
     room = depth.copy()
     centers, radii = np.zeros((0, 3)), np.zeros(0)
@@ -79,8 +79,12 @@ def _widest(
 
 def _equal(body: Body, count: int, least: float, most: float) -> Fitted:
     """Return equal spheres at points of a hexagonal close packing, as large as their number allows."""
-    low, high = 0.0, min(most, float(body.shape.bounding_radius))
-    best = np.zeros((0, 3))
+    best = max((_lattice(body, least, place) for place in range(PLACES)), key=len)
+    if len(best) < count:
+        reason = f"{len(best) or 'no'} equal spheres of radius {least:g} equivalent diameters fit without overlap"
+        return Fitted(best, np.full(len(best), least), reason)
+    # no inner sphere is larger than that of the same volume
+    low, high = least, min(most, 0.5)
     for _ in range(HALVINGS):
         radius = (low + high) / 2
         found = max((_lattice(body, radius, place) for place in range(PLACES)), key=len)
@@ -88,10 +92,6 @@ def _equal(body: Body, count: int, least: float, most: float) -> Fitted:
             low, best = radius, found
         else:
             high = radius
-    if low < least:
-        found = max((_lattice(body, least, place) for place in range(PLACES)), key=len)
-        reason = f"only {len(found)} spheres of radius {least:g} equivalent diameters fit"
-        return Fitted(found, np.full(len(found), least), reason)
     while len(best) > count:
         # the sphere with the fewest contacts, and of these the one farthest out
         apart = np.linalg.norm(best[:, None] - best, axis=2)

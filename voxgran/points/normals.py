@@ -24,7 +24,9 @@ def turned_alike(points: Floats, normals: Floats, neighbours: int) -> Floats:
     partner = load("scipy.spatial").cKDTree(points).query(points, k=min(neighbours + 1, many))[1][:, 1:]
     one, other = np.repeat(np.arange(many), partner.shape[1]), partner.ravel()
     weight = LIGHTEST + np.maximum(0.0, 1.0 - np.abs((normals[one] * normals[other]).sum(axis=1)))
-    tree = graphs.minimum_spanning_tree(sparse.csr_array((weight, (one, other)), shape=(many, many)))
+    tree = graphs.minimum_spanning_tree(
+        sparse.csr_array((weight, (one.astype(np.int32), other.astype(np.int32))), shape=(many, many))
+    )
     count, part = graphs.connected_components(tree, directed=False)
     sign = np.ones(many)
     for k in range(count):

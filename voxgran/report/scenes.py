@@ -160,7 +160,7 @@ def _add_voxels(stage: Any, shape: Shape) -> None:
         origin=tuple(float(value) for value in voxels.origin),
     )
     image.cell_data["solid"] = voxels.mask.ravel(order="F").astype(np.uint8)
-    solid = image.threshold(0.5, scalars="solid").extract_surface(algorithm="dataset_surface")
+    solid = image.threshold(0.5, scalars="solid")
     stage.add_mesh(solid, color=GRAIN_COLOR, show_edges=True, edge_color="#46626f", line_width=0.6, **MATERIAL)
 
 

@@ -163,3 +163,54 @@ def test_a_plate_too_thin_for_the_voxels_names_those_that_would_do():
     with pytest.raises(InputError, match=r"too thin for 64 voxels .* give a resolution of about (\d+)"):
         fit_clump(plate, method="inscribed", max_spheres=5)
     assert fit_clump(plate, max_spheres=5, min_radius=0.005).count == 5
+
+
+def thin_shell(inner):
+    """Return an ellipsoid with a cavity of its own form."""
+    outer = vg.make_shape("ellipsoid", aspect=(1, 1, 1.0001))
+    points, faces = outer.vertices, outer.faces
+    both = np.concatenate([points, inner * points]), np.concatenate([faces, faces[:, ::-1] + len(points)])
+    return Shape.of(Mesh(*both), name="shell")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "text"),
+    [
+        ({"uniform": True}, "too thin: no voxel of 0.05 equivalent diameters lies inside"),
+        ({"overlap": False}, "too thin: no voxel of 0.025 equivalent diameters lies inside"),
+        ({"method": "four_point"}, "no sphere fits"),
+    ],
+)
+def test_thin_solids_are_refused_where_nothing_fits(parameters, text):
+    with pytest.raises(InputError, match=text):
+        fit_clump(vg.make_shape("box", aspect=(100, 100, 1)), **parameters)
+
+
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+@pytest.mark.parametrize(
+    "shape", [vg.make_shape("box", aspect=(100, 100, 1)), thin_shell(0.97)], ids=["plate", "shell"]
+)
+def test_centers_stay_inside_thin_solids(shape):
+    clump = fit_clump(shape)
+    assert (shape.signed_distance(clump.centers) < 0).all()
+    with pytest.raises(InputError, match="no sphere fits"):
+        fit_clump(shape, overlap=False, uniform=True, min_radius=0.1, max_spheres=5)
+
+
+def test_a_long_rod_is_judged_on_a_coarser_lattice():
+    errors = fit_clump(vg.make_shape("box", aspect=(1, 1, 300)), max_spheres=5).errors
+    assert 0.0 < errors.iou < 0.5
+    assert errors.iou_uncertainty < 0.05
+
+
+def test_the_volume_is_met_within_limits_of_the_radii():
+    cube = vg.make_shape("box")
+    assert abs(fit_clump(cube, max_spheres=20, min_radius=0.15).errors.volume) < 1e-3
+    assert fit_clump(cube, max_spheres=5, max_radius=0.1).errors.volume < -0.5
+
+
+def test_an_exact_shape_has_no_error():
+    sphere = vg.make_shape("sphere")
+    assert fit_clump(sphere, target="surface", value=1e-6).errors.surface_max == 0.0
+    true = fit_clump(vg.make_shape("box"), max_spheres=5).to_shape()
+    assert fit_clump(true).errors.inertia == 0.0

@@ -163,13 +163,15 @@ class _Fit:
             deep = self.body.lattice_points(RESOLUTION, self.seed)[0]
             centers = np.concatenate([centers, deep])
             radii = np.concatenate([radii, np.minimum(self.body.depth(deep), self.early.most)])
-        large = radii >= self.early.least
+        centers = np.ascontiguousarray(centers)
+        inside = self.body.depth(centers) > 0.0
+        large = (radii >= self.early.least) & inside
         if not large.any():
             raise InputError(
                 f"min_radius is {self.early.least:g} equivalent diameters: no sphere of that radius fits in "
-                f"{self.body.name!r}; the largest has {radii.max():.3g}"
+                f"{self.body.name!r}; the largest has {radii[inside].max(initial=0.0):.3g}"
             )
-        return SphereSet(np.ascontiguousarray(centers[large]), radii[large])
+        return SphereSet(centers[large], radii[large])
 
     def _grown(self, points: Points, pool: SphereSet, count: int) -> SphereSet:
         """Return the spheres after more than asked are added, some at a time, and the least useful ones removed."""
@@ -186,7 +188,7 @@ class _Fit:
 
     def _even(self, count: int) -> SphereSet:
         """Return equal spheres at the centers of parts of equal size, by k-means of the voxels."""
-        places = self.body.lattice_points(max(RESOLUTION, 3.0 * count ** (1 / 3)), self.seed)[0]
+        places = self.body.inner_points(max(RESOLUTION, 3.0 * count ** (1 / 3)), self.seed)
         centers = places[stream(self.seed, "parts").permutation(len(places))[:count]]
         tree = load("scipy.spatial").cKDTree
         for _ in range(LAST_STEPS):
@@ -200,7 +202,7 @@ class _Fit:
     def _kept_inside(self, points: Points, found: SphereSet, pool: SphereSet) -> SphereSet:
         """Return the spheres, those centered outside the solid replaced by the best medial ones."""
         for last in (False,) * ROUNDS + (True,):
-            good = self.body.depth(found.centers) > 0
+            good = self.body.depth(found.centers) > 0.0
             if good.all():
                 break
             kept = found.taken(good)
@@ -234,18 +236,19 @@ class _Fit:
             return found.radii + covering_growth(self.body, found) + error
         if not settings.match_volume:
             return found.radii
-        grown = found.radii + growth_to_volume(found, self.body.volume)
-        return np.clip(grown, self.early.least, self.early.most)
+        growth = growth_to_volume(found, self.body.volume, least=self.early.least, most=self.early.most)
+        return np.clip(found.radii + growth, self.early.least, self.early.most)
 
 
-def growth_to_volume(found: SphereSet, volume: float) -> float:
-    """Return the length by which all radii grow so that the union has a volume."""
+def growth_to_volume(found: SphereSet, volume: float, *, least: float = 1e-6, most: float = math.inf) -> float:
+    """Return the length by which all radii grow, within limits, so that the union has a volume, or comes nearest to."""
 
     def excess(growth: float) -> float:
-        return Spheres(found.centers, found.radii + growth).volume / volume - 1.0
+        return Spheres(found.centers, np.clip(found.radii + growth, least, most)).volume / volume - 1.0
 
-    low, high = -0.9 * float(found.radii.min()), 1.0
-    if excess(low) > 0.0:
-        # the smallest sphere would vanish first
+    low, high = -float(found.radii.max()), 1.0
+    if excess(low) >= 0.0:
         return low
+    if excess(high) <= 0.0:
+        return high
     return float(load("scipy.optimize").brentq(excess, low, high, xtol=VOLUME_ERROR / 10, rtol=1e-12))
