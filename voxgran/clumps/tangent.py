@@ -81,7 +81,7 @@ def _equal(body: Body, count: int, least: float, most: float) -> Fitted:
     """Return equal spheres at points of a hexagonal close packing, as large as their number allows."""
     best = max((_lattice(body, least, place) for place in range(PLACES)), key=len)
     if len(best) < count:
-        reason = f"{len(best) or 'no'} equal spheres of radius {least:g} equivalent diameters fit without overlap"
+        reason = f"no more equal spheres of radius {least:g} equivalent diameters fit without overlap"
         return Fitted(best, np.full(len(best), least), reason)
     # no inner sphere is larger than that of the same volume
     low, high = least, min(most, 0.5)
