@@ -34,11 +34,11 @@ def test_one_of_two_overlapping_spheres_is_judged_by_their_lens():
     """Two unit spheres at a distance d share the volume pi (4 + d) (2 - d)^2 / 12."""
     d = 0.8
     shape = Shape.of(Spheres(np.array([[0, 0, 0], [d, 0, 0]]), np.ones(2)), name="two")
-    lens, ball = np.pi * (4 + d) * (2 - d) ** 2 / 12, 4 * np.pi / 3
+    lens, sphere = np.pi * (4 + d) * (2 - d) ** 2 / 12, 4 * np.pi / 3
     errors = errors_of(shape, [[-d / 2, 0, 0]], [1.0])
-    union = 2 * ball - lens
-    assert errors.volume == pytest.approx(ball / union - 1, abs=1e-12)
-    assert errors.iou == pytest.approx(ball / union, abs=3 * errors.iou_uncertainty)
+    union = 2 * sphere - lens
+    assert errors.volume == pytest.approx(sphere / union - 1, abs=1e-12)
+    assert errors.iou == pytest.approx(sphere / union, abs=3 * errors.iou_uncertainty)
     assert errors.centroid == pytest.approx(d / 2 / shape.diameter, abs=1e-12)
     # the pole of the missing sphere is the farthest point
     assert errors.surface_max == pytest.approx(d / shape.diameter, rel=0.02)

@@ -58,8 +58,8 @@ def test_a_shape_of_spheres_is_its_own_clump(eight):
     again = vg.fit_clump(shape, max_spheres=8)
     assert again.to_shape() == shape
     assert vg.fit_clump(eight.to_shape(), max_spheres=8).to_shape() == eight.to_shape()
-    ball = vg.shapes.sphere(radius=2.0)
-    assert clump_of(ball, np.zeros((1, 3)), [2.0]).to_shape().is_sphere
+    sphere = vg.shapes.sphere(radius=2.0)
+    assert clump_of(sphere, np.zeros((1, 3)), [2.0]).to_shape().is_sphere
 
 
 def test_only_volume_centroid_and_inertia_are_those_of_the_true_shape(eight, cube):
@@ -122,9 +122,9 @@ def test_mass_properties_that_no_solid_has_are_refused(values, message):
 
 def test_a_packing_keeps_its_poses_and_solid_fraction_with_clumps(cube, eight, tmp_path):
     box = vg.Box((4, 4, 4), periodic="x")
-    ball = vg.shapes.sphere(radius=0.5)
+    sphere = vg.shapes.sphere(radius=0.5)
     packing = vg.Packing.of(
-        [cube, ball],
+        [cube, sphere],
         box,
         position=[[0.1, 1, 1], [2, 2.5, 1], [3, 1, 3.2]],
         shape_id=[0, 1, 0],
@@ -137,7 +137,7 @@ def test_a_packing_keeps_its_poses_and_solid_fraction_with_clumps(cube, eight, t
     )
     made = packing.with_clumps([eight, None])
     assert made == packing.with_clumps(eight)
-    assert made.shapes == (eight.to_shape(), ball)
+    assert made.shapes == (eight.to_shape(), sphere)
     assert np.array_equal(made.position, packing.position)
     assert np.array_equal(made.orientation, packing.orientation)
     assert made.solid_fraction == packing.solid_fraction
@@ -242,9 +242,9 @@ def test_bonds_join_all_spheres_of_a_grain(cube):
 
 
 def test_bonds_of_a_packing_are_numbered_like_the_saved_spheres(eight, cube):
-    ball = vg.shapes.sphere(radius=0.5)
+    sphere = vg.shapes.sphere(radius=0.5)
     packing = vg.Packing.of(
-        [ball, cube],
+        [sphere, cube],
         vg.Box((4, 4, 4)),
         position=[[1, 1, 1], [2, 2.5, 1], [3, 1, 3.2]],
         shape_id=[1, 0, 1],
@@ -266,7 +266,7 @@ def test_bonds_of_a_packing_are_numbered_like_the_saved_spheres(eight, cube):
         assert rim == pytest.approx(radii[one])
     with pytest.raises(InputError, match=r"shape 1, 'box', is not made of spheres.*with_clumps"):
         packing.bonds(strength=1.0)
-    alone = vg.Packing.of(ball, vg.Box((4, 4, 4)), position=[[1, 1, 1]])
+    alone = vg.Packing.of(sphere, vg.Box((4, 4, 4)), position=[[1, 1, 1]])
     assert alone.bonds(strength=1.0).sizes["bond"] == 0
 
 

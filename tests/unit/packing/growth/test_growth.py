@@ -200,9 +200,9 @@ def test_grains_that_are_less_round_are_expected_to_pack_looser():
 
 
 def test_the_volume_at_rest_follows_the_closed_form_of_a_cap():
-    """Of a ball that is smaller by the layer at its wall."""
-    ball = vg.Sphere(4.0)
-    task = kit.task_of("gravity", SPHERE, ball, count=10)
+    """Of a sphere that is smaller by the layer at its wall."""
+    sphere = vg.Sphere(4.0)
+    task = kit.task_of("gravity", SPHERE, sphere, count=10)
     height = 3.0
     radius, depth = 4.0 - AT_WALLS, height - AT_SURFACE - AT_WALLS
     cap = np.pi * depth**2 * (3 * radius - depth) / 3
