@@ -94,6 +94,7 @@ def test_shapes_and_clumps(tmp_path, capsys):
         (["--min-radus", "0.1"], "did you mean '--min-radius'"),
         (["-o", "rock.stl"], "rock.stl has the suffix '.stl': clumps are kept as"),
         (["-o", "FOLDER/there.csv"], "there.csv"),
+        (["--picture", "rock.jpg"], "pictures are written as .png"),
     ],
 )
 def test_clumps_that_cannot_be(words, text, tmp_path, capsys):

@@ -7,6 +7,7 @@ from voxgran._base.config import parameters_of
 from voxgran._base.files import refuse_to_replace
 from voxgran.cli.terminal import show
 from voxgran.clumps.method import clump_registry
+from voxgran.report.clumps import check_picture_path
 from voxgran.shapes.sphere_files import clump_suffix
 
 
@@ -19,11 +20,12 @@ def clump(options: argparse.Namespace) -> None:
         mend="use 'voxgran repair'", keep_open="", choose="choose with 'voxgran repair --bodies largest'"
     )
     body = shape_of_file(options.file, remedies=remedies)
-    for path in (options.output, options.picture):
-        if path and not options.overwrite:
-            refuse_to_replace(path)
+    if options.picture:
+        check_picture_path(options.picture, overwrite=options.overwrite)
     if options.output:
         clump_suffix(options.output)
+    if options.output and not options.overwrite:
+        refuse_to_replace(options.output)
     settings = clump_registry().get(options.method).parameters
     given = {item.name: getattr(options, item.name) for item in parameters_of(settings)}
     made = voxgran.fit_clump(

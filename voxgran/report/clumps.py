@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import check_type
-from voxgran._base.errors import InputError
-from voxgran._base.files import refuse_to_replace, written_whole
+from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.files import as_path, refuse_to_replace, written_whole
 from voxgran.clumps.body import Body
 from voxgran.clumps.model import Clump
 from voxgran.report.stage import MATERIAL, Picture, beads, look_at, png_of, shot, stage_of
@@ -72,6 +72,8 @@ def save_clump_picture(
     ------
     InputError
         If there is no clump, or they are clumps of different solids.
+    FileFormatError
+        If the suffix is not ``.png``.
     OutputExistsError
         If the file is there and `overwrite` is false.
     OutputError
@@ -84,11 +86,27 @@ def save_clump_picture(
         check_type(clump, Clump, "clumps", "a Clump, or a list of them; fit_clump makes one")
     if len({clump.shape for clump in drawn}) != 1:
         raise InputError(f"clumps has {len(drawn)} entries: it must be clumps of one solid; fit them to the same shape")
-    if not overwrite:
-        refuse_to_replace(path)
+    check_picture_path(path, overwrite=overwrite)
     content = png_of(picture_clumps(drawn))
     with written_whole(path, overwrite=overwrite) as draft:
         draft.write_bytes(content)
+
+
+def check_picture_path(path: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Refuse a file that a picture cannot be written to, before the work.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is not ``.png``.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    """
+    suffix = as_path(path).suffix
+    if suffix.lower() != ".png":
+        raise FileFormatError(f"{path} has the suffix {suffix!r}: pictures are written as .png; choose that")
+    if not overwrite:
+        refuse_to_replace(path)
 
 
 def _add_clump(stage: Any, clump: Clump) -> None:
