@@ -35,7 +35,8 @@ ARROWS["packing"] = ARROWS["settling"] | {"settling"}
 ARROWS["deformation"] = ARROWS["packing"] | {"packing"}
 ARROWS["measures"] = ARROWS["deformation"] | {"deformation"}
 ARROWS["io"] = ARROWS["measures"] | {"measures"}
-ARROWS["report"] = ARROWS["io"] | {"io"}
+ARROWS["decks"] = ARROWS["io"] | {"io"}
+ARROWS["report"] = ARROWS["decks"] | {"decks"}
 ARROWS["scene"] = ARROWS["report"] | {"report"}
 ARROWS["study"] = ARROWS["bench"] = ARROWS["testing"] = ARROWS["scene"] | {"scene"}
 #: imports between the sub-rooms of packing/, each with its reason; all of them may import the files at the top of it

@@ -12,6 +12,9 @@ from voxgran.containers.cylinder import Cylinder as Cylinder
 from voxgran.containers.make import make_container as make_container
 from voxgran.containers.rectangle import Rectangle as Rectangle
 from voxgran.containers.sphere import Sphere as Sphere
+from voxgran.decks.engine import engines as engines
+from voxgran.decks.material import Material as Material
+from voxgran.decks.write import write_deck as write_deck
 from voxgran.deformation.deform import deform as deform
 from voxgran.io.cloud_files import load_cloud as load_cloud
 from voxgran.io.cloud_files import save_cloud as save_cloud

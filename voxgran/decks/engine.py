@@ -1,0 +1,93 @@
+"""Type and registry of engines."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from voxgran._base.arrays import Floats
+from voxgran._base.registry import Registry
+from voxgran.decks.bodies import Kind
+from voxgran.decks.simulation import Simulation
+
+
+class Frame(NamedTuple):
+    """State of all grains at one time of a run of an engine, in SI units."""
+
+    time: float
+    position: Floats  # (n, 3) centroids; not wrapped into a periodic container
+    matrices: Floats  # (n, 3, 3) rotations since the start
+    kinetic_energy: float  # of translation and rotation
+    final: bool = False  # whether the bed rests by the energy
+
+
+class Held(NamedTuple):
+    """What the files of an engine hold, read back: one row a body, in SI units."""
+
+    mass: Floats  # (n,)
+    position: Floats  # (n, 3) centroids
+    inertia: Floats  # (n, 3, 3) about the centroids, in the frame of the container
+    centers: Floats  # (s, 3) of spheres
+    radii: Floats  # (s,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Engine:
+    """One registered engine.
+
+    Attributes
+    ----------
+    name : str
+        Name in calls and scenes.
+    title : str
+        Name as its authors write it.
+    summary : str
+        What is written, in one line.
+    source : str
+        Documentation of the layout.
+    kinds : tuple of str
+        What grains may be, the preferred kind of a solid that is no sphere first.
+    laws : tuple of str
+        Contact laws that it has.
+    periodic, planar, cohesion, bonds : bool
+        Whether it has periodic containers, grains in two dimensions, surface energy, and bonds that break.
+    install : str
+        Command line that installs it; ``""`` where it cannot be had in that way.
+    verified : str
+        What the files were tried with.
+    command : str
+        Command line that runs the files of a folder; ``""`` without one.
+    write : callable
+        ``write(simulation)`` returns the text of each file by its name.
+    read : callable, optional
+        ``read(folder)`` returns what the files hold.
+    run : callable, optional
+        ``run(folder, simulation)`` runs the files and yields states.
+    """
+
+    name: str
+    title: str
+    summary: str
+    source: str
+    kinds: tuple[Kind, ...]
+    laws: tuple[str, ...] = ("linear", "hertz")
+    periodic: bool = True
+    planar: bool = False
+    cohesion: bool = False
+    bonds: bool = False
+    install: str = ""
+    verified: str = "not run"
+    command: str = ""
+    write: Callable[[Simulation], Mapping[str, str]]
+    read: Callable[[Path], Held] | None = None
+    run: Callable[[Path, Simulation], Iterator[Frame]] | None = None
+
+
+def engine_registry() -> Registry[Engine]:
+    """Return the registry of engines."""
+    return Registry("engine", "voxgran.decks.engines", Engine, group="voxgran.engines")
+
+
+def engines() -> tuple[str, ...]:
+    """Return the names of all engines that input can be written for."""
+    return engine_registry().names()

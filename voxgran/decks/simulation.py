@@ -1,0 +1,181 @@
+"""A simulation as engines take it: bodies, walls, contact law, gravity and time, in SI units.
+
+Every engine writes its files from this description alone.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from voxgran import __version__
+from voxgran._base.arrays import Floats, as_positive
+from voxgran._base.errors import InputError
+from voxgran._base.units import NO_UNIT
+from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
+from voxgran.decks.bodies import Bodies, Template
+from voxgran.decks.material import GRAVITY, QUARTZ, ContactLaw, Material, contact_law
+from voxgran.decks.walls import Walls
+from voxgran.packing.model import Packing
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+#: mean kinetic energy of a grain, in m g d of the median grain, below which a bed rests
+REST = 1e-8
+#: how long a script runs at the most, and the time between its outputs, in sqrt(d / g) with the median diameter d
+LONGEST, OUTPUT = 200.0, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """What an engine computes.
+
+    Attributes
+    ----------
+    bodies : Bodies
+        The grains.
+    walls : Walls
+        Walls and lid, in metres.
+    law : ContactLaw
+        Numbers of the contact law.
+    gravity : (3,) ndarray of float
+        Acceleration, m/s^2; zero where there is none.
+    time_step : float
+        Time step, s.
+    bonds : xarray.Dataset or None
+        Bonds between spheres, as of :meth:`voxgran.clumps.Clump.bonds`, numbered over the spheres of all bodies, in
+        metres and newtons; None where clumps are rigid.
+    unit : str
+        Unit of lengths of the packing, ``"1"`` where none is known and metres are assumed.
+    """
+
+    bodies: Bodies
+    walls: Walls
+    law: ContactLaw
+    gravity: Floats
+    time_step: float
+    bonds: "Dataset | None" = None
+    unit: str = NO_UNIT
+
+    @cached_property
+    def diameter(self) -> float:
+        """Median equivalent diameter, m."""
+        return float(np.median(self.bodies.assembly.diameters))
+
+    @cached_property
+    def time_unit(self) -> float:
+        """Time in which a grain falls by half a median diameter, sqrt(d / g), s; without gravity that on Earth."""
+        return math.sqrt(self.diameter / (float(np.linalg.norm(self.gravity)) or GRAVITY))
+
+    @property
+    def duration(self) -> float:
+        """Longest time that a script runs, s."""
+        return LONGEST * self.time_unit
+
+    @property
+    def steps_per_output(self) -> int:
+        """Time steps between two outputs, at which rest is checked too."""
+        return max(1, round(OUTPUT * self.time_unit / self.time_step))
+
+    @property
+    def rest_energy(self) -> float:
+        """Kinetic energy of all grains, J, below which the bed rests."""
+        weight = float(np.median(self.bodies.mass)) * (float(np.linalg.norm(self.gravity)) or GRAVITY)
+        return REST * weight * self.diameter * self.bodies.count
+
+    def header(self, engine: str) -> list[str]:
+        """Return the lines that begin each file: content, units, contact law, and what is approximated."""
+        bodies, law = self.bodies, self.law
+        by_kind = {kind: len(bodies.of_kind(kind)) for kind in sorted(bodies.kinds)}
+        what = ", ".join(f"{count} {kind.replace('_', ' ')}{'s' * (count != 1)}" for kind, count in by_kind.items())
+        lengths = (
+            "lengths without a unit, taken as metres" if self.unit == NO_UNIT else f"lengths converted from {self.unit}"
+        )
+        lines = [
+            f"voxgran {__version__}: {bodies.count} grains for {engine} ({what})",
+            f"SI units: m, kg, s, N, Pa, J; {lengths}; total mass {float(bodies.mass.sum())!r} kg",
+            *_law_lines(law),
+            f"time step {self.time_step:.6g} s; stable up to {law.stable_step:.6g} s = {law.formula}",
+        ]
+        exact = [template for template in bodies.templates if not template.approximated]
+        if len(exact) < len(bodies.templates):
+            lines += [f"approximated: {one.approximated}" for one in bodies.templates if one.approximated]
+        return lines
+
+
+def _law_lines(law: ContactLaw) -> list[str]:
+    """Return the contact law in words."""
+    common = f"density {law.density:g} kg/m^3, restitution {law.restitution:g}, friction {law.friction:g}"
+    if law.name == "linear":
+        stiffness = f"normal stiffness {law.stiffness:.6g} N/m, shear stiffness {law.shear_stiffness:.6g} N/m"
+        return [
+            f"linear spring-dashpot: {stiffness}, {common}",
+            f"damping 2 zeta sqrt(k m), with zeta = -ln e / sqrt(pi^2 + ln^2 e) = {law.damping_ratio:.6g}",
+        ]
+    cohesion = f", surface energy {law.cohesion:g} J/m^2" if law.cohesion else ""
+    return [
+        f"Hertz: Young's modulus {law.young_modulus:.6g} Pa, Poisson's ratio {law.poisson_ratio:g}, {common}{cohesion}"
+    ]
+
+
+def simulation_of(
+    packing: Packing,
+    templates: tuple[Template, ...],
+    material: Material,
+    *,
+    acceleration: float = GRAVITY,
+    time_step: float | None = None,
+) -> Simulation:
+    """Return the simulation of a packing whose shapes are held by these templates, in its own unit of lengths.
+
+    Raises
+    ------
+    InputError
+        If a grain has no volume, the stiffness is too low, or the time step is above the stable one.
+    """
+    metric = packing if packing.unit == NO_UNIT else packing.to_unit("m")
+    scaled = tuple(replace(one, shape=shape) for one, shape in zip(templates, metric.shapes, strict=True))
+    density = material.density or (packing.density if packing.density != 1.0 else QUARTZ)
+    bodies = Bodies(scaled, metric, density)
+    bonds = None if material.bond_strength is None else _bonds(bodies, material.bond_strength)
+    gravity = np.zeros(3) if metric.gravity is None else acceleration * np.array(metric.gravity, dtype=float)
+    diameter = float(np.median(metric.diameters))
+    law = contact_law(
+        material,
+        density=density,
+        mass=bodies.mass,
+        radius=bodies.least_radius,
+        diameter=diameter,
+        load=_load(metric, float(np.median(bodies.mass)), diameter, acceleration),
+    )
+    step = law.stable_step if time_step is None else as_positive(time_step, "time_step")
+    if step > law.stable_step:
+        raise InputError(
+            f"time_step is {step:g} s: it must be at most {law.stable_step:.4g} s, which is {law.formula}; leave it out"
+        )
+    return Simulation(bodies, Walls.of(metric), law, gravity, step, bonds, unit=packing.unit)
+
+
+def _bonds(bodies: Bodies, strength: float) -> "Dataset":
+    """Return the bonds between the spheres of clumps."""
+    grains = bodies.assembly
+    return bonds_of_bodies(
+        [template.spheres for template in bodies.templates],
+        grains.shape_id,
+        scale=grains.scale,
+        matrices=grains.matrices,
+        position=grains.position,
+        strengths=Strengths.of(strength, None, TOUCHING, LEAST_AREA),
+        unit="m",
+    )
+
+
+def _load(packing: Packing, mass: float, diameter: float, acceleration: float) -> float:
+    """Return the weight of the column of grains on one at the bottom of a packing, N."""
+    if packing.gravity is None:
+        return mass * acceleration
+    heights = packing.position @ np.array(packing.gravity, dtype=float)
+    return mass * acceleration * max(1.0, float(np.ptp(heights)) / diameter)

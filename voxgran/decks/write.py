@@ -1,0 +1,304 @@
+"""`write_deck`: the input of an engine for a packing."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from voxgran._base.arrays import as_choice, as_count, check_type
+from voxgran._base.config import from_mapping
+from voxgran._base.errors import InputError
+from voxgran._base.files import as_path, refuse_to_replace, write_text
+from voxgran.clumps.fit import fit_clump
+from voxgran.clumps.model import Clump
+from voxgran.decks.bodies import Kind, Template, names_of
+from voxgran.decks.engine import Engine, engine_registry
+from voxgran.decks.material import GRAVITY, Material
+from voxgran.decks.simulation import Simulation, simulation_of
+from voxgran.packing.model import Packing, check_packing
+from voxgran.settling.finding.convex_bodies import is_convex
+from voxgran.shapes.model import Shape
+from voxgran.shapes.spheres import Spheres
+
+#: spheres of a clump where no number is given
+USUAL_SPHERES = 20
+#: what a grain that is no sphere may be asked to be
+KINDS = ("clump", "polyhedron", "mesh", "level_set")
+
+
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class Deck:
+    """Input of an engine in a folder.
+
+    Attributes
+    ----------
+    engine : str
+        Name of the engine.
+    folder : Path
+        Where the files are.
+    files : tuple of Path
+        All files that were written.
+    simulation : Simulation
+        What they describe: bodies, walls, contact law, gravity and time step, in SI units.
+    packing : Packing
+        The grains as the engine has them, with clumps in place of shapes that it cannot hold.
+    command : str
+        Command line that runs them, in the folder; ``""`` where the engine has none.
+    """
+
+    engine: str
+    folder: Path
+    files: tuple[Path, ...]
+    simulation: Simulation
+    packing: Packing
+    command: str
+
+    def __repr__(self) -> str:
+        """Engine, number of grains and files."""
+        return f"Deck({self.packing.count} grains for {self.engine}, {len(self.files)} files in {str(self.folder)!r})"
+
+
+def write_deck(
+    packing: Packing,
+    folder: str | os.PathLike[str],
+    engine: str = "lammps",
+    *,
+    material: Material | Mapping[str, Any] | None = None,
+    clump: int | Clump | None = None,
+    grains: Literal["clump", "polyhedron", "mesh", "level_set"] | None = None,
+    acceleration: float = GRAVITY,
+    time_step: float | None = None,
+    overwrite: bool = False,
+) -> Deck:
+    """Write the input of a DEM or DDA engine for a packing.
+
+    All numbers in the files are in SI units; lengths without a unit are taken as metres. The files state the contact
+    law, the true mass, centroid and inertia of each grain, the walls, gravity, a stable time step, and what is
+    approximated with its error.
+
+    Parameters
+    ----------
+    packing : Packing
+        Grains in their container.
+    folder : path-like
+        Where the files go; it is made if needed. Their names begin with that of the engine, so that decks of several
+        engines may share a folder.
+    engine : str
+        Name of the engine; :func:`voxgran.engines` lists them.
+    material : Material or mapping, optional
+        Contact law and its parameters. Default: ``Material()``.
+    clump : int or Clump, optional
+        Number of spheres, or a fitted clump, in place of each shape that is no sphere. Default: 20 where the engine
+        has no other kind of grain for a shape.
+    grains : {"clump", "polyhedron", "mesh", "level_set"}, optional
+        What grains that are no spheres become. Default: clumps where `clump` is given, else the first of these that the
+        engine has for the shape.
+    acceleration : float
+        Acceleration of gravity, m/s^2, along ``packing.gravity``.
+    time_step : float, optional
+        Time step in s, at most the stable one. Default: the stable one.
+    overwrite : bool
+        Whether files that are there may be replaced.
+
+    Returns
+    -------
+    Deck
+        Files, command line, and the simulation that they describe.
+
+    Raises
+    ------
+    UnknownNameError
+        If the engine or a material parameter is unknown; the message gives the nearest name.
+    InputError
+        If the packing has no grains, the engine cannot hold its grains, container, law or bonds, a material parameter
+        is missing or out of range, the stiffness is too low, or the time step is above the stable one.
+    OutputExistsError
+        If one of the files is there and `overwrite` is false.
+    OutputError
+        If a file cannot be written.
+
+    Warns
+    -----
+    PackingWarning
+        If the weight of the bed presses grains into each other by more than a hundredth of the median diameter.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 3)), "rsa", count=5, unit="mm")
+    >>> deck = vg.write_deck(bed, "run", "lammps", material=vg.Material(density=2500))  # doctest: +SKIP
+    """
+    found = engine_registry().get(engine)
+    simulation, held = described(
+        packing, found, material, clump=clump, grains=grains, acceleration=acceleration, time_step=time_step
+    )
+    place = as_path(folder)
+    if place.exists() and not place.is_dir():
+        raise InputError(
+            f"folder is {str(place)!r}, which is a file: the input of an engine needs a folder; name another"
+        )
+    texts = found.write(simulation)
+    paths = tuple(place / name for name in texts)
+    if not overwrite:
+        refuse_to_replace(*paths)
+    for path, text in zip(paths, texts.values(), strict=True):
+        write_text(path, text)
+    return Deck(engine=engine, folder=place, files=paths, simulation=simulation, packing=held, command=found.command)
+
+
+def described(
+    packing: Packing,
+    engine: Engine,
+    material: Material | Mapping[str, Any] | None,
+    *,
+    clump: int | Clump | None = None,
+    grains: str | None = None,
+    acceleration: float = GRAVITY,
+    time_step: float | None = None,
+) -> tuple[Simulation, Packing]:
+    """Return the simulation of a packing by an engine, and the packing of the grains as that has them.
+
+    Parameters are those of :func:`write_deck`, which writes the files.
+
+    Raises
+    ------
+    InputError
+        As :func:`write_deck`.
+    """
+    check_packing(packing, "packing")
+    law = as_material(material)
+    if not packing.count:
+        raise InputError(f"packing has no grains: input for {engine.title} needs at least one; add grains")
+    _refuse_unheld(packing, engine, law)
+    held, templates = _held(packing, engine, clump, grains)
+    if law.bond_strength is not None and not any(template.kind == "clump" for template in templates):
+        raise InputError("material bond_strength is given, but no grain is a clump: leave it out, or give clump=20")
+    return simulation_of(held, templates, law, acceleration=acceleration, time_step=time_step), held
+
+
+def as_material(value: Any) -> Material:
+    """Return a material, made of a mapping of its parameters or the default one.
+
+    Raises
+    ------
+    UnknownNameError
+        If a parameter is unknown.
+    InputError
+        If it is neither, or a parameter is out of its range.
+    """
+    if value is None:
+        return Material()
+    if isinstance(value, Mapping):
+        return from_mapping(Material, value, "material")
+    check_type(value, Material, "material", "a Material, or a mapping of its parameters")
+    return value
+
+
+def _refuse_unheld(packing: Packing, engine: Engine, material: Material) -> None:
+    """Refuse what an engine does not have."""
+    title = engine.title
+    if packing.dimension == 2 and not engine.planar:
+        raise InputError(
+            f"packing is flat: {title} takes grains in three dimensions; choose an engine such as 'blocks'"
+        )
+    if any(packing.container.periodic) and not engine.periodic:
+        raise InputError(
+            f"container is periodic: input for {title} has walls only; use a container without periodic axes"
+        )
+    if material.law not in engine.laws:
+        raise InputError(
+            f"material law is {material.law!r}: {title} has {' and '.join(map(repr, engine.laws))}; change it"
+        )
+    if material.cohesion and not engine.cohesion:
+        raise InputError(
+            f"material cohesion is {material.cohesion:g}: input for {title} has no surface energy; leave it out"
+        )
+    if material.bond_strength is not None and not engine.bonds:
+        raise InputError(f"material bond_strength is given: input for {title} has no bonds; leave it out")
+    for shape in packing.shapes:
+        shape.refuse_open("bodies of an engine")
+
+
+def _held(packing: Packing, engine: Engine, clump: Any, grains: Any) -> tuple[Packing, tuple[Template, ...]]:
+    """Return the packing as an engine has it, and a template for each shape."""
+    if grains is not None:
+        as_choice(grains, "grains", KINDS)
+        if grains not in engine.kinds:
+            has = ", ".join(repr(kind) for kind in engine.kinds if kind != "sphere")
+            raise InputError(f"grains is {grains!r}: {engine.title} has {has}; choose one of these")
+        if clump is not None and grains != "clump":
+            raise InputError(f"clump and grains={grains!r}: give clump for clumps only; leave one out")
+    if clump is not None and not isinstance(clump, Clump):
+        clump = as_count(clump, "clump", at_least=1)
+    asked = "clump" if clump is not None else grains
+    used = set(packing.shape_id.tolist())
+    kinds = [_kind(shape, engine, asked) if k in used else "sphere" for k, shape in enumerate(packing.shapes)]
+    if "clump" not in engine.kinds and "clump" in kinds:
+        which = packing.shapes[kinds.index("clump")].name
+        raise InputError(f"shape {which!r} is not one that {engine.title} holds: choose another engine")
+    fitted = [k for k, kind in enumerate(kinds) if kind == "clump" and not _is_clump(packing.shapes[k])]
+    if not fitted:
+        return packing, _templates(packing.shapes, kinds)
+    if isinstance(clump, Clump):
+        if len(fitted) > 1:
+            raise InputError(f"clump is a single Clump for {len(fitted)} shapes: use packing.with_clumps([...]) first")
+        given = {"clumps": [clump if k in fitted else None for k in range(len(packing.shapes))]}
+        made = packing.with_clumps(**given)
+    else:
+        made = _with_some_clumps(packing, fitted, clump or USUAL_SPHERES)
+    return made, _templates(made.shapes, kinds, made.provenance.get("clumps"))
+
+
+def _with_some_clumps(packing: Packing, fitted: list[int], count: int) -> Packing:
+    """Return the packing with clumps in place of some of its shapes."""
+    clumps = [fit_clump(shape, max_spheres=count) if k in fitted else None for k, shape in enumerate(packing.shapes)]
+    return packing.with_clumps(clumps)
+
+
+def _is_clump(shape: Shape) -> bool:
+    """Return whether a shape is made of spheres already."""
+    return isinstance(shape.geometry, Spheres)
+
+
+def _kind(shape: Shape, engine: Engine, asked: str | None) -> Kind:
+    """Return what a shape becomes in an engine."""
+    if shape.is_sphere and "sphere" in engine.kinds:
+        return "sphere"
+    if _is_clump(shape) and "clump" in engine.kinds:
+        return "clump"
+    convex = shape.dimension == 3 and is_convex(shape.geometry)
+    for kind in engine.kinds if asked is None else (asked,):
+        if kind in ("clump", "mesh", "level_set") or (kind == "polyhedron" and convex):
+            return kind  # type: ignore[return-value]
+    if asked is not None:
+        raise InputError(f"shape {shape.name!r} is not convex: a polyhedron of {engine.title} is; give grains='clump'")
+    return "clump"
+
+
+def _templates(shapes: tuple[Shape, ...], kinds: list[Kind], errors: Any = None) -> tuple[Template, ...]:
+    """Return a template for each shape."""
+    records = errors if isinstance(errors, list) and len(errors) == len(shapes) else [None] * len(shapes)
+    names = names_of(shapes)
+    return tuple(
+        Template(name, kind, shape, _approximation(name, kind, shape, record))
+        for name, kind, shape, record in zip(names, kinds, shapes, records, strict=True)
+    )
+
+
+def _approximation(name: str, kind: Kind, shape: Shape, record: Any) -> str:
+    """Return what the geometry of an engine leaves out of a shape, as a sentence; empty where it is exact."""
+    if kind == "clump" and record:
+        assert isinstance(shape.geometry, Spheres)
+        errors, count = record["errors"], len(shape.geometry.radii)
+        return (
+            f"{name} is a clump of {count} spheres in place of {record['shape']}: intersection over union "
+            f"{errors['iou']:.4f}, largest distance of the surfaces {errors['surface_max']:.3g} equivalent diameters; "
+            "mass, centroid and inertia are the true ones"
+        )
+    if kind in ("polyhedron", "mesh", "level_set") and shape.tessellation_error > 0:
+        return (
+            f"{name} is a polyhedron in place of {shape.name}: its surface is off by at most "
+            f"{shape.tessellation_error / shape.diameter:.3g} equivalent diameters; mass and inertia are the true ones"
+        )
+    return ""
