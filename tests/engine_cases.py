@@ -1,5 +1,6 @@
 """Packings, programs and checks that the tests of all engines share."""
 
+import dataclasses
 import shutil
 import sys
 from pathlib import Path
@@ -16,11 +17,16 @@ from voxgran.shapes.spheres import Spheres
 ENGINES_VENV = Path(__file__).parents[1] / ".venv-engines"
 
 
+def falling(packing):
+    """Return a packing with gravity downward."""
+    return dataclasses.replace(packing, gravity=(0.0, 0.0, -1.0))
+
+
 def spheres(count=6, *, unit="mm", periodic=False, seed=1):
     """Return a packing of spheres of several diameters."""
     sizes = vg.sizes.uniform(low=0.6, high=1.2)
     box = vg.Box((4, 4, 6), periodic=periodic)
-    return vg.pack(vg.make_shape("sphere"), box, "rsa", count=count, sizes=sizes, seed=seed, unit=unit)
+    return falling(vg.pack(vg.make_shape("sphere"), box, "rsa", count=count, sizes=sizes, seed=seed, unit=unit))
 
 
 def dumbbell():
@@ -34,13 +40,13 @@ def mixed(count=8, *, periodic=False, unit="mm", seed=2, container=None):
     box = container or vg.Box((5, 5, 7), periodic=periodic)
     sizes = vg.sizes.uniform(low=0.6, high=1.0)
     shapes = [vg.make_shape("sphere"), dumbbell()]
-    return vg.pack(shapes, box, "rsa", count=count, sizes=sizes, seed=seed, unit=unit)
+    return falling(vg.pack(shapes, box, "rsa", count=count, sizes=sizes, seed=seed, unit=unit))
 
 
 def rocks(count=4, *, unit="mm", seed=3):
     """Return a packing of convex and other rocks, which no engine of spheres holds as they are."""
     shapes = [vg.make_shape("convex_polyhedron", seed=1), vg.make_shape("solid_union", seed=2)]
-    return vg.pack(shapes, vg.Box((4, 4, 5)), "rsa", count=count, seed=seed, unit=unit)
+    return falling(vg.pack(shapes, vg.Box((4, 4, 5)), "rsa", count=count, seed=seed, unit=unit))
 
 
 def two_spheres(*, radii=(0.5, 0.5), gap=0.1, unit="mm"):

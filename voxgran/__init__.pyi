@@ -14,6 +14,7 @@ from voxgran.containers.rectangle import Rectangle as Rectangle
 from voxgran.containers.sphere import Sphere as Sphere
 from voxgran.decks.engine import engines as engines
 from voxgran.decks.material import Material as Material
+from voxgran.decks.relax import relax as relax
 from voxgran.decks.write import write_deck as write_deck
 from voxgran.deformation.deform import deform as deform
 from voxgran.io.cloud_files import load_cloud as load_cloud

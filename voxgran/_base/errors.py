@@ -89,6 +89,10 @@ class MissingLibraryError(VoxgranError, ImportError):
     """A library, or a system library under it, that cannot be loaded."""
 
 
+class EngineError(VoxgranError, RuntimeError):
+    """A program of an engine that is not installed, or fails."""
+
+
 class TooLargeError(VoxgranError, MemoryError):
     """A request that does not fit in memory."""
 

@@ -23,10 +23,15 @@ from voxgran.packing.model import Packing
 if TYPE_CHECKING:
     from xarray import Dataset
 
+#: time step where none is given, in stable ones: collisions then have the restitution asked for to 0.01
+USUAL_STEP = 0.5
 #: mean kinetic energy of a grain, in m g d of the median grain, below which a bed rests
 REST = 1e-8
-#: how long a script runs at the most, and the time between its outputs, in sqrt(d / g) with the median diameter d
-LONGEST, OUTPUT = 200.0, 1.0
+#: how long a script runs at the most, the time between its outputs, and that from the start, when all grains stand
+#: still, until rest is looked for, in sqrt(d / g) with the median diameter d
+LONGEST = 200.0
+OUTPUT = 1.0
+SETTLING = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +55,10 @@ class Simulation:
         metres and newtons; None where clumps are rigid.
     unit : str
         Unit of lengths of the packing, ``"1"`` where none is known and metres are assumed.
+    rest : float
+        Mean kinetic energy of a grain below which the bed rests, in m g d of the median grain.
+    longest : float
+        Longest time of a run, in sqrt(d / g) with the median diameter d.
     """
 
     bodies: Bodies
@@ -59,6 +68,8 @@ class Simulation:
     time_step: float
     bonds: "Dataset | None" = None
     unit: str = NO_UNIT
+    rest: float = REST
+    longest: float = LONGEST
 
     @cached_property
     def diameter(self) -> float:
@@ -73,7 +84,7 @@ class Simulation:
     @property
     def duration(self) -> float:
         """Longest time that a script runs, s."""
-        return LONGEST * self.time_unit
+        return self.longest * self.time_unit
 
     @property
     def steps_per_output(self) -> int:
@@ -81,10 +92,15 @@ class Simulation:
         return max(1, round(OUTPUT * self.time_unit / self.time_step))
 
     @property
+    def steps(self) -> int:
+        """Most time steps of a run."""
+        return math.ceil(self.duration / self.time_step)
+
+    @property
     def rest_energy(self) -> float:
         """Kinetic energy of all grains, J, below which the bed rests."""
         weight = float(np.median(self.bodies.mass)) * (float(np.linalg.norm(self.gravity)) or GRAVITY)
-        return REST * weight * self.diameter * self.bodies.count
+        return self.rest * weight * self.diameter * self.bodies.count
 
     def header(self, engine: str) -> list[str]:
         """Return the lines that begin each file: content, units, contact law, and what is approximated."""
@@ -128,6 +144,8 @@ def simulation_of(
     *,
     acceleration: float = GRAVITY,
     time_step: float | None = None,
+    rest: float = REST,
+    longest: float = LONGEST,
 ) -> Simulation:
     """Return the simulation of a packing whose shapes are held by these templates, in its own unit of lengths.
 
@@ -151,12 +169,12 @@ def simulation_of(
         diameter=diameter,
         load=_load(metric, float(np.median(bodies.mass)), diameter, acceleration),
     )
-    step = law.stable_step if time_step is None else as_positive(time_step, "time_step")
+    step = USUAL_STEP * law.stable_step if time_step is None else as_positive(time_step, "time_step")
     if step > law.stable_step:
         raise InputError(
             f"time_step is {step:g} s: it must be at most {law.stable_step:.4g} s, which is {law.formula}; leave it out"
         )
-    return Simulation(bodies, Walls.of(metric), law, gravity, step, bonds, unit=packing.unit)
+    return Simulation(bodies, Walls.of(metric), law, gravity, step, bonds, packing.unit, rest, longest)
 
 
 def _bonds(bodies: Bodies, strength: float) -> "Dataset":

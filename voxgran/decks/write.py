@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from voxgran._base.arrays import as_choice, as_count, check_type
+from voxgran._base.arrays import as_choice, as_count, as_positive, check_type
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.files import as_path, refuse_to_replace, write_text
@@ -15,7 +15,7 @@ from voxgran.clumps.model import Clump
 from voxgran.decks.bodies import Kind, Template, names_of
 from voxgran.decks.engine import Engine, engine_registry
 from voxgran.decks.material import GRAVITY, Material
-from voxgran.decks.simulation import Simulation, simulation_of
+from voxgran.decks.simulation import LONGEST, REST, Simulation, simulation_of
 from voxgran.packing.model import Packing, check_packing
 from voxgran.settling.finding.convex_bodies import is_convex
 from voxgran.shapes.model import Shape
@@ -97,7 +97,7 @@ def write_deck(
     acceleration : float
         Acceleration of gravity, m/s^2, along ``packing.gravity``.
     time_step : float, optional
-        Time step in s, at most the stable one. Default: the stable one.
+        Time step in s, at most the stable one. Default: half of that.
     overwrite : bool
         Whether files that are there may be replaced.
 
@@ -156,6 +156,8 @@ def described(
     grains: str | None = None,
     acceleration: float = GRAVITY,
     time_step: float | None = None,
+    rest: float = REST,
+    longest: float = LONGEST,
 ) -> tuple[Simulation, Packing]:
     """Return the simulation of a packing by an engine, and the packing of the grains as that has them.
 
@@ -174,7 +176,16 @@ def described(
     held, templates = _held(packing, engine, clump, grains)
     if law.bond_strength is not None and not any(template.kind == "clump" for template in templates):
         raise InputError("material bond_strength is given, but no grain is a clump: leave it out, or give clump=20")
-    return simulation_of(held, templates, law, acceleration=acceleration, time_step=time_step), held
+    made = simulation_of(
+        held,
+        templates,
+        law,
+        acceleration=as_positive(acceleration, "acceleration"),
+        time_step=time_step,
+        rest=rest,
+        longest=longest,
+    )
+    return made, held
 
 
 def as_material(value: Any) -> Material:

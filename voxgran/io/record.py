@@ -20,6 +20,7 @@ from voxgran._base.guarded import reason_of
 from voxgran._base.units import known_unit
 from voxgran.contacts.assembly import Lid
 from voxgran.contacts.forces import ContactForces
+from voxgran.contacts.relaxation import Relaxation
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.make import make_container
 from voxgran.containers.model import boundary_of
@@ -99,6 +100,8 @@ def to_record(packing: Packing) -> Record:
         "provenance": _json(packing.provenance, "provenance"),
         "asked_sizes": _json(None if packing.asked_sizes is None else packing.asked_sizes.to_mapping(), "asked_sizes"),
     }
+    if packing.relaxation is not None:
+        texts["relaxation"] = _json(packing.relaxation.to_mapping(), "relaxation")
     return Record(packing.position, per_grain, arrays, texts)
 
 
@@ -165,7 +168,14 @@ def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
         "asked_sizes": None if sizes is None else make_sizes(sizes),
         "lid": _lid(record),
         "forces": _forces(record),
+        "relaxation": _relaxation(record),
     }
+
+
+def _relaxation(record: Record) -> Relaxation | None:
+    """Return what an engine has changed; None where none has."""
+    told = json.loads(record.texts.get("relaxation", "null"))
+    return None if told is None else Relaxation(**told)
 
 
 def _lid(record: Record) -> Lid | None:

@@ -1,6 +1,6 @@
 """Grains as a sequence: what Python users expect of something that holds many things, and tables and meshes of it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Self, overload
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import GrainIndexError, InputError, shown
 from voxgran._base.lazy import load
+from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.surfaces import merged_surfaces
@@ -19,6 +20,16 @@ from voxgran.shapes.spheres import Spheres
 
 if TYPE_CHECKING:
     from xarray import Dataset
+
+
+#: how packings become alike in what they must share for a sum
+_REMEDIES = {
+    "unit": "convert one with to_unit",
+    "container": "make one anew in the container of the other with Packing.of",
+    "density": "give one the density of the other with dataclasses.replace",
+    "gravity": "give one the gravity of the other with dataclasses.replace",
+    "lid": "give one the lid of the other with dataclasses.replace",
+}
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -250,3 +261,27 @@ class GrainSequence(Assembly):
         made = load("pandas").DataFrame(columns)
         made.index.name = "grain"
         return made
+
+
+def refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:
+    """Refuse two packings that differ in what `Packing._frame` returns of them.
+
+    Raises
+    ------
+    InputError
+        If they differ; the message says in what, and what to do.
+    """
+    for name, value in mine.items():
+        one, other, what, remedy = value, its[name], name, _REMEDIES[name]
+        if one == other:
+            continue
+        if name == "unit" and NO_UNIT in (one, other):
+            remedy = "state the unknown one with dataclasses.replace"
+        if name == "container":
+            keys = [key for key in {**one, **other} if one.get(key) != other.get(key)]
+            one, other = ({key: box[key] for key in keys if key in box} for box in (one, other))
+            what = f"container ({', '.join(keys)})"
+        raise InputError(
+            f"{what} of the packings is {shown(one)} and {shown(other)}: grains are put together in one container, "
+            f"unit and material; {remedy}"
+        )

@@ -12,18 +12,18 @@ from numpy.typing import ArrayLike
 
 from voxgran._base import public
 from voxgran._base.arrays import Integers, as_choice, as_number, as_positive, check_type
-from voxgran._base.errors import InputError, shown
-from voxgran._base.units import NO_UNIT, as_unit, unit_factor
+from voxgran._base.units import as_unit, unit_factor
 from voxgran.clumps.model import Clump
 from voxgran.clumps.stand_in import as_clumps
 from voxgran.contacts.assembly import checked_arrays
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.forces import ContactForces, check_forces
 from voxgran.contacts.model import Contacts
+from voxgran.contacts.relaxation import Relaxation
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
-from voxgran.packing.grains import GrainSequence
+from voxgran.packing.grains import GrainSequence, refuse_unlike
 from voxgran.packing.gravity import Down, as_down
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws import SizeDistribution
@@ -36,14 +36,6 @@ if TYPE_CHECKING:
 STOP_REASONS = ("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted")
 #: reasons that hold for all grains of a packing together
 _OF_THE_WHOLE = ("saturated", "full")
-#: how packings become alike in what they must share for a sum
-_REMEDIES = {
-    "unit": "convert one with to_unit",
-    "container": "make one anew in the container of the other with Packing.of",
-    "density": "give one the density of the other with dataclasses.replace",
-    "gravity": "give one the gravity of the other with dataclasses.replace",
-    "lid": "give one the lid of the other with dataclasses.replace",
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +67,8 @@ class Packing(GrainSequence):
         Forces at the contacts, with the residual of each grain; None where they are not known. They hold for the grains
         as they are: a packing of some of the grains, a sum of packings, and grains that grow have none. Where you give
         other poses or another gravity with ``dataclasses.replace``, give ``forces=None, stop_reason="count"`` too.
+    relaxation : Relaxation or None
+        What an engine changed that brought these grains to rest, as of :func:`voxgran.relax`; None for others.
     """
 
     density: float = 1.0
@@ -85,6 +79,7 @@ class Packing(GrainSequence):
     contact_gap: float = 0.0
     asked_sizes: SizeDistribution | None = None
     forces: ContactForces | None = None
+    relaxation: Relaxation | None = None
 
     def __post_init__(self) -> None:
         """Make arrays read-only and check that the forces are those of the grains.
@@ -220,7 +215,7 @@ class Packing(GrainSequence):
         reason = self.stop_reason if np.array_equal(np.sort(kept), every) else "count"
         forces = self.forces if np.array_equal(kept, every) else None
         some = GrainSequence._chosen(replace(self, forces=None), kept)
-        return replace(some, provenance=record, stop_reason=reason, asked_sizes=None, forces=forces)
+        return replace(some, provenance=record, stop_reason=reason, asked_sizes=None, forces=forces, relaxation=None)
 
     def with_clumps(self, clumps: Clump | Sequence[Clump | None] | None = None, **fitting: Any) -> "Packing":
         """Return the same grains at the same poses as clumps with the mass properties of their true shapes.
@@ -245,7 +240,8 @@ class Packing(GrainSequence):
             return self
         reason = "count" if self.stop_reason in (*_OF_THE_WHOLE, "settled") else self.stop_reason
         record = {**deepcopy(self.provenance), "clumps": errors}
-        return replace(self, shapes=shapes, provenance=record, stop_reason=reason, contact_gap=0.0, forces=None)
+        bare = replace(self, contact_gap=0.0, forces=None, relaxation=None)
+        return replace(bare, shapes=shapes, provenance=record, stop_reason=reason)
 
     def __add__(self, other: "Packing") -> "Packing":
         """Return the packing of the grains of both; nothing is moved, so that they may overlap.
@@ -257,7 +253,7 @@ class Packing(GrainSequence):
         """
         if not isinstance(other, Packing):
             return NotImplemented
-        _refuse_unlike(self._frame(), other._frame())
+        refuse_unlike(self._frame(), other._frame())
         shapes, *ids = self._common_shapes(other)
         kept = self.stop_reason == other.stop_reason and self.stop_reason not in _OF_THE_WHOLE
         return replace(
@@ -272,6 +268,7 @@ class Packing(GrainSequence):
             contact_gap=max(self.contact_gap, other.contact_gap),
             asked_sizes=None,
             forces=None,
+            relaxation=None,
         )
 
     def _common_shapes(self, other: "Packing") -> tuple[tuple[Shape, ...], Integers, Integers]:
@@ -412,30 +409,6 @@ class Packing(GrainSequence):
         forces = self.forces if self.count else None
         rest = "" if forces is None else f", {100 * forces.share_at_rest:.1f} % at rest"
         return f"Packing({self.count} grains, solid_fraction={self.solid_fraction:.4f}, {self.stop_reason}{rest})"
-
-
-def _refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:
-    """Refuse two packings that differ in what `Packing._frame` returns of them.
-
-    Raises
-    ------
-    InputError
-        If they differ; the message says in what, and what to do.
-    """
-    for name, value in mine.items():
-        one, other, what, remedy = value, its[name], name, _REMEDIES[name]
-        if one == other:
-            continue
-        if name == "unit" and NO_UNIT in (one, other):
-            remedy = "state the unknown one with dataclasses.replace"
-        if name == "container":
-            keys = [key for key in {**one, **other} if one.get(key) != other.get(key)]
-            one, other = ({key: box[key] for key in keys if key in box} for box in (one, other))
-            what = f"container ({', '.join(keys)})"
-        raise InputError(
-            f"{what} of the packings is {shown(one)} and {shown(other)}: grains are put together in one container, "
-            f"unit and material; {remedy}"
-        )
 
 
 def check_packing(packing: Any, name: str) -> None:

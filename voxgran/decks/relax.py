@@ -1,0 +1,341 @@
+"""`relax`: a packing brought to rest by an engine, with the history of the run."""
+
+import logging
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers, as_positive
+from voxgran._base.cells import near_pairs
+from voxgran._base.errors import EngineError, InputError
+from voxgran._base.files import as_path, write_text
+from voxgran._base.lazy import load
+from voxgran._base.progress import OnStep, Step
+from voxgran._base.rotation import quaternions_of
+from voxgran._base.units import NO_UNIT, unit_factor
+from voxgran.clumps.model import Clump
+from voxgran.contacts.relaxation import Relaxation
+from voxgran.decks.engine import Engine, Frame, engine_registry
+from voxgran.decks.material import GRAVITY, Material
+from voxgran.decks.simulation import LONGEST, REST, Simulation
+from voxgran.decks.walls import Walls
+from voxgran.decks.write import described
+from voxgran.io.files import save
+from voxgran.measures.region import HELD, Regions
+from voxgran.measures.registered.density import INSET
+from voxgran.packing.model import Packing
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+log = logging.getLogger(__name__)
+
+#: gap up to which grains touch where the packing does not say, in median diameters: twice the overlap under the weight
+#: of the bed for which the usual stiffness is chosen
+TOUCHING = 2e-3
+#: contacts that a grain needs so that it is no rattler, with friction and without
+FEWEST_CONTACTS, FEWEST_FRICTIONLESS = 2, 4
+
+
+def relax(
+    packing: Packing,
+    engine: str = "lammps",
+    *,
+    material: Material | Mapping[str, Any] | None = None,
+    clump: int | Clump | None = None,
+    acceleration: float = GRAVITY,
+    time_step: float | None = None,
+    until: float = REST,
+    longest: float = LONGEST,
+    folder: str | os.PathLike[str] | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    on_step: OnStep | None = None,
+) -> tuple[Packing, "Dataset"]:
+    """Bring a packing to rest in an engine, and tell how far from rest it was.
+
+    The grains start at rest, without velocity, and move under gravity until their kinetic energy is dissipated.
+
+    Parameters
+    ----------
+    packing : Packing
+        Grains in their container, with gravity.
+    engine : str
+        Engine that voxgran can run, such as ``"lammps"``.
+    material : Material or mapping, optional
+        Contact law and its parameters. Default: ``Material()``.
+    clump : int or Clump, optional
+        Number of spheres, or a fitted clump, in place of each shape that is no sphere. Default: 20.
+    acceleration : float
+        Acceleration of gravity, m/s^2.
+    time_step : float, optional
+        Time step in s. Default: the stable one, of which :func:`voxgran.write_deck` takes half.
+    until : float
+        Mean kinetic energy of a grain below which the bed rests, in m g d of the grain of median mass m and diameter d.
+    longest : float
+        Longest time of the run, in sqrt(d / g).
+    folder : path-like, optional
+        Where the files of the engine stay. Default: a temporary folder, which stays where the engine fails.
+    checkpoint : path-like, optional
+        File with suffix ``.vtp`` for the last state, written where the run is interrupted; relax it to go on.
+    on_step : callable, optional
+        Called with each :class:`Step` of the run.
+
+    Returns
+    -------
+    Packing
+        The grains as the engine has them, with clumps in place of shapes that it cannot hold. Its stop reason is
+        ``"settled"`` where the bed rests, else ``"steps"``. Grains of an engine overlap by their elastic deformation.
+    xarray.Dataset
+        Along ``time``, in s: ``kinetic_energy`` (mean of a grain, in m g d), ``mean_sinking`` and
+        ``largest_displacement`` (median diameters), ``coordination_number``, ``share_of_rattlers`` (grains that touch
+        fewer than 2 grains and walls, without friction fewer than 4), and ``solid_fraction`` (of the space below the
+        height that holds 85 % of the volume of the grains). Attributes: ``sinking`` of the bulk,
+        ``change_of_coordination``, ``rests`` (1 or 0), ``touching_gap`` (median diameters), ``time_step``.
+
+    Raises
+    ------
+    UnknownNameError
+        If the engine or a material parameter is unknown; the message gives the nearest name.
+    InputError
+        If there is no gravity, the engine cannot be run by voxgran, or as :func:`voxgran.write_deck`.
+    EngineError
+        If the engine is not installed, with the line that installs it, or fails, with its last lines.
+    Interrupted
+        On SIGTERM at the prompt; on SIGINT a KeyboardInterrupt; the last state is in the checkpoint.
+
+    See Also
+    --------
+    voxgran.equilibrium : proves rest of the true shapes without an engine.
+    voxgran.settle : brings true shapes to rest without overlap.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.make_shape("sphere"), vg.Box((5, 5, 5)), "gravity", count=100)
+    >>> rested, history = vg.relax(bed)  # doctest: +SKIP
+    """
+    found = engine_registry().get(engine)
+    if found.run is None:
+        able = [name for name in engine_registry().names() if engine_registry().get(name).run is not None]
+        raise InputError(f"engine is {engine!r}: voxgran runs {', '.join(map(repr, able))} only; choose one of these")
+    simulation, held = described(
+        packing,
+        found,
+        material,
+        clump=clump,
+        acceleration=acceleration,
+        time_step=time_step,
+        rest=as_positive(until, "until"),
+        longest=as_positive(longest, "longest"),
+    )
+    if packing.gravity is None:
+        raise InputError("packing.gravity is None: grains relax under gravity; give it with dataclasses.replace")
+    if time_step is None:
+        simulation = replace(simulation, time_step=simulation.law.stable_step)
+    place = Path(tempfile.mkdtemp(prefix="voxgran_")) if folder is None else as_path(folder)
+    for name, text in found.write(simulation).items():
+        write_text(place / name, text)
+    history = _History(simulation, held, packing.contact_gap)
+    try:
+        _follow(found, place, simulation, history, on_step)
+    except KeyboardInterrupt:
+        if checkpoint is not None and history.frames:
+            save(history.packing(engine), checkpoint, overwrite=True)
+        raise
+    if not history.frames:
+        raise EngineError(f"{found.title} has written no state: its output is in {place}")
+    if folder is None:
+        load("shutil").rmtree(place, ignore_errors=True)
+    return history.packing(engine), history.dataset(engine)
+
+
+def _follow(engine: Engine, folder: Path, simulation: Simulation, history: "_History", on_step: OnStep | None) -> None:
+    """Run an engine in a folder and take down its states."""
+    assert engine.run is not None
+    duration = simulation.duration
+    for frame in engine.run(folder, simulation):
+        history.add(frame)
+        if on_step is not None:
+            text = (
+                f"energy {history.rows[-1]['kinetic_energy']:.1e} m g d, sunk {history.rows[-1]['mean_sinking']:.3f} d"
+            )
+            done = round(1000 * frame.time / duration)
+            on_step(Step(stage=f"relaxing in {engine.title}", done=min(done, 1000), total=1000, text=text))
+
+
+@dataclass
+class _History:
+    """What is known of the states of a run."""
+
+    simulation: Simulation
+    held: Packing
+    contact_gap: float  # of the packing, in its unit of lengths
+    rows: list[dict[str, float]] = field(default_factory=list)
+    frames: list[Frame] = field(default_factory=list)  # the first and the last one
+
+    def add(self, frame: Frame) -> None:
+        """Take down a state."""
+        self.frames = [*self.frames[:1], frame]
+        simulation, bodies = self.simulation, self.simulation.bodies
+        moved = (frame.position - bodies.assembly.position) / simulation.diameter
+        degree, touching = self._contacts(frame)
+        few = FEWEST_CONTACTS if simulation.law.friction else FEWEST_FRICTIONLESS
+        self.rows.append(
+            {
+                "time": frame.time,
+                "kinetic_energy": frame.kinetic_energy * simulation.rest / simulation.rest_energy,
+                "mean_sinking": float((moved @ self._down).mean()),
+                "largest_displacement": float(np.linalg.norm(moved, axis=1).max()),
+                "coordination_number": float(degree.mean()),
+                "share_of_rattlers": float((degree + touching < few).mean()),
+                "solid_fraction": _slab_fraction(simulation, frame.position),
+            }
+        )
+        log.info("t = %.4g s: %s", frame.time, self.rows[-1])
+
+    @property
+    def _down(self) -> Floats:
+        """Unit vector of gravity."""
+        return self.simulation.gravity / np.linalg.norm(self.simulation.gravity)
+
+    @property
+    def gap(self) -> float:
+        """Gap up to which grains touch, m."""
+        factor = 1.0 if self.held.unit == NO_UNIT else unit_factor(self.held.unit, "m")
+        return max(TOUCHING * self.simulation.diameter, self.contact_gap * factor)
+
+    def _contacts(self, frame: Frame) -> tuple[Integers, Integers]:
+        """Return how many other grains and how many walls each grain touches, (n,)."""
+        bodies, walls = self.simulation.bodies, self.simulation.walls
+        centers, radii, grain = bodies.spheres
+        arms = centers - bodies.assembly.position[grain]
+        now = frame.position[grain] + np.einsum("sij,sj->si", frame.matrices[grain], arms)
+        low, high = walls.bounds
+        i, j, _ = near_pairs(now, radii, self.gap, lower=low, lengths=high - low, periodic=walls.periodic)
+        a, b = np.minimum(grain[i], grain[j]), np.maximum(grain[i], grain[j])
+        pairs = np.unique((a * bodies.count + b)[a != b])
+        ends = np.concatenate([pairs // bodies.count, pairs % bodies.count])
+        degree = np.bincount(ends, minlength=bodies.count)
+        touching = np.zeros(bodies.count, dtype=np.int64)
+        for distance in _wall_distances(walls, now):
+            touching[np.unique(grain[distance - radii <= self.gap])] += 1
+        return degree, touching
+
+    @property
+    def rests(self) -> bool:
+        """Whether the bed rests at the last state."""
+        return len(self.rows) > 1 and self.rows[-1]["kinetic_energy"] < self.simulation.rest
+
+    def relaxation(self, engine: str) -> Relaxation:
+        """Return what the run has changed."""
+        first, last = self.frames[0], self.frames[-1]
+        inset = INSET * float(np.median(self.held.diameters))
+        bulk = Regions(self.held).at(inset).grains(self.held)
+        mine = bulk if bulk.any() else np.ones(self.held.count, dtype=np.bool_)
+        sunk = ((last.position - first.position)[mine] @ self._down).mean() / self.simulation.diameter
+        return Relaxation(
+            engine=engine,
+            sinking=float(sunk),
+            largest_displacement=self.rows[-1]["largest_displacement"],
+            coordination_before=self.rows[0]["coordination_number"],
+            coordination_after=self.rows[-1]["coordination_number"],
+            duration=last.time / self.simulation.time_unit,
+        )
+
+    def packing(self, engine: str) -> Packing:
+        """Return the grains at the last state, in the unit of the packing."""
+        held, last = self.held, self.frames[-1]
+        factor = 1.0 if held.unit == NO_UNIT else unit_factor("m", held.unit)
+        low, high = held.container.bounds
+        wraps = np.array(held.container.periodic)
+        position = last.position * factor
+        length = np.where(wraps, high - low, 1.0)
+        position -= np.where(wraps, np.floor((position - low) / length), 0.0) * length
+        told = {"engine": engine, "time_step": self.simulation.time_step, "rests": self.rests}
+        return replace(
+            held,
+            position=position,
+            orientation=quaternions_of(last.matrices @ held.matrices),
+            stop_reason="settled" if self.rests else "steps",
+            provenance={**held.provenance, "relaxed": told},
+            contact_gap=self.gap * factor,
+            forces=None,
+            relaxation=self.relaxation(engine),
+        )
+
+    def dataset(self, engine: str) -> "Dataset":
+        """Return the history."""
+        told = {
+            "kinetic_energy": "mean kinetic energy of a grain, in m g d of the median grain",
+            "mean_sinking": "mean displacement along gravity, in median diameters",
+            "largest_displacement": "largest displacement of a grain, in median diameters",
+            "coordination_number": "mean number of grains that a grain touches",
+            "share_of_rattlers": "share of grains that touch too few grains and walls to bear a load",
+            "solid_fraction": "solid fraction below the height that holds 85 % of the volume of the grains",
+        }
+        rows = {
+            name: (("time",), np.array([row[name] for row in self.rows]), {"units": "1", "long_name": text})
+            for name, text in told.items()
+        }
+        time = (("time",), np.array([row["time"] for row in self.rows]), {"units": "s", "long_name": "time"})
+        changed = self.relaxation(engine)
+        about = {
+            "engine": engine,
+            "rests": int(self.rests),
+            "sinking": changed.sinking,
+            "change_of_coordination": changed.coordination_after - changed.coordination_before,
+            "touching_gap": self.gap / self.simulation.diameter,
+            "time_step": self.simulation.time_step,
+        }
+        made: Dataset = load("xarray").Dataset(rows, coords={"time": time}, attrs=about)
+        return made
+
+
+def _wall_distances(walls: Walls, points: Floats) -> list[Floats]:
+    """Return the distances of points from each plane and round wall, positive within."""
+    found = [(points[:, plane.axis] - plane.level) * plane.inward for plane in walls.planes]
+    if walls.round is not None:
+        flat = slice(0, 2) if walls.round.kind == "cylinder" else slice(0, 3)
+        found.append(walls.round.radius - np.linalg.norm((points - walls.round.center)[:, flat], axis=1))
+    return found
+
+
+def _slab_fraction(simulation: Simulation, position: Floats) -> float:
+    """Return the solid fraction between the bulk's distance from the bottom and the height that holds 85 % of the
+    volume, where each grain counts as a sphere of its volume; NaN where the cross-section is not the same everywhere.
+    """
+    walls, bodies = simulation.walls, simulation.bodies
+    axis = int(np.abs(simulation.gravity).argmax())
+    others = [k for k in range(3) if k != axis]
+    span = walls.bounds[1] - walls.bounds[0]
+    upright = np.count_nonzero(simulation.gravity) == 1 and not walls.periodic[axis]
+    if (
+        not upright
+        or walls.mesh is not None
+        or (walls.round is not None and (walls.round.kind == "sphere" or axis != 2))
+    ):
+        return math.nan
+    area = float(np.prod(span[others])) if walls.round is None else math.pi * walls.round.radius**2
+    sign = -float(np.sign(simulation.gravity[axis]))
+    height = sign * (position[:, axis] - walls.bounds[0 if sign > 0 else 1, axis])
+    radius = bodies.assembly.diameters / 2
+    order = np.argsort(height)
+    below = np.cumsum(bodies.assembly.volumes[order])
+    top = float(height[order][np.searchsorted(below, HELD * below[-1])])
+    bottom = INSET * simulation.diameter
+    if top <= bottom:
+        return math.nan
+    inside = _below(top - height, radius) - _below(bottom - height, radius)
+    return float(inside.sum()) / (area * (top - bottom))
+
+
+def _below(level: Floats, radius: Floats) -> Floats:
+    """Return the volumes of spheres below a level above their centers."""
+    depth = np.clip(level + radius, 0.0, 2 * radius)
+    return np.asarray(math.pi * depth**2 * (radius - depth / 3))
