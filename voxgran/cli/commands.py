@@ -78,6 +78,27 @@ def equilibrium(options: argparse.Namespace) -> int:
     return settling.equilibrium(options, _packing(options))
 
 
+def export(options: argparse.Namespace) -> None:
+    """Write the input of an engine for a packing."""
+    from voxgran.cli import decks
+
+    decks.export(options, _packing(options))
+
+
+def relax(options: argparse.Namespace) -> int:
+    """Relax a packing in an engine; exit status 1 where it does not come to rest."""
+    from voxgran.cli import decks
+
+    return decks.relax(options, _packing(options))
+
+
+def engines(options: argparse.Namespace) -> None:
+    """List the engines that input can be written for."""
+    from voxgran.cli import decks
+
+    decks.engines(options)
+
+
 def _fields(source: Any, *names: str) -> dict[str, Any]:
     """Return attributes by their names."""
     return {name: getattr(source, name) for name in names}
@@ -318,6 +339,9 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "repair": ("mend a mesh file and say what was done", repair),
     "cloud": ("make a closed surface of a scanned point cloud", cloud),
     "clump": ("fit a clump of spheres to a mesh file", clump),
+    "export": ("write the input of a DEM or DDA engine for a packing", export),
+    "relax": ("bring a packing to rest in an engine, and say how far from rest it was", relax),
+    "engines": ("list the engines that input can be written for", engines),
     "methods": ("list methods, families and measures with their parameters", methods),
     "bench": ("measure run time against error", bench),
     "doctor": ("say what this machine has and what is missing", doctor),

@@ -92,13 +92,20 @@ def _end_softly() -> None:
 
 
 def _say_how_to_go_on(options: argparse.Namespace, words: Sequence[str]) -> None:
-    """Name the command that goes on, where `run` or `settle` has left a checkpoint, or `run` some of its seeds."""
+    """Name the command that goes on, where `run`, `settle` or `relax` has left a state to go on from."""
     command = getattr(options, "command", "")
     if command == "settle":
         from voxgran.cli.settling import checkpoint_of
 
         if checkpoint_of(options).exists():
             complain(f"to go on: voxgran {_resumed(words)}")
+    if command == "relax":
+        from voxgran.cli import decks
+
+        state = decks.checkpoint_of(options)
+        if state.exists():
+            kept = [str(state) if word == options.file else word for word in words]
+            complain(f"to go on from the last state: voxgran {shlex.join(kept)}")
     if command != "run":
         return
     from voxgran.scene.run import CHECKPOINT, SUMMARY

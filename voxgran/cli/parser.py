@@ -16,6 +16,9 @@ from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.lazy import load
 from voxgran._base.registry import unknown
+from voxgran.decks.material import Material
+from voxgran.decks.simulation import LONGEST, REST
+from voxgran.decks.write import KINDS
 from voxgran.settling.parameters import Settling
 
 
@@ -79,6 +82,12 @@ PACKING: tuple[Flag, ...] = (
     _flag("file", help="a saved packing, or spheres of another program: text, CSV, LAMMPS, VTK points"),
     _flag("--periodic", help="axes along which the box of such spheres is periodic, such as xy"),
     _flag("--unit", help="unit of lengths of such spheres"),
+)
+#: engine, and what a simulation needs beside its material
+ENGINE = _flag("--engine", default="lammps", help="engine; 'voxgran engines' lists them")
+DECK: tuple[Flag, ...] = (
+    _flag("--clump", type=int, help="spheres of a clump in place of each shape that is no sphere"),
+    _flag("--time-step", type=float, help="time step in s; default: by the contact law"),
 )
 TARGETS = ("iou", "volume", "inertia", "surface")
 COLOR_BY = ("diameter", "shape", "coordination", "distance", "force")
@@ -183,6 +192,23 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("-o", "--output", help="file for the spheres: .csv (x,y,z,r), .txt (YADE) or .mol (LAMMPS molecule)"),
         _flag("--picture", help="PNG file: the shape beside its clump, coloured by the distance from the true surface"),
     ),
+    "export": (
+        *PACKING,
+        ENGINE,
+        _flag("-o", "--output", required=True, help="folder for the files"),
+        _flag("--grains", choices=KINDS, help="what grains that are no spheres become; default: what the engine has"),
+        *DECK,
+    ),
+    "relax": (
+        *PACKING,
+        ENGINE,
+        _flag("-o", "--output", required=True, help="file for the relaxed packing: .vtp"),
+        _flag("--history", help="netCDF file for the course of the run"),
+        _flag("--folder", help="folder where the files of the engine stay"),
+        _flag("--until", type=float, default=REST, help="mean kinetic energy of a grain at rest, in m g d"),
+        _flag("--longest", type=float, default=LONGEST, help="longest time in the engine, in sqrt(d / g)"),
+        *DECK,
+    ),
     "methods": (_flag("name", nargs="?", help="one method, family or measure; default: all of them"),),
     "bench": (_flag("name", help="trade-off"), _flag("-o", "--output", default="bench", help="folder")),
     "doctor": (_flag("--warm", action="store_true", help="compile the kernels of usual scenes, which takes minutes"),),
@@ -207,6 +233,10 @@ EXAMPLES: dict[str, str] = {
     "cloud": "voxgran cloud scan.ply --outliers 2 -o rock.stl",
     "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv --picture rock.png\n"
     "  voxgran clump rock.stl --target iou --value 0.95 --mode balanced -o rock.mol",
+    "export": "voxgran export bed.vtp --engine lammps -o run\n"
+    "  voxgran export bed.vtp --engine yade --clump 50 --density 2650 --friction 0.4 -o run",
+    "relax": "voxgran relax bed.vtp -o rested.vtp --history rested.nc",
+    "engines": "voxgran engines",
     "methods": "voxgran methods\n  voxgran methods digital",
     "bench": "voxgran bench voxelize -o figures",
     "doctor": "voxgran doctor\n  voxgran doctor --warm",
@@ -251,6 +281,8 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
             _add_family(sub, named)
         if name == "settle":
             _add_parameters(sub, Settling)
+        if name in ("export", "relax"):
+            _add_parameters(sub, Material)
         if name == "clump" and named[:1] == ["clump"]:
             _add_parameters(sub, _clump_parameters(words))
         sub.add_argument("--json", action="store_true", help="print JSON")

@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, as_positive
 from voxgran._base.cells import near_pairs
 from voxgran._base.errors import EngineError, InputError
-from voxgran._base.files import as_path, write_text
+from voxgran._base.files import as_path, write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.rotation import quaternions_of
@@ -153,6 +153,29 @@ def relax(
     if folder is None:
         load("shutil").rmtree(place, ignore_errors=True)
     return history.packing(engine), history.dataset(engine)
+
+
+def save_history(history: "Dataset", path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+    """Write the course of a run as netCDF.
+
+    Parameters
+    ----------
+    history : xarray.Dataset
+        As :func:`relax` returns it.
+    path : path-like
+        File with the suffix ``.nc``.
+    overwrite : bool
+        Whether a file that is there may be replaced.
+
+    Raises
+    ------
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    OutputError
+        If it cannot be written.
+    """
+    with written_whole(path, overwrite=overwrite) as draft:
+        history.to_netcdf(draft, engine="netcdf4")
 
 
 def _follow(engine: Engine, folder: Path, simulation: Simulation, history: "_History", on_step: OnStep | None) -> None:

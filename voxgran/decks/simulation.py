@@ -12,6 +12,7 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.arrays import Floats, as_positive
+from voxgran._base.cells import near_pairs
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
@@ -80,6 +81,18 @@ class Simulation:
     def time_unit(self) -> float:
         """Time in which a grain falls by half a median diameter, sqrt(d / g), s; without gravity that on Earth."""
         return math.sqrt(self.diameter / (float(np.linalg.norm(self.gravity)) or GRAVITY))
+
+    @cached_property
+    def overlap(self) -> float:
+        """Deepest overlap of spheres of different grains, m; 0 where there is none."""
+        (centers, radii, grain), walls = self.bodies.spheres, self.walls
+        if not len(radii):
+            return 0.0
+        low, span = walls.bounds[0], walls.bounds[1] - walls.bounds[0]
+        i, j, image = near_pairs(centers, radii, 0.0, lower=low, lengths=span, periodic=walls.periodic)
+        apart = np.linalg.norm(centers[j] + image * span - centers[i], axis=1)
+        depth = (radii[i] + radii[j] - apart)[grain[i] != grain[j]]
+        return max(0.0, float(depth.max(initial=0.0)))
 
     @property
     def duration(self) -> float:

@@ -30,6 +30,9 @@ POLL = 0.1
 SPHERE, CLUMP = 1, 2
 #: room between the walls and the bounds of the box, in median diameters, so that no atom is lost
 MARGIN = 2.0
+#: overlap from which grains are parted under drag at the start, in median diameters; how long; time in which drag stops
+#: a grain, in sqrt(d / g); and the largest share of the velocity of a grain that it takes in one time step
+DEEPEST, UNLOADING, DRAG_TIME, STABLE_DRAG = 5e-3, 1.0, 0.01, 0.2
 #: most planes of a convex container
 MOST_PLANES = 200
 #: names of files
@@ -204,6 +207,7 @@ def _script(simulation: Simulation) -> str:
         *_energy(spheres, clumps),
         f"timestep {simulation.time_step!r}",
         *_outputs(simulation, spheres, clumps),
+        *_unloading(simulation),
         *_until_rest(simulation),
     ]
     return _comments(simulation) + "\n".join(lines) + "\n"
@@ -260,6 +264,22 @@ def _outputs(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
         lines.append('dump_modify clumps format line "%.0f' + " %.17g" * (len(POSE) - 1) + '"')
     lines.append(f"restart {20 * every} lammps_a.restart lammps_b.restart")
     return lines
+
+
+def _unloading(simulation: Simulation) -> list[str]:
+    """Return the commands that part grains which overlap at the start, by drag that lets them gather no speed."""
+    if simulation.overlap <= DEEPEST * simulation.diameter:
+        return []
+    bodies, every = simulation.bodies, simulation.steps_per_output
+    members = max(len(template.spheres[1]) for template in bodies.templates)
+    drag = float(np.median(bodies.mass)) / (DRAG_TIME * simulation.time_unit)
+    most = STABLE_DRAG * float(bodies.mass.min()) / simulation.time_step
+    return [
+        f"# spheres overlap by {simulation.overlap!r} m at the start: they are parted under drag",
+        f"fix drag all viscous {min(drag, most) / members!r}",
+        f"run {math.ceil(UNLOADING * simulation.time_unit / simulation.time_step / every) * every}",
+        "unfix drag",
+    ]
 
 
 def _until_rest(simulation: Simulation) -> list[str]:
