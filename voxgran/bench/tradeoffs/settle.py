@@ -199,9 +199,9 @@ def measure_peers(size: float | None = None) -> list[Row]:
     return rows
 
 
-def falling_grains(case: Case, count: int) -> Packing:
-    """Return grains apart from each other in a tall box, from which all programs start."""
-    height = 3.0 + count * np.pi / 6.0 / (LOOSE * case.width**2)
+def falling_grains(case: Case, count: int, loose: float = LOOSE) -> Packing:
+    """Return grains apart from each other in a tall box, from which all programs start, at the solid fraction `loose`."""
+    height = 3.0 + count * np.pi / 6.0 / (loose * case.width**2)
     box = Box((case.width, case.width, height), periodic="" if case.walls else "xy")
     start = pack(case.shapes(), box, method="rsa", count=count, seed=1)
     return replace(start, gravity=(0.0, 0.0, -1.0))

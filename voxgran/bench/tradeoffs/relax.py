@@ -1,0 +1,217 @@
+"""Distance from equilibrium: packings relaxed in LAMMPS beside grains poured there, and what equilibrium has proven.
+
+The first table compares two ways to a bed at rest: the method ``gravity`` with :func:`voxgran.relax` after it, and the
+same grains that fall from a loose random packing in the engine alone. Both end by the same rest criterion. The second
+compares the share of grains that :func:`voxgran.equilibrium` proves to rest with the sinking that the engine then
+finds, for beds at rest, beds of a voxel walk, and random additions. Seconds are those of the processor, without
+compilation. LAMMPS must be installed.
+"""
+
+import os
+import resource
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.errors import PackingWarning
+from voxgran.bench.model import LOG, TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.tradeoffs.settle import Case, box_of, falling_grains, packed, polyhedra, spheres
+from voxgran.clumps.fit import fit_clump
+from voxgran.containers.box import Box
+from voxgran.decks.engine import engine_registry
+from voxgran.decks.relax import relax
+from voxgran.decks.write import described
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.settling.equilibrium import equilibrium
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.model import Shape
+
+#: spheres of a clump
+SPHERES = 10
+#: number of grains, and width of the box in diameters, of the comparison with pouring
+COUNTS = ((1000, 10.0), (10_000, 17.0))
+#: largest number of grains that is compared; a variable of the environment lowers it
+MOST = "VOXGRAN_BENCH_GRAINS"
+#: solid fraction of random additions, and that from which grains fall
+SPARSE, LOOSE = 0.3, 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A bed at rest in the engine, and what it took to get there."""
+
+    grains: str
+    count: int
+    start: str  # how the grains came to where the engine takes them
+    seconds_packing: float
+    seconds_engine: float
+    duration: float  # in the engine, in sqrt(d / g)
+    rests: bool
+    solid_fraction: float
+    coordination: float
+    sinking: float  # in median diameters
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """A packing, the share of its grains that is proven to rest, and its sinking in the engine."""
+
+    grains: str
+    made_by: str
+    share_proven: float
+    sinking: float
+    change_of_coordination: float
+
+
+def ellipsoids() -> list[Shape]:
+    """Return a clump that stands for an ellipsoid of three axes, with the equivalent diameter 1."""
+    return [_clump(make_shape("ellipsoid", aspect=(1.25, 1.0, 0.8)))]
+
+
+def rocks() -> list[Shape]:
+    """Return clumps that stand for unions of solids, with the equivalent diameter 1."""
+    return [_clump(make_shape("solid_union", seed=seed)) for seed in range(1, 5)]
+
+
+def hulls() -> list[Shape]:
+    """Return clumps that stand for hulls of random points."""
+    return [_clump(shape) for shape in polyhedra()[:4]]
+
+
+def _clump(shape: Shape) -> Shape:
+    """Return a shape as a clump with the equivalent diameter 1."""
+    found = fit_clump(shape.scaled(1.0 / shape.diameter), max_spheres=SPHERES)
+    return found.to_shape()
+
+
+KINDS: tuple[tuple[str, Callable[[], list[Shape]]], ...] = (
+    ("spheres", spheres),
+    ("ellipsoid clumps", ellipsoids),
+    ("rock clumps", rocks),
+)
+
+
+def compare_ways(counts: tuple[tuple[int, float], ...] = COUNTS) -> list[Way]:
+    """Return beds that were packed and relaxed, and beds that were poured, for each kind and number of grains."""
+    rows = []
+    most = int(os.environ.get(MOST, "0")) or max(count for count, _ in counts)
+    for count, width in counts:
+        for name, shapes in KINDS if count <= most else ():
+            case = Case(f"{count} {name}", shapes, count, width)
+            packed(case, shapes(), max(20, count // 20), 1)
+            bed, seconds = packed(case, shapes(), count, 1)
+            # the stiffness that suits the weight of the bed, for both ways
+            law = described(bed, engine_registry().get("lammps"), None)[0].law
+            rows.append(_way(name, "gravity", bed, seconds, law.stiffness))
+            began = _processor()
+            loose = falling_grains(case, count, LOOSE)
+            rows.append(_way(name, "poured", loose, _processor() - began, law.stiffness))
+            LOG.warning("%s", rows[-2:])
+    return rows
+
+
+def _processor() -> float:
+    """Return the seconds of the processor of this process and those that it has started."""
+    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(one.ru_utime + one.ru_stime for one in used)
+
+
+def _way(grains: str, start: str, bed: Packing, seconds: float, stiffness: float) -> Way:
+    """Return what it takes the engine to bring a packing to rest."""
+    began = _processor()
+    rested, history = relax(bed, material={"stiffness": stiffness})
+    assert rested.relaxation is not None
+    return Way(
+        grains,
+        bed.count,
+        start,
+        seconds,
+        _processor() - began,
+        rested.relaxation.duration,
+        bool(history.attrs["rests"]),
+        float(history["solid_fraction"][-1]),
+        float(history["coordination_number"][-1]),
+        float(history["mean_sinking"][-1]),
+    )
+
+
+def compare_proofs(count: int = 500) -> list[Proof]:
+    """Return packings of several methods, with the share of grains proven to rest and the sinking in the engine."""
+    rows = []
+    for name, shapes in (("spheres", spheres), ("hull clumps", hulls)):
+        case = Case(name, shapes, count, 8.0)
+        box, made = box_of(case, count), {"count": count, "seed": 1}
+        with warnings.catch_warnings():
+            # what rests is a column of the table
+            warnings.simplefilter("ignore", PackingWarning)
+            beds = {
+                "gravity": pack(shapes(), box, "gravity", **made),
+                "digital, not settled": pack(shapes(), box, "digital", settle=False, **made),
+                "rsa": replace(pack(shapes(), _filled(case, count), "rsa", **made), gravity=(0.0, 0.0, -1.0)),
+            }
+        for method, bed in beds.items():
+            proven = equilibrium(bed, friction=0.5, gap=max(1e-3, bed.contact_gap)).attrs["share_at_rest"]
+            _, history = relax(bed)
+            changes = (float(history.attrs[key]) for key in ("sinking", "change_of_coordination"))
+            rows.append(Proof(name, method, float(proven), *changes))
+    return rows
+
+
+def _filled(case: Case, count: int) -> Box:
+    """Return the box that random additions fill to the solid fraction SPARSE."""
+    return Box((case.width, case.width, count * np.pi / 6 / (SPARSE * case.width**2)), periodic="xy")
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    proofs, ways, loop = compare_proofs(), compare_ways(), calibration()
+    lines = [
+        f"{one.grains},{one.count},{one.start},{one.seconds_packing:.2f},{one.seconds_engine:.2f},{one.duration:.1f},"
+        f"{str(one.rests).lower()},{one.solid_fraction:.4f},{one.coordination:.3f},{one.sinking:.4f},{loop:.5f}"
+        for one in ways
+    ]
+    head = (
+        "grains,count,start,seconds_packing,seconds_engine,time_in_the_engine,rests,solid_fraction,coordination,"
+        "mean_sinking,calibration_seconds"
+    )
+    shares = [
+        f'{one.grains},"{one.made_by}",{one.share_proven:.4f},{one.sinking:.4f},{one.change_of_coordination:.3f}'
+        for one in proofs
+    ]
+    figure = folder / "relax.svg"
+    _draw(ways, proofs, figure)
+    return (
+        write_rows(folder / "relax.csv", head, lines),
+        write_rows(folder / "relax_proofs.csv", "grains,made_by,share_proven,sinking,change_of_coordination", shares),
+        figure,
+    )
+
+
+def _draw(ways: list[Way], proofs: list[Proof], path: Path) -> None:
+    """Draw seconds and density of both ways, and sinking against the share that is proven to rest."""
+    with panels_of(path, 3, width=14.0) as (left, middle, right):
+        names = [f"{way.count:,} {way.grains}, {way.start}" for way in ways]
+        packing, engine = [way.seconds_packing for way in ways], [way.seconds_engine for way in ways]
+        left.barh(names, packing, color="C0", label="packing")
+        left.barh(names, engine, left=packing, color="C1", label="engine")
+        left.set(xlabel="seconds of the processor", xscale="log", xlim=(1, None))
+        left.tick_params(axis="y", labelsize=6)
+        for start, mark in (("gravity", "o"), ("poured", "s")):
+            some = [way for way in ways if way.start == start]
+            middle.plot([way.solid_fraction for way in some], [way.coordination for way in some], mark, label=start)
+        middle.set(xlabel="solid fraction at rest", ylabel="coordination number at rest")
+        for made_by in dict.fromkeys(proof.made_by for proof in proofs):
+            made = [proof for proof in proofs if proof.made_by == made_by]
+            right.plot([proof.share_proven for proof in made], [proof.sinking for proof in made], "o", label=made_by)
+        right.set(xlabel="share of grains proven to rest", ylabel="sinking in the engine, in diameters", yscale="log")
+        for panel in (left, middle, right):
+            panel.legend(frameon=False, fontsize=8)
+
+
+registration = TradeOff(
+    name="relax", summary="sinking of packings in LAMMPS, beside pouring there and beside proofs of rest", run=run
+)
