@@ -12,6 +12,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.files import as_path, refuse_to_replace, write_text
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
+from voxgran.containers.model import Container
 from voxgran.decks.bodies import Kind, Template, names_of
 from voxgran.decks.engine import Engine, engine_registry
 from voxgran.decks.material import GRAVITY, Material
@@ -172,7 +173,9 @@ def described(
     law = as_material(material)
     if not packing.count:
         raise InputError(f"packing has no grains: input for {engine.title} needs at least one; add grains")
-    _refuse_unheld(packing, engine, law)
+    refuse_unheld(engine, law, packing.container)
+    for shape in packing.shapes:
+        shape.refuse_open("bodies of an engine")
     held, templates = _held(packing, engine, clump, grains)
     if law.bond_strength is not None and not any(template.kind == "clump" for template in templates):
         raise InputError("material bond_strength is given, but no grain is a clump: leave it out, or give clump=20")
@@ -206,29 +209,36 @@ def as_material(value: Any) -> Material:
     return value
 
 
-def _refuse_unheld(packing: Packing, engine: Engine, material: Material) -> None:
-    """Refuse what an engine does not have."""
+def refuse_unheld(engine: Engine, material: Material, container: Container) -> None:
+    """Refuse a material or a container that an engine does not have.
+
+    Parameters
+    ----------
+    engine : Engine
+        The engine.
+    material : Material
+        Contact law.
+    container : Container
+        What holds the grains.
+
+    Raises
+    ------
+    InputError
+        If the container is flat or periodic, or the material has a law, surface energy or bonds that the engine has
+        not.
+    """
     title = engine.title
-    if packing.dimension == 2 and not engine.planar:
-        raise InputError(
-            f"packing is flat: {title} takes grains in three dimensions; choose an engine such as 'blocks'"
-        )
-    if any(packing.container.periodic) and not engine.periodic:
-        raise InputError(
-            f"container is periodic: input for {title} has walls only; use a container without periodic axes"
-        )
+    if container.dimension == 2 and not engine.planar:
+        raise InputError(f"container is flat: {title} takes grains in three dimensions; choose engine 'blocks'")
+    if any(container.periodic) and not engine.periodic:
+        raise InputError(f"container is periodic: input for {title} has walls only; use one without periodic axes")
     if material.law not in engine.laws:
-        raise InputError(
-            f"material law is {material.law!r}: {title} has {' and '.join(map(repr, engine.laws))}; change it"
-        )
+        laws = " and ".join(map(repr, engine.laws))
+        raise InputError(f"material law is {material.law!r}: input for {title} has {laws}; change it")
     if material.cohesion and not engine.cohesion:
-        raise InputError(
-            f"material cohesion is {material.cohesion:g}: input for {title} has no surface energy; leave it out"
-        )
+        raise InputError(f"material cohesion is {material.cohesion:g}: input for {title} has none; leave it out")
     if material.bond_strength is not None and not engine.bonds:
         raise InputError(f"material bond_strength is given: input for {title} has no bonds; leave it out")
-    for shape in packing.shapes:
-        shape.refuse_open("bodies of an engine")
 
 
 def _held(packing: Packing, engine: Engine, clump: Any, grains: Any) -> tuple[Packing, tuple[Template, ...]]:

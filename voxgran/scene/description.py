@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Literal, Self
 
 from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, check_type
-from voxgran._base.config import from_mapping, parameter, parameters_of, to_mapping
+from voxgran._base.config import from_mapping, parameters_of, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
@@ -19,9 +19,13 @@ from voxgran.clumps.method import clump_registry
 from voxgran.clumps.stand_in import record_of
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
+from voxgran.decks.engine import engine_registry
+from voxgran.decks.material import Material
+from voxgran.decks.write import refuse_unheld
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
+from voxgran.scene.sections import General, Output
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.family import families, make_shape
 from voxgran.shapes.files import shape_of_file
@@ -41,45 +45,9 @@ REMEDIES = Remedies(
 )
 #: keys of a clump beside the parameters of its method
 CLUMP_KEYS = ("max_spheres", "method", "target", "value", "seed")
-SECTIONS = ("scene", "shape", "sizes", "container", "packing", "settle", "measure", "output")
+SECTIONS = ("scene", "shape", "sizes", "container", "packing", "settle", "material", "measure", "output")
 #: where a scene says whether and how its grains settle
 SETTLE_KEYS = "a section [settle] says how grains settle; with enabled = false in it they do not"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class General:
-    """The section [scene]."""
-
-    seed: int = parameter(0, doc="seed of all random numbers")
-    seeds: int = parameter(1, doc="how many packings to make, with this seed and the next ones")
-    unit: str = parameter("1", doc="unit of every length below that has none of its own")
-    density: float = parameter(1.0, doc="density of the material")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Output:
-    """The section [output].
-
-    Raises
-    ------
-    UnknownNameError
-        If an engine is named for which nothing can be written.
-    InputError
-        If the number of snapshots is negative or 1.
-    """
-
-    vtk: bool = parameter(True, doc="write the scene for ParaView")
-    statistics: bool = parameter(True, doc="write the measures as netCDF")
-    report: bool = parameter(True, doc="write the page with pictures")
-    snapshots: int = parameter(0, doc="most snapshots of the run to keep for ParaView; 0 for none")
-    dem: tuple[str, ...] = parameter((), doc="engines to write input for")
-
-    def __post_init__(self) -> None:
-        """Refuse engines that are not there and a single snapshot."""
-        if as_count(self.snapshots, "[output] snapshots") == 1:
-            raise InputError("[output] snapshots is 1: a series has at least 2; give more, or 0 for none")
-        if self.dem:
-            raise UnknownNameError(unknown("[output] dem engine", self.dem[0], ()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +102,8 @@ class SceneDescription:
         Parameters of the method.
     settle : Settling or bool or None
         How the grains settle afterwards; False if they do not, None as the method does by default.
+    material : Material
+        Contact law of the grains in the input of engines.
     which : tuple of str or None
         Measures; None for all.
     output : Output
@@ -151,6 +121,7 @@ class SceneDescription:
     start: str | None
     parameters: Mapping[str, Any]
     settle: Settling | Literal[False] | None = None
+    material: Material = Material()  # noqa: RUF009
     which: tuple[str, ...] | None
     output: Output
 
@@ -232,14 +203,19 @@ class SceneDescription:
         beside = ("method", "count", "solid_fraction", "start")
         if "settle" in packing:
             raise UnknownNameError(f"[packing] settle is no key: {SETTLE_KEYS}")
+        output: Output = from_mapping(Output, mapping.get("output", {}), "[output]")
+        material: Material = from_mapping(Material, mapping.get("material", {}), "[material]")
         parameters = method_registry().get(method).parameters
         packing = _present(parameters, packing, "[packing]", beside=beside)
+        container = make_container(_with_file(mapping["container"], place))
+        for engine in output.dem:
+            refuse_unheld(engine_registry().get(engine), material, container)
         return cls(
             general=_general(mapping.get("scene", {})),
             shapes=_shape_entries(mapping["shape"], place),
             sizes=make_sizes(sizes) if sizes else None,
             share_by=_share_by(share_by),
-            container=make_container(_with_file(mapping["container"], place)),
+            container=container,
             method=str(method),
             count=None if count is None else as_count(count, "[packing] count", at_most=None),
             solid_fraction=None if solid is None else as_number(solid, "[packing] solid_fraction", above=0, at_most=1),
@@ -247,7 +223,8 @@ class SceneDescription:
             parameters=packing,
             settle=_settle(mapping.get("settle"), str(method), parameters),
             which=_which(mapping.get("measure", {})),
-            output=from_mapping(Output, mapping.get("output", {}), "[output]"),
+            material=material,
+            output=output,
         )
 
     def to_mapping(self) -> dict[str, Any]:
@@ -271,6 +248,8 @@ class SceneDescription:
         if self.settle is not None:
             given = to_mapping(self.settle) if self.settle else {"enabled": False}
             made["settle"] = {key: value for key, value in given.items() if value is not None}
+        if self.material != Material():
+            made["material"] = {key: value for key, value in to_mapping(self.material).items() if value is not None}
         if self.which is not None:
             made["measure"] = {"which": list(self.which)}
         return made

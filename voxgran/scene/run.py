@@ -5,18 +5,20 @@ import json
 import math
 import os
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from voxgran._base.errors import CheckpointError, OutputExistsError
+from voxgran._base.errors import CheckpointError, InputError, OutputExistsError, PackingWarning
 from voxgran._base.files import as_path, write_text
 from voxgran._base.guarded import refused
 from voxgran._base.lazy import loaded
 from voxgran._base.lock import FOLDER_LOCK, locked_folder
 from voxgran._base.progress import OnStep, Step
 from voxgran.contacts.verify import Verification, verify
+from voxgran.decks.write import write_deck
 from voxgran.io.files import load, save
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.series import Series
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
 CHECKPOINT = "checkpoint.voxgran"
 SUMMARY = "summary.json"
 PACKING = "packing.vtp"
+#: folder of the input of engines
+DECKS = "dem"
 #: measures that a summary has, where they are measured and not NaN
 NUMBERS = (
     "bulk_solid_fraction",
@@ -197,10 +201,22 @@ def finish_folder(
     tell(3, "drawing")
     if scene.output.report:
         save_report(packing, folder / "report.html", statistics=statistics, verification=proof, overwrite=True)
+    tell(4, "writing input of engines")
+    _write_decks(packing, folder / DECKS, scene)
     tell(5, "done")
     summary = summary_of(packing, proof, statistics)
     summary["seconds_finishing"] = time.monotonic() - began
     return SceneResult(packing=packing, verification=proof, statistics=statistics, summary=summary, folder=folder)
+
+
+def _write_decks(packing: Packing, folder: Path, scene: SceneDescription) -> None:
+    """Write the input of all engines that the scene names; warn of grains that one cannot hold."""
+    for engine in scene.output.dem:
+        try:
+            write_deck(packing, folder, engine, material=scene.material, clump=scene.output.clump, overwrite=True)
+        except InputError as error:
+            # all else that was computed stays
+            warnings.warn(f"input for {engine} is not written: {error}", PackingWarning, stacklevel=2)
 
 
 def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") -> dict[str, Any]:

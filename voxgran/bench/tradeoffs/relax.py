@@ -144,14 +144,16 @@ def compare_proofs(count: int = 500) -> list[Proof]:
     rows = []
     for name, shapes in (("spheres", spheres), ("hull clumps", hulls)):
         case = Case(name, shapes, count, 8.0)
-        box, made = box_of(case, count), {"count": count, "seed": 1}
+        box = box_of(case, count)
         with warnings.catch_warnings():
             # what rests is a column of the table
             warnings.simplefilter("ignore", PackingWarning)
             beds = {
-                "gravity": pack(shapes(), box, "gravity", **made),
-                "digital, not settled": pack(shapes(), box, "digital", settle=False, **made),
-                "rsa": replace(pack(shapes(), _filled(case, count), "rsa", **made), gravity=(0.0, 0.0, -1.0)),
+                "gravity": pack(shapes(), box, "gravity", count=count, seed=1),
+                "digital, not settled": pack(shapes(), box, "digital", settle=False, count=count, seed=1),
+                "rsa": replace(
+                    pack(shapes(), _filled(case, count), "rsa", count=count, seed=1), gravity=(0.0, 0.0, -1.0)
+                ),
             }
         for method, bed in beds.items():
             proven = equilibrium(bed, friction=0.5, gap=max(1e-3, bed.contact_gap)).attrs["share_at_rest"]

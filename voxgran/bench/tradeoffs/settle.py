@@ -200,7 +200,7 @@ def measure_peers(size: float | None = None) -> list[Row]:
 
 
 def falling_grains(case: Case, count: int, loose: float = LOOSE) -> Packing:
-    """Return grains apart from each other in a tall box, from which all programs start, at the solid fraction `loose`."""
+    """Return grains apart from each other, from which all programs start; `loose` is their solid fraction."""
     height = 3.0 + count * np.pi / 6.0 / (loose * case.width**2)
     box = Box((case.width, case.width, height), periodic="" if case.walls else "xy")
     start = pack(case.shapes(), box, method="rsa", count=count, seed=1)
