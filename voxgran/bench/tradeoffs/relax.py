@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning
 from voxgran.bench.model import LOG, TradeOff, calibration, panels_of, write_rows
 from voxgran.bench.tradeoffs.settle import Case, box_of, falling_grains, packed, polyhedra, spheres
@@ -36,6 +37,8 @@ SPHERES = 10
 COUNTS = ((1000, 10.0), (10_000, 17.0))
 #: largest number of grains that is compared; a variable of the environment lowers it
 MOST = "VOXGRAN_BENCH_GRAINS"
+#: difference of the mean sinking from that of the end below which a bed no longer sinks, in median diameters
+STILL = 1e-3
 #: solid fraction of random additions, and that from which grains fall
 SPARSE, LOOSE = 0.3, 0.1
 
@@ -49,7 +52,8 @@ class Way:
     start: str  # how the grains came to where the engine takes them
     seconds_packing: float
     seconds_engine: float
-    duration: float  # in the engine, in sqrt(d / g)
+    duration: float  # in the engine until the bed rests, in sqrt(d / g)
+    sinking_time: float  # in the engine until the mean sinking is that of the end, in sqrt(d / g)
     rests: bool
     solid_fraction: float
     coordination: float
@@ -132,11 +136,18 @@ def _way(grains: str, start: str, bed: Packing, seconds: float, stiffness: float
         seconds,
         _processor() - began,
         rested.relaxation.duration,
+        rested.relaxation.duration * _share_of_sinking(history["mean_sinking"].values),
         bool(history.attrs["rests"]),
         float(history["solid_fraction"][-1]),
         float(history["coordination_number"][-1]),
         float(history["mean_sinking"][-1]),
     )
+
+
+def _share_of_sinking(sinking: Floats) -> float:
+    """Return the share of the run after which the mean sinking stays as it is at the end."""
+    moving = np.flatnonzero(np.abs(sinking - sinking[-1]) > STILL)
+    return float(moving.max(initial=-1) + 1) / (len(sinking) - 1)
 
 
 def compare_proofs(count: int = 500) -> list[Proof]:
@@ -173,11 +184,12 @@ def run(folder: Path) -> tuple[Path, ...]:
     proofs, ways, loop = compare_proofs(), compare_ways(), calibration()
     lines = [
         f"{one.grains},{one.count},{one.start},{one.seconds_packing:.2f},{one.seconds_engine:.2f},{one.duration:.1f},"
+        f"{one.sinking_time:.1f},"
         f"{str(one.rests).lower()},{one.solid_fraction:.4f},{one.coordination:.3f},{one.sinking:.4f},{loop:.5f}"
         for one in ways
     ]
     head = (
-        "grains,count,start,seconds_packing,seconds_engine,time_in_the_engine,rests,solid_fraction,coordination,"
+        "grains,count,start,seconds_packing,seconds_engine,time_until_rest,time_of_sinking,rests,solid_fraction,coordination,"
         "mean_sinking,calibration_seconds"
     )
     shares = [

