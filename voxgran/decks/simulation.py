@@ -129,10 +129,12 @@ class Simulation:
             *_law_lines(law),
             f"time step {self.time_step:.6g} s; stable up to {law.stable_step:.6g} s = {law.formula}",
         ]
-        exact = [template for template in bodies.templates if not template.approximated]
-        if len(exact) < len(bodies.templates):
-            lines += [f"approximated: {one.approximated}" for one in bodies.templates if one.approximated]
-        return lines
+        if self.bonds is not None:
+            lines.append(
+                f"{self.bonds.sizes['bond']} bonds join the spheres of clumps: masses are the true ones, centroids and "
+                "inertia tensors are those of the spheres"
+            )
+        return lines + [f"approximated: {one.approximated}" for one in bodies.templates if one.approximated]
 
 
 def _law_lines(law: ContactLaw) -> list[str]:
@@ -177,7 +179,7 @@ def simulation_of(
     law = contact_law(
         material,
         density=density,
-        mass=bodies.mass,
+        mass=bodies.mass if bonds is None else _bonded_masses(bodies, bonds),
         radius=bodies.least_radius,
         diameter=diameter,
         load=_load(metric, float(np.median(bodies.mass)), diameter, acceleration),
@@ -188,6 +190,15 @@ def simulation_of(
             f"time_step is {step:g} s: it must be at most {law.stable_step:.4g} s, which is {law.formula}; leave it out"
         )
     return Simulation(bodies, Walls.of(metric), law, gravity, step, bonds, packing.unit, rest, longest)
+
+
+def _bonded_masses(bodies: Bodies, bonds: "Dataset") -> Floats:
+    """Return the masses of spheres that a contact law has to move: less than they are where several bonds pull one."""
+    _, radii, grain = bodies.spheres
+    share = radii**3 / np.bincount(grain, radii**3)[grain]
+    several = np.bincount(np.concatenate([bonds["first"].values, bonds["second"].values]), minlength=len(radii))
+    # two for the stretch of each bond, and one for its shear and the rotation that this causes
+    return np.asarray(bodies.mass[grain] * share / (1.5 * np.maximum(several, 2 / 3)))
 
 
 def _bonds(bodies: Bodies, strength: float) -> "Dataset":

@@ -11,6 +11,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import EngineError, FileFormatError, InputError
 from voxgran.decks.engine import engine_registry
+from voxgran.decks.lammps_bonds import fitted_poses
 from voxgran.decks.program import Tail
 from voxgran.decks.simulation import Simulation
 
@@ -237,3 +238,54 @@ def test_overlaps_at_the_start_are_parted_under_drag(tmp_path):
     assert "fix drag all viscous" in script(tmp_path)
     vg.write_deck(cases.spheres(), tmp_path, "lammps", overwrite=True)
     assert "viscous" not in script(tmp_path)
+
+
+def test_bonds_have_the_stiffness_and_strength_of_round_beams(tmp_path):
+    packing = vg.Packing.of(cases.dumbbell(), vg.Box((4, 4, 4)), position=[[2, 2, 2]], unit="mm")
+    material = {"stiffness": 900.0, "shear_stiffness": 300.0, "bond_strength": 2e6}
+    deck = vg.write_deck(packing, tmp_path, "lammps", material=material)
+    bonds = deck.simulation.bonds
+    held = ENGINE.read(tmp_path)
+    assert held.mass.sum() == pytest.approx(deck.simulation.bodies.mass.sum())
+    lines = [line.split() for line in (tmp_path / "lammps_bonds.in").read_text().splitlines() if line[:1] == "b"]
+    rows = np.array([line[2:] for line in lines], dtype=float)
+    section = (tmp_path / "lammps_grains.data").read_text().split("Bonds")[1]
+    kinds = [int(line.split()[1]) for line in section.splitlines()[2:]]
+    area = bonds["area"].values
+    square = area / np.pi
+    for bond, kind in enumerate(kinds):
+        row, r2, tension = rows[kind - 1], square[bond], 2e6 * area[bond]
+        expected = [900, 300, 150 * r2, 225 * r2, tension, tension, tension * r2**0.5 / 4, tension * r2**0.5 / 2]
+        np.testing.assert_allclose(row[:8], expected, rtol=1e-9)
+    assert "bonds join the spheres" in script(tmp_path)
+    assert "rigid/small" not in script(tmp_path)
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize(("strength", "holds"), [(1e9, True), (1.0, False)])
+def test_bonds_hold_or_break(lammps, strength, holds, tmp_path):
+    packing = vg.Packing.of(cases.dumbbell(), vg.Box((4, 4, 4)), position=[[2, 2, 2]], unit="mm")
+    deck = vg.write_deck(packing, tmp_path, "lammps", material={"bond_strength": strength})
+    every = deck.simulation.steps_per_output
+    changed(tmp_path, (r"(?s)run \d+\nfix rest.*?run \d+", f"run {5 * every}"))
+    lammps(tmp_path)
+    first, last = (
+        np.loadtxt((tmp_path / "lammps_spheres.dump").read_text().split("ITEM: ATOMS")[k].split("\n")[1:4])[:, 1:4]
+        for k in (1, -1)
+    )
+    assert last[:, 2].mean() < first[:, 2].mean() - 5e-4
+    before, after = (np.linalg.norm(points[[0, 0]] - points[[1, 2]], axis=1) for points in (first, last))
+    assert np.allclose(after, before, rtol=0.02) == holds
+
+
+def test_poses_are_fitted_to_moved_spheres():
+    from scipy.spatial.transform import Rotation
+
+    generator = np.random.default_rng(1)
+    before, grain = generator.random((9, 3)), np.repeat(np.arange(3), 3)
+    turns = Rotation.random(3, random_state=1).as_matrix()
+    position, shift = generator.random((3, 3)), generator.random((3, 3))
+    after = np.einsum("sij,sj->si", turns[grain], before - position[grain]) + (position + shift)[grain]
+    found, matrices = fitted_poses(before, after, grain, position)
+    np.testing.assert_allclose(found, position + shift, atol=1e-12)
+    np.testing.assert_allclose(matrices, turns, atol=1e-12)

