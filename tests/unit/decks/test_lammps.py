@@ -15,7 +15,7 @@ from voxgran.decks.lammps_bonds import fitted_poses
 from voxgran.decks.program import Tail
 from voxgran.decks.simulation import Simulation
 
-REMEDY = "make engines"
+REMEDY = "make test-engines"
 ENGINE = engine_registry().get("lammps")
 
 

@@ -14,7 +14,7 @@ from voxgran.decks.engine import Engine, Frame, engine_registry
 from voxgran.decks.relax import relax, save_history
 from voxgran.measures.model import measure_registry
 
-REMEDY = "make engines"
+REMEDY = "make test-engines"
 NAMES = [
     "kinetic_energy", "mean_sinking", "largest_displacement", "coordination_number", "share_of_rattlers",
     "solid_fraction",
