@@ -1,0 +1,95 @@
+"""Input of engines from scenes: `[output] dem` and `[material]`."""
+
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
+from voxgran.cli import main
+
+SCENE = """
+[scene]
+seed = 1
+unit = "mm"
+density = 2500
+[[shape]]
+family = "convex_polyhedron"
+[container]
+kind = "box"
+lengths = [4, 4, 4]
+[packing]
+method = "rsa"
+count = 5
+[material]
+friction = 0.25
+[output]
+dem = ["lammps", "yade"]
+clump = 4
+vtk = false
+report = false
+statistics = false
+"""
+
+# small scenes have no bulk to speak of, which is said in a warning
+pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+
+
+def scene(tmp_path, old="", new=""):
+    assert old in SCENE
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE.replace(old, new) if old else SCENE)
+    return vg.Scene.from_toml(path)
+
+
+def test_a_run_writes_the_input_of_engines(tmp_path):
+    scene(tmp_path).run(tmp_path / "out")
+    names = {path.name for path in (tmp_path / "out" / "dem").iterdir()}
+    assert {"lammps_run.in", "yade_run.py"} <= names
+    text = (tmp_path / "out" / "dem" / "lammps_run.in").read_text()
+    assert "density 2500 kg/m^3" in text
+    assert "friction 0.25" in text
+    assert "clump of 4 spheres" in text
+
+
+def test_the_description_holds_material_and_engines(tmp_path):
+    found = scene(tmp_path)
+    assert found.material == vg.Material(friction=0.25)
+    assert found.output.dem == ("lammps", "yade")
+    assert vg.Scene.from_mapping(found.to_mapping()).to_mapping() == found.to_mapping()
+    assert "material" not in scene(tmp_path, "[material]\nfriction = 0.25\n", "").to_mapping()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "error", "message"),
+    [
+        ('"yade"]', '"yad"]', UnknownNameError, "did you mean 'yade'"),
+        ("friction = 0.25", "fricton = 0.25", UnknownNameError, r"\[material\] key 'fricton'.*'friction'"),
+        ("friction = 0.25", "friction = -1", InputError, "friction"),
+        ("friction = 0.25", 'law = "hertz"', InputError, "young_modulus"),
+        ("clump = 4", "clump = 0", InputError, "clump"),
+    ],
+)
+def test_typing_errors_are_found_before_the_run(tmp_path, old, new, error, message):
+    with pytest.raises(error, match=message):
+        scene(tmp_path, old, new)
+
+
+def test_a_container_that_an_engine_has_not_is_refused_before_the_run(tmp_path):
+    text = SCENE.replace("lengths = [4, 4, 4]", 'lengths = [4, 4, 4]\nperiodic = "xy"').replace('"yade"', '"kratos"')
+    (tmp_path / "scene.toml").write_text(text)
+    with pytest.raises(InputError, match="container is periodic: input for Kratos"):
+        vg.Scene.from_toml(tmp_path / "scene.toml")
+
+
+def test_what_an_engine_cannot_hold_costs_nothing_else(tmp_path):
+    soft = scene(tmp_path, "friction = 0.25", "stiffness = 1e-9")
+    with pytest.warns(PackingWarning, match="input for lammps is not written: material stiffness"):
+        soft.run(tmp_path / "out")
+    assert (tmp_path / "out" / "packing.vtp").is_file()
+    assert (tmp_path / "out" / "summary.json").is_file()
+    assert not (tmp_path / "out" / "dem").exists()
+
+
+def test_the_prompt_says_it_in_one_line(tmp_path, capsys):
+    (tmp_path / "scene.toml").write_text(SCENE.replace("friction", "frction"))
+    assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
