@@ -3,6 +3,7 @@
 import logging
 import math
 import os
+import shutil
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -147,12 +148,18 @@ def relax(
     except KeyboardInterrupt:
         if checkpoint is not None and history.frames:
             save(history.packing(engine), checkpoint, overwrite=True)
+        _remove(place, folder)
         raise
     if not history.frames:
         raise EngineError(f"{found.title} has written no state: its output is in {place}")
-    if folder is None:
-        load("shutil").rmtree(place, ignore_errors=True)
+    _remove(place, folder)
     return history.packing(engine), history.dataset(engine)
+
+
+def _remove(place: Path, folder: object) -> None:
+    """Remove the files of a run, unless the user has named a folder for them."""
+    if folder is None:
+        shutil.rmtree(place, ignore_errors=True)
 
 
 def save_history(history: "Dataset", path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
