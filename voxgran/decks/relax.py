@@ -21,7 +21,6 @@ from voxgran._base.progress import OnStep, Step
 from voxgran._base.rotation import quaternions_of
 from voxgran._base.units import NO_UNIT, unit_factor
 from voxgran.clumps.model import Clump
-from voxgran.contacts.relaxation import Relaxation
 from voxgran.decks.engine import Engine, Frame, engine_registry
 from voxgran.decks.material import GRAVITY, Material
 from voxgran.decks.simulation import LONGEST, REST, Simulation
@@ -31,6 +30,7 @@ from voxgran.io.files import save
 from voxgran.measures.region import HELD, Regions
 from voxgran.measures.registered.density import INSET
 from voxgran.packing.model import Packing
+from voxgran.settling.relaxation import Relaxation
 
 if TYPE_CHECKING:
     from xarray import Dataset

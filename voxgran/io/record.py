@@ -20,13 +20,13 @@ from voxgran._base.guarded import reason_of
 from voxgran._base.units import known_unit
 from voxgran.contacts.assembly import Lid
 from voxgran.contacts.forces import ContactForces
-from voxgran.contacts.relaxation import Relaxation
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.make import make_container
 from voxgran.containers.model import boundary_of
 from voxgran.io.older import fields_of
 from voxgran.packing.gravity import as_down
 from voxgran.packing.model import Packing
+from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.outline import Outline

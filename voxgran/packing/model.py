@@ -19,12 +19,12 @@ from voxgran.contacts.assembly import checked_arrays
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.forces import ContactForces, check_forces
 from voxgran.contacts.model import Contacts
-from voxgran.contacts.relaxation import Relaxation
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
 from voxgran.packing.grains import GrainSequence, refuse_unlike
 from voxgran.packing.gravity import Down, as_down
+from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws import SizeDistribution
 from voxgran.shapes.thumbnail import card, picture

@@ -9,10 +9,10 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran.contacts.relaxation import Relaxation
 from voxgran.decks.engine import Engine, Frame, engine_registry
 from voxgran.decks.relax import relax, save_history
 from voxgran.measures.model import measure_registry
+from voxgran.settling.relaxation import Relaxation
 
 REMEDY = "make test-engines"
 NAMES = [

@@ -1,0 +1,427 @@
+"""Kratos Multiphysics: spheres and rigid clusters of the DEMApplication, with a script that runs them.
+
+References
+----------
+Kratos DEMApplication 10.4: `DEM_analysis_stage.py`, `sphere_strategy.py`, `cluster_file_reader.py`, `cluster3D.cpp`,
+`dem_d_linear_custom_constants_cl.cpp`, `DEM_D_Hertz_viscous_Coulomb_CL.cpp` and `DEM_D_DMT_cohesive_law.cpp` of
+https://github.com/KratosMultiphysics/Kratos.
+"""
+
+import itertools
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.rotation import rotation_matrices
+from voxgran.decks.engine import Engine, Held
+from voxgran.decks.kratos_model import (
+    SPHERES,
+    WALLS,
+    Cluster,
+    clu_text,
+    clumps_of,
+    cluster_text,
+    read_clu,
+    read_mdpa,
+    sphere_text,
+    wall_text,
+    walls_of,
+)
+from voxgran.decks.simulation import SETTLING, Simulation
+
+TITLE, INSTALL = "Kratos", "pip install KratosMultiphysics KratosDEMApplication"
+#: names of files; Kratos adds the ends of those of model parts to the name of the problem itself
+PROBLEM, SCRIPT = "kratos", "kratos_run.py"
+GRAINS, CLUMPS, FACES = f"{PROBLEM}DEM.mdpa", f"{PROBLEM}DEM_Clusters.mdpa", f"{PROBLEM}DEM_FEM_boundary.mdpa"
+PARAMETERS, MATERIALS = f"{PROBLEM}ProjectParametersDEM.json", f"{PROBLEM}MaterialsDEM.json"
+#: farthest that neighbours are looked for beyond contact, in median diameters, and most steps between two searches
+TOLERANCE, MOST_STEPS = 0.05, 50
+AXES = tuple(enumerate("XYZ"))
+#: the script after its constants
+RUN = '''\
+FOLDER = os.path.dirname(os.path.abspath(__file__))
+
+
+def grains_of(name):
+    """Return the ids of the nodes of a file, which are the numbers of its grains."""
+    with open(os.path.join(FOLDER, name), encoding="utf-8") as file:
+        lines = file.read().split("Begin Nodes")[1].split("End Nodes")[0].splitlines()
+    return [int(line.split()[0]) for line in lines if line.strip()]
+
+
+class Bed(DEMAnalysisStage):
+    """Grains in their container, until they rest."""
+
+    def __init__(self, model, parameters, state):
+        super().__init__(model, parameters)
+        self.state, self.steps, self.at_rest = state, 0, False
+
+    def ReadModelParts(self, *numbers):
+        super().ReadModelParts(*numbers)
+        # Kratos renumbers the nodes in the order of the files
+        spheres = dict(zip(grains_of(GRAINS), self.spheres_model_part.Nodes))
+        self.clusters = dict(zip(grains_of(CLUMPS), self.cluster_model_part.Nodes))
+        self.grains = sorted({**spheres, **self.clusters}.items())
+        if self.state:
+            self.go_on_from(self.state)
+
+    def go_on_from(self, path):
+        with open(path) as file:
+            lines = file.read().splitlines()
+        self.steps = int(lines[1].split()[1])
+        nodes = dict(self.grains)
+        for line in lines[3:]:
+            number, *values = line.split()
+            x, y, z, w, i, j, k, *velocities = map(float, values)
+            node = nodes[int(number)]
+            node.X, node.Y, node.Z = node.X0, node.Y0, node.Z0 = x, y, z
+            node.SetSolutionStepValue(Kratos.VELOCITY, velocities[:3])
+            node.SetSolutionStepValue(Kratos.ANGULAR_VELOCITY, velocities[3:])
+            if int(number) in self.clusters:
+                turn = Kratos.Quaternion()
+                turn.W, turn.X, turn.Y, turn.Z = w, i, j, k
+                node.SetSolutionStepValue(Kratos.ORIENTATION, turn)
+
+    def Initialize(self):
+        super().Initialize()
+        self.time = self.steps * TIME_STEP
+        self.write_state()
+
+    def KeepAdvancingSolutionLoop(self):
+        return self.steps < STEPS and not self.at_rest
+
+    def OutputSolutionStep(self):
+        super().OutputSolutionStep()
+        self.steps += 1
+        if self.steps % STEPS_PER_OUTPUT == 0:
+            energy = self.write_state()
+            self.at_rest = self.steps >= EARLIEST_REST and energy < REST_ENERGY
+
+    def kinetic_energy(self):
+        energy = 0.0
+        for part in (self.spheres_model_part, self.cluster_model_part):
+            physics = Dem.SphericElementGlobalPhysicsCalculator(part)
+            energy += physics.CalculateTranslationalKinematicEnergy(part)
+            energy += physics.CalculateRotationalKinematicEnergy(part)
+        return energy
+
+    def write_state(self):
+        energy = self.kinetic_energy()
+        lines = [
+            "# step, time in s, kinetic energy in J",
+            f"# {self.steps} {self.steps * TIME_STEP!r} {energy!r}",
+            "# grain, centroid, turn of the principal frame (w x y z; 1 0 0 0 for spheres), velocity, angular velocity",
+        ]
+        for number, node in self.grains:
+            turn = (1.0, 0.0, 0.0, 0.0)
+            if number in self.clusters:
+                found = node.GetSolutionStepValue(Kratos.ORIENTATION)
+                turn = (found.W, found.X, found.Y, found.Z)
+            velocity = node.GetSolutionStepValue(Kratos.VELOCITY)
+            spin = node.GetSolutionStepValue(Kratos.ANGULAR_VELOCITY)
+            values = (node.X, node.Y, node.Z, *turn, *velocity, *spin)
+            lines.append(" ".join([str(number), *(repr(float(value)) for value in values)]))
+        self.write("state", ".txt", lines)
+        self.write_spheres()
+        return energy
+
+    def write_spheres(self):
+        nodes = list(self.spheres_model_part.Nodes)
+        lines = ["# vtk DataFile Version 3.0", "spheres of all grains", "ASCII", "DATASET POLYDATA"]
+        lines.append(f"POINTS {len(nodes)} double")
+        lines += [f"{node.X!r} {node.Y!r} {node.Z!r}" for node in nodes]
+        lines.append(f"VERTICES {len(nodes)} {2 * len(nodes)}")
+        lines += [f"1 {k}" for k in range(len(nodes))]
+        lines += [f"POINT_DATA {len(nodes)}", "SCALARS radius double 1", "LOOKUP_TABLE default"]
+        lines += [repr(node.GetSolutionStepValue(Kratos.RADIUS)) for node in nodes]
+        self.write("spheres", ".vtk", lines)
+
+    def write(self, name, suffix, lines):
+        path = os.path.join(FOLDER, f"kratos_{name}_{self.steps:09d}{suffix}")
+        with open(path + ".part", "w") as file:
+            file.write("\\n".join(lines) + "\\n")
+        os.replace(path + ".part", path)
+
+
+def bed(state=None):
+    """Return the bed of the files of this folder, as at the start or in a state that was written."""
+    state = state and os.path.abspath(state)
+    os.chdir(FOLDER)
+    with open(PARAMETERS) as file:
+        return Bed(Kratos.Model(), Kratos.Parameters(file.read()), state)
+
+
+if __name__ == "__main__":
+    bed(*sys.argv[1:2]).Run()
+'''
+
+
+def _write(simulation: Simulation) -> Mapping[str, str]:
+    """Return the files.
+
+    Raises
+    ------
+    InputError
+        If there are clumps of too many shapes.
+    """
+    comments = [*simulation.header(TITLE), *_remarks(simulation)]
+    files = {
+        SCRIPT: _script(simulation, comments),
+        PARAMETERS: _json(_parameters(simulation)),
+        MATERIALS: _json(_materials(simulation)),
+        GRAINS: sphere_text(simulation, comments),
+        CLUMPS: cluster_text(simulation, comments),
+        FACES: wall_text(walls_of(simulation), comments),
+    }
+    for number in clumps_of(simulation.bodies):
+        template = simulation.bodies.templates[number]
+        files[_cluster_file(template.name)] = clu_text(template, comments)
+    return files
+
+
+def _cluster_file(template: str) -> str:
+    """Return the name of the file of a template that is a clump."""
+    return f"kratos_{template}.clu"
+
+
+def _json(value: Mapping[str, Any]) -> str:
+    """Return the text of a JSON file."""
+    return json.dumps(value, indent=2) + "\n"
+
+
+def _remarks(simulation: Simulation) -> list[str]:
+    """Return what the contact law of Kratos has different, as lines."""
+    law = simulation.law
+    lines = [f"contact law of Kratos: {_law_name(simulation)}, the same between grains and at walls"]
+    if law.name == "linear":
+        lines.append(
+            "both stiffnesses hold for every pair; Kratos damps by 2 gamma sqrt(k m), also along the contact, with "
+            "the gamma that gives the restitution where a contact ends before it pulls"
+        )
+    else:
+        lines.append("Kratos damps by 2 gamma sqrt(k m) with the stiffness k at the overlap, also along the contact")
+    return lines
+
+
+def _law_name(simulation: Simulation) -> str:
+    """Return the name of the contact law in Kratos."""
+    if simulation.law.name == "linear":
+        return "DEM_D_Linear_Custom_Constants"
+    return "DEM_D_Hertz_viscous_Coulomb" + ("_DMT" if simulation.law.cohesion else "")
+
+
+def _parameters(simulation: Simulation) -> dict[str, Any]:
+    """Return the parameters of the problem."""
+    tolerance = TOLERANCE * simulation.diameter
+    low, high = simulation.walls.bounds.tolist()
+    ends = {f"BoundingBox{name}{axis}": end[k] for name, end in (("Min", low), ("Max", high)) for k, axis in AXES}
+    gravity = {f"Gravity{axis}": float(simulation.gravity[k]) for k, axis in AXES}
+    return {
+        "problem_name": PROBLEM,
+        "Dimension": 3,
+        "solver_settings": {
+            "strategy": "sphere_strategy",
+            "RemoveBallsInitiallyTouchingWalls": False,
+            "model_import_settings": {"input_type": "mdpa", "input_filename": PROBLEM},
+            "material_import_settings": {"materials_filename": MATERIALS},
+        },
+        "ElementType": "SphericPartDEMElement3D",
+        "BoundingBoxOption": False,
+        **ends,
+        **gravity,
+        "dem_inlet_option": False,
+        "RotationOption": True,
+        "TranslationalIntegrationScheme": "Symplectic_Euler",
+        "RotationalIntegrationScheme": "Runge_Kutta",
+        "MaxTimeStep": simulation.time_step,
+        "FinalTime": simulation.duration,
+        "DeltaOption": "Absolute",
+        "SearchTolerance": tolerance,
+        "search_tolerance_against_walls": tolerance,
+        "NeighbourSearchFrequency": _steps_per_search(simulation, tolerance),
+        "do_print_results_option": False,
+        "post_gid_option": False,
+        "OutputTimeStep": simulation.steps_per_output * simulation.time_step,
+    }
+
+
+def _steps_per_search(simulation: Simulation, tolerance: float) -> int:
+    """Return the time steps after which neighbours are looked for again, so that no grain comes nearer unseen."""
+    size = float(np.linalg.norm(simulation.gravity))
+    if not size:
+        return 1
+    height = float(np.abs(simulation.gravity / size) @ np.ptp(simulation.walls.bounds, axis=0))
+    # two grains that have fallen through the whole container meet
+    fastest = 2 * math.sqrt(2 * size * height)
+    return min(max(int(tolerance / (fastest * simulation.time_step)), 1), MOST_STEPS)
+
+
+def _materials(simulation: Simulation) -> dict[str, Any]:
+    """Return the materials: of spheres, of walls, and of each template that is a clump, whose file it names."""
+    law, bodies = simulation.law, simulation.bodies
+    elastic = {"YOUNG_MODULUS": _young_modulus(simulation), "POISSON_RATIO": law.poisson_ratio}
+    grain = {"PARTICLE_DENSITY": bodies.density, **elastic}
+    clumps = {material: bodies.templates[k].name for k, material in clumps_of(bodies).items()}
+    materials = [_material("spheres", SPHERES, grain), _material("walls", WALLS, {**elastic, "COMPUTE_WEAR": False})]
+    table = [["SpheresPart", "spheres"], ["RigidFacePart", "walls"]]
+    for material, name in clumps.items():
+        own = {"CLUSTER_FILE_NAME": _cluster_file(name), "BREAKABLE_CLUSTER": False}
+        materials.append(_material(name, material, {**grain, **own}))
+        table.append([f"ClusterPart.{name}", name])
+    names = {SPHERES: "spheres", WALLS: "walls", **clumps}
+    contact = _contact(simulation)
+    relations = [
+        {"material_names_list": [names[a], names[b]], "material_ids_list": [a, b], "Variables": contact}
+        for a, b in itertools.combinations_with_replacement((SPHERES, *clumps, WALLS), 2)
+        if (a, b) != (WALLS, WALLS)
+    ]
+    return {"materials": materials, "material_relations": relations, "material_assignation_table": table}
+
+
+def _material(name: str, number: int, variables: Mapping[str, Any]) -> dict[str, Any]:
+    """Return one material."""
+    return {"material_name": name, "material_id": number, "Variables": dict(variables)}
+
+
+def _young_modulus(simulation: Simulation) -> float:
+    """Return Young's modulus.
+
+    That of the linear law has no effect. It is the one by which DEM_D_Linear_viscous_Coulomb, put in place of the law,
+    has the normal stiffness between two spheres of the median diameter: 1.432 pi 0.31225 E / (2 (1 - nu^2)) d / 4.
+    """
+    law = simulation.law
+    if law.name == "hertz":
+        return law.young_modulus
+    return law.stiffness * 8 * (1 - law.poisson_ratio**2) / (1.432 * math.pi * 0.31225 * simulation.diameter)
+
+
+def _contact(simulation: Simulation) -> dict[str, Any]:
+    """Return the parameters of contacts, which are the same for every pair of materials."""
+    law = simulation.law
+    variables: dict[str, Any] = {
+        "COEFFICIENT_OF_RESTITUTION": law.restitution,
+        "STATIC_FRICTION": law.friction,
+        "DYNAMIC_FRICTION": law.friction,
+        "FRICTION_DECAY": 500.0,
+        "ROLLING_FRICTION": 0.0,
+        "ROLLING_FRICTION_WITH_WALLS": 0.0,
+        "DEM_ROLLING_FRICTION_MODEL_NAME": "DEMRollingFrictionModelBounded",
+        "DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": _law_name(simulation),
+    }
+    if law.name == "linear":
+        variables |= {"K_NORMAL": law.stiffness, "K_TANGENTIAL": law.shear_stiffness}
+    if law.cohesion:
+        # Kratos pulls with 2 pi R times this
+        variables["PARTICLE_COHESION"] = 2 * law.cohesion
+    return variables
+
+
+def _script(simulation: Simulation, comments: list[str]) -> str:
+    """Return the script: until the bed rests, with a state to go on from at every output."""
+    rest = simulation.rest_energy if simulation.gravity.any() else 0.0
+    constants = {
+        "GRAINS": GRAINS,
+        "CLUMPS": CLUMPS,
+        "PARAMETERS": PARAMETERS,
+        "TIME_STEP": simulation.time_step,
+        "STEPS": simulation.steps,
+        "STEPS_PER_OUTPUT": simulation.steps_per_output,
+        "EARLIEST_REST": math.ceil(SETTLING * simulation.time_unit / simulation.time_step),
+        "REST_ENERGY": rest,
+    }
+    lines = [
+        *(f"# {line}" for line in comments),
+        "# python kratos_run.py runs from the start, python kratos_run.py kratos_state_000000000.txt from a state;",
+        "# a state has all poses and velocities, friction begins at zero",
+        "",
+        "import os",
+        "import sys",
+        "",
+        "import KratosMultiphysics as Kratos",
+        "import KratosMultiphysics.DEMApplication as Dem",
+        "from KratosMultiphysics.DEMApplication.DEM_analysis_stage import DEMAnalysisStage",
+        "",
+        *(f"{name} = {value!r}" for name, value in constants.items()),
+    ]
+    return "\n".join(lines) + "\n" + RUN
+
+
+def _read(folder: Path) -> Held:
+    """Return what the files of grains, clusters and materials hold.
+
+    Raises
+    ------
+    FileFormatError
+        If a file is damaged.
+    """
+    materials = {
+        one["material_id"]: one["Variables"]
+        for one in json.loads((folder / MATERIALS).read_text(encoding="utf-8"))["materials"]
+    }
+    density = float(materials[SPHERES]["PARTICLE_DENSITY"])
+    clusters = {
+        number: read_clu(folder / variables["CLUSTER_FILE_NAME"])
+        for number, variables in materials.items()
+        if "CLUSTER_FILE_NAME" in variables
+    }
+    bodies = {**_spheres(folder / GRAINS, density), **_clusters(folder / CLUMPS, density, clusters)}
+    rows = [bodies[grain] for grain in sorted(bodies)]
+    mass, position, inertia, centers, radii = zip(*rows, strict=True)
+    joined = np.concatenate(centers), np.concatenate(radii)
+    return Held(np.array(mass), np.array(position), np.array(inertia), *joined)
+
+
+#: mass, centroid, inertia tensor, centers and radii of a grain
+Body = tuple[float, Floats, Floats, Floats, Floats]
+
+
+def _spheres(path: Path, density: float) -> dict[int, Body]:
+    """Return the grains that are spheres, by their numbers."""
+    nodes, sizes = read_mdpa(path, "Nodes", "NodalData RADIUS")
+    radii = {int(words[0]): float(words[2]) for words in sizes}
+    found: dict[int, Body] = {}
+    for words in nodes:
+        grain, center = int(words[0]), np.array(words[1:], dtype=float)
+        radius = radii[grain]
+        mass = density * 4 / 3 * math.pi * radius**3
+        found[grain] = mass, center, 0.4 * mass * radius**2 * np.eye(3), center[None], np.array([radius])
+    return found
+
+
+def _clusters(path: Path, density: float, clusters: Mapping[int, Cluster]) -> dict[int, Body]:
+    """Return the grains that are clumps, by their numbers."""
+    names = ("Nodes", "Elements Cluster3D", "NodalData CHARACTERISTIC_LENGTH", "NodalData ORIENTATION")
+    nodes, elements, sizes, orientations = read_mdpa(path, *names)
+    lengths = {int(words[0]): float(words[2]) for words in sizes}
+    turns = {int(words[0]): np.array(words[3:], dtype=float) for words in orientations}
+    of_node = {int(words[2]): clusters[int(words[1])] for words in elements}
+    found: dict[int, Body] = {}
+    for words in nodes:
+        grain, center = int(words[0]), np.array(words[1:], dtype=float)
+        cluster, turn = of_node[grain], rotation_matrices(np.roll(turns[grain], 1)[None])[0]
+        scale = lengths[grain] / cluster.size
+        mass = density * cluster.volume * scale**3
+        inertia = turn @ np.diag(mass * scale**2 * cluster.inertia) @ turn.T
+        found[grain] = mass, center, inertia, center + scale * cluster.centers @ turn.T, scale * cluster.radii
+    return found
+
+
+registration = Engine(
+    name="kratos",
+    title=TITLE,
+    summary="spheres, clusters, walls of triangles, materials and a script of the DEMApplication",
+    source="github.com/KratosMultiphysics/Kratos, applications/DEMApplication",
+    kinds=("sphere", "clump"),
+    periodic=False,
+    cohesion=True,
+    install=INSTALL,
+    verified="run with KratosDEMApplication 10.4.4",
+    command=f"python {SCRIPT}",
+    write=_write,
+    read=_read,
+)
