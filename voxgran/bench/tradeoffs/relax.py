@@ -7,18 +7,18 @@ finds, for beds at rest, beds of a voxel walk, and random additions. Seconds are
 compilation. LAMMPS must be installed.
 """
 
-import os
 import resource
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning
-from voxgran.bench.model import LOG, TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
 from voxgran.bench.tradeoffs.settle import Case, box_of, falling_grains, packed, polyhedra, spheres
 from voxgran.clumps.fit import fit_clump
 from voxgran.containers.box import Box
@@ -35,8 +35,6 @@ from voxgran.shapes.model import Shape
 SPHERES = 10
 #: number of grains, and width of the box in diameters, of the comparison with pouring
 COUNTS = ((1000, 10.0), (10_000, 17.0))
-#: largest number of grains that is compared; a variable of the environment lowers it
-MOST = "VOXGRAN_BENCH_GRAINS"
 #: difference of the mean sinking from that of the end below which a bed no longer sinks, in median diameters
 STILL = 1e-3
 #: solid fraction of random additions, and that from which grains fall
@@ -54,10 +52,11 @@ class Way:
     seconds_engine: float
     duration: float  # in the engine until the bed rests, in sqrt(d / g)
     sinking_time: float  # in the engine until the mean sinking is that of the end, in sqrt(d / g)
-    rests: bool
+    rests: int  # 1 or 0
     solid_fraction: float
     coordination: float
-    sinking: float  # in median diameters
+    sinking: float  # mean of all grains, in median diameters
+    calibration_seconds: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +68,9 @@ class Proof:
     share_proven: float
     sinking: float
     change_of_coordination: float
+
+
+HEAD = ",".join(field.name for field in fields(Way))
 
 
 def ellipsoids() -> list[Shape]:
@@ -99,23 +101,41 @@ KINDS: tuple[tuple[str, Callable[[], list[Shape]]], ...] = (
 )
 
 
-def compare_ways(counts: tuple[tuple[int, float], ...] = COUNTS) -> list[Way]:
-    """Return beds that were packed and relaxed, and beds that were poured, for each kind and number of grains."""
-    rows = []
-    most = int(os.environ.get(MOST, "0")) or max(count for count, _ in counts)
+def compare_ways(path: Path, counts: tuple[tuple[int, float], ...] = COUNTS) -> list[Way]:
+    """Return beds that were packed and relaxed, and beds that were poured, for each kind and number of grains.
+
+    Rows that the table at `path` holds are kept, and new ones are added to it: the whole takes hours.
+    """
+    rows, loop = _rows_of(path), calibration()
     for count, width in counts:
-        for name, shapes in KINDS if count <= most else ():
+        for name, shapes in KINDS:
+            if any((row.grains, row.count) == (name, count) for row in rows):
+                continue
             case = Case(f"{count} {name}", shapes, count, width)
             packed(case, shapes(), max(20, count // 20), 1)
             bed, seconds = packed(case, shapes(), count, 1)
             # the stiffness that suits the weight of the bed, for both ways
             law = described(bed, engine_registry().get("lammps"), None)[0].law
-            rows.append(_way(name, "gravity", bed, seconds, law.stiffness))
+            rows.append(_way(name, "gravity", bed, seconds, law.stiffness, loop))
             began = _processor()
             loose = falling_grains(case, count, LOOSE)
-            rows.append(_way(name, "poured", loose, _processor() - began, law.stiffness))
-            LOG.warning("%s", rows[-2:])
+            rows.append(_way(name, "poured", loose, _processor() - began, law.stiffness, loop))
+            write_rows(path, HEAD, map(_line, rows))
     return rows
+
+
+def _line(row: Way) -> str:
+    """Return a row as CSV."""
+    return ",".join(str(value) if isinstance(value, str | int) else f"{value:.5g}" for value in astuple(row))
+
+
+def _rows_of(path: Path) -> list[Way]:
+    """Return the rows of a table; none where it is not there."""
+    if not path.is_file():
+        return []
+    kinds: list[Callable[[str], Any]] = [str, int, str, float, float, float, float, int, float, float, float, float]
+    lines = path.read_text(encoding="utf-8").splitlines()[1:]
+    return [Way(*(kind(word) for kind, word in zip(kinds, line.split(","), strict=True))) for line in lines]
 
 
 def _processor() -> float:
@@ -124,7 +144,7 @@ def _processor() -> float:
     return sum(one.ru_utime + one.ru_stime for one in used)
 
 
-def _way(grains: str, start: str, bed: Packing, seconds: float, stiffness: float) -> Way:
+def _way(grains: str, start: str, bed: Packing, seconds: float, stiffness: float, loop: float) -> Way:
     """Return what it takes the engine to bring a packing to rest."""
     began = _processor()
     rested, history = relax(bed, material={"stiffness": stiffness})
@@ -137,10 +157,11 @@ def _way(grains: str, start: str, bed: Packing, seconds: float, stiffness: float
         _processor() - began,
         rested.relaxation.duration,
         rested.relaxation.duration * _share_of_sinking(history["mean_sinking"].values),
-        bool(history.attrs["rests"]),
+        int(history.attrs["rests"]),
         float(history["solid_fraction"][-1]),
         float(history["coordination_number"][-1]),
         float(history["mean_sinking"][-1]),
+        loop,
     )
 
 
@@ -181,17 +202,8 @@ def _filled(case: Case, count: int) -> Box:
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    proofs, ways, loop = compare_proofs(), compare_ways(), calibration()
-    lines = [
-        f"{one.grains},{one.count},{one.start},{one.seconds_packing:.2f},{one.seconds_engine:.2f},{one.duration:.1f},"
-        f"{one.sinking_time:.1f},"
-        f"{str(one.rests).lower()},{one.solid_fraction:.4f},{one.coordination:.3f},{one.sinking:.4f},{loop:.5f}"
-        for one in ways
-    ]
-    head = (
-        "grains,count,start,seconds_packing,seconds_engine,time_until_rest,time_of_sinking,rests,solid_fraction,coordination,"
-        "mean_sinking,calibration_seconds"
-    )
+    table = folder / "relax.csv"
+    proofs, ways = compare_proofs(), compare_ways(table)
     shares = [
         f'{one.grains},"{one.made_by}",{one.share_proven:.4f},{one.sinking:.4f},{one.change_of_coordination:.3f}'
         for one in proofs
@@ -199,7 +211,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     figure = folder / "relax.svg"
     _draw(ways, proofs, figure)
     return (
-        write_rows(folder / "relax.csv", head, lines),
+        table,
         write_rows(folder / "relax_proofs.csv", "grains,made_by,share_proven,sinking,change_of_coordination", shares),
         figure,
     )
