@@ -65,6 +65,12 @@ def test_a_container_that_is_no_convex_mesh_is_refused(tmp_path):
         vg.write_deck(packing, tmp_path, "lammps")
 
 
+def test_a_clump_of_one_sphere_is_refused(tmp_path):
+    with pytest.raises(InputError, match="give clump=2"):
+        vg.write_deck(cases.rocks(), tmp_path / "new", "lammps", clump=1)
+    assert not (tmp_path / "new").exists()
+
+
 def test_damaged_files_are_refused(tmp_path):
     vg.write_deck(cases.spheres(), tmp_path, "lammps")
     data = tmp_path / "lammps_grains.data"

@@ -52,8 +52,19 @@ _LOADED = [
 
 
 def _write(simulation: Simulation) -> Mapping[str, str]:
-    """Return the files."""
+    """Return the files.
+
+    Raises
+    ------
+    InputError
+        If a clump has a single sphere, or the container is not one that LAMMPS has.
+    """
     bodies = simulation.bodies
+    for template in bodies.templates:
+        if template.kind == "clump" and len(template.spheres[1]) == 1 and simulation.bonds is None:
+            raise InputError(
+                f"clump {template.name!r} has 1 sphere: rigid bodies of LAMMPS have at least 2; give clump=2"
+            )
     files = {SCRIPT: _script(simulation), DATA: _data(simulation)}
     if len(bodies.of_kind("clump")) and simulation.bonds is None:
         files[BODIES] = _bodies(simulation)
