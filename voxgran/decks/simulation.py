@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 #: time step where none is given, in stable ones: collisions then have the restitution asked for to 0.01
 USUAL_STEP = 0.5
 #: mean kinetic energy of a grain, in m g d of the median grain, below which a bed rests
-REST = 1e-8
+REST = 1e-6
 #: how long a script runs at the most, the time between its outputs, and that from the start, when all grains stand
 #: still, until rest is looked for, in sqrt(d / g) with the median diameter d
 LONGEST = 200.0
