@@ -15,7 +15,7 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 
 #: what a grain is for an engine
-Kind = Literal["sphere", "clump", "polyhedron", "mesh", "level_set"]
+Kind = Literal["sphere", "clump", "polyhedron", "mesh", "level_set", "convex_parts"]
 
 
 class Frame(NamedTuple):
@@ -33,7 +33,7 @@ class Template:
     ----------
     name : str
         Name in files: letters, digits and underscores, different for each template.
-    kind : {"sphere", "clump", "polyhedron", "mesh", "level_set"}
+    kind : {"sphere", "clump", "polyhedron", "mesh", "level_set", "convex_parts"}
         How the engine holds it.
     shape : Shape
         Its geometry: spheres of a clump, a sphere, or the solid itself.
@@ -148,7 +148,7 @@ class Bodies:
     def least_radius(self) -> float:
         """Least radius of a sphere, or least equivalent radius of a grain without spheres, in metres."""
         radii = self.spheres[1]
-        others = self.assembly.diameters[self.of_kind("polyhedron", "mesh", "level_set")] / 2
+        others = self.assembly.diameters[self.of_kind("polyhedron", "mesh", "level_set", "convex_parts")] / 2
         return float(min(radii.min(initial=math.inf), others.min(initial=math.inf)))
 
 

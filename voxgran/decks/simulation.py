@@ -4,6 +4,7 @@ Every engine writes its files from this description alone.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from voxgran._base.cells import near_pairs
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
-from voxgran.decks.bodies import Bodies, Template
+from voxgran.decks.bodies import Bodies, Kind, Template
 from voxgran.decks.material import GRAVITY, QUARTZ, ContactLaw, Material, contact_law
 from voxgran.decks.walls import Walls
 from voxgran.packing.model import Packing
@@ -33,6 +34,15 @@ REST = 1e-6
 LONGEST = 200.0
 OUTPUT = 1.0
 SETTLING = 5.0
+#: what grains of each kind are called, one and several of them
+NAMES: Mapping[Kind, tuple[str, str]] = {
+    "sphere": ("sphere", "spheres"),
+    "clump": ("clump", "clumps"),
+    "polyhedron": ("polyhedron", "polyhedra"),
+    "mesh": ("mesh", "meshes"),
+    "level_set": ("level set", "level sets"),
+    "convex_parts": ("grain of convex parts", "grains of convex parts"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +129,7 @@ class Simulation:
         """Return the lines that begin each file: content, units, contact law, and what is approximated."""
         bodies, law = self.bodies, self.law
         by_kind = {kind: len(bodies.of_kind(kind)) for kind in sorted(bodies.kinds)}
-        what = ", ".join(f"{count} {kind.replace('_', ' ')}{'s' * (count != 1)}" for kind, count in by_kind.items())
+        what = ", ".join(f"{count} {NAMES[kind][count != 1]}" for kind, count in by_kind.items())
         lengths = (
             "lengths without a unit, taken as metres" if self.unit == NO_UNIT else f"lengths converted from {self.unit}"
         )

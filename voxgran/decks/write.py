@@ -25,7 +25,7 @@ from voxgran.shapes.spheres import Spheres
 #: spheres of a clump where no number is given
 USUAL_SPHERES = 20
 #: what a grain that is no sphere may be asked to be
-KINDS = ("clump", "polyhedron", "mesh", "level_set")
+KINDS = ("clump", "polyhedron", "mesh", "level_set", "convex_parts")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -67,7 +67,7 @@ def write_deck(
     *,
     material: Material | Mapping[str, Any] | None = None,
     clump: int | Clump | None = None,
-    grains: Literal["clump", "polyhedron", "mesh", "level_set"] | None = None,
+    grains: Literal["clump", "polyhedron", "mesh", "level_set", "convex_parts"] | None = None,
     acceleration: float = GRAVITY,
     time_step: float | None = None,
     overwrite: bool = False,
@@ -92,7 +92,7 @@ def write_deck(
     clump : int or Clump, optional
         Number of spheres, or a fitted clump, in place of each shape that is no sphere. Default: 20 where the engine
         has no other kind of grain for a shape.
-    grains : {"clump", "polyhedron", "mesh", "level_set"}, optional
+    grains : {"clump", "polyhedron", "mesh", "level_set", "convex_parts"}, optional
         What grains that are no spheres become. Default: clumps where `clump` is given, else the first of these that the
         engine has for the shape.
     acceleration : float
@@ -290,7 +290,7 @@ def _kind(shape: Shape, engine: Engine, asked: str | None) -> Kind:
         return "clump"
     convex = shape.dimension == 3 and is_convex(shape.geometry)
     for kind in engine.kinds if asked is None else (asked,):
-        if kind in ("clump", "mesh", "level_set") or (kind == "polyhedron" and convex):
+        if kind in ("clump", "mesh", "level_set", "convex_parts") or (kind == "polyhedron" and convex):
             return kind  # type: ignore[return-value]
     if asked is not None:
         raise InputError(f"shape {shape.name!r} is not convex: a polyhedron of {engine.title} is; give grains='clump'")
@@ -317,7 +317,7 @@ def _approximation(name: str, kind: Kind, shape: Shape, record: Any) -> str:
             f"{errors['iou']:.4f}, largest distance of the surfaces {errors['surface_max']:.3g} equivalent diameters; "
             "mass, centroid and inertia are the true ones"
         )
-    if kind in ("polyhedron", "mesh", "level_set") and shape.tessellation_error > 0:
+    if kind in ("polyhedron", "mesh", "level_set", "convex_parts") and shape.tessellation_error > 0:
         return (
             f"{name} is a polyhedron in place of {shape.name}: its surface is off by at most "
             f"{shape.tessellation_error / shape.diameter:.3g} equivalent diameters; mass and inertia are the true ones"

@@ -81,7 +81,9 @@ def test_a_container_that_an_engine_has_not_is_refused_before_the_run(tmp_path):
 
 
 def test_what_an_engine_cannot_hold_costs_nothing_else(tmp_path):
-    soft = scene(tmp_path, "friction = 0.25", "stiffness = 1e-9")
+    text = SCENE.replace("friction = 0.25", "stiffness = 1e-9").replace(', "yade"', "")
+    (tmp_path / "scene.toml").write_text(text)
+    soft = vg.Scene.from_toml(tmp_path / "scene.toml")
     with pytest.warns(PackingWarning, match="input for lammps is not written: material stiffness"):
         soft.run(tmp_path / "out")
     assert (tmp_path / "out" / "packing.vtp").is_file()

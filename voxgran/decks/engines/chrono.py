@@ -1,0 +1,355 @@
+"""DEM-Engine of Project Chrono: spheres and clumps as tables of spheres, with a driver in Python that loads them.
+
+References
+----------
+https://github.com/projectchrono/DEM-Engine, release 3.0.19 (the Python package ``deme``): docstrings of `DEMSolver`,
+`DEMClumpBatch`, `Tracker` and `DEMExternObj`, `DEMCalcForceKernels_Primitive.cu` and `FullHertzianForceModel.cu` for
+the names of a force model, and `data/clumps` for the layout of a clump.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import FileFormatError
+from voxgran._base.rotation import rotation_matrices
+from voxgran.decks.bodies import Template
+from voxgran.decks.engine import Engine, Held
+from voxgran.decks.kratos_model import Facets, walls_of
+from voxgran.decks.simulation import SETTLING, Simulation
+
+TITLE = "Chrono DEM-Engine"
+#: names of files
+RUN, GRAINS, LAW, WALLS = "chrono_run.py", "chrono_grains.csv", "chrono_law.cu", "chrono_walls.obj"
+#: columns of a grain after the name of its template; quaternions from the principal frame, as the engine orders them
+COLUMNS = (
+    *("scale", "mass", "moment_1", "moment_2", "moment_3"),
+    *("x", "y", "z", "quaternion_x", "quaternion_y", "quaternion_z", "quaternion_w"),
+    *("velocity_x", "velocity_y", "velocity_z", "spin_1", "spin_2", "spin_3"),
+)
+#: first line of the table of a template
+CLUMP_HEADER = "x,y,z,r"
+#: room between the walls and the bounds of the domain, in median diameters
+MARGIN = 2.0
+#: Young's modulus in Pa where the linear law is asked for; the engine wants one, the force model does not use it
+UNUSED = 1e7
+#: a number in a table
+NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
+
+#: stiffness and damping of the laws in a force model, in terms of its constants
+LAWS = {
+    "linear": """\
+    const float normal_stiffness = stiffness;
+    const float damping = 2.f * damping_ratio * sqrtf(stiffness * mass);
+    const float drag_stiffness = shear_stiffness;
+""",
+    "hertz": """\
+    const float contact = sqrtf(overlapDepth / (1.f / ARadius + 1.f / BRadius));
+    const float normal_stiffness = 4.f / 3.f * young_modulus * contact;
+    const float damping = 2.f * damping_ratio * sqrtf(5.f / 3.f * young_modulus * contact * mass);
+    const float drag_stiffness = 8.f * shear_modulus * contact;
+""",
+}
+#: a force model after its constants; {law} is one of the laws
+FORCE = """\
+if (overlapDepth > 0) {{
+    // one over the sum of reciprocals: a product of two masses may be too small for a float
+    const float mass = 1.f / (1.f / AOwnerMass + 1.f / BOwnerMass);
+{law}\
+    float3 turnA = cross(ARotVel, locCPA);
+    float3 turnB = cross(BRotVel, locCPB);
+    applyOriQToVector3(turnA, AOriQ);
+    applyOriQToVector3(turnB, BOriQ);
+    const float3 relative = (ALinVel + turnA) - (BLinVel + turnB);
+    const float apart = dot(relative, B2A);
+    float3 slid = make_float3(slid_x, slid_y, slid_z);
+    slid += ts * (relative - apart * B2A);
+    const float lifted = dot(slid, B2A);
+    slid -= lifted * B2A;
+    force += (normal_stiffness * overlapDepth - damping * apart) * B2A;
+    float3 drag = -drag_stiffness * slid;
+    const float most = friction * length(force);
+    const float drawn = length(drag);
+    if (drawn > most) {{
+        drag = (most / drawn) * drag;
+        slid = (most / drawn) * slid;
+    }}
+    force += drag;
+    slid_x = slid.x;
+    slid_y = slid.y;
+    slid_z = slid.z;
+}} else {{
+    slid_x = 0;
+    slid_y = 0;
+    slid_z = 0;
+}}
+"""
+
+#: the driver after its constants, before its walls
+GRAINS_PART = """\
+
+
+def rows_of(path):
+    \"\"\"Return name and numbers of each row of a table; lines that begin with # are comments.\"\"\"
+    with open(path) as file:
+        rows = [line.strip().split(",") for line in file if line.strip() and not line.startswith("#")]
+    return [row[0] for row in rows], np.array([[float(word) for word in row[1:]] for row in rows])
+
+
+def spheres_of(name):
+    \"\"\"Return centers and radii of the spheres of a template, in its principal frame.\"\"\"
+    table = np.loadtxt(os.path.join(FOLDER, f"chrono_{name}.csv"), delimiter=",", skiprows=1, ndmin=2)
+    return table[:, :3], table[:, 3]
+
+
+def type_of(name, row):
+    \"\"\"Return the clump type of a grain; grains of one template and size share it.\"\"\"
+    scale, mass, moments = row[0], row[1], row[2:5]
+    if (name, scale) not in types:
+        centers, radii = spheres_of(name)
+        types[name, scale] = solver.LoadClumpType(
+            mass, moments.tolist(), (scale * radii).tolist(), (scale * centers).tolist(), material
+        )
+    return types[name, scale]
+
+
+def kinetic_energy():
+    \"\"\"Return the kinetic energy of all grains, of translation and rotation, in J.\"\"\"
+    velocity, spin = np.array(tracker.Velocities()), np.array(tracker.AngularVelocitiesLocal())
+    return float((rows[:, 1] * (velocity**2).sum(axis=1) + (rows[:, 2:5] * spin**2).sum(axis=1)).sum() / 2)
+
+
+def save(path):
+    \"\"\"Write the state of all grains; the driver goes on from it.\"\"\"
+    state = [tracker.Positions(), tracker.OrientationQuaternions(), tracker.Velocities()]
+    state = np.column_stack([rows[:, :5], *state, tracker.AngularVelocitiesLocal()])
+    with open(path, "w") as file:
+        for name, row in zip(names, state.tolist()):
+            file.write(",".join([name, *map(repr, row)]) + "\\n")
+
+
+solver = deme.DEMSolver([0])
+material = solver.LoadMaterial(MATERIAL)
+names, rows = rows_of(sys.argv[1] if len(sys.argv) > 1 else os.path.join(FOLDER, "chrono_grains.csv"))
+types = {}
+batch = solver.AddClumps([type_of(name, row) for name, row in zip(names, rows)], rows[:, 5:8].tolist())
+batch.SetFamily(0)
+batch.SetVel(rows[:, 12:15].tolist())
+tracker = solver.Track(batch)
+if len(types) > 16:
+    solver.DisableJitifyClumpTemplates()
+    solver.DisableJitifyMassProperties()
+with open(os.path.join(FOLDER, "chrono_law.cu")) as file:
+    model = solver.DefineContactForceModel(file.read())
+model.SetMustHaveMatProp(set())
+model.SetMustPairwiseMatProp(set())
+model.SetPerContactWildcards({"slid_x", "slid_y", "slid_z"})
+"""
+
+#: the end of the driver
+RUN_PART = """\
+solver.SetGravitationalAcceleration(GRAVITY)
+solver.SetTimeStepSize(TIME_STEP)
+solver.SetOutputFormat("CSV")
+solver.Initialize()
+# the Python binding takes orientations after the initialization only
+tracker.SetOriQ([tuple(row) for row in rows[:, 8:12].tolist()])
+tracker.SetAngVel([tuple(row) for row in rows[:, 15:18].tolist()])
+for frame in range(1, FRAMES + 1):
+    solver.DoDynamicsThenSync(STEPS_PER_OUTPUT * TIME_STEP)
+    save(os.path.join(FOLDER, "chrono_state.csv"))
+    save(os.path.join(FOLDER, f"chrono_frame_{frame:04d}.csv"))
+    energy = kinetic_energy()
+    print(f"time {frame * STEPS_PER_OUTPUT * TIME_STEP:.6g} s, kinetic energy {energy:.6g} J")
+    if SETTLES and frame >= SETTLING_FRAMES and energy < REST_ENERGY:
+        break
+"""
+
+
+def _write(simulation: Simulation) -> Mapping[str, str]:
+    """Return the files."""
+    bodies = simulation.bodies
+    used = {int(k) for k in bodies.assembly.shape_id}
+    files = {RUN: _driver(simulation), GRAINS: _grains(simulation)}
+    for k, template in enumerate(bodies.templates):
+        if k in used:
+            # a table of the engine has no comments
+            files[f"chrono_{template.name}.csv"] = _text([CLUMP_HEADER, *map(_row, _spheres(template))])
+    files[LAW] = _force(simulation)
+    faceted = _faceted(simulation)
+    if faceted is not None:
+        files[WALLS] = _mesh(simulation, faceted)
+    return files
+
+
+def _text(lines: Iterable[str]) -> str:
+    """Return lines as the text of a file."""
+    return "\n".join(lines) + "\n"
+
+
+def _row(values: Iterable[float]) -> str:
+    """Return numbers with all their digits, between commas."""
+    return ",".join(repr(float(value)) for value in values)
+
+
+def _comments(simulation: Simulation, mark: str) -> list[str]:
+    """Return the header as comments."""
+    lines = [*simulation.header(TITLE), "the engine computes with numbers of 32 bits"]
+    return [f"{mark} {line}" for line in lines]
+
+
+def _spheres(template: Template) -> Floats:
+    """Return centers and radii of the spheres of a template, in its principal frame about its centroid."""
+    centers, radii = template.spheres
+    return np.column_stack([centers @ template.principal.axes, radii])
+
+
+def _grains(simulation: Simulation) -> str:
+    """Return the table of the grains."""
+    bodies, grains = simulation.bodies, simulation.bodies.assembly
+    turns = np.roll(bodies.principal_orientation, -1, axis=1)
+    rest = np.zeros((grains.count, 6))
+    rows = np.column_stack([grains.scale, bodies.mass, bodies.moments, grains.position, turns, rest])
+    lines = [*_comments(simulation, "#"), f"# template,{','.join(COLUMNS)}"]
+    for shape, row in zip(grains.shape_id.tolist(), rows, strict=True):
+        lines.append(f"{bodies.templates[shape].name},{_row(row)}")
+    return _text(lines)
+
+
+def _force(simulation: Simulation) -> str:
+    """Return the contact law as a force model of the engine.
+
+    That of Hertz is not the engine's own, which in release 3.0.19 takes the radius of one sphere for that of the pair.
+    """
+    law = simulation.law
+    numbers = {"damping_ratio": law.damping_ratio, "friction": law.friction}
+    if law.name == "linear":
+        numbers |= {"stiffness": law.stiffness, "shear_stiffness": law.shear_stiffness}
+    else:
+        young, ratio = law.young_modulus, law.poisson_ratio
+        # those of two equal materials in contact
+        shear = young / (2 * (1 + ratio)) / (2 * (2 - ratio))
+        numbers |= {"young_modulus": young / (2 * (1 - ratio**2)), "shear_modulus": shear}
+    constants = [f"const float {name} = {float(np.float32(value))!r}f;" for name, value in numbers.items()]
+    return _text([*_comments(simulation, "//"), *constants]) + FORCE.format(law=LAWS[law.name])
+
+
+def _faceted(simulation: Simulation) -> Facets | None:
+    """Return the wall that is made of triangles: a closed mesh, or a sphere; planes and cylinders are exact."""
+    walls = simulation.walls
+    if walls.mesh is None and (walls.round is None or walls.round.kind == "cylinder"):
+        return None
+    return next(wall for wall in walls_of(simulation) if wall.name in ("round", "mesh"))
+
+
+def _mesh(simulation: Simulation, wall: Facets) -> str:
+    """Return the triangles of a wall as a Wavefront file; their normals point to the grains."""
+    lines = _comments(simulation, "#")
+    lines += [f"# {wall.note}"] if wall.note else []
+    lines += [f"v {' '.join(map(repr, point))}" for point in wall.vertices.tolist()]
+    return _text([*lines, *(f"f {c + 1} {b + 1} {a + 1}" for a, b, c in wall.faces.tolist())])
+
+
+def _driver(simulation: Simulation) -> str:
+    """Return the driver: grains, walls, contact law, and a run until the bed rests."""
+    law, steps = simulation.law, simulation.steps_per_output
+    material = {"E": law.young_modulus or UNUSED, "nu": law.poisson_ratio, "CoR": law.restitution, "mu": law.friction}
+    frames = -(-simulation.steps // steps)
+    settling = int(np.ceil(SETTLING * simulation.time_unit / (steps * simulation.time_step)))
+    lines = [
+        *_comments(simulation, "#"),
+        '"""Run the grains of chrono_grains.csv, or of another table that is named, until they rest."""',
+        "",
+        "import os",
+        "import sys",
+        "",
+        "import deme",
+        "import numpy as np",
+        "",
+        "FOLDER = os.path.dirname(os.path.abspath(__file__))",
+        f"MATERIAL = {material | {'Crr': 0.0}!r}",
+        "HEAVY = 1e6  # mass of a wall of triangles, kg: that of the engine's planes",
+        f"GRAVITY = {simulation.gravity.tolist()!r}",
+        f"TIME_STEP = {simulation.time_step!r}",
+        f"STEPS_PER_OUTPUT, FRAMES, SETTLING_FRAMES = {steps}, {frames}, {settling}",
+        f"SETTLES, REST_ENERGY = {bool(simulation.gravity.any())}, {simulation.rest_energy!r}",
+        GRAINS_PART,
+        *_walls(simulation),
+    ]
+    return _text(lines) + RUN_PART
+
+
+def _walls(simulation: Simulation) -> list[str]:
+    """Return the lines that add the walls and the bounds of the domain."""
+    walls = simulation.walls
+    room = MARGIN * simulation.diameter + 2 * float(simulation.bodies.assembly.bounding_radii.max())
+    ends = np.stack([walls.bounds[0] - room, walls.bounds[1] + room], axis=1).tolist()
+    lines = [f"solver.InstructBoxDomainDimension({', '.join(str(tuple(pair)) for pair in ends)})"]
+    lines.append('solver.InstructBoxDomainBoundingBC("none", material)')
+    for plane in walls.planes:
+        point = np.where(np.arange(3) == plane.axis, plane.level, walls.bounds.mean(axis=0))
+        lines.append(f"solver.AddBCPlane({point.tolist()}, {plane.normal.tolist()}, material)  # {plane.name}")
+    if walls.round is not None and walls.round.kind == "cylinder":
+        center = walls.round.center.tolist()
+        lines.append("cylinder = solver.AddExternalObject()")
+        lines.append(f"cylinder.AddCylinder({center}, [0.0, 0.0, 1.0], {walls.round.radius!r}, material)")
+    if _faceted(simulation) is not None:
+        lines.append(f'mesh = solver.AddWavefrontMeshObject(os.path.join(FOLDER, "{WALLS}"), material)')
+        lines += ["mesh.SetMass(HEAVY)", "mesh.SetFamily(10)", "solver.SetFamilyFixed(10)"]
+    return lines
+
+
+def _read(folder: Path) -> Held:
+    """Return what the files hold.
+
+    Raises
+    ------
+    FileFormatError
+        If a row has too few columns, or the table of a template is not as the engine has it.
+    """
+    rows = [line.split(",") for line in (folder / GRAINS).read_text().splitlines() if not line.startswith("#")]
+    wrong = next((row for row in rows if len(row) != 1 + len(COLUMNS)), None)
+    if wrong is not None:
+        raise FileFormatError(f"{folder / GRAINS} has a row of {len(wrong)} columns: write the deck again")
+    templates = {name: _template(folder / f"chrono_{name}.csv") for name in sorted({row[0] for row in rows})}
+    values = np.array([[float(word) for word in row[1:]] for row in rows])
+    frames = rotation_matrices(np.roll(values[:, 8:12], 1, axis=1))
+    centers, radii = [], []
+    for row, value, frame in zip(rows, values, frames, strict=True):
+        table = value[0] * templates[row[0]]
+        centers.append(table[:, :3] @ frame.T + value[5:8])
+        radii.append(table[:, 3])
+    inertia = np.einsum("nij,nj,nkj->nik", frames, values[:, 2:5], frames)
+    return Held(values[:, 1], values[:, 5:8], inertia, np.concatenate(centers), np.concatenate(radii))
+
+
+def _template(path: Path) -> Floats:
+    """Return the spheres of a template: a header, then four numbers a line.
+
+    Raises
+    ------
+    FileFormatError
+        If a line is something else.
+    """
+    header, *lines = path.read_text().splitlines()
+    if header != CLUMP_HEADER or not lines or not all(re.fullmatch(",".join([NUMBER] * 4), line) for line in lines):
+        raise FileFormatError(f"{path} is no table of spheres of {TITLE}: write the deck again")
+    return np.array([[float(word) for word in line.split(",")] for line in lines])
+
+
+registration = Engine(
+    name="chrono",
+    title=TITLE,
+    summary="tables of spheres, table of grains, force model, and a driver in Python that runs until rest on a GPU",
+    source="https://github.com/projectchrono/DEM-Engine, release 3.0.19",
+    kinds=("sphere", "clump"),
+    periodic=False,
+    install="pip install 'deme[cuda12]'",
+    verified="loaded by deme 3.0.19, which took the force model; not run, since that needs a GPU",
+    command=f"python {RUN}",
+    write=_write,
+    read=_read,
+)
