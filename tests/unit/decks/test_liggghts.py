@@ -46,6 +46,12 @@ def two_clumps(scales):
     return vg.Packing.of(row, vg.Box((10, 10, 10)), position=centers, scale=scales, unit="mm", gravity=None)
 
 
+def sphere_on_the_ground():
+    """Return a sphere that lies on the bottom of a long box."""
+    sphere, box = vg.make_shape("sphere"), vg.Box((10, 4, 4))
+    return engine_cases.falling(vg.Packing.of(sphere, box, position=[[1, 2, 0.5]], unit="mm"))
+
+
 def run(folder, text=None):
     """Run the script of a folder, or another text in its place."""
     program = engine_cases.program(ENGINE, INSTALL)
@@ -73,6 +79,11 @@ def shortened(deck, steps, extra=""):
     return f"{head}\n{extra}run {steps}\n"
 
 
+def rock_hull():
+    """Return a closed mesh of a few flat faces as a container."""
+    return vg.ClosedMesh(vg.make_shape("convex_polyhedron", seed=2)).scaled(7)
+
+
 PACKINGS = {
     "spheres": engine_cases.spheres,
     "mixed": engine_cases.mixed,
@@ -81,6 +92,7 @@ PACKINGS = {
     "periodic": lambda: engine_cases.mixed(periodic="xy"),
     "cylinder": lambda: engine_cases.mixed(container=vg.Cylinder(2.5, 7)),
     "sphere": lambda: engine_cases.mixed(container=vg.Sphere(3.5)),
+    "mesh": lambda: engine_cases.mixed(container=rock_hull()),
 }
 
 
@@ -244,13 +256,11 @@ def test_two_clumps_rebound_as_asked(tmp_path, material, scales):
 
 @pytest.mark.engine
 @pytest.mark.parametrize("law", ["linear", "hertz"])
-@pytest.mark.parametrize(
-    "container", [vg.Box((5, 5, 7)), vg.Cylinder(2.5, 7), vg.Sphere(3.5)], ids=lambda one: one.kind
-)
-def test_walls_hold_the_grains(tmp_path, container, law):
+@pytest.mark.parametrize("name", ["mixed", "cylinder", "sphere", "mesh", "periodic"])
+def test_walls_hold_the_grains(tmp_path, name, law):
     material = {"stiffness": 200.0} if law == "linear" else HERTZ
-    deck = write_deck(engine_cases.mixed(container=container), tmp_path, ENGINE, material=material)
-    steps = round(25 * deck.simulation.time_unit / deck.simulation.time_step)
+    deck = write_deck(PACKINGS[name](), tmp_path, ENGINE, material=material)
+    steps = round(12 * deck.simulation.time_unit / deck.simulation.time_step)
     extra = f"dump end all custom {steps // 5} end.dump id x y z radius\n"
     run(tmp_path, shortened(deck, steps, extra))
     rows = frames(tmp_path / "end.dump")[-1]
@@ -259,6 +269,18 @@ def test_walls_hold_the_grains(tmp_path, container, law):
     # they lie on the ground, and do not hover
     assert rows[:, 3].min() - deck.simulation.walls.bounds[0, 2] < 1.0 * deck.simulation.diameter
     assert np.isfinite(rows).all()
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize("material", ["linear", "hertz"])
+def test_a_sphere_slides_and_then_rolls(tmp_path, material):
+    deck = write_deck(sphere_on_the_ground(), tmp_path, ENGINE, material={**MATERIALS[material], "friction": 0.3})
+    sliding, rolling = (round(time / deck.simulation.time_step) for time in (4e-3, 20e-3))
+    extra = "velocity all set 0.1 0 0\n" + END.format(steps=sliding, what="custom", columns="id vx vy vz")
+    run(tmp_path, shortened(deck, rolling, extra))
+    velocity = [rows[0, 1] for rows in frames(tmp_path / "end.dump")]
+    assert velocity[1] == pytest.approx(0.1 - 0.3 * 9.81 * 4e-3, rel=0.01)
+    assert velocity[-1] == pytest.approx(5 / 7 * 0.1, rel=0.01)
 
 
 @pytest.mark.engine

@@ -1,0 +1,417 @@
+"""LIGGGHTS-PUBLIC: spheres and rigid clumps ("multispheres") as data file, sphere files and scripts.
+
+The linear law is the normal model `luding` with an unloading stiffness equal to that of loading up to 1e-9, which
+leaves a linear spring; of the linear models of LIGGGHTS it is the one whose damping follows from the restitution, the
+stiffness and the effective mass of each contact. `hooke/stiffness` has one damping for a pair of atom types.
+
+References
+----------
+LIGGGHTS-PUBLIC 3.8.0, documentation and source: `fix_particletemplate_multisphere`, `fix_multisphere`,
+`fix_insert_pack`, `fix_wall_gran`, `fix_mesh_surface`, `gran_model_hertz`, `normal_model_luding.h`,
+`tangential_model_luding_tn.h`, `global_properties.cpp`; github.com/CFDEMproject/LIGGGHTS-PUBLIC.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.rotation import quaternions_of, rotation_matrices
+from voxgran.decks.engine import Engine, Held
+from voxgran.decks.kratos_model import walls_of
+from voxgran.decks.simulation import SETTLING, Simulation
+
+TITLE, INSTALL = "LIGGGHTS", "apt-get install liggghts"
+#: names of files
+SCRIPT, GRAINS, CLUMPS, WALL = "liggghts_run.in", "liggghts_spheres.data", "liggghts_clumps.in", "liggghts_wall.stl"
+POSES, SPHERES, ENERGY = "liggghts_clumps.dump", "liggghts_spheres.dump", "liggghts_energy.txt"
+#: room between the walls and the bounds of the box, in median diameters, so that no atom is lost
+MARGIN = 2.0
+#: half the edge of the region that a centroid is put in, in median diameters
+PLACED = 1e-9
+#: clumps that are inserted in one step: each needs three fixes, which LIGGGHTS compares pair by pair
+BATCH = 50
+#: time step in which clumps are inserted, in time steps: nothing moves
+STILL = 1e-20
+#: least restitution, and the range of Young's modulus that LIGGGHTS takes without further words
+LEAST_RESTITUTION, SOFT, HARD = 0.05, 5e6, 1e9
+#: seeds of templates, distributions and insertions: prime numbers above 10000, all different
+SEEDS = (32452843, 32452867, 49979687)
+#: places in a tensor in the order of `inertia_tensor`
+PLACES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_NUMBER = r"[-+.0-9eE]+"
+_CLUMP = re.compile(
+    rf"fix t(\d+) .* file (\S+) scale ({_NUMBER}) .* mass ({_NUMBER}) inertia_tensor((?: {_NUMBER}){{6}})"
+    rf".*\n.*\nregion r\d+ block((?: {_NUMBER}){{6}}).*\nfix i\d+ .*orientation constant((?: {_NUMBER}){{4}})"
+)
+
+
+def _write(simulation: Simulation) -> Mapping[str, str]:
+    """Return the files.
+
+    Raises
+    ------
+    InputError
+        If the restitution is too low, or a clump is a single sphere.
+    """
+    law, bodies = simulation.law, simulation.bodies
+    if law.restitution < LEAST_RESTITUTION:
+        raise InputError(
+            f"material restitution is {law.restitution:g}: LIGGGHTS takes {LEAST_RESTITUTION} to 1; give one in between"
+        )
+    clumps = [template for template in bodies.templates if template.kind == "clump"]
+    for template in clumps:
+        if len(template.spheres[1]) < 2:
+            raise InputError(
+                f"clump {template.name!r} is a single sphere: a multisphere of LIGGGHTS has two and more; fit it with "
+                "max_spheres=2 or more"
+            )
+    files = {SCRIPT: _script(simulation)}
+    if len(bodies.of_kind("sphere")):
+        files[GRAINS] = _grains(simulation)
+    if len(bodies.of_kind("clump")):
+        files[CLUMPS] = _clumps(simulation)
+    for template in clumps:
+        rows = np.column_stack(template.spheres)
+        lines = [
+            f"# {template.name}: spheres x y z r in m at the size of the shape, in its body frame about the centroid"
+        ]
+        files[_file(template.name)] = _comments(simulation) + _text([*lines, *map(_row, rows)])
+    facets = (
+        [wall for wall in walls_of(simulation) if wall.name in ("round", "mesh")] if _needs_mesh(simulation) else []
+    )
+    for wall in facets:
+        files[WALL] = _stl(wall.vertices[wall.faces])
+    return files
+
+
+def _file(name: str) -> str:
+    """Return the name of the file of the spheres of a template."""
+    return f"liggghts_{name}.txt"
+
+
+def _row(values: Floats) -> str:
+    """Return numbers as a line that reads back to the same numbers."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _text(lines: list[str]) -> str:
+    """Return lines as text."""
+    return "\n".join(lines) + "\n"
+
+
+def _comments(simulation: Simulation) -> str:
+    """Return the header as comments."""
+    return "".join(f"# {line}\n" for line in simulation.header(TITLE))
+
+
+def _needs_mesh(simulation: Simulation) -> bool:
+    """Return whether a wall is made of triangles: all but planes and cylinders."""
+    walls = simulation.walls
+    return walls.mesh is not None or (walls.round is not None and walls.round.kind == "sphere")
+
+
+def _wrapped(simulation: Simulation, points: Floats) -> Floats:
+    """Return points (n, 3) within the periodic bounds."""
+    low, high = simulation.walls.bounds
+    periodic = np.array(simulation.walls.periodic)
+    length = np.where(periodic, high - low, 1.0)
+    return np.where(periodic, points - np.floor((points - low) / length) * length, points)
+
+
+def _box(simulation: Simulation) -> Floats:
+    """Return the bounds (2, 3) of the box of atoms: those of the container, with room behind walls."""
+    walls, bodies = simulation.walls, simulation.bodies
+    reach = MARGIN * simulation.diameter + 2 * float(bodies.spheres[1].max())
+    room = np.where(walls.periodic, 0.0, reach)
+    return np.array([walls.bounds[0] - room, walls.bounds[1] + room])
+
+
+def _grains(simulation: Simulation) -> str:
+    """Return the data file of the grains that are spheres; the number of an atom is that of its grain, from 1."""
+    bodies = simulation.bodies
+    mine = bodies.of_kind("sphere")
+    centers, radii, grain = bodies.spheres
+    places = np.searchsorted(grain, mine)
+    points, sizes = _wrapped(simulation, centers[places]), radii[places]
+    density = bodies.mass[mine] / (4 / 3 * math.pi * sizes**3)
+    lines = ["", f"{len(mine)} atoms", "1 atom types", ""]
+    lines += [f"{_row(ends)} {axis}lo {axis}hi" for axis, ends in zip("xyz", _box(simulation).T, strict=True)]
+    lines += ["", "Atoms", ""]
+    rows = np.column_stack([2 * sizes, density, points])
+    lines += [f"{number} 1 {_row(row)}" for number, row in zip((mine + 1).tolist(), rows, strict=True)]
+    return _comments(simulation) + _text(lines)
+
+
+def _clumps(simulation: Simulation) -> str:
+    """Return the script that puts each clump at its place, in batches.
+
+    A template is made for each grain, as each has its own scale, mass and inertia. The region that it is put in is a
+    point for all that matters.
+    """
+    bodies, half = simulation.bodies, PLACED * simulation.diameter
+    mine = bodies.of_kind("clump").tolist()
+    places = _wrapped(simulation, bodies.assembly.position)
+    turns = quaternions_of(bodies.assembly.matrices)
+    lines = []
+    for start in range(0, len(mine), BATCH):
+        batch = mine[start : start + BATCH]
+        for number, grain in enumerate(batch, 1):
+            lines += _clump(simulation, grain, number, np.stack([places[grain] - half, places[grain] + half]).T)
+            lines.append(
+                f"fix i{grain + 1} all insert/pack seed {SEEDS[2]} distributiontemplate d{grain + 1} insert_every "
+                f"once overlapcheck no all_in no vel constant 0 0 0 orientation constant {_row(turns[grain])} "
+                f"particles_in_region 1 region r{grain + 1} ntry_mc 1000 check_dist_from_subdomain_border no "
+                "warn_region no"
+            )
+        lines.append("run 1")
+        for grain in batch:
+            lines += [f"unfix {kind}{grain + 1}" for kind in "idt"]
+            lines.append(f"region r{grain + 1} delete")
+    return _comments(simulation) + _text(lines)
+
+
+def _clump(simulation: Simulation, grain: int, number: int, block: Floats) -> list[str]:
+    """Return the template of a clump and the region (3, 2) of its centroid."""
+    bodies = simulation.bodies
+    template = bodies.templates[bodies.assembly.shape_id[grain]]
+    scale = float(bodies.assembly.scale[grain])
+    # in the frame of the template: LIGGGHTS turns it with the clump
+    tensor = template.shape.inertia * bodies.density * scale**5
+    inertia = _row(np.array([tensor[place] for place in PLACES]))
+    name = grain + 1
+    made = (
+        f"fix t{name} all particletemplate/multisphere {SEEDS[0]} atom_type 1 density constant {bodies.density!r} "
+        f"nspheres {len(template.spheres[1])} ntry 1000 spheres file {_file(template.name)} scale {scale!r} "
+        f"type {number} mass {float(bodies.mass[grain])!r} inertia_tensor {inertia} use_density"
+    )
+    return [
+        made,
+        f"fix d{name} all particledistribution/discrete {SEEDS[1]} 1 t{name} 1.0",
+        f"region r{name} block {_row(block.ravel())} units box volume_limit 1e-200",
+    ]
+
+
+def _models(simulation: Simulation) -> tuple[str, str]:
+    """Return the contact models, and their settings, which follow the walls in commands of walls."""
+    models = "luding tangential tan_luding" if simulation.law.name == "linear" else "hertz tangential history"
+    return f"model {models}", "tangential_damping on limitForce off"
+
+
+def _properties(simulation: Simulation) -> list[str]:
+    """Return the parameters of the contact law."""
+    law = simulation.law
+    pairs = {"coefficientRestitution": law.restitution, "coefficientFriction": law.friction}
+    lines = []
+    if law.name == "linear":
+        pairs |= {
+            "LoadingStiffness": law.stiffness,
+            # over that of loading, at an overlap of 500 diameters: at usual ones it is equal up to 1e-9
+            "UnloadingStiffness": 1.001,
+            "coefficientPlasticityDepth": 1.0,
+            "coefficientAdhesionStiffness": 0.0,
+            "pullOffForce": 0.0,
+            "coeffFrictionStiffness": law.shear_stiffness / law.stiffness,
+            # tangential over normal damping
+            "FrictionViscosity": 1.0,
+            # dynamic over static friction: the tangential model `tan_luding` reads it under this name
+            "FluidViscosity": 1.0,
+        }
+    else:
+        if law.young_modulus < SOFT:
+            lines.append("soft_particles yes")
+        if law.young_modulus > HARD:
+            lines.append("hard_particles yes")
+        for name, value in (("youngsModulus", law.young_modulus), ("poissonsRatio", law.poisson_ratio)):
+            lines.append(f"fix {name} all property/global {name} peratomtype {value!r}")
+    return lines + [
+        f"fix {name} all property/global {name} peratomtypepair 1 {value!r}" for name, value in pairs.items()
+    ]
+
+
+def _walls(simulation: Simulation) -> list[str]:
+    """Return the commands of all walls."""
+    walls = simulation.walls
+    models, settings = _models(simulation)
+    shapes = {plane.name: f"{'xyz'[plane.axis]}plane {plane.level!r}" for plane in walls.planes}
+    if walls.round is not None and walls.round.kind == "cylinder":
+        shapes["round"] = f"zcylinder {walls.round.radius!r} {_row(walls.round.center[:2])}"
+    lines = [f"fix {name} all wall/gran {models} primitive type 1 {shape} {settings}" for name, shape in shapes.items()]
+    if _needs_mesh(simulation):
+        (mesh,) = (wall for wall in walls_of(simulation) if wall.name in ("round", "mesh"))
+        if mesh.note:
+            lines.append(f"# approximated: {mesh.note}")
+        precision = repr(min(1e-3, 1e-7 * simulation.diameter))
+        lines.append(f"fix triangles all mesh/surface file {WALL} type 1 precision {precision} curvature_tolerant yes")
+        lines.append(f"fix wall all wall/gran {models} mesh n_meshes 1 meshes triangles {settings}")
+    return lines
+
+
+def _script(simulation: Simulation) -> str:
+    """Return the script: until the bed rests, with dumps and restart files."""
+    bodies = simulation.bodies
+    spheres, clumps = len(bodies.of_kind("sphere")), len(bodies.of_kind("clump"))
+    boundary = " ".join("p" if periodic else "f" for periodic in simulation.walls.periodic)
+    models, settings = _models(simulation)
+    size = float(np.linalg.norm(simulation.gravity))
+    lines = [
+        "units si",
+        "atom_style granular",
+        "atom_modify map array",
+        f"boundary {boundary}",
+        "newton off",
+        "communicate single vel yes",
+    ]
+    if spheres:
+        lines += [f"read_data {GRAINS}", "group spheres type 1"]
+    else:
+        lines += [f"region box block {_row(_box(simulation).T.ravel())} units box", "create_box 1 box"]
+    lines += [
+        f"neighbor {0.1 * simulation.diameter!r} bin",
+        "neigh_modify delay 0",
+        f"pair_style gran {models} {settings}",
+        "pair_coeff * *",
+        *_properties(simulation),
+        *_walls(simulation),
+    ]
+    if spheres:
+        lines.append("fix move_spheres spheres nve/sphere")
+    if clumps:
+        lines += [
+            "fix move_clumps all multisphere",
+            "# clumps are put in at steps in which nothing moves",
+            f"timestep {STILL * simulation.time_step!r}",
+            f"include {CLUMPS}",
+        ]
+    if size:
+        lines.append(f"fix weight all gravity {size!r} vector {_row(simulation.gravity / size)}")
+    lines.append(f"timestep {simulation.time_step!r}")
+    lines += [*_outputs(simulation, spheres, clumps), *_until_rest(simulation)]
+    return _comments(simulation) + _text(lines)
+
+
+def _outputs(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
+    """Return the commands of outputs: poses of grains, energy, and restart files."""
+    every = simulation.steps_per_output
+    lines, terms = [], []
+    if spheres:
+        lines += ["compute move spheres ke", "compute turn spheres erotate/sphere"]
+        terms += ["c_move", "c_turn"]
+        lines.append(f"dump spheres spheres custom {every} {SPHERES} id x y z ix iy iz radius vx vy vz")
+        lines.append(
+            'dump_modify spheres first yes sort id format "%d %.17g %.17g %.17g %d %d %d %.17g %.17g %.17g %.17g"'
+        )
+    if clumps:
+        lines += ["compute move_clumps all ke/multisphere", "compute turn_clumps all erotate/multisphere"]
+        terms += ["c_move_clumps", "c_turn_clumps"]
+        names = {"id": "id_multisphere", "x": "xcm", "q": "quat", "v": "vcm"}
+        lines += [f"compute {name} all rigid property {value}" for name, value in names.items()]
+        counts = {"x": 3, "q": 4, "v": 3}
+        columns = ["c_id", *(f"c_{name}[{k + 1}]" for name, count in counts.items() for k in range(count))]
+        lines.append(f"# in the order of {CLUMPS}")
+        lines.append(f"dump clumps all local {every} {POSES} {' '.join(columns)}")
+        lines.append('dump_modify clumps first yes format "%.0f' + " %.17g" * (len(columns) - 1) + '"')
+    lines += [
+        f"variable energy equal {'+'.join(terms)}",
+        f"thermo {every}",
+        "thermo_style custom step v_energy",
+        "thermo_modify lost error",
+        f'fix energy all print {every} "$(step) ${{energy}}" file {ENERGY} screen no',
+        f"restart {20 * every} liggghts_a.restart liggghts_b.restart",
+    ]
+    return lines
+
+
+def _until_rest(simulation: Simulation) -> list[str]:
+    """Return the commands that run until the bed rests, or for the longest time."""
+    every, most = simulation.steps_per_output, simulation.steps
+    if not simulation.gravity.any():
+        return [f"run {most}", "write_restart liggghts_end.restart"]
+    start = min(most, math.ceil(SETTLING * simulation.time_unit / simulation.time_step))
+    return [
+        "# at the start all grains stand still",
+        f"run {start}",
+        f"variable output loop {max(1, math.ceil((most - start) / every))}",
+        "label on",
+        f'if "${{energy}} < {simulation.rest_energy!r}" then "jump {SCRIPT} rest"',
+        f"run {every}",
+        "next output",
+        f"jump {SCRIPT} on",
+        "label rest",
+        "write_restart liggghts_end.restart",
+    ]
+
+
+def _stl(corners: Floats) -> str:
+    """Return triangles (f, 3, 3) as an STL file in ASCII."""
+    lines = ["solid wall"]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    for normal, triangle in zip(normals, corners, strict=True):
+        lines += [f"facet normal {_row(normal)}", "outer loop"]
+        lines += [f"vertex {_row(point)}" for point in triangle]
+        lines += ["endloop", "endfacet"]
+    return _text([*lines, "endsolid wall"])
+
+
+def _read(folder: Path) -> Held:
+    """Return what the data file, the script of clumps and the sphere files hold.
+
+    Raises
+    ------
+    FileFormatError
+        If a file is damaged.
+    """
+    found: dict[int, tuple[float, Floats, Floats, Floats]] = {}
+    if (folder / GRAINS).is_file():
+        for number, _, diameter, density, *center in _atoms(folder / GRAINS):
+            radius = diameter / 2
+            mass = density * 4 / 3 * math.pi * radius**3
+            sphere = np.array([[*center, radius]])
+            found[int(number)] = (mass, np.array(center), 0.4 * mass * radius**2 * np.eye(3), sphere)
+    if (folder / CLUMPS).is_file():
+        for words in _CLUMP.findall((folder / CLUMPS).read_text(encoding="utf-8")):
+            found[int(words[0])] = _held_clump(folder, words[1:])
+    if not found or sorted(found) != list(range(1, len(found) + 1)):
+        raise FileFormatError(f"{folder} has {len(found)} grains of LIGGGHTS, with gaps: write the files again")
+    masses, places, tensors, spheres = zip(*(found[number] for number in sorted(found)), strict=True)
+    rows = np.concatenate(spheres)
+    return Held(np.array(masses), np.array(places), np.array(tensors), rows[:, :3], rows[:, 3])
+
+
+def _atoms(path: Path) -> list[list[float]]:
+    """Return the rows of the atoms of a data file."""
+    text = path.read_text(encoding="utf-8").split("Atoms", 1)[-1]
+    return [list(map(float, line.split())) for line in text.splitlines() if line.strip()]
+
+
+def _held_clump(folder: Path, words: tuple[str, ...]) -> tuple[float, Floats, Floats, Floats]:
+    """Return mass, centroid, inertia tensor and spheres (s, 4) of a clump in the frame of the container."""
+    name, scale, mass = words[0], float(words[1]), float(words[2])
+    moments, block, turn = (np.array(word.split(), dtype=float) for word in words[3:])
+    matrix = rotation_matrices(turn[None])[0]
+    tensor = np.zeros((3, 3))
+    for place, value in zip(PLACES, moments, strict=True):
+        tensor[place] = tensor[place[::-1]] = value
+    center = block.reshape(3, 2).mean(axis=1)
+    spheres = np.loadtxt(folder / name, ndmin=2) * scale
+    spheres[:, :3] = spheres[:, :3] @ matrix.T + center
+    return mass, center, matrix @ tensor @ matrix.T, spheres
+
+
+registration = Engine(
+    name="liggghts",
+    title=TITLE,
+    summary="data file of spheres, multisphere templates with the place of each clump, and a script",
+    source="LIGGGHTS-PUBLIC 3.8.0, documentation and source",
+    kinds=("sphere", "clump"),
+    install=INSTALL,
+    verified="run with LIGGGHTS-PUBLIC 3.8.0 of Debian 12",
+    command=f"liggghts -in {SCRIPT}",
+    write=_write,
+    read=_read,
+)

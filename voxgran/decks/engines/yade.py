@@ -1,0 +1,347 @@
+"""YADE: spheres, clumps and level sets, as a Python script and tables.
+
+Polyhedra are left out: in YADE 2023.02a they have one tangential force for all contacts (`shearForce` is an attribute
+of the law), no damping, and tolerances in metres, and beds of grains of a millimetre end with a memory error.
+
+References
+----------
+YADE 2023.02a, reference of classes (yade-dem.org/doc/yade.wrapper.html) and source (gitlab.com/yade-dev/trunk):
+`FrictViscoPM.cpp`, `HertzMindlin.cpp`, `Clump.cpp`, `LevelSet.cpp`, `Ig2_LevelSet_LevelSet_ScGeom`, `Polyhedra.cpp`,
+`InsertionSortCollider`, `ymport.textClumps`. Level sets: Duriez & Bonelli 2021 (doi:10.1016/j.compgeo.2021.104033).
+"""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.lazy import load
+from voxgran._base.rotation import rotation_matrices
+from voxgran.decks.bodies import Kind, Template
+from voxgran.decks.engine import Engine, Held
+from voxgran.decks.kratos_model import walls_of
+from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.yade_script import RUN
+
+TITLE, INSTALL = "YADE", "apt-get install yade"
+#: shapes of YADE by the kinds of grains that have them
+SHAPES = {"Sphere": {"sphere", "clump"}, "LevelSet": {"level_set"}}
+#: names of files
+SCRIPT, GRAINS, SPHERES, FACETS = "yade_run.py", "yade_grains.txt", "yade_spheres.txt", "yade_facets.txt"
+#: cells of the lattice of a level set across an equivalent diameter, and cells around the shape
+CELLS, AROUND = 24, 2
+#: nodes on the surface of a level set
+NODES = 1000
+#: how far a wall of a periodic cell reaches, in cells: grains are not wrapped, and meet it where they are
+REACH = 1000
+#: lengths of a cell across walls, in distances of the walls: periodic images lie apart
+APART = 4
+#: how far grains move until pairs are looked for again, in least radii
+VERLET = 0.2
+
+
+def _write(simulation: Simulation) -> Mapping[str, str]:
+    """Return the files.
+
+    Raises
+    ------
+    InputError
+        If YADE does not have contacts of these grains with each other, with the walls or under the law.
+    """
+    _refuse(simulation)
+    bodies = simulation.bodies
+    notes: list[str] = []
+    files: dict[str, list[str]] = {}
+    for template in bodies.templates:
+        if template.kind == "sphere" or not len(bodies.of_kind(template.kind)):
+            continue
+        if template.kind == "level_set":
+            table, error = _lattice(template)
+            notes.append(
+                f"approximated: {template.name} is a lattice of distances, surface off by at most {error:.3g} m"
+            )
+        else:
+            table = _clump(template)
+        files[f"yade_{template.name}.txt"] = table
+    if _kinds(simulation) & {"sphere", "clump"}:
+        files[SPHERES] = _spheres(simulation)
+    files[GRAINS] = _grains(simulation)
+    facets, said = _facets(simulation)
+    if facets:
+        files[FACETS] = facets
+    script = [*_constants(simulation, bool(facets)), *_engines(simulation)]
+    header = [f"# {line}" for line in [*simulation.header(TITLE), *notes, *said, *_notes(simulation)]]
+    made = {SCRIPT: "\n".join([*header, *script]) + RUN}
+    return made | {name: "\n".join([*header, *lines]) + "\n" for name, lines in files.items()}
+
+
+def _refuse(simulation: Simulation) -> None:
+    """Refuse what YADE does not have.
+
+    Raises
+    ------
+    InputError
+        If there are contacts that it does not have.
+    """
+    kinds, walls = _kinds(simulation), simulation.walls
+    if any(walls.periodic):
+        _refuse_narrow(simulation)
+    if "level_set" not in kinds:
+        return
+    if len(kinds) > 1:
+        raise InputError(
+            "grains are level sets and others: level sets meet no other grains in YADE; give grains='clump'"
+        )
+    if any(walls.periodic):
+        raise InputError("container is periodic and grains are level sets: YADE has wrong torques; give grains='clump'")
+    if walls.round is not None or walls.mesh is not None:
+        raise InputError(
+            "container is not flat and grains are level sets: YADE has planes for them; give grains='clump'"
+        )
+
+
+def _refuse_narrow(simulation: Simulation) -> None:
+    """Refuse periods in which a sphere takes up more than half, as YADE loses contacts then.
+
+    Raises
+    ------
+    InputError
+        If a period is too short.
+    """
+    walls = simulation.walls
+    period = float(np.ptp(walls.bounds, axis=0)[np.array(walls.periodic)].min())
+    bodies = simulation.bodies
+    widest = 2 * (float(bodies.spheres[1].max(initial=0.0)) + VERLET * bodies.least_radius)
+    if widest > period / 2:
+        raise InputError(
+            f"container has a period of {period:.4g} m: YADE needs {2 * widest:.4g} m, twice its widest sphere and the "
+            "distance in which it looks for pairs; use a larger container"
+        )
+
+
+def _kinds(simulation: Simulation) -> set[Kind]:
+    """Return the kinds that there are grains of."""
+    return {kind for kind in simulation.bodies.kinds if len(simulation.bodies.of_kind(kind))}
+
+
+def _row(values: Floats) -> str:
+    """Return numbers as a line that reads back to the same numbers."""
+    return " ".join(repr(float(value)) for value in values)
+
+
+def _notes(simulation: Simulation) -> list[str]:
+    """Return what is not exact, as sentences."""
+    kinds, lines = _kinds(simulation), []
+    if "level_set" in kinds:
+        lines.append(
+            f"approximated: two level sets have one contact, at the deepest of {NODES} nodes on rays from the centroid"
+        )
+        if simulation.law.name == "hertz":
+            lines.append("approximated: radius of curvature of level sets is the distance of contact and centroid")
+    return lines
+
+
+def _constants(simulation: Simulation, facets: bool) -> list[str]:
+    """Return the numbers of the simulation as lines of Python."""
+    kinds, walls = _kinds(simulation), simulation.walls
+    falling = bool(simulation.gravity.any())
+    start = math.ceil(SETTLING * simulation.time_unit / simulation.time_step)
+    planes = [] if any(walls.periodic) else [(plane.level, plane.axis, plane.inward) for plane in walls.planes]
+    return [
+        "import os",
+        "import sys",
+        "",
+        "from yade import utils",
+        "",
+        "# steps at the most, between outputs, and before rest is looked for; kinetic energy at rest, J",
+        f"STEPS, EVERY, START = {simulation.steps}, {simulation.steps_per_output}, {start}",
+        f"REST = {simulation.rest_energy if falling else 0.0!r}",
+        "# level, axis and side of plane walls",
+        f"PLANES = {planes!r}",
+        f"FACETS = {facets}",
+        f"SPHERES = {bool(kinds & {'sphere', 'clump'})}",
+        f"LEVEL_SETS = {'level_set' in kinds}",
+        f"NODES = {NODES}",
+    ]
+
+
+def _materials(simulation: Simulation) -> list[str]:
+    """Return the lines that make the materials of grains, of the spheres of clumps, and of walls."""
+    law = simulation.law
+    if law.name == "hertz":
+        made = f"FrictMat(young={law.young_modulus!r}, poisson={law.poisson_ratio!r}"
+    else:
+        made = f"FrictViscoMat(betan={law.damping_ratio!r}"
+    # another member has the mass of a clump
+    density = {"grains": law.density, "members": 0.0, "walls": law.density}
+    angle = math.atan(law.friction)
+    return [
+        f'O.materials.append({made}, frictionAngle={angle!r}, density={value!r}, label="{name}"))'
+        for name, value in density.items()
+    ]
+
+
+def _engines(simulation: Simulation) -> list[str]:
+    """Return the lines that make materials, periodic cell and engines."""
+    bodies, law, walls = simulation.bodies, simulation.law, simulation.walls
+    hertz = law.name == "hertz"
+    shapes = [name for name, kinds in SHAPES.items() if _kinds(simulation) & kinds]
+    geometry = []
+    if "Sphere" in shapes:
+        ends = f"ScGeom(hertzian={hertz})"
+        geometry += ["Ig2_Sphere_Sphere_ScGeom()", f"Ig2_Wall_Sphere_{ends}", f"Ig2_Facet_Sphere_{ends}"]
+    if "LevelSet" in shapes:
+        geometry += ["Ig2_LevelSet_LevelSet_ScGeom()", "Ig2_Wall_LevelSet_ScGeom()"]
+    if hertz:
+        physics = [f"Ip2_FrictMat_FrictMat_MindlinPhys(en={law.restitution!r}, gamma={law.cohesion!r})"]
+        laws = [f"Law2_ScGeom_MindlinPhys_Mindlin(includeAdhesion={law.cohesion > 0})"]
+    else:
+        values = (law.stiffness, law.shear_stiffness / law.stiffness)
+        normal, ratio = (f"MatchMaker(algo='val', val={value!r})" for value in values)
+        physics = [f"Ip2_FrictViscoMat_FrictViscoMat_FrictViscoPhys(kn={normal}, kRatio={ratio})"]
+        laws = ["Law2_ScGeom_FrictViscoPhys_CundallStrackVisco(sphericalBodies=False)"]
+    bounds = ", ".join(f"Bo1_{name}_Aabb()" for name in [*shapes, "Wall", "Facet"])
+    verlet = repr(VERLET * bodies.least_radius)
+    gravity = ", ".join(repr(float(value)) for value in simulation.gravity)
+    lines = _cell(simulation) if any(walls.periodic) else []
+    return [
+        *lines,
+        *_materials(simulation),
+        "O.engines = [",
+        "    ForceResetter(),",
+        f"    InsertionSortCollider([{bounds}], verletDist={verlet}, allowBiggerThanPeriod=True),",
+        "    InteractionLoop(",
+        *(f"        [{', '.join(group)}]," for group in (geometry, physics, laws)),
+        "    ),",
+        f"    NewtonIntegrator(damping=0, gravity=({gravity})),",
+        "]",
+        f"O.dt = {simulation.time_step!r}",
+        "",
+    ]
+
+
+def _period(simulation: Simulation) -> Floats:
+    """Return the edges (3,) of the periodic cell: across walls it is so long that images do not meet."""
+    walls, bodies = simulation.walls, simulation.bodies
+    lengths = np.ptp(walls.bounds, axis=0)
+    reach = 4 * float((bodies.assembly.scale * bodies.assembly.bounding_radii).max())
+    return np.where(walls.periodic, lengths, APART * (lengths + reach))
+
+
+def _cell(simulation: Simulation) -> list[str]:
+    """Return the lines of the periodic cell."""
+    edges = ", ".join(repr(float(value)) for value in _period(simulation))
+    return ["O.periodic = True", f"O.cell.setBox({edges})"]
+
+
+def _facets(simulation: Simulation) -> tuple[list[str], list[str]]:
+    """Return the triangles of walls as lines, and what they leave out.
+
+    Periodic cells have no infinite planes: a triangle that reaches over many cells is in place of each.
+    """
+    walls, said, found = simulation.walls, [], []
+    for wall in walls_of(simulation):
+        if wall.name in ("round", "mesh"):
+            found.append(wall.vertices[wall.faces])
+            said += [f"approximated: {wall.note}"] if wall.note else []
+    if any(walls.periodic):
+        for plane in walls.planes:
+            size = REACH * float(_period(simulation).max())
+            first, second = (axis for axis in range(3) if axis != plane.axis)
+            triangle = np.tile(walls.bounds.mean(axis=0), (3, 1))
+            triangle[:, plane.axis] = plane.level
+            triangle[:, first] += size * np.array([0.0, -2.0, 2.0])
+            triangle[:, second] += size * np.array([2.0, -1.0, -1.0])
+            found.append(triangle[None])
+    if not found:
+        return [], said
+    rows = np.concatenate(found).reshape(-1, 9)
+    return ["# corners of triangles: x y z three times", *map(_row, rows)], said
+
+
+def _grains(simulation: Simulation) -> list[str]:
+    """Return the table of grains."""
+    bodies = simulation.bodies
+    grains = bodies.assembly
+    table = np.column_stack([grains.scale, bodies.mass, grains.position, bodies.principal_orientation, bodies.moments])
+    lines = ["# kind, template, scale, mass, centroid x y z, orientation of principal axes w x y z, principal moments"]
+    for number, row in zip(grains.shape_id.tolist(), table, strict=True):
+        template = bodies.templates[number]
+        lines.append(f"{template.kind} {template.name} {_row(row)}")
+    return lines
+
+
+def _spheres(simulation: Simulation) -> list[str]:
+    """Return the table of all spheres, as `ymport.textClumps` takes them."""
+    centers, radii, grain = simulation.bodies.spheres
+    rows = np.column_stack([centers, radii])
+    lines = [f"{_row(row)} {number}" for row, number in zip(rows, grain.tolist(), strict=True)]
+    return ["# x y z r clumpId: the number of the grain, from 0", *lines]
+
+
+def _clump(template: Template) -> list[str]:
+    """Return the spheres of a template as `ymport.textClumps` takes them."""
+    lines = [f"{_row(row)} 0" for row in np.column_stack(template.spheres)]
+    return [
+        f"# {template.name}: x y z r clumpId at the size of the shape, in its body frame about the centroid",
+        *lines,
+    ]
+
+
+def _lattice(template: Template) -> tuple[list[str], float]:
+    """Return the distances of the points of a lattice from a surface as lines, and how far off its zero is, m."""
+    shape, axes = template.shape, template.principal.axes
+    corners = shape.vertices @ axes
+    spacing = shape.diameter / CELLS
+    low = np.floor(corners.min(axis=0) / spacing) - AROUND
+    count = (np.ceil(corners.max(axis=0) / spacing) + AROUND - low + 1).astype(np.int64)
+    places = [(low[k] + np.arange(count[k])) * spacing for k in range(3)]
+    points = np.stack(np.meshgrid(*places, indexing="ij"), axis=-1).reshape(-1, 3)
+    distances = shape.signed_distance(points @ axes.T).reshape(count)
+    at = (corners / spacing - low).T
+    error = float(np.abs(load("scipy.ndimage").map_coordinates(distances, at, order=1)).max())
+    lines = [
+        f"# {template.name} at its own size, in its principal frame: lower corner x y z, spacing, points along x y z;",
+        "# then distances from the surface, below 0 inside, one line along z for each x and y",
+        f"{_row(low * spacing)} {float(spacing)!r} {' '.join(map(str, count.tolist()))}",
+    ]
+    lines += [" ".join(f"{value:.10g}" for value in line) for line in distances.reshape(-1, int(count[2]))]
+    return lines, error
+
+
+def _read(folder: Path) -> Held:
+    """Return what the tables of grains and spheres hold.
+
+    Raises
+    ------
+    FileFormatError
+        If a table is damaged.
+    """
+    text = (folder / GRAINS).read_text(encoding="utf-8").splitlines()
+    rows = [line.split() for line in text if line.strip() and not line.startswith("#")]
+    if not rows or any(len(row) != 14 for row in rows):
+        raise FileFormatError(f"{folder / GRAINS} has lines without 14 columns: write it again")
+    table = np.array([row[3:] for row in rows], dtype=float)
+    matrices = rotation_matrices(table[:, 4:8])
+    inertia = np.einsum("nij,nj,nkj->nik", matrices, table[:, 8:], matrices)
+    path = folder / SPHERES
+    spheres = np.loadtxt(path, ndmin=2) if path.is_file() else np.zeros((0, 5))
+    return Held(table[:, 0], table[:, 1:4], inertia, spheres[:, :3], spheres[:, 3])
+
+
+registration = Engine(
+    name="yade",
+    title=TITLE,
+    summary="Python script, with tables of grains, spheres, distances and walls",
+    source="YADE 2023.02a, reference of classes and source",
+    kinds=("sphere", "clump", "level_set"),
+    cohesion=True,
+    install=INSTALL,
+    verified="run with YADE 2023.02a of Debian 12",
+    command=f"yade -n -x {SCRIPT}",
+    write=_write,
+    read=_read,
+)
