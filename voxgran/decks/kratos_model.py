@@ -1,39 +1,23 @@
 """Model files of Kratos: grains, clusters of spheres and walls as .mdpa and .clu text, written and read."""
 
 import itertools
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.bodies import Bodies, Template
+from voxgran.decks.facets import Facets
 from voxgran.decks.simulation import Simulation
-from voxgran.decks.walls import Plane, RoundWall
-from voxgran.shapes.tessellate import sphere
 
 #: identification numbers of materials: grains that are spheres, walls, and the first template that is a clump
 SPHERES, WALLS, FIRST_CLUMP = 1, 2, 3
 #: most shapes that are clumps
 MOST_CLUMPS = 200
-#: most that the triangles of a round wall lie outside of it, in median diameters
-CYLINDER_ERROR, SPHERE_ERROR = 1e-3, 1e-2
-#: least and most sides of a cylinder, and most subdivisions of a sphere
-FEWEST_SIDES, MOST_SIDES, MOST_SUBDIVISIONS = 24, 1000, 6
-#: corners of a rectangle as two triangles
-RECTANGLE = np.array([[0, 1, 2], [0, 2, 3]])
 
-
-class Facets(NamedTuple):
-    """Triangles of one wall."""
-
-    name: str
-    vertices: Floats  # (v, 3)
-    faces: Integers  # (f, 3)
-    note: str = ""  # what they leave out, as a sentence
 
 
 def clumps_of(bodies: Bodies) -> dict[int, int]:
@@ -129,64 +113,6 @@ def wall_text(walls: Sequence[Facets], comments: Sequence[str]) -> str:
         data = [*still, f"IDENTIFIER {wall.name}", "FORCE_INTEGRATION_GROUP 0"]
         lines += _part(wall.name, data, Nodes=nodes, Conditions=triangles)
     return _text(lines)
-
-
-def walls_of(simulation: Simulation) -> list[Facets]:
-    """Return the triangles of all walls."""
-    walls = simulation.walls
-    found = [_rectangle(plane, walls.bounds) for plane in walls.planes]
-    if walls.round is not None and walls.round.kind == "cylinder":
-        found.append(_cylinder(walls.round, walls.bounds[:, 2], simulation.diameter))
-    elif walls.round is not None:
-        found.append(_sphere(walls.round, simulation.diameter))
-    if walls.mesh is not None:
-        found.append(Facets("mesh", *walls.mesh))
-    return found
-
-
-def _rectangle(plane: Plane, bounds: Floats) -> Facets:
-    """Return a plane wall as wide as the container."""
-    first, second = (axis for axis in range(3) if axis != plane.axis)
-    corners = np.full((4, 3), plane.level)
-    corners[:, first] = bounds[[0, 1, 1, 0], first]
-    corners[:, second] = bounds[[0, 0, 1, 1], second]
-    return Facets(plane.name, corners, RECTANGLE)
-
-
-def _cylinder(wall: RoundWall, ends: Floats, diameter: float) -> Facets:
-    """Return a cylinder along z as rectangles that touch it from outside."""
-    least = math.pi / math.acos(1 / (1 + CYLINDER_ERROR * diameter / wall.radius))
-    sides = min(max(math.ceil(least), FEWEST_SIDES), MOST_SIDES)
-    radius = wall.radius / math.cos(math.pi / sides)
-    angles = 2 * math.pi * np.arange(sides) / sides
-    ring = wall.center[:2] + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    vertices = np.concatenate([np.column_stack([ring, np.full(sides, level)]) for level in ends])
-    below, after = np.arange(sides), np.roll(np.arange(sides), -1)
-    pairs = [(below, after, after + sides), (below, after + sides, below + sides)]
-    faces = np.concatenate([np.stack(corners, axis=1) for corners in pairs])
-    return Facets("round", vertices, faces, _outside(radius - wall.radius, len(faces)))
-
-
-def _sphere(wall: RoundWall, diameter: float) -> Facets:
-    """Return a sphere as triangles that touch it from outside."""
-    for subdivisions in range(2, MOST_SUBDIVISIONS + 1):
-        vertices, faces, _ = sphere(subdivisions)
-        corners = vertices[faces]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        nearest = float(np.einsum("fi,fi->f", normals, corners[:, 0]).min())
-        error = wall.radius * (1 / nearest - 1)
-        if error <= SPHERE_ERROR * diameter:
-            break
-    return Facets("round", wall.center + vertices * (wall.radius / nearest), faces, _outside(error, len(faces)))
-
-
-def _outside(error: float, count: int) -> str:
-    """Return how far triangles lie outside of a round wall, in words."""
-    return (
-        f"{count} triangles outside of the round wall, at most {error:.3g} m away from it; a grain at an edge touches "
-        "both triangles"
-    )
 
 
 def clu_text(template: Template, comments: Sequence[str]) -> str:

@@ -187,7 +187,7 @@ def test_time_and_gravity():
 
 def faces_of(simulation):
     """Return the corners (f, 3, 3) of the triangles of walls, and the names of walls, as the file has them."""
-    text = kratos_model.wall_text(kratos_model.walls_of(simulation), [])
+    text = kratos_model.wall_text(kratos_model.facets_of(simulation), [])
     blocks, names = {}, []
     for block in text.split("\nBegin ")[1:]:
         head, *lines = block.splitlines()
@@ -222,7 +222,7 @@ def test_round_walls_are_touched_from_outside(container):
     """No triangle is within the round wall, and none is farther out than the file says."""
     packing = cases.mixed(container=container)
     simulation = cases.simulation_of(packing, "kratos")
-    facets = next(one for one in kratos_model.walls_of(simulation) if one.name == "round")
+    facets = next(one for one in kratos_model.facets_of(simulation) if one.name == "round")
     wall = simulation.walls.round
     axes = 2 if wall.kind == "cylinder" else 3
     corners = (facets.vertices[facets.faces] - wall.center)[:, :, :axes]

@@ -137,7 +137,7 @@ def test_a_fitted_clump_is_taken():
         ({"engine": "lammps", "grains": "polyhedron"}, InputError, "LAMMPS has 'clump'"),
         ({"engine": "lammps", "grains": "brick"}, InputError, "grains"),
         ({"engine": "lammps", "clump": 0}, InputError, "clump"),
-        ({"engine": "yade", "clump": 5, "grains": "polyhedron"}, InputError, "leave one out"),
+        ({"engine": "yade", "clump": 5, "grains": "level_set"}, InputError, "leave one out"),
         ({"engine": "lammps", "acceleration": 0}, InputError, "acceleration"),
         ({"engine": "kratos", "material": {"bond_strength": 1e6}}, InputError, "bonds"),
         (

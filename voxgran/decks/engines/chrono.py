@@ -18,7 +18,7 @@ from voxgran._base.errors import FileFormatError
 from voxgran._base.rotation import rotation_matrices
 from voxgran.decks.bodies import Template
 from voxgran.decks.engine import Engine, Held
-from voxgran.decks.kratos_model import Facets, walls_of
+from voxgran.decks.facets import Facets, facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
 
 TITLE = "Chrono DEM-Engine"
@@ -242,7 +242,7 @@ def _faceted(simulation: Simulation) -> Facets | None:
     walls = simulation.walls
     if walls.mesh is None and (walls.round is None or walls.round.kind == "cylinder"):
         return None
-    return next(wall for wall in walls_of(simulation) if wall.name in ("round", "mesh"))
+    return next(wall for wall in facets_of(simulation) if wall.name in ("round", "mesh"))
 
 
 def _mesh(simulation: Simulation, wall: Facets) -> str:

@@ -19,6 +19,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.rotation import rotation_matrices
 from voxgran.decks.engine import Engine, Held
+from voxgran.decks.facets import facets_of
 from voxgran.decks.kratos_model import (
     SPHERES,
     WALLS,
@@ -30,7 +31,6 @@ from voxgran.decks.kratos_model import (
     read_mdpa,
     sphere_text,
     wall_text,
-    walls_of,
 )
 from voxgran.decks.simulation import SETTLING, Simulation
 
@@ -176,7 +176,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
         MATERIALS: _json(_materials(simulation)),
         GRAINS: sphere_text(simulation, comments),
         CLUMPS: cluster_text(simulation, comments),
-        FACES: wall_text(walls_of(simulation), comments),
+        FACES: wall_text(facets_of(simulation), comments),
     }
     for number in clumps_of(simulation.bodies):
         template = simulation.bodies.templates[number]

@@ -22,7 +22,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.rotation import quaternions_of, rotation_matrices
 from voxgran.decks.engine import Engine, Held
-from voxgran.decks.kratos_model import walls_of
+from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
 
 TITLE, INSTALL = "LIGGGHTS", "apt-get install liggghts"
@@ -82,7 +82,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
         ]
         files[_file(template.name)] = _comments(simulation) + _text([*lines, *map(_row, rows)])
     facets = (
-        [wall for wall in walls_of(simulation) if wall.name in ("round", "mesh")] if _needs_mesh(simulation) else []
+        [wall for wall in facets_of(simulation) if wall.name in ("round", "mesh")] if _needs_mesh(simulation) else []
     )
     for wall in facets:
         files[WALL] = _stl(wall.vertices[wall.faces])
@@ -242,7 +242,7 @@ def _walls(simulation: Simulation) -> list[str]:
         shapes["round"] = f"zcylinder {walls.round.radius!r} {_row(walls.round.center[:2])}"
     lines = [f"fix {name} all wall/gran {models} primitive type 1 {shape} {settings}" for name, shape in shapes.items()]
     if _needs_mesh(simulation):
-        (mesh,) = (wall for wall in walls_of(simulation) if wall.name in ("round", "mesh"))
+        (mesh,) = (wall for wall in facets_of(simulation) if wall.name in ("round", "mesh"))
         if mesh.note:
             lines.append(f"# approximated: {mesh.note}")
         precision = repr(min(1e-3, 1e-7 * simulation.diameter))

@@ -19,7 +19,7 @@ from voxgran._base.errors import FileFormatError
 from voxgran._base.rotation import rotation_matrices
 from voxgran.decks.bodies import Template
 from voxgran.decks.engine import Engine, Held
-from voxgran.decks.kratos_model import walls_of
+from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
 
 TITLE = "MercuryDPM"
@@ -225,8 +225,8 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     used = {int(k) for k in bodies.assembly.shape_id}
     files = {RUN: _driver(simulation), GRAINS: _grains(simulation)}
     if _by_triangles(simulation):
-        triangles = [wall.vertices[wall.faces].reshape(-1, 9) for wall in walls_of(simulation) if wall.name in FACETED]
-        notes = [wall.note for wall in walls_of(simulation) if wall.note]
+        triangles = [wall.vertices[wall.faces].reshape(-1, 9) for wall in facets_of(simulation) if wall.name in FACETED]
+        notes = [wall.note for wall in facets_of(simulation) if wall.note]
         lines = [*_comments(simulation, "#"), *(f"# {note}" for note in notes)]
         files[WALLS] = _text([*lines, *(_row(row) for row in np.concatenate(triangles))])
     for k, template in enumerate(bodies.templates):

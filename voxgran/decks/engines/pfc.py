@@ -23,7 +23,7 @@ from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.rotation import rotation_matrices
 from voxgran.decks.bodies import Template
 from voxgran.decks.engine import Engine, Held
-from voxgran.decks.kratos_model import walls_of
+from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
 from voxgran.shapes.mesh import hull_of
 
@@ -261,7 +261,7 @@ def _corners(template: Template) -> tuple[Floats, float]:
 
 def _approximations(simulation: Simulation) -> list[str]:
     """Return what PFC holds only nearly, as sentences."""
-    lines = [f"wall {wall.name}: {wall.note}" for wall in walls_of(simulation) if wall.note]
+    lines = [f"wall {wall.name}: {wall.note}" for wall in facets_of(simulation) if wall.note]
     for template in simulation.bodies.templates:
         if template.kind == "polyhedron":
             points, share = _corners(template)
@@ -278,7 +278,7 @@ def _approximations(simulation: Simulation) -> list[str]:
 def _walls(simulation: Simulation) -> list[str]:
     """Return the commands that make all walls, of triangles."""
     lines = []
-    for number, wall in enumerate(walls_of(simulation), 1):
+    for number, wall in enumerate(facets_of(simulation), 1):
         triangles = wall.vertices[wall.faces].reshape(-1, 9)
         lines.append(f"wall create id {number} name '{wall.name}' vertices ...")
         lines += [f"  {_row(triangle)} ..." for triangle in triangles[:-1]]

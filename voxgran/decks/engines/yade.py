@@ -22,7 +22,7 @@ from voxgran._base.lazy import load
 from voxgran._base.rotation import rotation_matrices
 from voxgran.decks.bodies import Kind, Template
 from voxgran.decks.engine import Engine, Held
-from voxgran.decks.kratos_model import walls_of
+from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
 from voxgran.decks.yade_script import RUN
 
@@ -243,7 +243,7 @@ def _facets(simulation: Simulation) -> tuple[list[str], list[str]]:
     Periodic cells have no infinite planes: a triangle that reaches over many cells is in place of each.
     """
     walls, said, found = simulation.walls, [], []
-    for wall in walls_of(simulation):
+    for wall in facets_of(simulation):
         if wall.name in ("round", "mesh"):
             found.append(wall.vertices[wall.faces])
             said += [f"approximated: {wall.note}"] if wall.note else []
