@@ -13,10 +13,11 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.rotation import rotation_matrices
+from voxgran.decks import facets as triangles
 from voxgran.decks import kratos_model
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.engines import kratos
-from voxgran.decks.walls import Walls
+from voxgran.decks.walls import Plane, Walls
 from voxgran.shapes.spheres import Spheres
 
 LINEAR = {"law": "linear", "stiffness": 1e4, "shear_stiffness": 3e3, "density": 2650}
@@ -187,7 +188,7 @@ def test_time_and_gravity():
 
 def faces_of(simulation):
     """Return the corners (f, 3, 3) of the triangles of walls, and the names of walls, as the file has them."""
-    text = kratos_model.wall_text(kratos_model.facets_of(simulation), [])
+    text = kratos_model.wall_text(triangles.facets_of(simulation), [])
     blocks, names = {}, []
     for block in text.split("\nBegin ")[1:]:
         head, *lines = block.splitlines()
@@ -211,8 +212,8 @@ def test_walls_of_a_box_with_a_lid():
     corners, names = faces_of(simulation)
     assert names == ["x_low", "x_high", "y_low", "y_high", "z_low", "z_high"]
     assert area(corners) == pytest.approx(128e-6)
-    lid = kratos_model.Plane("lid", 2, 4e-3, -1)
-    facets = kratos_model._rectangle(lid, simulation.walls.bounds)
+    lid = Plane("lid", 2, 4e-3, -1)
+    facets = triangles._rectangle(lid, simulation.walls.bounds)
     assert np.all(facets.vertices[:, 2] == 4e-3)
     assert area(facets.vertices[facets.faces]) == pytest.approx(16e-6)
 
@@ -222,7 +223,7 @@ def test_round_walls_are_touched_from_outside(container):
     """No triangle is within the round wall, and none is farther out than the file says."""
     packing = cases.mixed(container=container)
     simulation = cases.simulation_of(packing, "kratos")
-    facets = next(one for one in kratos_model.facets_of(simulation) if one.name == "round")
+    facets = next(one for one in triangles.facets_of(simulation) if one.name == "round")
     wall = simulation.walls.round
     axes = 2 if wall.kind == "cylinder" else 3
     corners = (facets.vertices[facets.faces] - wall.center)[:, :, :axes]
@@ -232,7 +233,7 @@ def test_round_walls_are_touched_from_outside(container):
     told = float(facets.note.split("at most ")[1].split()[0])
     farthest = np.linalg.norm(corners, axis=2).max() - wall.radius
     assert farthest <= told * 1.01
-    assert told <= kratos_model.SPHERE_ERROR * simulation.diameter
+    assert told <= triangles.SPHERE_ERROR * simulation.diameter
     assert facets.note in engine_registry().get("kratos").write(simulation)[kratos.FACES]
 
 
