@@ -33,8 +33,8 @@ from voxgran.shapes.model import Shape
 
 #: spheres of a clump
 SPHERES = 10
-#: number of grains, and width of the box in diameters, of the comparison with pouring
-COUNTS = ((1000, 10.0), (10_000, 17.0))
+#: number of grains, and width of the box in diameters, of the comparison with pouring; 10,000 clumps take hours
+FEW, MANY, MOST = (1000, 10.0), (3000, 13.0), (10_000, 17.0)
 #: difference of the mean sinking from that of the end below which a bed no longer sinks, in median diameters
 STILL = 1e-3
 #: solid fraction of random additions, and that from which grains fall
@@ -94,21 +94,21 @@ def _clump(shape: Shape) -> Shape:
     return found.to_shape()
 
 
-KINDS: tuple[tuple[str, Callable[[], list[Shape]]], ...] = (
-    ("spheres", spheres),
-    ("ellipsoid clumps", ellipsoids),
-    ("rock clumps", rocks),
+KINDS: tuple[tuple[str, Callable[[], list[Shape]], tuple[tuple[int, float], ...]], ...] = (
+    ("spheres", spheres, (FEW, MOST)),
+    ("ellipsoid clumps", ellipsoids, (FEW, MANY)),
+    ("rock clumps", rocks, (FEW, MANY)),
 )
 
 
-def compare_ways(path: Path, counts: tuple[tuple[int, float], ...] = COUNTS) -> list[Way]:
+def compare_ways(path: Path) -> list[Way]:
     """Return beds that were packed and relaxed, and beds that were poured, for each kind and number of grains.
 
     Rows that the table at `path` holds are kept, and new ones are added to it: the whole takes hours.
     """
     rows, loop = _rows_of(path), calibration()
-    for count, width in counts:
-        for name, shapes in KINDS:
+    for name, shapes, counts in KINDS:
+        for count, width in counts:
             if any((row.grains, row.count) == (name, count) for row in rows):
                 continue
             case = Case(f"{count} {name}", shapes, count, width)
