@@ -75,6 +75,22 @@ def lattice_of(name, scale):
     return [scale * value for value in corner], scale * spacing, points, distances
 
 
+def put_polyhedron(values, corners):
+    """Add a convex solid.
+
+    YADE puts the centroid of the corners at the origin, and where the products of inertia of a cubic metre are above
+    1e-13 kg m^2, it turns them into principal axes of its own.
+    """
+    body = polyhedra_utils.polyhedra(O.materials["polyhedra"], v=corners)
+    body = pose(body, values)
+    own, state = body.shape.GetOri(), body.state
+    turn, (first, second, third) = own.toRotationMatrix(), state.inertia
+    tensor = turn.transpose() * Matrix3(first, 0, 0, 0, second, 0, 0, 0, third) * turn
+    state.inertia = Vector3(tensor[0, 0], tensor[1, 1], tensor[2, 2])
+    state.ori = state.refOri = state.ori * own
+    O.bodies.append(body)
+
+
 def load():
     """Make all grains and walls."""
     spheres = {}
@@ -86,6 +102,9 @@ def load():
             put_sphere(values, spheres[grain])
         elif kind == "clump":
             put_clump(values, spheres[grain])
+        elif kind == "polyhedron":
+            points = rows("yade_%s.txt" % name)
+            put_polyhedron(values, [scale * Vector3(*numbers(point)) for point in points])
         else:
             put_level_set(values, lattice_of(name, scale))
     for level, axis, inward in PLANES:
@@ -119,6 +138,8 @@ def picture(name):
         VTKRecorder(fileName="yade_%s_" % name, recorders=["spheres", "facets"], mask=1)()
     if LEVEL_SETS:
         VTKRecorder(fileName="yade_%s_" % name, recorders=["lsBodies"])()
+    if POLYHEDRA:
+        export.VTKExporter("yade_%s" % name).exportPolyhedra()
 
 
 def run():

@@ -263,6 +263,12 @@ def test_bonds_have_the_stiffness_and_strength_of_round_beams(tmp_path):
         row, r2, tension = rows[kind - 1], square[bond], 2e6 * area[bond]
         expected = [900, 300, 150 * r2, 225 * r2, tension, tension, tension * r2**0.5 / 4, tension * r2**0.5 / 2]
         np.testing.assert_allclose(row[:8], expected, rtol=1e-9)
+    # three spheres with two bonds each: the lightest moves as if two stretched bonds and a sheared one pulled it
+    radii = np.array([0.4, 0.3, 0.25])
+    lightest = deck.simulation.bodies.mass[0] * radii[2] ** 3 / (radii**3).sum()
+    expected = np.pi * np.sqrt(lightest / (3 * 2) / 900) / 50
+    assert len(bonds["first"]) == 3
+    assert deck.simulation.law.stable_step == pytest.approx(expected)
     assert "bonds join the spheres" in script(tmp_path)
     assert "rigid/small" not in script(tmp_path)
 

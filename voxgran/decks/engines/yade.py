@@ -1,7 +1,6 @@
-"""YADE: spheres, clumps and level sets, as a Python script and tables.
+"""YADE: spheres, clumps, level sets and polyhedra, as a Python script and tables.
 
-Polyhedra are left out: in YADE 2023.02a they have one tangential force for all contacts (`shearForce` is an attribute
-of the law), no damping, and tolerances in metres, and beds of grains of a millimetre end with a memory error.
+Polyhedra are those of `voxgran.decks.yade_polyhedra`; as their contacts lack much, they are never chosen unasked.
 
 References
 ----------
@@ -24,11 +23,12 @@ from voxgran.decks.bodies import Kind, Template
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.yade_polyhedra import contacts_of_polyhedra, corners, damping, notes_of_polyhedra, refuse_polyhedra
 from voxgran.decks.yade_script import RUN
 
 TITLE, INSTALL = "YADE", "apt-get install yade"
 #: shapes of YADE by the kinds of grains that have them
-SHAPES = {"Sphere": {"sphere", "clump"}, "LevelSet": {"level_set"}}
+SHAPES = {"Sphere": {"sphere", "clump"}, "LevelSet": {"level_set"}, "Polyhedra": {"polyhedron"}}
 #: names of files
 SCRIPT, GRAINS, SPHERES, FACETS = "yade_run.py", "yade_grains.txt", "yade_spheres.txt", "yade_facets.txt"
 #: cells of the lattice of a level set across an equivalent diameter, and cells around the shape
@@ -64,7 +64,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
                 f"approximated: {template.name} is a lattice of distances, surface off by at most {error:.3g} m"
             )
         else:
-            table = _clump(template)
+            table = corners(template) if template.kind == "polyhedron" else _clump(template)
         files[f"yade_{template.name}.txt"] = table
     if _kinds(simulation) & {"sphere", "clump"}:
         files[SPHERES] = _spheres(simulation)
@@ -87,6 +87,8 @@ def _refuse(simulation: Simulation) -> None:
         If there are contacts that it does not have.
     """
     kinds, walls = _kinds(simulation), simulation.walls
+    if "polyhedron" in kinds:
+        refuse_polyhedra(simulation)
     if any(walls.periodic):
         _refuse_narrow(simulation)
     if "level_set" not in kinds:
@@ -135,6 +137,8 @@ def _row(values: Floats) -> str:
 def _notes(simulation: Simulation) -> list[str]:
     """Return what is not exact, as sentences."""
     kinds, lines = _kinds(simulation), []
+    if "polyhedron" in kinds:
+        lines += notes_of_polyhedra(simulation)
     if "level_set" in kinds:
         lines.append(
             f"approximated: two level sets have one contact, at the deepest of {NODES} nodes on rays from the centroid"
@@ -154,7 +158,7 @@ def _constants(simulation: Simulation, facets: bool) -> list[str]:
         "import os",
         "import sys",
         "",
-        "from yade import utils",
+        "from yade import export, polyhedra_utils, utils",
         "",
         "# steps at the most, between outputs, and before rest is looked for; kinetic energy at rest, J",
         f"STEPS, EVERY, START = {simulation.steps}, {simulation.steps_per_output}, {start}",
@@ -164,6 +168,7 @@ def _constants(simulation: Simulation, facets: bool) -> list[str]:
         f"FACETS = {facets}",
         f"SPHERES = {bool(kinds & {'sphere', 'clump'})}",
         f"LEVEL_SETS = {'level_set' in kinds}",
+        f"POLYHEDRA = {'polyhedron' in kinds}",
         f"NODES = {NODES}",
     ]
 
@@ -171,6 +176,8 @@ def _constants(simulation: Simulation, facets: bool) -> list[str]:
 def _materials(simulation: Simulation) -> list[str]:
     """Return the lines that make the materials of grains, of the spheres of clumps, and of walls."""
     law = simulation.law
+    if "polyhedron" in _kinds(simulation):
+        return contacts_of_polyhedra(simulation).materials
     if law.name == "hertz":
         made = f"FrictMat(young={law.young_modulus!r}, poisson={law.poisson_ratio!r}"
     else:
@@ -184,11 +191,13 @@ def _materials(simulation: Simulation) -> list[str]:
     ]
 
 
-def _engines(simulation: Simulation) -> list[str]:
-    """Return the lines that make materials, periodic cell and engines."""
-    bodies, law, walls = simulation.bodies, simulation.law, simulation.walls
+def _contacts(simulation: Simulation, shapes: list[str]) -> tuple[list[str], list[str], list[str]]:
+    """Return the parts of an engine that make geometry, physics and forces of contacts."""
+    law = simulation.law
+    if "Polyhedra" in shapes:
+        found = contacts_of_polyhedra(simulation)
+        return found.geometry, found.physics, found.laws
     hertz = law.name == "hertz"
-    shapes = [name for name, kinds in SHAPES.items() if _kinds(simulation) & kinds]
     geometry = []
     if "Sphere" in shapes:
         ends = f"ScGeom(hertzian={hertz})"
@@ -197,15 +206,21 @@ def _engines(simulation: Simulation) -> list[str]:
         geometry += ["Ig2_LevelSet_LevelSet_ScGeom()", "Ig2_Wall_LevelSet_ScGeom()"]
     if hertz:
         physics = [f"Ip2_FrictMat_FrictMat_MindlinPhys(en={law.restitution!r}, gamma={law.cohesion!r})"]
-        laws = [f"Law2_ScGeom_MindlinPhys_Mindlin(includeAdhesion={law.cohesion > 0})"]
-    else:
-        values = (law.stiffness, law.shear_stiffness / law.stiffness)
-        normal, ratio = (f"MatchMaker(algo='val', val={value!r})" for value in values)
-        physics = [f"Ip2_FrictViscoMat_FrictViscoMat_FrictViscoPhys(kn={normal}, kRatio={ratio})"]
-        laws = ["Law2_ScGeom_FrictViscoPhys_CundallStrackVisco(sphericalBodies=False)"]
+        return geometry, physics, [f"Law2_ScGeom_MindlinPhys_Mindlin(includeAdhesion={law.cohesion > 0})"]
+    values = (law.stiffness, law.shear_stiffness / law.stiffness)
+    normal, ratio = (f"MatchMaker(algo='val', val={value!r})" for value in values)
+    physics = [f"Ip2_FrictViscoMat_FrictViscoMat_FrictViscoPhys(kn={normal}, kRatio={ratio})"]
+    return geometry, physics, ["Law2_ScGeom_FrictViscoPhys_CundallStrackVisco(sphericalBodies=False)"]
+
+
+def _engines(simulation: Simulation) -> list[str]:
+    """Return the lines that make materials, periodic cell and engines."""
+    bodies, walls = simulation.bodies, simulation.walls
+    shapes = [name for name, kinds in SHAPES.items() if _kinds(simulation) & kinds]
     bounds = ", ".join(f"Bo1_{name}_Aabb()" for name in [*shapes, "Wall", "Facet"])
     verlet = repr(VERLET * bodies.least_radius)
     gravity = ", ".join(repr(float(value)) for value in simulation.gravity)
+    damped = damping(simulation) if "Polyhedra" in shapes else "damping=0"
     lines = _cell(simulation) if any(walls.periodic) else []
     return [
         *lines,
@@ -214,9 +229,9 @@ def _engines(simulation: Simulation) -> list[str]:
         "    ForceResetter(),",
         f"    InsertionSortCollider([{bounds}], verletDist={verlet}, allowBiggerThanPeriod=True),",
         "    InteractionLoop(",
-        *(f"        [{', '.join(group)}]," for group in (geometry, physics, laws)),
+        *(f"        [{', '.join(group)}]," for group in _contacts(simulation, shapes)),
         "    ),",
-        f"    NewtonIntegrator(damping=0, gravity=({gravity})),",
+        f"    NewtonIntegrator({damped}, gravity=({gravity})),",
         "]",
         f"O.dt = {simulation.time_step!r}",
         "",
@@ -335,9 +350,9 @@ def _read(folder: Path) -> Held:
 registration = Engine(
     name="yade",
     title=TITLE,
-    summary="Python script, with tables of grains, spheres, distances and walls",
+    summary="Python script, with tables of grains, spheres, distances, corners and walls",
     source="YADE 2023.02a, reference of classes and source",
-    kinds=("sphere", "clump", "level_set"),
+    kinds=("sphere", "clump", "level_set", "polyhedron"),
     cohesion=True,
     install=INSTALL,
     verified="run with YADE 2023.02a of Debian 12",
