@@ -19,7 +19,6 @@ SPHERES, WALLS, FIRST_CLUMP = 1, 2, 3
 MOST_CLUMPS = 200
 
 
-
 def clumps_of(bodies: Bodies) -> dict[int, int]:
     """Return the identification number of the material of each template that grains are clumps of, by its number.
 

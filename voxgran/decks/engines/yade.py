@@ -158,7 +158,7 @@ def _constants(simulation: Simulation, facets: bool) -> list[str]:
         "import os",
         "import sys",
         "",
-        "from yade import export, polyhedra_utils, utils",
+        "from yade import utils",
         "",
         "# steps at the most, between outputs, and before rest is looked for; kinetic energy at rest, J",
         f"STEPS, EVERY, START = {simulation.steps}, {simulation.steps_per_output}, {start}",
