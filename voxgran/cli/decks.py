@@ -53,10 +53,12 @@ def relax(options: argparse.Namespace, packing: Packing) -> int:
     Raises
     ------
     InputError
-        If the grains cannot be kept in a file with the suffix of the output.
+        If the output or the history has another suffix than .vtp and .nc.
     """
     if known_suffix(options.output) != ".vtp":
         raise InputError(f"output is {options.output!r}: relaxed packings are kept as .vtp; change the suffix")
+    if options.history and as_path(options.history).suffix.lower() != ".nc":
+        raise InputError(f"history is {options.history!r}: the course of a run is kept as .nc; change the suffix")
     if not options.overwrite:
         refuse_to_replace(*(path for path in (options.output, options.history) if path))
     with progress(options) as on_step:
@@ -66,6 +68,7 @@ def relax(options: argparse.Namespace, packing: Packing) -> int:
             until=options.until,
             longest=options.longest,
             folder=options.folder,
+            overwrite=options.overwrite,
             checkpoint=checkpoint_of(options),
             on_step=on_step,
             **_asked(options),

@@ -19,7 +19,8 @@ QUARTZ = 2650.0
 STEPS_PER_COLLISION = 50
 #: share of the Rayleigh time that is a time step under the law of Hertz
 RAYLEIGH_SHARE = 0.2
-#: overlap under the weight of the bed for which a stiffness is chosen, in median diameters; what is warned of; refused
+#: overlap under the weight of the bed for which a stiffness is chosen, in diameters of the most loaded grain; that
+#: from which grains are warned of; and refused
 CHOSEN_OVERLAP, LARGE_OVERLAP, LARGEST_OVERLAP = 1e-3, 1e-2, 1e-1
 #: shear over normal stiffness where none is given
 SHEAR_RATIO = 2 / 7
@@ -43,8 +44,8 @@ class Material:
         without a stated density, 2650, that of quartz.
     stiffness : float, optional
         Normal stiffness of the linear law, N/m. Default: ``pi / 4`` times Young's modulus times the median diameter
-        where the modulus is given, else such that the weight of the bed presses its lowest grains into each other by
-        a thousandth of the median diameter.
+        where the modulus is given, else such that the weight of the bed presses the most loaded of its lowest grains
+        into the floor by a thousandth of its diameter.
     shear_stiffness : float, optional
         Tangential stiffness of the linear law, N/m. Default: 2/7 of the normal one.
     young_modulus : float, optional
@@ -83,10 +84,10 @@ class Material:
     )  # fmt: skip
     stiffness: float | None = parameter(
         None, doc="normal stiffness of the linear law; if omitted, by Young's modulus, or such that grains overlap by "
-        "a thousandth of the median diameter under the weight of the bed", unit="N/m", above=0.0,
+        "a thousandth of their diameter under the weight of the bed", unit="N/m", above=0.0,
     )  # fmt: skip
     shear_stiffness: float | None = parameter(
-        None, doc="tangential stiffness of the linear law; if omitted, 2/7 of the normal one", unit="N/m", at_least=0.0
+        None, doc="tangential stiffness of the linear law; if omitted, 2/7 of the normal one", unit="N/m", above=0.0
     )
     young_modulus: float | None = parameter(
         None, doc="Young's modulus; the law of Hertz needs it", unit="Pa", above=0.0
@@ -100,7 +101,7 @@ class Material:
                                 at_least=0.0)  # fmt: skip
     bond_strength: float | None = parameter(
         None, doc="strength of the bonds between the spheres of a clump; if omitted, clumps are rigid", unit="Pa",
-        at_least=0.0,
+        above=0.0,
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -145,14 +146,15 @@ def damping_ratio(restitution: float) -> float:
     restitution.
     """
     logarithm = math.log(restitution)
-    return -logarithm / math.hypot(math.pi, logarithm)
+    # without damping 0.0, not -0.0
+    return -logarithm / math.hypot(math.pi, logarithm) + 0.0
 
 
 def contact_law(
-    material: Material, *, density: float, mass: Floats, radius: float, diameter: float, load: float
+    material: Material, *, density: float, mass: Floats, radius: float, diameter: float, load: tuple[float, float]
 ) -> ContactLaw:
     """Return the contact law of grains with masses (n,) in kg, the smallest sphere of `radius` in m, and the median
-    `diameter` in m, of which the lowest ones bear a `load` in N.
+    `diameter` in m; `load` is what the most loaded grain bears, in N, and its diameter in m.
 
     Raises
     ------
@@ -167,21 +169,21 @@ def contact_law(
     lightest = float(mass.min())
     stiffness = shear = young = 0.0
     if material.law == "linear":
-        stiffness = _stiffness(material, diameter, load)
+        stiffness = _stiffness(material, diameter, *load)
         shear = SHEAR_RATIO * stiffness if material.shear_stiffness is None else material.shear_stiffness
-        overlap = load / stiffness / diameter
+        overlap = load[0] / stiffness / load[1]
         # two of the lightest grains collide for the shortest time
         step = math.pi * math.sqrt(lightest / 2 / stiffness) / STEPS_PER_COLLISION
         formula = f"pi sqrt(m / k) / {STEPS_PER_COLLISION}, with half the least mass m of a grain and the stiffness k"
     else:
         young = material.young_modulus or 0.0
         effective = young / (2 * (1 - material.poisson_ratio**2))
-        overlap = (0.75 * load / (effective * math.sqrt(diameter / 4))) ** (2 / 3) / diameter
+        overlap = (0.75 * load[0] / (effective * math.sqrt(load[1] / 4))) ** (2 / 3) / load[1]
         shear_modulus = young / (2 * (1 + material.poisson_ratio))
         rayleigh = math.pi * radius * math.sqrt(density / shear_modulus) / (0.1631 * material.poisson_ratio + 0.8766)
         step = RAYLEIGH_SHARE * rayleigh
         formula = f"{RAYLEIGH_SHARE} pi r sqrt(density / G) / (0.1631 nu + 0.8766), with the least radius r of a sphere"
-    _refuse_soft(material, overlap, load, diameter)
+    _refuse_soft(material, overlap, *load)
     return ContactLaw(
         name=material.law,
         density=density,
@@ -198,14 +200,14 @@ def contact_law(
     )
 
 
-def _stiffness(material: Material, diameter: float, load: float) -> float:
+def _stiffness(material: Material, diameter: float, load: float, loaded: float) -> float:
     """Return the normal stiffness of the linear law."""
     if material.stiffness is not None:
         return material.stiffness
     if material.young_modulus is not None:
         # that of a bar between the centers of two grains, as thick as they are
         return math.pi / 4 * material.young_modulus * diameter
-    return load / (CHOSEN_OVERLAP * diameter)
+    return load / (CHOSEN_OVERLAP * loaded)
 
 
 def _refuse_soft(material: Material, overlap: float, load: float, diameter: float) -> None:
@@ -219,7 +221,7 @@ def _refuse_soft(material: Material, overlap: float, load: float, diameter: floa
     enough = float(np.format_float_positional(given * (overlap / CHOSEN_OVERLAP) ** factor, 2, fractional=False))
     text = (
         f"material {name} is {given:g}: the weight of the bed, {load:.3g} N on a grain at its bottom, presses grains "
-        f"into each other by {overlap:.2g} of the median diameter {diameter:.3g} m; give about {enough:g}"
+        f"into each other by {overlap:.2g} of the diameter {diameter:.3g} m; give about {enough:g}"
     )
     if overlap > LARGEST_OVERLAP:
         raise InputError(text)

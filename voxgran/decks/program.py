@@ -50,7 +50,7 @@ def program_of(names: Sequence[str], variable: str, *, title: str, install: str)
         if found is not None:
             return found
     raise EngineError(
-        f"{title} is not installed: there is no program {' or '.join(names)}; install it with '{install}', or give its "
+        f"{title} is not installed: there is no program {' or '.join(names)}; install it by {install}, or give its "
         f"path in {variable}"
     )
 

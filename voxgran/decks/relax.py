@@ -14,8 +14,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_positive
 from voxgran._base.cells import near_pairs
-from voxgran._base.errors import EngineError, InputError
-from voxgran._base.files import as_path, write_text, written_whole
+from voxgran._base.errors import EngineError, FileFormatError, InputError, VoxgranError
+from voxgran._base.files import as_path, refuse_to_replace, write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.rotation import quaternions_of
@@ -24,7 +24,6 @@ from voxgran.clumps.model import Clump
 from voxgran.decks.engine import Engine, Frame, engine_registry
 from voxgran.decks.material import GRAVITY, Material
 from voxgran.decks.simulation import LONGEST, REST, Simulation
-from voxgran.decks.walls import Walls
 from voxgran.decks.write import described
 from voxgran.io.files import save
 from voxgran.measures.region import HELD, Regions
@@ -55,6 +54,7 @@ def relax(
     until: float = REST,
     longest: float = LONGEST,
     folder: str | os.PathLike[str] | None = None,
+    overwrite: bool = False,
     checkpoint: str | os.PathLike[str] | None = None,
     on_step: OnStep | None = None,
 ) -> tuple[Packing, "Dataset"]:
@@ -82,6 +82,8 @@ def relax(
         Longest time of the run, in sqrt(d / g).
     folder : path-like, optional
         Where the files of the engine stay. Default: a temporary folder, which stays where the engine fails.
+    overwrite : bool
+        Whether files in that folder may be replaced.
     checkpoint : path-like, optional
         File with suffix ``.vtp`` for the last state, written where the run is interrupted; relax it to go on.
     on_step : callable, optional
@@ -95,8 +97,9 @@ def relax(
     xarray.Dataset
         Along ``time``, in s: ``kinetic_energy`` (mean of a grain, in m g d), ``mean_sinking`` and
         ``largest_displacement`` (median diameters), ``coordination_number``, ``share_of_rattlers`` (grains that touch
-        fewer than 2 grains and walls, without friction fewer than 4), and ``solid_fraction`` (of the space below the
-        height that holds 85 % of the volume of the grains). Attributes: ``sinking`` of the bulk,
+        fewer than 2 grains and plane or round walls, without friction fewer than 4), and ``solid_fraction`` (of the
+        space from 1.5 diameters above the floor to the height that holds 85 % of the volume of the grains; NaN in low
+        beds, in spheres and meshes, and where gravity is oblique). Attributes: ``sinking`` of the bulk,
         ``change_of_coordination``, ``rests`` (1 or 0), ``touching_gap`` (median diameters), ``time_step``.
 
     Raises
@@ -107,6 +110,10 @@ def relax(
         If there is no gravity, the engine cannot be run by voxgran, or as :func:`voxgran.write_deck`.
     EngineError
         If the engine is not installed, with the line that installs it, or fails, with its last lines.
+    OutputExistsError
+        If one of the files is in the folder and `overwrite` is false.
+    FileFormatError
+        If the checkpoint has another suffix.
     Interrupted
         On SIGTERM at the prompt; on SIGINT a KeyboardInterrupt; the last state is in the checkpoint.
 
@@ -139,16 +146,30 @@ def relax(
         raise InputError("packing.gravity is None: grains relax under gravity; give it with dataclasses.replace")
     if time_step is None:
         simulation = replace(simulation, time_step=simulation.law.stable_step)
+    if checkpoint is not None and as_path(checkpoint).suffix.lower() != ".vtp":
+        raise FileFormatError(f"checkpoint is {str(checkpoint)!r}: the last state is kept as .vtp; change the suffix")
+    texts = found.write(simulation)
+    if folder is not None and not overwrite:
+        refuse_to_replace(*(as_path(folder) / name for name in texts))
     place = Path(tempfile.mkdtemp(prefix="voxgran_")) if folder is None else as_path(folder)
-    for name, text in found.write(simulation).items():
+    for name, text in texts.items():
         write_text(place / name, text)
     history = _History(simulation, held, packing.contact_gap)
     try:
         _follow(found, place, simulation, history, on_step)
     except KeyboardInterrupt:
         if checkpoint is not None and history.frames:
-            save(history.packing(engine), checkpoint, overwrite=True)
+            try:
+                save(history.packing(engine), checkpoint, overwrite=True)
+            except VoxgranError as error:
+                # the interrupt is what the caller waits for
+                log.warning("the last state is lost: %s", error)
         _remove(place, folder)
+        raise
+    except EngineError:
+        if {path.name for path in place.iterdir()} == set(texts):
+            # the engine was never started
+            _remove(place, folder)
         raise
     if not history.frames:
         raise EngineError(f"{found.title} has written no state: its output is in {place}")
@@ -176,11 +197,15 @@ def save_history(history: "Dataset", path: str | os.PathLike[str], *, overwrite:
 
     Raises
     ------
+    FileFormatError
+        If the suffix is another one.
     OutputExistsError
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written.
     """
+    if as_path(path).suffix.lower() != ".nc":
+        raise FileFormatError(f"{path} has another suffix than .nc: the course of a run is kept as netCDF; change it")
     with written_whole(path, overwrite=overwrite) as draft:
         history.to_netcdf(draft, engine="netcdf4")
 
@@ -253,7 +278,7 @@ class _History:
         ends = np.concatenate([pairs // bodies.count, pairs % bodies.count])
         degree = np.bincount(ends, minlength=bodies.count)
         touching = np.zeros(bodies.count, dtype=np.int64)
-        for distance in _wall_distances(walls, now):
+        for distance in walls.distances(now):
             touching[np.unique(grain[distance - radii <= self.gap])] += 1
         return degree, touching
 
@@ -325,15 +350,6 @@ class _History:
         }
         made: Dataset = load("xarray").Dataset(rows, coords={"time": time}, attrs=about)
         return made
-
-
-def _wall_distances(walls: Walls, points: Floats) -> list[Floats]:
-    """Return the distances of points from each plane and round wall, positive within."""
-    found = [(points[:, plane.axis] - plane.level) * plane.inward for plane in walls.planes]
-    if walls.round is not None:
-        flat = slice(0, 2) if walls.round.kind == "cylinder" else slice(0, 3)
-        found.append(walls.round.radius - np.linalg.norm((points - walls.round.center)[:, flat], axis=1))
-    return found
 
 
 def _slab_fraction(simulation: Simulation, position: Floats) -> float:

@@ -18,7 +18,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.decks.bodies import Bodies, Kind, Template
-from voxgran.decks.material import GRAVITY, QUARTZ, ContactLaw, Material, contact_law
+from voxgran.decks.material import GRAVITY, QUARTZ, STEPS_PER_COLLISION, ContactLaw, Material, contact_law
 from voxgran.decks.walls import Walls
 from voxgran.packing.model import Packing
 
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 #: time step where none is given, in stable ones: collisions then have the restitution asked for to 0.01
 USUAL_STEP = 0.5
+#: least and largest density of a solid, kg/m^3
+SPARSEST, DENSEST = 10.0, 3e4
 #: mean kinetic energy of a grain, in m g d of the median grain, below which a bed rests
 REST = 1e-6
 #: how long a script runs at the most, the time between its outputs, and that from the start, when all grains stand
@@ -94,7 +96,7 @@ class Simulation:
 
     @cached_property
     def overlap(self) -> float:
-        """Deepest overlap of spheres of different grains, m; 0 where there is none."""
+        """Deepest overlap of spheres of different grains, or of a sphere and a wall, m; 0 where there is none."""
         (centers, radii, grain), walls = self.bodies.spheres, self.walls
         if not len(radii):
             return 0.0
@@ -102,7 +104,8 @@ class Simulation:
         i, j, image = near_pairs(centers, radii, 0.0, lower=low, lengths=span, periodic=walls.periodic)
         apart = np.linalg.norm(centers[j] + image * span - centers[i], axis=1)
         depth = (radii[i] + radii[j] - apart)[grain[i] != grain[j]]
-        return max(0.0, float(depth.max(initial=0.0)))
+        beyond = (float((radii - distance).max()) for distance in walls.distances(centers))
+        return max(0.0, float(depth.max(initial=0.0)), *beyond)
 
     @property
     def duration(self) -> float:
@@ -128,7 +131,7 @@ class Simulation:
     def header(self, engine: str) -> list[str]:
         """Return the lines that begin each file: content, units, contact law, and what is approximated."""
         bodies, law = self.bodies, self.law
-        by_kind = {kind: len(bodies.of_kind(kind)) for kind in sorted(bodies.kinds)}
+        by_kind = {kind: len(mine) for kind in sorted(bodies.kinds) if len(mine := bodies.of_kind(kind))}
         what = ", ".join(f"{count} {NAMES[kind][count != 1]}" for kind, count in by_kind.items())
         lengths = (
             "lengths without a unit, taken as metres" if self.unit == NO_UNIT else f"lengths converted from {self.unit}"
@@ -144,7 +147,11 @@ class Simulation:
                 f"{self.bonds.sizes['bond']} bonds join the spheres of clumps: masses are the true ones, centroids and "
                 "inertia tensors are those of the spheres"
             )
-        return lines + [f"approximated: {one.approximated}" for one in bodies.templates if one.approximated]
+        if self.overlap > 0:
+            lines.append(f"spheres overlap each other or walls by up to {self.overlap:.3g} m at the start")
+        lines += [f"approximated: {one.approximated}" for one in bodies.templates if one.approximated]
+        # names come from files of others: none may begin a line that an engine would run
+        return [" ".join(line.split()) for line in lines]
 
 
 def _law_lines(law: ContactLaw) -> list[str]:
@@ -181,10 +188,12 @@ def simulation_of(
     """
     metric = packing if packing.unit == NO_UNIT else packing.to_unit("m")
     scaled = tuple(replace(one, shape=shape) for one, shape in zip(templates, metric.shapes, strict=True))
-    density = material.density or (packing.density if packing.density != 1.0 else QUARTZ)
+    density = _density(material, packing)
     bodies = Bodies(scaled, metric, density)
     bonds = None if material.bond_strength is None else _bonds(bodies, material.bond_strength)
-    gravity = np.zeros(3) if metric.gravity is None else acceleration * np.array(metric.gravity, dtype=float)
+    gravity = np.zeros(3)
+    if metric.gravity is not None:
+        gravity = acceleration * np.array(metric.gravity, dtype=float) / np.linalg.norm(metric.gravity)
     diameter = float(np.median(metric.diameters))
     law = contact_law(
         material,
@@ -192,8 +201,10 @@ def simulation_of(
         mass=bodies.mass if bonds is None else _bonded_masses(bodies, bonds),
         radius=bodies.least_radius,
         diameter=diameter,
-        load=_load(metric, float(np.median(bodies.mass)), diameter, acceleration),
+        load=_load(bodies, gravity, acceleration),
     )
+    if bonds is not None:
+        law = _slowed(law, bodies, bonds)
     step = USUAL_STEP * law.stable_step if time_step is None else as_positive(time_step, "time_step")
     if step > law.stable_step:
         raise InputError(
@@ -225,9 +236,50 @@ def _bonds(bodies: Bodies, strength: float) -> "Dataset":
     )
 
 
-def _load(packing: Packing, mass: float, diameter: float, acceleration: float) -> float:
-    """Return the weight of the column of grains on one at the bottom of a packing, N."""
-    if packing.gravity is None:
-        return mass * acceleration
-    heights = packing.position @ np.array(packing.gravity, dtype=float)
-    return mass * acceleration * max(1.0, float(np.ptp(heights)) / diameter)
+def _load(bodies: Bodies, gravity: Floats, acceleration: float) -> tuple[float, float]:
+    """Return what the most loaded grain bears, N, and its diameter, m: the larger of its own weight, and its share of
+    the weight of all grains on the floor.
+    """
+    diameters, weights = bodies.assembly.diameters, bodies.mass * acceleration
+    pressure = 0.0
+    if gravity.any():
+        span = np.delete(np.diff(bodies.assembly.container.bounds, axis=0)[0], np.abs(gravity).argmax())
+        pressure = float(weights.sum() / np.prod(span[span > 0]))
+    loads = np.maximum(weights, pressure * diameters ** (bodies.assembly.dimension - 1))
+    worst = int((loads / diameters).argmax())
+    return float(loads[worst]), float(diameters[worst])
+
+
+def _density(material: Material, packing: Packing) -> float:
+    """Return the density of the solid, kg/m^3.
+
+    Raises
+    ------
+    InputError
+        If that of the packing cannot be in this unit.
+    """
+    if material.density is not None:
+        return material.density
+    if packing.density == 1.0:
+        return QUARTZ
+    if not SPARSEST <= packing.density <= DENSEST:
+        raise InputError(
+            f"density of the packing is {packing.density:g}: as kg/m^3 that is no solid; give the density in kg/m^3 in "
+            "the material"
+        )
+    return packing.density
+
+
+def _slowed(law: ContactLaw, bodies: Bodies, bonds: "Dataset") -> ContactLaw:
+    """Return the contact law of bonded clumps, with a time step that also suits the bonds."""
+    formula = law.formula.replace("half the least mass m of a grain", "a third of the mass of a sphere over its bonds")
+    step = law.stable_step
+    if law.name == "hertz" and bonds.sizes["bond"]:
+        centers = bodies.spheres[0]
+        length = np.linalg.norm(centers[bonds["second"].values] - centers[bonds["first"].values], axis=1)
+        area = bonds["area"].values
+        stiffness = float((law.young_modulus * area / np.maximum(length, np.sqrt(area / math.pi))).max())
+        lightest = float(_bonded_masses(bodies, bonds).min())
+        step = min(step, math.pi * math.sqrt(lightest / 2 / stiffness) / STEPS_PER_COLLISION)
+        formula += f", or pi sqrt(m / k) / {STEPS_PER_COLLISION} of a bond where that is less"
+    return replace(law, stable_step=step, formula=formula)

@@ -82,3 +82,17 @@ class Walls:
         by_mesh = boundary.solid is not None or boundary == UNKNOWN
         convex = boundary.solid is not None and is_convex(boundary.solid.geometry)
         return cls(bounds, container.periodic, tuple(planes), wall, container.mesh() if by_mesh else None, convex)
+
+    def distances(self, points: Floats) -> list[Floats]:
+        """Return the distances (n,) of points (n, 3) from each plane and from a round wall, positive within.
+
+        Parameters
+        ----------
+        points : (n, 3) ndarray of float
+            In the unit of the walls.
+        """
+        found = [(points[:, plane.axis] - plane.level) * plane.inward for plane in self.planes]
+        if self.round is not None:
+            flat = slice(0, 2) if self.round.kind == "cylinder" else slice(0, 3)
+            found.append(self.round.radius - np.linalg.norm((points - self.round.center)[:, flat], axis=1))
+        return found

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 from voxgran._base.arrays import as_choice, as_count, as_positive, check_type
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
@@ -90,8 +92,8 @@ def write_deck(
     material : Material or mapping, optional
         Contact law and its parameters. Default: ``Material()``.
     clump : int or Clump, optional
-        Number of spheres, or a fitted clump, in place of each shape that is no sphere. Default: 20 where the engine
-        has no other kind of grain for a shape.
+        Number of spheres, or a fitted clump, in place of each shape that is no sphere, also where the engine has
+        another kind of grain for it. Default: 20 where it has none.
     grains : {"clump", "polyhedron", "mesh", "level_set", "convex_parts"}, optional
         What grains that are no spheres become. Default: clumps where `clump` is given, else the first of these that the
         engine has for the shape.
@@ -174,8 +176,8 @@ def described(
     if not packing.count:
         raise InputError(f"packing has no grains: input for {engine.title} needs at least one; add grains")
     refuse_unheld(engine, law, packing.container)
-    for shape in packing.shapes:
-        shape.refuse_open("bodies of an engine")
+    for number in np.unique(packing.shape_id).tolist():
+        packing.shapes[number].refuse_open("bodies of an engine")
     held, templates = _held(packing, engine, clump, grains)
     if law.bond_strength is not None and not any(template.kind == "clump" for template in templates):
         raise InputError("material bond_strength is given, but no grain is a clump: leave it out, or give clump=20")
@@ -256,8 +258,8 @@ def _held(packing: Packing, engine: Engine, clump: Any, grains: Any) -> tuple[Pa
     used = set(packing.shape_id.tolist())
     kinds = [_kind(shape, engine, asked) if k in used else "sphere" for k, shape in enumerate(packing.shapes)]
     if "clump" not in engine.kinds and "clump" in kinds:
-        which = packing.shapes[kinds.index("clump")].name
-        raise InputError(f"shape {which!r} is not one that {engine.title} holds: choose another engine")
+        has = ", ".join(repr(kind) for kind in engine.kinds)
+        raise InputError(f"clump is given, but input for {engine.title} has no clumps, only {has}: leave clump out")
     fitted = [k for k, kind in enumerate(kinds) if kind == "clump" and not _is_clump(packing.shapes[k])]
     if not fitted:
         return packing, _templates(packing.shapes, kinds)

@@ -18,6 +18,7 @@ from voxgran._base.lazy import loaded
 from voxgran._base.lock import FOLDER_LOCK, locked_folder
 from voxgran._base.progress import OnStep, Step
 from voxgran.contacts.verify import Verification, verify
+from voxgran.decks.engine import engine_registry
 from voxgran.decks.write import write_deck
 from voxgran.io.files import load, save
 from voxgran.io.netcdf import save_statistics
@@ -212,8 +213,11 @@ def finish_folder(
 def _write_decks(packing: Packing, folder: Path, scene: SceneDescription) -> None:
     """Write the input of all engines that the scene names; warn of grains that one cannot hold."""
     for engine in scene.output.dem:
+        # solids that an engine holds as they are stay what they are
+        solid = next(kind for kind in engine_registry().get(engine).kinds if kind != "sphere")
+        clump = scene.output.clump if solid == "clump" else None
         try:
-            write_deck(packing, folder, engine, material=scene.material, clump=scene.output.clump, overwrite=True)
+            write_deck(packing, folder, engine, material=scene.material, clump=clump, overwrite=True)
         except InputError as error:
             # all else that was computed stays
             warnings.warn(f"input for {engine} is not written: {error}", PackingWarning, stacklevel=2)

@@ -55,7 +55,18 @@ def test_walls_and_law_are_in_the_script(tmp_path):
 def test_cohesion_is_that_of_dmt(tmp_path):
     material = {"law": "hertz", "young_modulus": 1e7, "cohesion": 0.05}
     vg.write_deck(cases.spheres(), tmp_path, "lammps", material=material)
-    assert "dmt 10000000.0 0.3 0.25 0.05 tangential mindlin NULL 1.0 0.5" in script(tmp_path)
+    found = re.search(
+        r"dmt 10000000.0 (\S+) 0.25 0.05 tangential mindlin NULL 1.0 0.5 damping mass_velocity", script(tmp_path)
+    )
+    assert 1e3 < float(found[1]) < 1e6
+
+
+def test_the_name_of_a_shape_is_no_command(tmp_path):
+    packing = cases.rocks()
+    shapes = tuple(dataclasses.replace(shape, name="x\nshell touch pwned\u2028y") for shape in packing.shapes)
+    vg.write_deck(dataclasses.replace(packing, shapes=shapes), tmp_path, "lammps", clump=4)
+    assert "x shell touch pwned y" in script(tmp_path)
+    assert not any(line.startswith("shell") for line in script(tmp_path).splitlines())
 
 
 def test_a_container_that_is_no_convex_mesh_is_refused(tmp_path):
@@ -137,6 +148,22 @@ def test_lammps_loads_bodies_with_true_mass_properties(lammps, periodic, tmp_pat
     np.testing.assert_allclose(rows[:, 1], bodies.mass[mine], rtol=1e-6)
     np.testing.assert_allclose(rows[:, 2:5], bodies.assembly.position[mine], atol=1e-9)
     np.testing.assert_allclose(np.sort(rows[:, 5:8]), bodies.moments[mine], rtol=1e-6)
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize(
+    "material",
+    [
+        {"law": "hertz", "young_modulus": 1e7, "cohesion": 0.01},
+        {"law": "hertz", "young_modulus": 1e6, "bond_strength": 1e15},
+        {"restitution": 1.0, "friction": 0.0},
+    ],
+    ids=["cohesion", "bonds", "elastic"],
+)
+def test_all_laws_run(lammps, material, tmp_path):
+    vg.write_deck(cases.rocks(), tmp_path, "lammps", clump=8, material=material)
+    changed(tmp_path, (r"(?s)run \d+\nfix rest.*?run \d+", "run 300"))
+    lammps(tmp_path)
 
 
 @pytest.mark.engine

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import FileFormatError, InputError, OutputExistsError
 from voxgran.decks.engine import Engine, Frame, engine_registry
 from voxgran.decks.relax import relax, save_history
 from voxgran.measures.model import measure_registry
@@ -160,6 +160,22 @@ def test_an_interrupt_leaves_the_last_state(monkeypatch, tmp_path):
         relax(packing, checkpoint=tmp_path / "state.vtp")
     state = vg.load(tmp_path / "state.vtp")
     np.testing.assert_allclose(state.position, packing.position - [0, 0, 0.2], atol=1e-9)
+
+
+def test_files_of_a_user_are_not_overwritten_unasked(monkeypatch, tmp_path):
+    (tmp_path / "mine.txt").write_text("kept")
+    entry = dataclasses.replace(sinking_engine(1e-4), write=lambda _: {"mine.txt": "new"})
+    monkeypatch.setattr("voxgran.decks.relax.engine_registry", lambda: _Registry(entry))
+    with pytest.raises(OutputExistsError):
+        relax(cases.spheres(), folder=tmp_path)
+    assert (tmp_path / "mine.txt").read_text() == "kept"
+    relax(cases.spheres(), folder=tmp_path, overwrite=True)
+    assert (tmp_path / "mine.txt").read_text() == "new"
+
+
+def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_run(tmp_path):
+    with pytest.raises(FileFormatError, match="suffix"):
+        vg.relax(cases.spheres(), checkpoint=tmp_path / "state.xyz")
 
 
 @pytest.mark.parametrize(

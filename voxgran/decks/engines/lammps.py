@@ -29,7 +29,8 @@ from voxgran.decks.lammps_states import (
     TITLE,
     lammps_states,
 )
-from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.material import CHOSEN_OVERLAP
+from voxgran.decks.simulation import OUTPUT, SETTLING, Simulation
 from voxgran.decks.walls import Walls
 from voxgran.shapes.sphere_files import PLACES, text_of_spheres
 
@@ -158,10 +159,14 @@ def _law(simulation: Simulation) -> str:
             f"{law.friction!r} damping coeff_restitution"
         )
     young, ratio = law.young_modulus, law.poisson_ratio
-    shear = f"tangential mindlin NULL 1.0 {law.friction!r} damping coeff_restitution"
+    shear = f"tangential mindlin NULL 1.0 {law.friction!r} damping"
     if law.cohesion:
-        return f"dmt {young!r} {law.restitution!r} {ratio!r} {law.cohesion!r} {shear}"
-    return f"hertz/material {young!r} {law.restitution!r} {ratio!r} {shear}"
+        # with surface energy LAMMPS takes no restitution: damping that has it for two median grains, slightly pressed
+        mass, diameter = float(np.median(simulation.bodies.mass)) / 2, simulation.diameter
+        stiffness = young / (1 - ratio**2) * math.sqrt(diameter / 4 * CHOSEN_OVERLAP * diameter)
+        rate = 2 * law.damping_ratio * math.sqrt(stiffness / mass)
+        return f"dmt {young!r} {rate!r} {ratio!r} {law.cohesion!r} {shear} mass_velocity"
+    return f"hertz/material {young!r} {law.restitution!r} {ratio!r} {shear} coeff_restitution"
 
 
 def _walls(walls: Walls, law: str) -> list[str]:
@@ -327,7 +332,7 @@ def _unloading(simulation: Simulation) -> list[str]:
     return [
         f"# spheres overlap by {simulation.overlap!r} m at the start: they are parted under drag",
         f"fix drag all viscous {min(drag, most) / members!r}",
-        f"run {math.ceil(UNLOADING * simulation.time_unit / simulation.time_step / every) * every}",
+        f"run {max(1, round(UNLOADING / OUTPUT)) * every}",
         "unfix drag",
     ]
 
