@@ -125,7 +125,7 @@ def relax(
     Examples
     --------
     >>> import voxgran as vg
-    >>> bed = vg.pack(vg.make_shape("sphere"), vg.Box((5, 5, 5)), "gravity", count=100)
+    >>> bed = vg.pack(vg.make_shape("sphere"), vg.Box((5, 5, 9)), "gravity", count=20)
     >>> rested, history = vg.relax(bed)  # doctest: +SKIP
     """
     found = engine_registry().get(engine)
@@ -149,21 +149,13 @@ def relax(
     if checkpoint is not None and as_path(checkpoint).suffix.lower() != ".vtp":
         raise FileFormatError(f"checkpoint is {str(checkpoint)!r}: the last state is kept as .vtp; change the suffix")
     texts = found.write(simulation)
-    if folder is not None and not overwrite:
-        refuse_to_replace(*(as_path(folder) / name for name in texts))
-    place = Path(tempfile.mkdtemp(prefix="voxgran_")) if folder is None else as_path(folder)
-    for name, text in texts.items():
-        write_text(place / name, text)
+    place = _written(texts, folder, overwrite=overwrite)
     history = _History(simulation, held, packing.contact_gap)
     try:
         _follow(found, place, simulation, history, on_step)
     except KeyboardInterrupt:
         if checkpoint is not None and history.frames:
-            try:
-                save(history.packing(engine), checkpoint, overwrite=True)
-            except VoxgranError as error:
-                # the interrupt is what the caller waits for
-                log.warning("the last state is lost: %s", error)
+            _save_last(history.packing(engine), checkpoint)
         _remove(place, folder)
         raise
     except EngineError:
@@ -175,6 +167,25 @@ def relax(
         raise EngineError(f"{found.title} has written no state: its output is in {place}")
     _remove(place, folder)
     return history.packing(engine), history.dataset(engine)
+
+
+def _written(texts: Mapping[str, str], folder: str | os.PathLike[str] | None, *, overwrite: bool) -> Path:
+    """Write the files of an engine into a folder, a temporary one where none is named, and return it."""
+    if folder is not None and not overwrite:
+        refuse_to_replace(*(as_path(folder) / name for name in texts))
+    place = Path(tempfile.mkdtemp(prefix="voxgran_")) if folder is None else as_path(folder)
+    for name, text in texts.items():
+        write_text(place / name, text)
+    return place
+
+
+def _save_last(packing: Packing, checkpoint: str | os.PathLike[str]) -> None:
+    """Save the last state of a run that is interrupted."""
+    try:
+        save(packing, checkpoint, overwrite=True)
+    except VoxgranError as error:
+        # the interrupt is what the caller waits for
+        log.warning("the last state is lost: %s", error)
 
 
 def _remove(place: Path, folder: object) -> None:

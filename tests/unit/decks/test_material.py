@@ -15,9 +15,8 @@ MASS, DIAMETER = np.array([2.0, 1.0, 4.0]), 0.5
 
 
 def law_of(load=1.0, radius=0.2, **material):
-    return contact_law(
-        vg.Material(**material), density=2500.0, mass=MASS, radius=radius, diameter=DIAMETER, load=(load, DIAMETER)
-    )
+    size = {"mass": MASS, "radius": radius, "diameter": DIAMETER}
+    return contact_law(vg.Material(**material), density=2500.0, load=(load, DIAMETER), **size)
 
 
 @pytest.mark.parametrize("restitution", [0.05, 0.3, 0.9])
