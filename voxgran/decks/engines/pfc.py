@@ -1,4 +1,4 @@
-"""PFC of Itasca: spheres as balls, clumps by templates, and convex polyhedra as rigid blocks, as command files.
+"""PFC of Itasca: spheres, clumps by templates, and convex polyhedra as rigid blocks, as command files.
 
 The commands are those that versions 6, 7 and 9 have in common; a size is given as `diameter`, since the keyword of a
 volume differs between the versions.
@@ -32,8 +32,8 @@ TITLE = "PFC"
 RUN, TEMPLATES, GRAINS, WALLS = "pfc_run.dat", "pfc_clumps.dat", "pfc_grains.dat", "pfc_walls.dat"
 #: room between the walls and the bounds of the domain, in median diameters
 MARGIN = 2.0
-#: largest radius of a ball, in least extents of the domain
-LARGEST_BALL = 0.25
+#: largest radius of a sphere, in least extents of the domain
+LARGEST_SPHERE = 0.25
 
 #: arguments of each keyword of a command: f number, i whole number, s text in quotes, b on or off, w word, f* numbers,
 #: p pebbles; "" is what follows the command itself
@@ -88,7 +88,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     Raises
     ------
     InputError
-        If rigid blocks are to have the law of Hertz, or a ball is too large for the periodic container.
+        If rigid blocks are to have the law of Hertz, or a sphere is too large for the periodic container.
     """
     bodies = simulation.bodies
     if simulation.law.name == "hertz" and "polyhedron" in bodies.kinds:
@@ -97,9 +97,9 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
             "that law needs; use law='linear', or give clump=20"
         )
     low, high = _domain(simulation)
-    balls = bodies.of_kind("sphere")
-    largest = float(bodies.assembly.bounding_radii[balls].max(initial=0.0))
-    if largest >= LARGEST_BALL * float((high - low).min()):
+    single = bodies.of_kind("sphere")
+    largest = float(bodies.assembly.bounding_radii[single].max(initial=0.0))
+    if largest >= LARGEST_SPHERE * float((high - low).min()):
         raise InputError(
             f"container is {float((high - low).min()):g} m wide along a periodic axis, with spheres of the radius "
             f"{largest:g} m: PFC takes radii below a quarter of that; use a larger container"
@@ -308,7 +308,7 @@ def _read(folder: Path) -> Held:
     for statement in found:
         given = statement.given
         if statement.command == "ball create":
-            row = _ball(given, density)
+            row = _sphere(given, density)
         elif statement.command == "clump replicate":
             if given["name"][0] not in templates:
                 raise FileFormatError(f"{folder / GRAINS} names no template {given['name'][0]!r}: write the deck again")
@@ -328,8 +328,8 @@ def _read(folder: Path) -> Held:
     )
 
 
-def _ball(given: dict[str, list[Any]], density: float) -> tuple[float, Floats, Floats, Floats, Floats]:
-    """Return mass, centroid, inertia, centers and radii of a ball."""
+def _sphere(given: dict[str, list[Any]], density: float) -> tuple[float, Floats, Floats, Floats, Floats]:
+    """Return mass, centroid, inertia, centers and radii of a sphere."""
     radius, place = given["radius"][0], np.array(given["position"])
     mass = density * 4 / 3 * math.pi * radius**3
     return mass, place, 0.4 * mass * radius**2 * np.eye(3), place[None], np.array([radius])
@@ -431,7 +431,7 @@ def _value(kind: str, word: str) -> Any:
 registration = Engine(
     name="pfc",
     title=TITLE,
-    summary="command files: balls, clumps by templates, rigid blocks, walls of facets, and a run until rest",
+    summary="command files: spheres, clumps by templates, rigid blocks, walls of facets, and a run until rest",
     source="docs.itascacg.com/pfc700",
     kinds=("sphere", "polyhedron", "clump"),
     verified="not run; read back by the grammar of its documentation",
