@@ -1,5 +1,7 @@
-"""What this process may use of the machine: memory and processors, as limits of a container allow."""
+"""What this process may use of the machine: memory and processors, as limits of a container allow, and libraries."""
 
+import contextlib
+import importlib.metadata
 import os
 from pathlib import Path
 
@@ -22,3 +24,12 @@ def memory_limit() -> int:
 def processor_count() -> int:
     """Return how many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def installed_versions(*names: str) -> dict[str, str]:
+    """Return the versions of those of the distributions that are installed."""
+    found = {}
+    for name in names:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            found[name] = importlib.metadata.version(name)
+    return found

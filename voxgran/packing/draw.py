@@ -4,8 +4,8 @@ import logging
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,8 @@ DENSEST = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
 BLOCK, MOST_DRAWN = 1024, 10_000_000
 #: largest count: 30 GB at 300 bytes per grain
 MOST_ASKED = 100_000_000
+#: largest number of grains whose sizes the method makes, if no count is given
+MOST_MADE = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,11 +55,14 @@ def draw_grains(
     weights_by: str,
     seed: int,
     surplus: bool = False,
+    sizing: Literal["drawn", "scaled", "made"] = "drawn",
 ) -> DrawnGrains:
     """Draw the grains of a packing, for arguments of :func:`voxgran.packing.pack.pack`.
 
     Without a count and a solid fraction as many grains are drawn as fill the container completely; `surplus` allows
-    grains of more volume than the container, of which the method places those that fit.
+    grains of more volume than the container, of which the method places those that fit. `sizing` is that of the method:
+    sizes that are scaled later may be given with a count and a solid fraction; for sizes that the method makes, all
+    grains get the diameter at which they have the volume of the container together.
 
     Raises
     ------
@@ -78,14 +83,16 @@ def draw_grains(
         1.0 if solid_fraction is None else as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)
     )
     shares = _shares(shapes, weights, weights_by, sizes is None)
+    if sizing == "made":
+        return _without_sizes(shapes, container, shares, sizes, wanted, seed)
     if wanted is None and all(shape.is_open for shape, share in zip(shapes, shares, strict=True) if share > 0):
         raise InputError("count is None and all shapes are open surfaces: they have no volume to fill; give a count")
     shape_id, diameter = _draw(shapes, shares, sizes, wanted, target, seed)
     volumes = _volumes(shapes, shape_id, diameter)
-    if solid_fraction is not None and wanted is not None:
+    if solid_fraction is not None and wanted is not None and sizing == "drawn":
         keep = np.cumsum(volumes) - volumes < target
         shape_id, diameter, volumes = shape_id[keep], diameter[keep], volumes[keep]
-    if solid_fraction is not None:
+    if solid_fraction is not None and (sizing == "drawn" or wanted is None):
         _refuse_denser_than_lattice(shapes, container, shape_id, diameter, wanted=solid_fraction)
     fits = can_fit(shapes, container, shape_id, diameter)
     if len(fits) and not fits.any():
@@ -93,7 +100,7 @@ def draw_grains(
             f"the smallest grain has the diameter {diameter.min():.6g}: none can fit in the container of "
             f"{_lengths_text(container)}, however it is turned; make the grains smaller or the container larger"
         )
-    if wanted is not None and not surplus and volumes[fits].sum() > container.volume:
+    if wanted is not None and not surplus and sizing == "drawn" and volumes[fits].sum() > container.volume:
         raise InputError(
             f"count is {wanted}: these grains have {volumes[fits].sum() / container.volume:.3g} times the volume of "
             "the container; ask for fewer or smaller grains or a larger container"
@@ -107,6 +114,48 @@ def draw_grains(
             stacklevel=5,
         )
     return DrawnGrains(shape_id[fits], diameter[fits], removed)
+
+
+def _without_sizes(
+    shapes: Sequence[Shape],
+    container: Container,
+    shares: Floats,
+    sizes: SizeDistribution | None,
+    count: int | None,
+    seed: int,
+) -> DrawnGrains:
+    """Return grains whose sizes the method makes, all of one diameter."""
+    if sizes is not None:
+        raise InputError("sizes is given: the method makes the sizes of the grains itself; leave it out")
+    many = MOST_MADE if count is None else count
+    shape_id = stream(seed, "shapes").choice(len(shapes), size=many, p=shares).astype(np.int64)
+    unit = np.array([shape.volume / shape.diameter**container.dimension for shape in shapes])
+    total = float(unit[shape_id].sum()) if many else 1.0
+    diameter = (container.volume / total) ** (1.0 / container.dimension)
+    return DrawnGrains(shape_id, np.full(many, diameter), {"count": 0, "volume": 0.0})
+
+
+def joined(shape_id: Integers, diameter: Floats, grains: DrawnGrains, *, earlier: int) -> DrawnGrains:
+    """Return the grains of a start followed by drawn ones, whose shapes come after `earlier` others."""
+    ids = np.concatenate([shape_id, earlier + grains.shape_id])
+    return replace(grains, shape_id=ids, diameter=np.concatenate([diameter, grains.diameter]))
+
+
+def scaled_to(
+    grains: DrawnGrains, shapes: Sequence[Shape], container: Container, solid_fraction: float, *, given: int
+) -> DrawnGrains:
+    """Return grains with a common factor on their diameters that meets a solid fraction.
+
+    Grains after the first `given` were drawn until their volume reached that of the solid fraction: the last of them is
+    left out where the factor is then nearer to 1.
+    """
+    volumes, target = _volumes(shapes, grains.shape_id, grains.diameter), container.volume * solid_fraction
+    total = float(volumes.sum())
+    if len(volumes) > max(given, 1) and total / target > target / (total - volumes[-1]):
+        total -= float(volumes[-1])
+        grains = replace(grains, shape_id=grains.shape_id[:-1], diameter=grains.diameter[:-1])
+    factor = (target / total) ** (1.0 / container.dimension) if total > 0.0 else 1.0
+    return replace(grains, diameter=grains.diameter * factor)
 
 
 def _refuse_denser_than_lattice(

@@ -153,7 +153,7 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
         "parameters": to_mapping(problem.parameters),
         "container": problem.container.to_mapping(),
         "seed": problem.seed,
-        "target": problem.target,
+        "asked": [problem.asked_count, problem.asked_fraction],
         "shapes": [shape.key for shape in problem.shapes],
         "settling": None if problem.settling is None else to_mapping(problem.settling),
     }

@@ -10,7 +10,7 @@ counters as after the last attempt.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, Protocol, TypeAlias
+from typing import Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,6 +148,9 @@ class PackingMethod:
         methods need the boundary in closed form.
     builds_bed : bool
         Whether it builds beds under gravity, which settle afterwards unless told otherwise.
+    sizing : {"drawn", "scaled", "made"}
+        How the sizes of the grains come about: as drawn; by a common factor on the drawn ones, which meets the solid
+        fraction exactly, also together with a count; or by the method, which then takes no size distribution.
     """
 
     name: str
@@ -164,6 +167,7 @@ class PackingMethod:
     open_surfaces: bool = False
     any_container: bool = False
     builds_bed: bool = False
+    sizing: Literal["drawn", "scaled", "made"] = "drawn"
 
 
 def method_registry() -> Registry[PackingMethod]:

@@ -1,6 +1,5 @@
 """`pack`: from shapes and a container to a packing, by any registered method."""
 
-import importlib.metadata
 import inspect
 import os
 import time
@@ -16,13 +15,14 @@ from voxgran._base.arrays import as_number, as_positive, check_lengths
 from voxgran._base.calls import Parameters, chosen, explained
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
+from voxgran._base.machine import installed_versions
 from voxgran._base.progress import OnStep
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.containers.make import container_classes
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
-from voxgran.packing.draw import draw_grains
+from voxgran.packing.draw import draw_grains, joined, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
@@ -241,7 +241,8 @@ def prepare_task(
         start = start if start.unit == NO_UNIT else start.to_unit(unit)
         density = start.density if density is None else density
     _refuse_unfit(entry, given if start is None else (*given, *start.shapes), container)
-    none_asked = start is not None and count is None and solid_fraction is None
+    scaled = entry.sizing == "scaled"
+    none_asked = start is not None and count is None and (solid_fraction is None or (scaled and not given))
     grains = draw_grains(
         given or (() if start is None else start.shapes),
         container,
@@ -252,6 +253,7 @@ def prepare_task(
         weights_by=weights_by,
         seed=seed,
         surplus=entry.selects,
+        sizing=entry.sizing,
     )
     asked: dict[str, Any] = {"count": whole_number_of(count), "solid_fraction": number_of(solid_fraction)}
     asked["sizes"] = None if sizes is None else sizes.to_mapping()
@@ -259,15 +261,14 @@ def prepare_task(
     asked["weights_by"] = weights_by
     if start is not None:
         asked["start"] = {"count": start.count, "method": start.provenance.get("method", "")}
-        grains = replace(
-            grains,
-            shape_id=np.concatenate([start.shape_id, (len(start.shapes) if given else 0) + grains.shape_id]),
-            diameter=np.concatenate([start.diameters, grains.diameter]),
-        )
+        grains = joined(start.shape_id, start.diameters, grains, earlier=len(start.shapes) if given else 0)
         given = (*start.shapes, *given)
+    if scaled and solid_fraction is not None:
+        known = len(grains.diameter) if count is not None or none_asked else 0 if start is None else start.count
+        grains = scaled_to(grains, given, container, solid_fraction, given=known)
     problem = normalized_problem(given, container, grains, settings, seed=seed, start=start)
     problem.unit, problem.density = unit, 1.0 if density is None else as_positive(density, "density")
-    problem.target = count is not None or solid_fraction is not None
+    problem.asked_count, problem.asked_fraction = asked["count"], asked["solid_fraction"]
     problem.settling = _settling_of(entry, problem, settle)
     entry = entry if problem.settling is None else with_settling(entry, problem.settling)
     warn_of_units(problem)
@@ -354,7 +355,6 @@ def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: C
 def with_provenance(task: Task, state: RunState, packing: Packing, *, seconds: float) -> Packing:
     """Return the packing with the record of what was asked, done and missed, and the target that ended it."""
     problem = task.problem
-    libraries = ("numpy", "scipy", "numba", "open3d", "vtk", "manifold3d")
     missed = _misses(task, packing)
     record = {
         "method": task.method.name,
@@ -367,7 +367,7 @@ def with_provenance(task: Task, state: RunState, packing: Packing, *, seconds: f
         "median_diameter": problem.unit_length,
         # of the method, as in the plan: the steps of settling are in the record of that
         "counters": {**state.counters, **problem.counters, "attempts": state.counters.get("packing_done", state.done)},
-        "versions": {name: importlib.metadata.version(name) for name in ("voxgran", *libraries) if _installed(name)},
+        "versions": installed_versions("voxgran", "numpy", "scipy", "numba", "open3d", "vtk", "manifold3d"),
         "timing": {"wall_seconds": seconds},
         **packing.provenance,
     }
@@ -394,33 +394,28 @@ def _misses(task: Task, packing: Packing) -> dict[str, float]:
     count, solid_fraction = task.asked["count"], task.asked["solid_fraction"]
     drawn = task.problem.count - started
     wanted = drawn if count is None else max(drawn, count - int(task.removed["count"]))
+    if task.method.sizing == "made" and count is None:
+        wanted = packing.count - started
     missed: dict[str, float] = {"count": wanted - (packing.count - started)}
     if solid_fraction is not None:
         reached = packing.solid_fraction if growth is None else growth["solid_fraction_before"]
-        reached -= float(task.problem.volumes[:started].sum() / task.problem.container.volume)
+        if task.method.sizing != "scaled":
+            reached -= float(task.problem.volumes[:started].sum() / task.problem.container.volume)
         missed["solid_fraction"] = max(0.0, float(solid_fraction) - reached)
         # differences of rounding are none
         if missed["solid_fraction"] <= 1e-12:
             missed["solid_fraction"] = 0.0
-        if (count is not None and missed["count"] <= 0) or not missed["solid_fraction"]:
+        both = task.method.sizing == "scaled"
+        if not both and ((count is not None and missed["count"] <= 0) or not missed["solid_fraction"]):
             missed.update(count=0, solid_fraction=0.0)
     missed["gradation"] = 0.0
     if packing.count - started < drawn and growth is not None:
         missed["gradation"] = growth["gradation_missed_before"]
-    elif packing.count - started < drawn:
+    elif packing.count - started < drawn and task.method.sizing != "made":
         # grains of the start come first, and nobody asked for their sizes
         asked_for, placed = task.problem.diameter[started:], packing.diameters[started:]
         missed["gradation"] = size_distance(asked_for * task.problem.unit_length, placed)
     return {**missed, **{f"cannot_fit_{k}": v for k, v in task.removed.items()}}
-
-
-def _installed(name: str) -> bool:
-    """Return whether a distribution is there."""
-    try:
-        importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
-        return False
-    return True
 
 
 def _warn_of_misses(task: Task, packing: Packing) -> None:

@@ -51,7 +51,9 @@ class Problem:
     unit: str = "1"  # the user's unit of lengths
     density: float = 1.0
     settling: Any = None  # how the grains settle after the method; None if they do not
-    target: bool = False  # whether a count or a solid fraction is requested; if not, grains are more than enough
+    # what is requested; without both, grains are more than enough
+    asked_count: int | None = None
+    asked_fraction: float | None = None
     byte_limit: int = 2**26  # largest size of the cached representations
     # hashes of all representations computed so far, by their counter; a checkpoint holds these, so that none is counted
     # again when it is computed again
@@ -68,6 +70,11 @@ class Problem:
     def dimension(self) -> int:
         """2 or 3."""
         return self.container.dimension
+
+    @property
+    def target(self) -> bool:
+        """Whether a count or a solid fraction is requested."""
+        return self.asked_count is not None or self.asked_fraction is not None
 
     @property
     def started(self) -> int:
@@ -106,12 +113,13 @@ class Problem:
         gravity: ArrayLike | None = None,
         contact_gap: float = 0.0,
         voxel_size: float | None = None,
+        diameter: Floats | None = None,
     ) -> Packing:
         """Return the packing of the grains with indices `placed`, (m,), in the user's unit of lengths.
 
-        Positions (m, 3), the contact gap and the voxel size of methods on a lattice are in median diameters; grains
-        without orientation (m, 4) are not rotated. The parameters are added to the provenance. An empty stop reason
-        becomes ``"interrupted"``; a zero gravity is none.
+        Positions (m, 3), the contact gap and the voxel size of methods on a lattice are in median diameters, and so are
+        diameters (m,) that differ from the drawn ones; grains without orientation (m, 4) are not rotated. The
+        parameters are added to the provenance. An empty stop reason becomes ``"interrupted"``; a zero gravity is none.
         """
         shape_id, unit = self.shape_id[placed], self.unit_length
         own = np.array([shape.diameter for shape in self.original])
@@ -124,7 +132,7 @@ class Problem:
             self.original,
             self.container.scaled(unit),
             position=position * unit,
-            scale=self.diameter[placed] * unit / own[shape_id],
+            scale=(self.diameter[placed] if diameter is None else diameter) * unit / own[shape_id],
             shape_id=shape_id,
             orientation=orientation,
             density=self.density,

@@ -1,3 +1,3 @@
-"""Door of the packing method gravity: :mod:`voxgran.packing.growth.method`."""
+"""Door of the packing method gravity: :mod:`voxgran.packing.beds.method`."""
 
-from voxgran.packing.growth.method import registration as registration
+from voxgran.packing.beds.method import registration as registration

@@ -20,9 +20,9 @@ from voxgran._base.config import check_bounds, parameter, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
+from voxgran.packing.beds.filling import highest_surface, usual_solid_fraction, volume_at_rest
+from voxgran.packing.beds.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
 from voxgran.packing.gravity import gravity_text, gravity_vector
-from voxgran.packing.growth.filling import highest_surface, usual_solid_fraction, volume_at_rest
-from voxgran.packing.growth.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem

@@ -7,8 +7,8 @@ from scipy.stats import spearmanr
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran.packing.growth.filling import AT_SURFACE, AT_WALLS, usual_solid_fraction, volume_at_rest
-from voxgran.packing.growth.seeds import column_top, random_seeds
+from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, usual_solid_fraction, volume_at_rest
+from voxgran.packing.beds.seeds import column_top, random_seeds
 
 SPHERE = vg.make_shape("sphere")
 UP = np.array([0.0, 0.0, 1.0])

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.packing.growth.seeds import container_levels, points_inside
+from voxgran.packing.beds.seeds import container_levels, points_inside
 from voxgran.packing.problem import Problem
 from voxgran.shapes.model import Shape
 
