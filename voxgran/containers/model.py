@@ -68,6 +68,8 @@ class Boundary:
     # shape of triangles whose surface is the wall, in its own frame; its ``offset`` places it; in 2D a prism upon the
     # region, so high that its ends are never the nearest wall of a point in the plane
     solid: Shape | None = None
+    # in 2D the loops (n, 2) that bound that region, the outer one counterclockwise, then its holes clockwise
+    loops: tuple[Floats, ...] = ()
 
     @property
     def is_flat(self) -> bool:

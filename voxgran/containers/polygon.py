@@ -125,7 +125,7 @@ class Polygon:
         return hash(tuple(loop.tobytes() for loop in self._loops))
 
     def __repr__(self) -> str:
-        """Number of corners and holes, and area."""
+        """Return the number of corners and holes, and the area."""
         return f"Polygon({len(self.corners)} corners, {len(self.holes)} holes, area={self.volume:.6g})"
 
     @property
@@ -148,7 +148,7 @@ class Polygon:
     def boundary(self) -> Boundary:
         """The walls in closed form: those of a prism whose ends are never the nearest wall of points in the plane."""
         prism = prism_of(self._loops, float(np.ptp(self.corners, axis=0).max()))
-        return Boundary(solid=Shape(prism, "polygon"))
+        return Boundary(solid=Shape(prism, "polygon"), loops=self._loops)
 
     def signed_distance(self, points: ArrayLike) -> Floats:
         """Return the distance of (n, 2 or 3) points from the nearest edge, negative inside; z does not count.
@@ -159,7 +159,8 @@ class Polygon:
             If the points are not finite numbers in two or three columns.
         """
         solid = self.boundary.solid
-        assert solid is not None and isinstance(solid.geometry, Mesh)
+        assert solid is not None
+        assert isinstance(solid.geometry, Mesh)
         return solid.geometry.tree.signed_distance(points_in_plane(points))
 
     def mesh(self) -> tuple[Floats, Integers]:
