@@ -1,8 +1,8 @@
 """Positions at which a sphere touches two spheres and the wall of a closed mesh.
 
 The centers at which a sphere touches two others are a circle. The distance from the wall is continuous on it, so that
-there is a point of contact between a point beyond the wall and one inside; it is found to the last digits. Disks that touch a disk
-and the wall of a polygon have their centers on a circle in the plane.
+there is a point of contact between a point beyond the wall and one inside; it is found to the last digits. Disks that
+touch a disk and the wall of a polygon have their centers on a circle in the plane.
 """
 
 import math

@@ -52,7 +52,8 @@ class MeshSide(NamedTuple):
     """What is needed where the container is a closed mesh; empty otherwise.
 
     edge, edge_low, edge_high, edge_start: tree of the reentrant edges (e, 3, 3), as triangles whose last two corners
-    are equal, of a polygon all three, in the coordinates of the container.  triangle, node: (s + 1,) first triangles and boxes of each shape.
+    are equal, of a polygon all three, in the coordinates of the container.
+    triangle, node: (s + 1,) first triangles and boxes of each shape.
     corners, normals, low, high, start: trees of the surfaces of the shapes, one after the other.
     closed: (s,) whether the surface encloses a solid.
     stack: (2, 64) boxes that wait, for the edges and for searches.  seen: (4, 6) wall points and normals.
@@ -225,7 +226,10 @@ def _mesh_side(shapes: tuple[Shape, ...], solid: Shape | None, *, flat: bool) ->
 
 
 def _surface_of(geometry: Geometry) -> TriangleTree | None:
-    """Return the tree of the surface of a mesh, a box or the prism upon a polygon; None of others, whose distances have closed forms."""
+    """Return the tree of the surface of a mesh, a box or the prism upon a polygon; None of others.
+
+    Their distances have closed forms.
+    """
     if isinstance(geometry, Mesh | Surface):
         return geometry.tree
     if isinstance(geometry, Primitive) and geometry.kind == "box":
