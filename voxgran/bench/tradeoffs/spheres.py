@@ -1,0 +1,187 @@
+"""All sphere methods side by side: solid fraction, coordination, seconds, and the difference to the published value.
+
+Each method packs spheres or, in two dimensions, disks, of equal size or of the sizes that its case gives, as many as are
+asked for. Where a value is published or asked for, `error` is the difference to it: of the whole periodic container,
+or of the bulk of beds. Coordination numbers are means over all grains up to three gaps, in mean diameters. Seconds are
+those of the processor, the least of several runs after one that compiles.
+"""
+
+import time
+import warnings
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from voxgran._base.errors import PackingWarning
+from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.contacts.verify import verify
+from voxgran.containers.box import Box
+from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
+from voxgran.measures.registered.coordination import coordination_number
+from voxgran.measures.registered.density import bulk_solid_fraction
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.shapes import sizes
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.sizes import SizeDistribution
+
+#: numbers of grains; runs of each, of which from MANY grains only one is made
+COUNTS, REPEATS, MANY = (1_000, 10_000), 3, 5_000
+#: gaps up to which grains are neighbours, in mean diameters
+GAPS = (1e-6, 1e-3, 1e-2)
+#: disks of two sizes, as many of each, which do not crystallize
+TWO_SIZES = sizes.discrete([1.0, 1.4], [1, 1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """A method with parameters, and what is known of its packings."""
+
+    method: str
+    dimension: int = 3
+    options: dict[str, Any] = field(default_factory=dict)
+    #: solid fraction of the container of equal volume of grains
+    room: float
+    #: solid fraction that is published, or asked for, and where it comes from
+    expected: float | None = None
+    source: str = ""
+    bed: bool = False  # whether it has a floor and a surface: its solid fraction is that of the bulk
+    sizes: SizeDistribution | None = None
+    made: bool = False  # whether the method makes the sizes
+
+    @property
+    def name(self) -> str:
+        """Method and parameters."""
+        told = ", ".join(f"{key}={value}" for key, value in self.options.items())
+        return f"{self.method} ({told})" if told else self.method
+
+
+#: the cases of the published table
+CASES: tuple[Case, ...] = (
+    Case(
+        method="rsa",
+        options={"until": "saturated"},
+        room=0.384,
+        expected=0.3841307,
+        source="Zhang & Torquato 2013",
+    ),
+    Case(method="advancing_front", options={"mode": "loose"}, room=0.45),
+    Case(method="advancing_front", options={"mode": "dense"}, room=0.6),
+    Case(method="gravity", room=0.45, bed=True),
+    Case(
+        method="rsa",
+        dimension=2,
+        options={"until": "saturated"},
+        room=0.547,
+        expected=0.5470735,
+        source="Zhang & Torquato 2013",
+    ),
+    Case(method="advancing_front", dimension=2, options={"mode": "dense"}, room=0.8),
+    Case(method="gravity", dimension=2, room=0.65, bed=True),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What was measured of a case."""
+
+    case: Case
+    grains: int
+    seconds: float
+    solid_fraction: float
+    coordination: tuple[float, ...]
+    apart: bool  # whether nothing overlaps
+
+    @property
+    def error(self) -> float | None:
+        """Difference to the value that is published or asked for."""
+        return None if self.case.expected is None else self.solid_fraction - self.case.expected
+
+
+def room_for(case: Case, count: int) -> Container:
+    """Return the container in which about so many grains of unit diameter find room: a cube, or a column of a bed."""
+    gradation = sizes.fixed() if case.sizes is None else case.sizes
+    volume = count * gradation.mean_volume(dimension=case.dimension) / case.room
+    tall = 1.5 if case.bed else 1.0
+    edge = (volume / tall) ** (1.0 / case.dimension)
+    if case.dimension == 2:
+        return Rectangle((edge, tall * edge), "x" if case.bed else "xy")
+    return Box((edge, edge, tall * edge), "xy" if case.bed else "xyz")
+
+
+def measure(case: Case, count: int, *, repeats: int = REPEATS) -> Row:
+    """Pack a case, and measure what it gives."""
+    shape, room = make_shape("sphere" if case.dimension == 3 else "disk", diameter=1.0), room_for(case, count)
+    many = {"count": count} if case.bed or case.made or case.sizes is not None else {}
+    options = {"sizes": case.sizes, **many, **case.options}
+    seconds = []
+    with warnings.catch_warnings():
+        # that not all grains are placed is what the row says
+        warnings.simplefilter("ignore", PackingWarning)
+        pack(shape, room_for(case, 100), method=case.method, **{**options, **({"count": 100} if many else {})})
+        for _ in range(repeats if count < MANY else 1):
+            began = time.process_time()
+            packing = pack(shape, room, method=case.method, **options)
+            seconds.append(time.process_time() - began)
+    return Row(case, packing.count, min(seconds), _solid_fraction(case, packing), *_contacts(packing))
+
+
+def _solid_fraction(case: Case, packing: Packing) -> float:
+    """Return the solid fraction of the container, or of the bulk of a bed."""
+    return float(bulk_solid_fraction(packing)) if case.bed else packing.solid_fraction
+
+
+def _contacts(packing: Packing) -> tuple[tuple[float, ...], bool]:
+    """Return the coordination numbers, and whether nothing overlaps."""
+    return tuple(coordination_number(packing, GAPS).mean.tolist()), verify(packing).ok
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure all cases, and write rows as CSV and a figure as SVG."""
+    rows = [measure(case, count) for case in CASES for count in COUNTS]
+    head = (
+        "dimension,method,grains,processor_seconds,solid_fraction,expected,error,source,"
+        + ",".join(f"coordination_{gap:g}" for gap in GAPS)
+        + ",apart,calibration_seconds"
+    )
+    table = write_rows(folder / "spheres.csv", head, lines_of(rows, calibration()))
+    _draw(rows, folder / "spheres.svg")
+    return table, folder / "spheres.svg"
+
+
+def lines_of(rows: Iterable[Row], loop: float) -> list[str]:
+    """Return the lines of the CSV table."""
+    lines = []
+    for row in rows:
+        case = row.case
+        expected = "" if case.expected is None else f"{case.expected:g}"
+        error = "" if row.error is None else f"{row.error:.5f}"
+        neighbours = ",".join(f"{mean:.3f}" for mean in row.coordination)
+        lines.append(
+            f'{case.dimension},"{case.name}",{row.grains},{row.seconds:.4f},{row.solid_fraction:.5f},{expected},{error},'
+            f'"{case.source}",{neighbours},{"yes" if row.apart else "no"},{loop:.5f}'
+        )
+    return lines
+
+
+def _draw(rows: list[Row], path: Path) -> None:
+    """Draw solid fraction against microseconds per grain, spheres on the left and disks on the right."""
+    most = max(COUNTS)
+    with panels_of(path, 2, width=12.0, height=5.0) as panels:
+        for panel, dimension in zip(panels, (3, 2), strict=True):
+            here = [row for row in rows if row.case.dimension == dimension]
+            for k, name in enumerate(dict.fromkeys(row.case.name for row in here)):
+                found = [row for row in here if row.case.name == name and row.grains]
+                spots = [(1e6 * row.seconds / row.grains, row.solid_fraction) for row in found]
+                marker = "os^Dv<>pP*X"[k % 11]
+                panel.semilogx(*zip(*spots, strict=True), f"C{k % 10}-", marker=marker, label=name)
+            panel.set(xlabel="processor time per grain [us]", ylabel="solid fraction")
+            panel.set_title(f"{'spheres' if dimension == 3 else 'disks'}, up to {most:,}")
+            panel.legend(frameon=False, fontsize=7)
+
+
+registration = TradeOff(
+    name="spheres", summary="all sphere methods: solid fraction, coordination, seconds, error", run=run
+)
