@@ -1,9 +1,9 @@
 """All sphere methods side by side: solid fraction, coordination, seconds, and the difference to the published value.
 
-Each method packs spheres or, in two dimensions, disks, of equal size or of the sizes that its case gives, as many as are
-asked for. Where a value is published or asked for, `error` is the difference to it: of the whole periodic container,
-or of the bulk of beds. Coordination numbers are means over all grains up to three gaps, in mean diameters. Seconds are
-those of the processor, the least of several runs after one that compiles.
+Each method packs spheres or, in two dimensions, disks, of equal size or of the sizes that its case gives, as many as
+are asked for. Where a value is published or asked for, `error` is the difference to it: of the whole periodic
+container, or of the bulk of beds. Coordination numbers are means over all grains up to three gaps, in mean diameters.
+Seconds are those of the processor, the least of several runs after one that compiles.
 """
 
 import time
