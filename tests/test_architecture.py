@@ -60,7 +60,7 @@ LATERAL = {
     },
 }
 #: classes of containers: other rooms ask for their boundary, so that a new container is one file
-CONTAINERS = {"Box", "ClosedMesh", "Cylinder", "Rectangle", "Sphere"}
+CONTAINERS = {"Box", "ClosedMesh", "Cylinder", "Disk", "Polygon", "Rectangle", "Sphere"}
 #: the files outside of all rooms: they may import every room
 OPEN = {"__init__", "__main__", "cli"}
 

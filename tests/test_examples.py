@@ -193,9 +193,15 @@ def test_fit_clump(capsys, monkeypatch):
     assert overlaps[1] > overlaps[0] + 0.05
 
 
+# in the region as many disks are tried as coordinates are drawn, of which most find no place
+@pytest.mark.filterwarnings("ignore:[0-9]+ of 1500 grains were placed")
 @pytest.mark.parametrize(
     ("name", "count", "low", "high"),
-    [("disks_in_plane", 120, 0.40, 0.55), ("spheres_in_cylinder", 120, 0.25, 0.30)],
+    [
+        ("disks_in_plane", 120, 0.40, 0.55),
+        ("spheres_in_cylinder", 120, 0.25, 0.30),
+        ("region_of_disks", 249, 0.66, 0.68),
+    ],
 )
 def test_scenes(name, count, low, high, tmp_path):
     result = vg.Scene.from_toml(EXAMPLES / f"{name}.toml").run(tmp_path / "out")

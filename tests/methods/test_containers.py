@@ -70,7 +70,16 @@ SOLID = {
     "mesh": bent(),
     "own": Ring(),
 }
-FLAT = {"rectangle": vg.Rectangle((3, 3), "x"), "own, flat": Ward()}
+HOLED = vg.Polygon([(0, 0), (6, 0), (6, 4), (3, 2.5), (0, 4)], holes=[[(2, 1), (3, 1), (3, 2), (2, 2)]])
+X, Y = np.indices((120, 90))
+PICTURE = (((X - 60) / 55) ** 2 + ((Y - 45) / 40) ** 2 < 1) & (np.hypot(X - 40, Y - 45) > 12)
+FLAT = {
+    "rectangle": vg.Rectangle((3, 3), "x"),
+    "disk": vg.Disk(2.0, origin=(5, 1)),
+    "polygon": HOLED,
+    "picture": vg.Polygon.from_image(PICTURE, pixel_size=0.05),
+    "own, flat": Ward(),
+}
 
 
 @pytest.mark.parametrize("container", [*SOLID, *FLAT])
@@ -89,7 +98,7 @@ def test_grains_stay_inside_or_the_container_is_refused(method, container):
         warnings.simplefilter("ignore", PackingWarning)
         packing = vg.pack(shape, where, method=method, count=12 if where.dimension == 3 else 5)
     assert packing.count >= 4
-    assert vg.verify(packing).escaped == 0
+    assert vg.verify(packing).ok if container in ("disk", "polygon", "picture") else vg.verify(packing).escaped == 0
     if where.dimension == 3 or container.startswith("own"):
         assert where.signed_distance(packing.position).max() <= -0.4 + 1e-9
 

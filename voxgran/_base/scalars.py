@@ -38,6 +38,20 @@ def float_of(number: Any) -> float:
         return math.nan
 
 
+def cube_root(number: float) -> float:
+    """Return the cube root of a number that is at least 0; a factor of 8 to any power changes no bit but the exponent.
+
+    The root of the C library does not promise the latter: glibc takes another rounding for negative exponents.
+    """
+    if number == 0.0:
+        return 0.0
+    exponent = math.frexp(number)[1] // 3
+    scaled = math.ldexp(number, -3 * exponent)
+    root = math.cbrt(scaled)
+    # a step of Newton's method, since glibc is wrong by one bit even for 27
+    return math.ldexp(root - (root**3 - scaled) / (3.0 * root**2), exponent)
+
+
 def unwrapped(value: Any) -> Any:
     """Return the number or flag in a NumPy scalar or an array without axes, and any other value unchanged."""
     if getattr(value, "ndim", None) == 0:

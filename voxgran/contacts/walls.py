@@ -2,7 +2,7 @@
 
 At flat walls and at the walls of a cylinder or sphere the protrusion follows from the support function, in closed form
 or by a search for the best direction to the last digits; at a closed mesh it is the depth of the grain in the exterior
-of the container.
+of the container. Polygons as grains and as containers are prisms.
 """
 
 import math
@@ -21,6 +21,7 @@ from voxgran.contacts.parts import has_parts, parts_of
 from voxgran.contacts.solid import Solid, combine
 from voxgran.contacts.triangles import nearest_points
 from voxgran.containers.model import UNKNOWN, boundary_of
+from voxgran.containers.plane import prism_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -145,6 +146,9 @@ def _beyond_mesh(assembly: Assembly, wall: Shape, grains: Integers) -> Floats:
     assert isinstance(mesh, Mesh)
     inside, outside = Solid(mesh), Solid(mesh, inside_out=True)
     offsets = assembly.position[grains] - np.array(wall.offset)
+    if isinstance(geometry, Outline) and geometry.kind == "polygon":
+        # as high as it is wide: all of it is far from the ends of the prism that the container is
+        geometry = prism_of([geometry.vertices], geometry.bounding_radius)
     if has_parts(geometry) and not (isinstance(geometry, Primitive) and geometry.kind != "sphere"):
         parts = parts_of([geometry])
         for k, grain in enumerate(grains):

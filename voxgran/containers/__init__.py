@@ -1,4 +1,4 @@
-"""Containers of grains: box, cylinder, sphere, closed mesh; rectangle in two dimensions."""
+"""Containers of grains: box, cylinder, sphere, closed mesh; rectangle, disk and polygon in two dimensions."""
 
 from voxgran._base import lazy_names
 

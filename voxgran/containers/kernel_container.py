@@ -1,6 +1,7 @@
 """Containers in kernels: whether a sphere or an upright box lies inside, and whether a small box may hold its center.
 
-Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright. In a closed mesh the
+Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright; a disk is one without
+ends, and a polygon a closed mesh, both at z = 0 (:mod:`voxgran.containers.plane`). In a closed mesh the
 distance of a center from the surface is exact (:mod:`voxgran._base.tree`), so that a sphere that is accepted protrudes
 by no more than rounding.
 
@@ -21,7 +22,7 @@ from voxgran.containers.model import Container, boundary_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 
-#: kinds of containers: flat walls only, a cylinder, a sphere, a closed mesh
+#: kinds of containers: flat walls only, a cylinder or a disk, a sphere, a closed mesh or a polygon
 FLAT, UPRIGHT, ROUND, MESH = 0, 1, 2, 3
 #: largest reach beyond a wall that is rounding, in lengths of the container
 ROUNDING = 1e-15
@@ -83,7 +84,7 @@ def kernel_container(
     mesh_walls = _mesh_walls(boundary.solid, lower if from_corner else np.zeros(3))
     if boundary.solid is not None and map_cell is not None:
         assert isinstance(boundary.solid.geometry, Mesh)
-        count = np.ceil(lengths / map_cell).astype(np.int64)
+        count = np.maximum(np.ceil(lengths / map_cell), 1).astype(np.int64)
         points: Floats = (np.indices(count.tolist()).reshape(3, -1).T + 0.5) * map_cell
         distance = boundary.solid.geometry.tree.signed_distance(points + mesh_walls.shift)
         mesh_walls = mesh_walls._replace(clearance=distance.reshape(count), cell=map_cell)

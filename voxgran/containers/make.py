@@ -1,6 +1,6 @@
 """Containers from plain mappings, as in scene files and saved packings."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from voxgran._base.arrays import as_faces, as_points, as_vector
@@ -9,7 +9,9 @@ from voxgran._base.registry import unknown
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.disk import Disk
 from voxgran.containers.model import Container
+from voxgran.containers.polygon import Polygon
 from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
 from voxgran.shapes.mesh import Mesh
@@ -19,7 +21,9 @@ from voxgran.shapes.model import Shape
 KINDS: dict[str, tuple[type, tuple[str, ...], tuple[str, ...]]] = {
     "box": (Box, ("lengths",), ("periodic", "origin")),
     "cylinder": (Cylinder, ("radius", "height"), ("origin",)),
+    "disk": (Disk, ("radius",), ("origin",)),
     "mesh": (ClosedMesh, (), ("file", "vertices", "faces", "name", "offset")),
+    "polygon": (Polygon, (), ("file", "pixel_size", "level", "min_area", "origin", "corners", "holes")),
     "rectangle": (Rectangle, ("lengths",), ("periodic", "origin")),
     "sphere": (Sphere, ("radius",), ("origin",)),
 }
@@ -36,7 +40,8 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
     Parameters
     ----------
     mapping : mapping
-        With the key ``kind``; a mesh has a ``file``, or ``vertices`` and ``faces``.
+        With the key ``kind``; a mesh has a ``file``, or ``vertices`` and ``faces``, a polygon ``corners`` and
+        ``holes``, or the ``file`` of a picture with its ``pixel_size``.
     where : str
         Name of the mapping in messages.
 
@@ -64,8 +69,27 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
     for key in needed:
         if key not in rest:
             raise InputError(f"{where} {key} is missing: {with_article(kind)} needs it; add it")
-    container: Container = _make_mesh(rest, where) if made is ClosedMesh else made(**rest)
+    makers: dict[type, Callable[[Mapping[str, Any], str], Container]] = {ClosedMesh: _make_mesh, Polygon: _make_polygon}
+    container: Container = makers[made](rest, where) if made in makers else made(**rest)
     return container
+
+
+def _make_polygon(rest: Mapping[str, Any], where: str) -> Polygon:
+    """Return a polygon from its corners or from a picture."""
+    if ("file" in rest) == ("corners" in rest):
+        told = "both given" if "file" in rest else "both missing"
+        raise InputError(f"{where} corners and file are {told}: a polygon has either; give one of them")
+    own = ("corners", "holes") if "corners" in rest else ("file", "pixel_size", "level", "min_area", "origin")
+    for key in rest:
+        if key not in own:
+            raise InputError(
+                f"{where} {key} is given with {own[0]}: beside it there may be {', '.join(own[1:])} only; leave it out"
+            )
+    if "corners" in rest:
+        return Polygon(rest["corners"], holes=rest.get("holes", ()))
+    if "pixel_size" not in rest:
+        raise InputError(f"{where} pixel_size is missing: it gives a picture its lengths; add it")
+    return Polygon.from_image(rest["file"], **{key: value for key, value in rest.items() if key != "file"})
 
 
 def _make_mesh(rest: Mapping[str, Any], where: str) -> ClosedMesh:

@@ -61,12 +61,15 @@ class Boundary:
     """The walls of a container in closed form."""
 
     flat: tuple[bool, bool, bool] = (False, False, False)  # across which axes there are two plane walls, at the bounds
-    # 2: a wall around the line along z through `center`; 3: a wall around the point `center`; 0: none
+    # 2: a wall around the line along z through `center`, in 2D that of a disk; 3: a wall around the point `center`
     round_axes: int = 0
     radius: float = 0.0  # of the round wall; 0 without one
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of a sphere, or a point of the axis of a cylinder
-    # shape of triangles whose surface is the wall, in its own frame; its ``offset`` places it
+    # shape of triangles whose surface is the wall, in its own frame; its ``offset`` places it; in 2D a prism upon the
+    # region, so high that its ends are never the nearest wall of a point in the plane
     solid: Shape | None = None
+    # in 2D the loops (n, 2) that bound that region, the outer one counterclockwise, then its holes clockwise
+    loops: tuple[Floats, ...] = ()
 
     @property
     def is_flat(self) -> bool:
@@ -93,7 +96,7 @@ def check_container(container: Any) -> None:
         If it lacks attributes of :class:`Container`, or is smaller than 1e-60 or larger than 1e60.
     """
     if isinstance(container, Shape):
-        remedy = "a Rectangle" if container.dimension == 2 else "a Box, or ClosedMesh(shape)"
+        remedy = "a Rectangle, Disk or Polygon" if container.dimension == 2 else "a Box, or ClosedMesh(shape)"
         raise InputError(f"container is {shown(container)}: a Shape is no container; give {remedy}")
     missing = [name for name in NEEDED if not hasattr(container, name)]
     if isinstance(container, type) or "signed_distance" in missing:

@@ -48,7 +48,8 @@ class Walls:
     round : RoundWall or None
         Cylinder or sphere.
     mesh : tuple of ndarray or None
-        Vertices (v, 3) and triangles (f, 3) of a container that is neither; their normals point away from the grains.
+        Vertices (v, 3) and triangles (f, 3) of a container that is neither, of a polygon those of the prism upon it;
+        their normals point away from the grains.
     convex : bool
         Whether the triangles bound a convex solid.
     """
@@ -79,9 +80,11 @@ class Walls:
         kinds: dict[int, Literal["cylinder", "sphere"]] = {2: "cylinder", 3: "sphere"}
         kind = kinds.get(boundary.round_axes)
         wall = None if kind is None else RoundWall(kind, np.array(boundary.center, dtype=float), boundary.radius)
-        by_mesh = boundary.solid is not None or boundary == UNKNOWN
-        convex = boundary.solid is not None and is_convex(boundary.solid.geometry)
-        return cls(bounds, container.periodic, tuple(planes), wall, container.mesh() if by_mesh else None, convex)
+        solid = boundary.solid
+        mesh = None if solid is None else (solid.vertices + np.array(solid.offset), solid.faces)
+        mesh = container.mesh() if boundary is UNKNOWN else mesh
+        convex = solid is not None and is_convex(solid.geometry)
+        return cls(bounds, container.periodic, tuple(planes), wall, mesh, convex)
 
     def distances(self, points: Floats) -> list[Floats]:
         """Return the distances (n,) of points (n, 3) from each plane and from a round wall, positive within.

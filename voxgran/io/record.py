@@ -74,7 +74,8 @@ def to_record(packing: Packing) -> Record:
         "volume": packing.volumes,
     }
     container = packing.container
-    wall = boundary_of(container).solid
+    # a closed mesh is kept as its arrays; a polygon is its corners
+    wall = boundary_of(container).solid if container.dimension == 3 else None
     solid = () if wall is None else (wall,)
     shapes, arrays = _shapes_apart(packing.shapes + solid)
     if packing._contacts:

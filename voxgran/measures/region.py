@@ -65,11 +65,11 @@ class Regions:
         """Return the part that lies at least `inset` from each wall and below the height."""
         container, d = self.packing.container, self.packing.dimension
         boundary = boundary_of(container)
-        if boundary.round_axes == 2 and self.solids.spheres is not None:
+        if boundary.round_axes == 2 and d == 3 and self.solids.spheres is not None:
             base = max(float(container.bounds[0, 2]) + inset, float(self.limits[0, 2]))
             top = min(float(container.bounds[1, 2]) - inset, float(self.limits[1, 2]))
             return CylinderRegion(boundary.center, max(0.0, boundary.radius - inset), base, max(base, top))
-        if not boundary.is_flat and d == 3:
+        if not boundary.is_flat:
             return SampledRegion(self.samples, inset, self.limits)
         walls = ~np.array(container.periodic[:d])
         lower = np.maximum(container.bounds[0, :d] + inset * walls, self.limits[0, :d])
@@ -153,28 +153,31 @@ class Samples:
     volumes: Floats  # (n,) volumes of the grains
     around: Floats  # (k, 3) points in the bounds of the container
     around_depths: Floats  # (k,) their distances inside the walls
-    span: float  # volume of the bounds
+    span: float  # volume of the bounds (area in 2D)
 
     @classmethod
     def of(cls, packing: Packing) -> "Samples":
         """Sample the grains and the container of a packing."""
+        d = packing.dimension
         each = int(np.clip(POINTS // max(packing.count, 1), 8, MOST_POINTS))
         points, grain = [np.zeros((0, 3))], [np.zeros(0, np.int64)]
         for k in np.unique(packing.shape_id):
             shape, mine = packing.shapes[k], np.flatnonzero(packing.shape_id == k)
             if shape.is_open:
                 continue
-            voxels = voxelize(shape, voxel_size=(shape.volume / each) ** (1 / 3))
+            voxels = voxelize(shape, voxel_size=(shape.volume / each) ** (1 / d))
             body = voxels.grid.coordinates(np.argwhere(voxels.mask))
             # each point has a random position in its voxel, so that no face of a region is aligned with the lattice
             jitter = (stream(0, "samples", int(k)).random((len(mine), *body.shape)) - 0.5) * voxels.voxel_size
+            jitter[:, :, d:] = 0.0
             world = np.einsum("gij,gpj->gpi", packing.matrices[mine], body + jitter)
             world *= packing.scale[mine, None, None]
             points.append((world + packing.position[mine, None]).reshape(-1, 3))
             grain.append(np.repeat(mine, len(body)))
         inside = np.concatenate(points)
         low, high = packing.container.bounds
-        step = (np.prod(high - low) / CONTAINER_POINTS) ** (1 / 3)
+        span = float(np.prod((high - low)[:d]))
+        step = (span / CONTAINER_POINTS) ** (1 / d)
         counts = np.maximum(np.round((high - low) / step).astype(int), 1)
         axes = [low[a] + (np.arange(n) + 0.5) * (high[a] - low[a]) / n for a, n in enumerate(counts)]
         around = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -187,7 +190,7 @@ class Samples:
             packing.volumes,
             around,
             next(depths),
-            float(np.prod(high - low)),
+            span,
         )
 
 

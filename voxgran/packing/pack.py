@@ -348,7 +348,7 @@ def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: C
         raise InputError(
             f"container is of type {type(container).__name__}: method {method.name!r} knows the walls of "
             f"{container_classes()} only; "
-            f"{remedy if container.dimension == 3 else 'use a Rectangle'}, or choose a digital method"
+            f"{remedy if container.dimension == 3 else 'use a Rectangle, Disk or Polygon'}, or choose a digital method"
         )
 
 

@@ -103,9 +103,8 @@ def scalar(statistics: "DataTree | None", name: str) -> float | None:
 def details(packing: Packing) -> list[Fact]:
     """Return how the packing was made, from its provenance."""
     record, unit = packing.provenance, packing.unit
-    container = {
-        key: value for key, value in packing.container.to_mapping().items() if key not in ("vertices", "faces")
-    }
+    arrays = ("vertices", "faces", "corners", "holes")
+    container = {key: value for key, value in packing.container.to_mapping().items() if key not in arrays}
     kind = str(container.pop("kind"))
     facts = [
         Fact("method", number(record.get("method"))),

@@ -15,6 +15,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_points
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.rotation import rotation_matrices
+from voxgran._base.scalars import cube_root
 from voxgran._base.tree import TriangleTree, grow_tree
 from voxgran._base.units import as_unit, stated_unit, unit_factor
 from voxgran.shapes.mesh import Mesh
@@ -236,7 +237,7 @@ class Shape:
             return 2 * math.sqrt(self.surface_area / math.pi)
         if self.dimension == 2:
             return 2 * math.sqrt(self.volume / math.pi)
-        return float(np.cbrt(6 * self.volume / math.pi))
+        return cube_root(6 * self.volume / math.pi)
 
     @property
     def centroid(self) -> Floats:

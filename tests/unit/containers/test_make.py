@@ -7,8 +7,10 @@ from voxgran._base.errors import DirtyMeshError, InputError, UnknownNameError
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.disk import Disk
 from voxgran.containers.make import KINDS, make_container
 from voxgran.containers.model import boundary_of
+from voxgran.containers.polygon import Polygon
 from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
 from voxgran.shapes.model import Shape
@@ -18,6 +20,8 @@ CONTAINERS = [
     Cylinder(1.5, 4, origin=(0, 0, 0.1)),
     Sphere(2.5, origin=(1, 2, 0.3)),
     Rectangle((3, 0.1), periodic=(False, True), origin=(0.7, 0.3)),
+    Disk(2.5, origin=(1, 0.3)),
+    Polygon([(0, 0), (6, 0.1), (6, 4), (3, 2.5), (0, 4)], holes=[[(2, 1), (3, 1), (3, 2)]]),
 ]
 
 
@@ -60,7 +64,7 @@ def test_axis_names_as_in_a_scene_file():
 
 
 def test_all_kinds_are_listed():
-    assert tuple(KINDS) == ("box", "cylinder", "mesh", "rectangle", "sphere")
+    assert tuple(KINDS) == ("box", "cylinder", "disk", "mesh", "polygon", "rectangle", "sphere")
     assert all(made.kind == kind for kind, (made, _, _) in KINDS.items())
 
 
@@ -79,7 +83,7 @@ def test_the_boundary_is_that_of_the_signed_distance(container):
         place[2] += 0.0 if walls.round_axes == 3 else (upper - lower)[2] / 2
         assert container.signed_distance(place[None])[0] == pytest.approx(0, abs=1e-12)
     assert walls.is_flat == isinstance(container, Box | Rectangle)
-    assert (walls.solid is not None) == isinstance(container, ClosedMesh)
+    assert (walls.solid is not None) == isinstance(container, ClosedMesh | Polygon)
 
 
 @pytest.mark.parametrize(

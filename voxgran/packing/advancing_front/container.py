@@ -31,7 +31,8 @@ def front_container(container: Container, smallest: float) -> tuple[KernelContai
     if not clearance.size:
         return walls, walls.middle
     widest = np.unravel_index(int(np.argmin(clearance)), clearance.shape)
-    return walls, (np.array(widest, dtype=np.float64) + 0.5) * cell
+    place = (np.array(widest, dtype=np.float64) + 0.5) * cell
+    return walls, np.where(np.arange(3) < container.dimension, place, 0.0)
 
 
 @bare_kernel

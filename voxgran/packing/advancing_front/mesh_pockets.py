@@ -1,7 +1,8 @@
 """Positions at which a sphere touches two spheres and the wall of a closed mesh.
 
 The centers at which a sphere touches two others are a circle. The distance from the wall is continuous on it, so that
-there is a point of contact between a point beyond the wall and one inside; it is found to the last digits.
+there is a point of contact between a point beyond the wall and one inside; it is found to the last digits. Disks that
+touch a disk and the wall of a polygon have their centers on a circle in the plane.
 """
 
 import math
@@ -10,7 +11,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import KernelContainer, wall_of_mesh
 from voxgran.packing.advancing_front.sphere_cells import BITS
-from voxgran.packing.advancing_front.tangent_spheres import ON_A_LINE, center_of, place_at
+from voxgran.packing.advancing_front.tangent_spheres import ON_A_LINE, PLANE, center_of, place_at
 
 #: the wall of a mesh, among the walls of :mod:`voxgran.packing.advancing_front.tangent_spheres`
 WALL = -11
@@ -22,7 +23,12 @@ LOOKS = 60
 def place_in(
     spheres: Floats, walls: KernelContainer, a: int, b: int, c: int, r: float
 ) -> tuple[bool, float, float, float]:
-    """Return whether a sphere of radius r can touch a, b and c, and its center, as `place_at`; c may be WALL."""
+    """Return whether a sphere of radius r can touch a, b and c, and its center, as `place_at`; c may be WALL.
+
+    In the plane of disks WALL and PLANE are b and c; their order decides the side.
+    """
+    if WALL in (b, c) and PLANE in (b, c):
+        return _at_edge(spheres, walls, a, 1.0 if b == WALL else -1.0, r)
     if c == WALL:
         return _at_mesh(spheres, walls, a, b, r)
     return place_at(spheres, walls.lengths, a, b, c, r)
@@ -61,6 +67,26 @@ def _at_mesh(spheres, walls, a, b, r):  # type: ignore[no-untyped-def]
     turn = _turn_to_wall(walls, x, y, z, ex, ey, ez, fx, fy, fz, r)
     c, s = math.cos(turn), math.sin(turn)
     return turn >= 0.0, x + c * ex + s * fx, y + c * ey + s * fy, z + c * ez + s * fz
+
+
+@bare_kernel
+def _at_edge(spheres, walls, a, side, r):  # type: ignore[no-untyped-def]
+    """Return whether a disk can touch a disk and the wall of a polygon, and its center.
+
+    The circle of centers is searched to the left (side 1) or right (-1) from its point towards the nearest wall.
+    """
+    nothing = False, 0.0, 0.0, 0.0
+    x, y, _ = center_of(spheres, walls.lengths, a)
+    wide = spheres[a >> BITS, 3] + r
+    away, qx, qy, _ = wall_of_mesh(walls.mesh, x, y, 0.0)
+    length = math.hypot(qx - x, qy - y)
+    if abs(away + r) > wide or length <= ON_A_LINE * r:
+        return nothing
+    share = wide / length if away < 0.0 else -wide / length
+    ex, ey = share * (qx - x), share * (qy - y)
+    turn = _turn_to_wall(walls, x, y, 0.0, ex, ey, 0.0, -side * ey, side * ex, 0.0, r)
+    c, s = math.cos(turn), side * math.sin(turn)
+    return turn >= 0.0, x + c * ex - s * ey, y + c * ey + s * ex, 0.0
 
 
 @bare_kernel

@@ -202,9 +202,14 @@ def _at_walls(spheres, walls, rules, scratch, sphere, many, found):  # type: ign
     """
     here = (sphere << BITS) + HERE
     if walls.kind == MESH:
+        if walls.dimension == 2:
+            found = _at_wall(spheres, walls, rules, scratch, sphere, many, PLANE, found)
         reach = spheres[sphere, 3] + 2.0 * rules.pocket
         if rules.dense and is_near_mesh(walls, spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], reach):
-            found = _at_wall(spheres, walls, rules, scratch, sphere, many, WALL, found)
+            if walls.dimension == 3:
+                return _at_wall(spheres, walls, rules, scratch, sphere, many, WALL, found)
+            found = _try_at(spheres, walls, rules, scratch, sphere, many, here, WALL, PLANE, -1, found)
+            found = _try_at(spheres, walls, rules, scratch, sphere, many, here, PLANE, WALL, -1, found)
         return found
     low, high = (SIDE, 0) if rules.dense else (PLANE, PLANE + 1)
     if walls.kind == ROUND:

@@ -7,6 +7,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
+from voxgran._base.scalars import cube_root
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.model import Container
 
@@ -76,7 +77,7 @@ def _cells(container: Container, radii: Floats) -> tuple[Floats, Floats, Integer
     """
     lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
     lengths = np.where(np.arange(3) < container.dimension, upper - lower, 1.0)
-    edge = max(2.0 * float(np.median(radii)), float(np.cbrt(lengths.prod() / (8.0 * len(radii)))))
+    edge = max(2.0 * float(np.median(radii)), cube_root(float(lengths.prod()) / (8.0 * len(radii))))
     count = np.maximum(1, (lengths / edge).astype(np.int64))
     links = 1 + int(np.prod(2 + np.ceil(2.0 * radii[:, None] * count / lengths), axis=1).sum())
     wraps = np.array(container.periodic, dtype=np.int64)

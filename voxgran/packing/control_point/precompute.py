@@ -36,6 +36,7 @@ from voxgran.packing.control_point.verlet_lists import MOST_GRAINS, ROOM, make_l
 from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.problem import Problem
 from voxgran.points.control import inner_count, inner_points, sample_controls
+from voxgran.points.sample import SurfacePoints
 from voxgran.shapes.descriptors import largest_curvature
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -108,12 +109,14 @@ def put_lid(problem: Problem, walls: Walls, lowered: float) -> None:
 def memory_needed(problem: Problem) -> int:
     """Return how many bytes the setting takes at the most, before anything is made."""
     settings: ControlPoint = problem.parameters
-    wall = boundary_of(problem.container).solid
+    wall = _wall_of(problem)
     solids = [*problem.shapes, *([] if wall is None else [wall])]
     total = 0.0
     for solid in solids:
         # points that keep apart and cover at this spacing; 24 bytes each, as much in the tree, and their probes
-        points = 16 + 5 * solid.surface_area / settings.spacing ** (problem.dimension - 1)
+        flat_wall = solid is wall and problem.dimension == 2
+        surface = _edge_lengths(problem).sum() if flat_wall else solid.surface_area
+        points = 16 + 5 * surface / settings.spacing ** (problem.dimension - 1)
         points += inner_count(solid, spacing=settings.spacing) if settings.points == "all" else 0.0
         faces = len(solid.geometry.faces) if isinstance(solid.geometry, Mesh | Surface) else 5000
         total += points * (24 * 40 + 48) + faces * (72 + 3 * 24)
@@ -203,10 +206,12 @@ def _bodies(problem: Problem) -> Bodies:
     settings: ControlPoint = problem.parameters
     samples: list[Any] = [problem.points(k, settings.spacing) for k in range(len(problem.shapes))]
     solids = list(problem.shapes)
-    wall = boundary_of(problem.container).solid
+    wall = _wall_of(problem)
     if wall is not None:
         solids.append(wall)
-        samples.append(sample_controls(solids[-1], spacing=settings.spacing, seed=problem.seed))
+        flat = problem.dimension == 2
+        seed = problem.seed
+        samples.append(_edge_points(problem) if flat else sample_controls(wall, spacing=settings.spacing, seed=seed))
     # points of a curved shape lie on its tessellation, and that lies near the true surface
     kept = KEPT if any(shape.is_open for shape in problem.shapes) else 1.0
     spacing = [
@@ -234,6 +239,31 @@ def _bodies(problem: Problem) -> Bodies:
         np.array(margins),
         *(np.concatenate(triangles), _starts(triangles)),
     )
+
+
+def _wall_of(problem: Problem) -> Shape | None:
+    """Return the closed mesh that is the container, in 2D the triangles of a polygon; None of other containers."""
+    wall = boundary_of(problem.container).solid
+    if wall is None or problem.dimension == 3:
+        return wall
+    return Shape(Mesh(*problem.container.mesh()), wall.name)
+
+
+def _edge_lengths(problem: Problem) -> Floats:
+    """Return the lengths of the edges of a polygon."""
+    loops = boundary_of(problem.container).loops
+    return np.concatenate([np.linalg.norm(np.roll(loop, -1, axis=0) - loop, axis=1) for loop in loops])
+
+
+def _edge_points(problem: Problem) -> SurfacePoints:
+    """Return points on the edges of a polygon, its corners among them, at most the spacing apart."""
+    loops = boundary_of(problem.container).loops
+    start, way = np.concatenate(loops), np.concatenate([np.roll(loop, -1, axis=0) - loop for loop in loops])
+    parts = np.ceil(_edge_lengths(problem) / problem.parameters.spacing).astype(np.int64)
+    share = np.concatenate([np.arange(part) / part for part in parts])
+    points = np.repeat(start, parts, axis=0) + share[:, None] * np.repeat(way, parts, axis=0)
+    apart = float((_edge_lengths(problem) / parts).max())
+    return SurfacePoints.from_points(np.column_stack([points, np.zeros(len(points))]), apart)
 
 
 def _fields(problem: Problem, samples: list[Any]) -> Fields:

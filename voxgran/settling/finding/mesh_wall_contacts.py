@@ -185,6 +185,7 @@ def _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach):  # type: ig
             dx, dy, dz = side.edge[e, 0, 0] - x, side.edge[e, 0, 1] - y, side.edge[e, 0, 2] - z
             length = math.sqrt(ux * ux + uy * uy + uz * uz)
             if length == 0.0:
+                c = _add_edge_point(bodies, c, shape, scale, m, dx, dy, dz, reach)
                 continue
             ux, uy, uz = ux / length, uy / length, uz / length
             # the part of the edge within the bounding sphere

@@ -17,6 +17,7 @@ from voxgran._base.lazy import load
 from voxgran._base.tree import STACK, TriangleTree, grow_tree, normals_of
 from voxgran.contacts.parts import is_disk
 from voxgran.containers.model import UNKNOWN, Container, boundary_of
+from voxgran.containers.plane import prism_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.outline import Outline
@@ -51,7 +52,8 @@ class MeshSide(NamedTuple):
     """What is needed where the container is a closed mesh; empty otherwise.
 
     edge, edge_low, edge_high, edge_start: tree of the reentrant edges (e, 3, 3), as triangles whose last two corners
-    are equal, in the coordinates of the container.  triangle, node: (s + 1,) first triangles and boxes of each shape.
+    are equal, of a polygon all three, in the coordinates of the container.
+    triangle, node: (s + 1,) first triangles and boxes of each shape.
     corners, normals, low, high, start: trees of the surfaces of the shapes, one after the other.
     closed: (s,) whether the surface encloses a solid.
     stack: (2, 64) boxes that wait, for the edges and for searches.  seen: (4, 6) wall points and normals.
@@ -119,7 +121,7 @@ def wall_bodies(shapes: tuple[Shape, ...], container: Container) -> WallBodies:
     if walls is UNKNOWN:
         raise InputError(
             f"container is of kind {container.kind!r}, known by its signed distance only: contacts need its walls in "
-            "closed form; use a Box, Rectangle, Cylinder, Sphere or ClosedMesh"
+            "closed form; use a Box, Cylinder, Sphere or ClosedMesh, in 2D a Rectangle, Disk or Polygon"
         )
     in_mesh = walls.solid is not None
     count = len(shapes)
@@ -138,7 +140,7 @@ def wall_bodies(shapes: tuple[Shape, ...], container: Container) -> WallBodies:
     return WallBodies(
         *(kind, np.cumsum(counts).astype(np.int64), np.concatenate(points), np.concatenate(margins), size, turn),
         *(np.array([SPREAD * shape.diameter for shape in shapes]), np.zeros((3, 3)), np.zeros((most, 8))),
-        _mesh_side(shapes, walls.solid),
+        _mesh_side(shapes, walls.solid, flat=container.dimension == 2),
     )
 
 
@@ -188,12 +190,18 @@ def _hull_corners(vertices: Floats) -> Floats:
         return vertices
 
 
-def _mesh_side(shapes: tuple[Shape, ...], solid: Shape | None) -> MeshSide:
-    """Return the reentrant edges of a closed mesh and the surfaces of the shapes; empty where there are none."""
+def _mesh_side(shapes: tuple[Shape, ...], solid: Shape | None, *, flat: bool) -> MeshSide:
+    """Return the reentrant edges of a closed mesh and the surfaces of the shapes; empty where there are none.
+
+    If it is `flat`, the walls of a polygon, they are its reentrant corners, as edges without length.
+    """
     edges = np.zeros((0, 3, 3))
     if solid is not None:
         assert isinstance(solid.geometry, Mesh)
         edges = reentrant_edges(solid.geometry) + np.array(solid.offset)
+        if flat:
+            upright = (edges[:, 0, :2] == edges[:, 1, :2]).all(axis=1)
+            edges = np.where(np.arange(3) < 2, edges[upright, :1], 0.0).repeat(3, axis=1)
     trees: list[TriangleTree | None] = [_surface_of(shape.geometry) if len(edges) else None for shape in shapes]
     kept = [tree for tree in trees if tree is not None]
     triangle = np.cumsum([0, *(0 if tree is None else len(tree.corners) for tree in trees)]).astype(np.int64)
@@ -218,11 +226,17 @@ def _mesh_side(shapes: tuple[Shape, ...], solid: Shape | None) -> MeshSide:
 
 
 def _surface_of(geometry: Geometry) -> TriangleTree | None:
-    """Return the tree of the surface of a mesh or box; None of others, whose distances have closed forms."""
+    """Return the tree of the surface of a mesh, a box or the prism upon a polygon; None of others.
+
+    Their distances have closed forms.
+    """
     if isinstance(geometry, Mesh | Surface):
         return geometry.tree
     if isinstance(geometry, Primitive) and geometry.kind == "box":
         return grow_tree(*geometry.tessellation()[:2])
+    if isinstance(geometry, Outline) and not is_disk(geometry):
+        # so high that points within are nearer to the sides than to the ends
+        return prism_of([geometry.vertices], 2 * geometry.bounding_radius).tree
     return None
 
 

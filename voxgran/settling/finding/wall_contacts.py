@@ -112,6 +112,8 @@ def _find_in_mesh(grains, walls, lid, bodies, first, count, rows, m, margin, res
         for side in range(2):
             if side == 0:
                 c = near_mesh(bodies, walls.mesh, shape, scale, matrix, x, y, z, radius, reach, smooth, edges)
+                if walls.dimension == 2:
+                    _lay_flat(bodies.found, c)
             else:
                 room, nx, ny, nz = _side_of(walls, lid, LID, x, y, z)
                 if room > reach + radius:
@@ -126,6 +128,15 @@ def _find_in_mesh(grains, walls, lid, bodies, first, count, rows, m, margin, res
     for g in range(n):
         first[g], count[g] = here[g], many[g]
     return m
+
+
+@bare_kernel
+def _lay_flat(found, many):  # type: ignore[no-untyped-def]
+    """Put arms and normals of candidates into the plane, which they leave by rounding only."""
+    for k in range(many):
+        nx, ny = found[k, 3], found[k, 4]
+        length = max(math.sqrt(nx * nx + ny * ny), 1e-300)
+        found[k, 2], found[k, 3], found[k, 4], found[k, 5] = 0.0, nx / length, ny / length, 0.0
 
 
 @bare_kernel

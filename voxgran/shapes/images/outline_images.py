@@ -69,16 +69,7 @@ def load_outlines(
     least = as_number(min_area, "min_area", at_least=0.0)
     if border not in ("drop", "keep"):
         raise InputError(f"border is {shown(border)}: particles there are kept or dropped; use 'drop' or 'keep'")
-    values = source if isinstance(source, np.ndarray) else load_image(source, key=key).values
-    values = np.asarray(values)
-    if values.ndim == 3 and values.shape[2] == 1:
-        values = values[:, :, 0]
-    if values.ndim != 2 or min(values.shape) < 2:
-        raise InputError(
-            f"image has the shape {values.shape}: outlines need two axes of 2 pixels or more; choose one slice"
-        )
-    if not np.isfinite(values).all():
-        raise InputError("image holds values that are not finite: a boundary between them has no place; replace them")
+    values = _image_of(source, key)
     found = [
         ring * size
         for layer, cut in _layers(values, level)
@@ -94,6 +85,56 @@ def load_outlines(
     return [Shape.of(Outline("polygon", vertices=ring), name=f"outline {k}") for k, ring in enumerate(found)]
 
 
+def region_loops(
+    source: str | os.PathLike[str] | NDArray[Any],
+    *,
+    level: float | None,
+    pixel_size: float,
+    min_area: float,
+    key: str | None,
+) -> tuple[Floats, list[Floats]]:
+    """Return the outer loop of the one bright region of a 2D image, (n, 2), and its holes.
+
+    The arguments are those of :func:`load_outlines`; regions and holes of less than `min_area` are left out.
+
+    Raises
+    ------
+    InputError
+        If the image has not two axes or holds values that are not finite, no region or several are found, or an option
+        is out of range.
+    """
+    size = as_length(pixel_size, "pixel_size")
+    least = as_number(min_area, "min_area", at_least=0.0)
+    values = _image_of(source, key).astype(np.float64)
+    low, high = float(values.min()), float(values.max())
+    cut = (low + high) / 2 if level is None else as_number(level, "level")
+    loops = _loops(values, cut) if low < cut < high else []
+    areas = [_area(loop) for loop in loops]
+    regions = [k for k, area in enumerate(areas) if area > 0 and area >= least]
+    if len(regions) != 1:
+        found = f"{len(regions)} regions of {least:g} pixels or more, brighter than {cut:g}"
+        ways = "raise min_area above all but the largest, or join them" if regions else "lower min_area or the level"
+        raise InputError(f"image of shape {values.shape} shows {found}: a container is one region; {ways}")
+    holes = [loop * size for loop, area in zip(loops, areas, strict=True) if area < 0 and -area >= least]
+    # a hole is smaller than the region around it: all of these are of the one region
+    return loops[regions[0]] * size, holes
+
+
+def _image_of(source: str | os.PathLike[str] | NDArray[Any], key: str | None) -> NDArray[Any]:
+    """Return the values (nx, ny) of an image, checked."""
+    values = source if isinstance(source, np.ndarray) else load_image(source, key=key).values
+    values = np.asarray(values)
+    if values.ndim == 3 and values.shape[2] == 1:
+        values = values[:, :, 0]
+    if values.ndim != 2 or min(values.shape) < 2:
+        raise InputError(
+            f"image has the shape {values.shape}: outlines need two axes of 2 pixels or more; choose one slice"
+        )
+    if not np.isfinite(values).all():
+        raise InputError("image holds values that are not finite: a boundary between them has no place; replace them")
+    return values
+
+
 def _layers(values: NDArray[Any], level: float | None) -> list[tuple[Floats, float]]:
     """Return what is traced, and at which level: each label by itself, or the values."""
     if values.dtype == np.bool_ or (values.dtype.kind in "iu" and level is None):
@@ -107,20 +148,25 @@ def _layers(values: NDArray[Any], level: float | None) -> list[tuple[Floats, flo
 
 def _rings(values: Floats, level: float, border: str) -> list[Floats]:
     """Return the closed outer boundaries, counterclockwise, in pixels from the lower corner of the image."""
+    rings = []
+    for ring in _loops(values, level):
+        cut = (ring.min(axis=0) < 0.5).any() or (ring.max(axis=0) > np.array(values.shape) - 0.5).any()
+        if _area(ring) > 0 and (border == "keep" or not cut):
+            rings.append(ring)
+    return rings
+
+
+def _loops(values: Floats, level: float) -> list[Floats]:
+    """Return all boundaries, in pixels from the lower corner: outer ones counterclockwise, those of holes clockwise."""
     padded = np.pad(values, 1, mode="edge")
     frame = np.ones(padded.shape, dtype=np.bool_)
     frame[1:-1, 1:-1] = False
     # so dark that a particle which is cut ends where the image does
     padded[frame] = np.minimum(padded, 2 * level - padded)[frame]
     lines = load("contourpy").contour_generator(z=padded.T, name="serial").lines(level)
-    rings = []
-    for line in lines:
-        # the padding moves the image by a pixel; the middle of the first lies at 0.5
-        ring = _corners(np.asarray(line[:-1], dtype=np.float64) - 0.5)
-        cut = (ring.min(axis=0) < 0.5).any() or (ring.max(axis=0) > np.array(values.shape) - 0.5).any()
-        if len(ring) >= 3 and _area(ring) > 0 and (border == "keep" or not cut):
-            rings.append(ring)
-    return rings
+    # the padding moves the image by a pixel; the middle of the first lies at 0.5
+    loops = [_corners(np.asarray(line[:-1], dtype=np.float64) - 0.5) for line in lines]
+    return [loop for loop in loops if len(loop) >= 3]
 
 
 def _corners(ring: Floats) -> Floats:

@@ -1,0 +1,92 @@
+"""A disk with a wall, for packings in two dimensions."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_positive
+from voxgran._base.calls import explained
+from voxgran.containers.model import Boundary
+from voxgran.containers.plane import points_in_plane
+from voxgran.shapes.outline import Outline
+
+
+@dataclass(frozen=True, init=False)
+class Disk:
+    """The interior of a circle in the plane z = 0.
+
+    Parameters
+    ----------
+    radius : float
+        Radius, in the unit of lengths.
+    origin : (2,) sequence of float
+        Center.
+
+    Raises
+    ------
+    CallError
+        If there are other arguments than these.
+    InputError
+        If the radius is not between 1e-60 and 1e60, or the center is out of this range.
+    """
+
+    radius: float
+    origin: tuple[float, float]
+    kind: ClassVar[str] = "disk"
+    dimension: ClassVar[int] = 2
+    periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
+
+    @explained(hint="Disk(radius=2)")
+    def __init__(self, radius: float, *, origin: ArrayLike = (0.0, 0.0)) -> None:
+        x, y = (float(value) for value in as_place(origin, "origin", length=2))
+        object.__setattr__(self, "radius", as_length(radius, "radius of the disk"))
+        object.__setattr__(self, "origin", (x, y))
+
+    @property
+    def volume(self) -> float:
+        """Area."""
+        return math.pi * self.radius**2
+
+    @property
+    def bounds(self) -> Floats:
+        """Lower and upper corner, (2, 3)."""
+        center, reach = np.array([*self.origin, 0.0]), np.array([self.radius, self.radius, 0.0])
+        return np.array([center - reach, center + reach])
+
+    @property
+    def boundary(self) -> Boundary:
+        """The wall in closed form."""
+        return Boundary(round_axes=2, radius=self.radius, center=(*self.origin, 0.0))
+
+    def signed_distance(self, points: ArrayLike) -> Floats:
+        """Return the distance of (n, 2 or 3) points from the wall, negative inside; z does not count.
+
+        Raises
+        ------
+        InputError
+            If the points are not finite numbers in two or three columns.
+        """
+        away = points_in_plane(points)[:, :2] - np.array(self.origin)
+        return np.asarray(np.hypot(away[:, 0], away[:, 1]) - self.radius)
+
+    def mesh(self) -> tuple[Floats, Integers]:
+        """Return vertices and triangles of the area."""
+        return Outline("disk", self.radius, center=self.origin).tessellation()[:2]
+
+    def scaled(self, factor: float) -> "Disk":
+        """Return the disk with radius and center multiplied.
+
+        Raises
+        ------
+        InputError
+            If the factor is not above 0, or the radius is not between 1e-60 and 1e60 any longer.
+        """
+        times = as_positive(factor, "factor")
+        return Disk(self.radius * times, origin=[value * times for value in self.origin])
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return kind and parameters as JSON-able values."""
+        return {"kind": self.kind, "radius": self.radius, "origin": list(self.origin)}
