@@ -4,4 +4,6 @@ from voxgran.packing.control_point.parameters import ControlPoint as ControlPoin
 from voxgran.packing.digital.fill_method import DigitalFill as DigitalFill
 from voxgran.packing.digital.parameters import Digital as Digital
 from voxgran.packing.digital.rsa_method import DigitalRsa as DigitalRsa
+from voxgran.packing.jamming.expand import Expand as Expand
+from voxgran.packing.jamming.jam import Jam as Jam
 from voxgran.packing.rsa.method import Rsa as Rsa

@@ -1,0 +1,1 @@
+"""Grains that grow together to a solid fraction, or until they jam."""

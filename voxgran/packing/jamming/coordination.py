@@ -1,0 +1,52 @@
+"""Contacts of spheres at given gaps: mean numbers of contacts, and the spheres that none hold."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+
+
+@dataclass(frozen=True, eq=False)
+class NearPairs:
+    """Pairs of spheres and their gaps (m,), and gaps of spheres to walls (k,), in one unit of lengths.
+
+    count: number of spheres.  i, j: (m,) spheres of a pair.  at_wall: (k,) the sphere of each gap to a wall.
+    """
+
+    count: int
+    dimension: int
+    i: Integers
+    j: Integers
+    gap: Floats
+    at_wall: Integers
+    wall_gap: Floats
+
+    def numbers(self, gap: float) -> Integers:
+        """Return how many contacts each sphere has, (n,), with gaps up to a limit."""
+        pairs, walls = self.gap <= gap, self.wall_gap <= gap
+        return self._numbers(pairs, walls, np.ones(self.count, dtype=bool))
+
+    def held(self, gap: float) -> tuple[float, float]:
+        """Return the mean number of contacts of spheres that are no rattlers, and the share of rattlers.
+
+        A rattler has fewer contacts with others that are none than the dimension and one. A contact with a wall counts
+        as one of its sphere.
+        """
+        pairs, walls = self.gap <= gap, self.wall_gap <= gap
+        held = np.ones(self.count, dtype=bool)
+        while True:
+            numbers = self._numbers(pairs, walls, held)
+            still = held & (numbers > self.dimension)
+            if (still == held).all():
+                break
+            held = still
+        many = int(held.sum())
+        mean = float(numbers[held].sum()) / many if many else 0.0
+        return mean, 1.0 - many / max(self.count, 1)
+
+    def _numbers(self, pairs: Booleans, walls: Booleans, held: Booleans) -> Integers:
+        """Return numbers of contacts among the spheres that are held, by the contacts that count."""
+        live = pairs & held[self.i] & held[self.j]
+        ends = np.concatenate([self.i[live], self.j[live], self.at_wall[walls & held[self.at_wall]]])
+        return np.bincount(ends, minlength=self.count)

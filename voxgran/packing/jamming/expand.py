@@ -1,0 +1,86 @@
+"""Expansion: grains grow at random points and push each other apart until they have the solid fraction that is asked.
+
+All sizes are multiplied by one factor, so that the gradation stays exactly as it is drawn, and the solid fraction is met
+exactly, at any number of grains. Where the solid fraction is beyond that at which the grains jam, the densest state
+that was found is the result, and a warning says so. Without a count and a solid fraction the grains are packed as
+densely as by ``jam``.
+
+Equal disks crystallize: in two dimensions take at least two sizes for a disordered packing.
+
+References
+----------
+Lubachevsky & Stillinger 1990, Geometric properties of random disk packings, Journal of Statistical Physics 60, 561-583,
+doi:10.1007/BF01025983: the idea, by collisions; here the growth is quasi-static.
+O'Hern, Silbert, Liu & Nagel 2003, Jamming at zero temperature and zero applied stress: the epitome of disorder,
+Physical Review E 68, 011306, doi:10.1103/PhysRevE.68.011306.
+"""
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.config import check_bounds
+from voxgran._base.errors import PackingWarning
+from voxgran.packing.jamming.method import CompressState, advance, cost, first_state, told
+from voxgran.packing.method import PackingMethod
+from voxgran.packing.model import Packing
+from voxgran.packing.problem import Problem
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Expand:
+    """Parameters of the expansion; there are none."""
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_bounds(self)
+
+
+def prepare(problem: Problem) -> CompressState:
+    """Return the state in which all grains are at random points, those of a start at their own.
+
+    Raises
+    ------
+    InputError
+        If a shape is not a sphere or a disk.
+    """
+    return first_state(problem, jam=not problem.target and problem.start is None)
+
+
+def finish(problem: Problem, state: CompressState) -> Packing:
+    """Return the packing; where only a count is asked for and the sizes cannot be kept, a warning says so."""
+    compressor = state.compressor
+    position, orientation = compressor.poses()
+    n, factor = len(position), compressor.factor
+    if state.stop_reason == "count" and factor < 1.0:
+        warnings.warn(
+            f"the grains have {factor:.4g} times the sizes that were drawn: more do not fit; ask for fewer or smaller "
+            "grains, or make the container larger",
+            PackingWarning,
+            stacklevel=3,
+        )
+    return problem.packing(
+        np.arange(n),
+        position=position,
+        orientation=orientation,
+        diameter=problem.diameter[:n] * factor,
+        stop_reason=state.stop_reason,
+        contact_gap=compressor.report.get("contact_gap", 0.0),
+        provenance=told(problem, state),
+    )
+
+
+registration = PackingMethod(
+    name="expand",
+    summary="grains at random points grow, and push each other apart, to any solid fraction up to jamming",
+    source="Lubachevsky & Stillinger 1990, doi:10.1007/BF01025983; O'Hern et al. 2003, doi:10.1103/PhysRevE.68.011306",
+    parameters=Expand,
+    prepare=prepare,
+    advance=advance,
+    finish=finish,
+    cost=cost,
+    dimensions=(2, 3),
+    any_container=True,
+    sizing="scaled",
+)

@@ -1,0 +1,105 @@
+"""The solid fraction that spheres of a gradation reach when they are packed closely at random, without packing them.
+
+A straight line through a packing cuts the spheres in rods. Rods with the lengths of these cuts are laid on a line, the
+longest first, each into the largest gap that is left; two rods keep a gap of a given share of the shorter one. The
+share of the line that the rods take is the solid fraction. It takes milliseconds and holds for any gradation.
+
+References
+----------
+Farr & Groot 2009, Close packing density of polydisperse hard spheres, Journal of Chemical Physics 131, 244104,
+doi:10.1063/1.3276799, arXiv:0912.0852.
+"""
+
+import heapq
+import math
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import InputError, shown
+from voxgran.shapes.sizes import SizeDistribution
+
+#: smallest gap of two rods, in lengths of the shorter one: in three dimensions that of the paper; in the plane the same
+#: rule, at which equal disks without order have a solid fraction of 0.84
+GAP = {2: 0.3055, 3: 0.7654}
+#: number of rods, which gives the solid fraction to about 1e-4, and of sizes from which they are cut
+RODS, SIZES = 2**17, 2**17
+#: share of 1 by which the cuts of rods follow each other: the golden section, which leaves no gaps
+GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+
+
+def expected_solid_fraction(sizes: SizeDistribution, *, dimension: int = 3) -> float:
+    """Return the solid fraction at which spheres, or disks, of a gradation are expected to be jammed at random.
+
+    Parameters
+    ----------
+    sizes : SizeDistribution
+        Distribution of the diameters; only their ratios count.
+    dimension : int
+        3 for spheres, 2 for disks.
+
+    Returns
+    -------
+    float
+        Solid fraction far from walls.
+
+    Raises
+    ------
+    InputError
+        If `sizes` is no size distribution, or the dimension is not 2 or 3.
+
+    See Also
+    --------
+    pack : Pack grains; ``method="jam"`` finds that solid fraction.
+
+    Notes
+    -----
+    The theory of Farr & Groot has one constant, which is fitted to 0.6435 for equal spheres; for lognormal, bidisperse
+    and tridisperse spheres it agrees with simulations, and two sizes of a large ratio reach 0.873. In the plane the
+    same rule is used with a constant for which equal disks have 0.84, the value of disks that have not crystallized;
+    there is no published theory to compare with. Walls make a packing looser.
+
+    References
+    ----------
+    Farr & Groot 2009, Close packing density of polydisperse hard spheres, Journal of Chemical Physics 131, 244104,
+    doi:10.1063/1.3276799, arXiv:0912.0852.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.expected_solid_fraction(vg.sizes.fixed()), 3)
+    0.643
+    >>> round(vg.expected_solid_fraction(vg.sizes.lognormal(median=1.0, sigma=0.6)), 2)
+    0.73
+    """
+    if not isinstance(sizes, SizeDistribution):
+        raise InputError(f"sizes is {shown(sizes)}: it must be a size distribution; for one size give sizes.fixed")
+    shares = (np.arange(SIZES) + 0.5) / SIZES
+    diameters = np.asarray(sizes.quantile(shares, basis="volume", dimension=dimension))
+    return _of_rods(diameters, 1.0 / diameters, dimension)
+
+
+def reachable(diameters: Floats, dimension: int) -> float:
+    """Return the solid fraction at which given spheres or disks, by their diameters (n,), are expected to jam."""
+    ordered = np.sort(diameters)
+    return _of_rods(ordered, ordered ** (dimension - 1), dimension)
+
+
+def _of_rods(diameters: Floats, weights: Floats, dimension: int) -> float:
+    """Return the share of the line that rods take, cut from increasing diameters by the numbers of lines that hit them.
+    """
+    cumulative = np.cumsum(weights)
+    place = (np.arange(RODS) + 0.5) / RODS
+    cut = diameters[np.searchsorted(cumulative, place * cumulative[-1], side="left").clip(max=len(diameters) - 1)]
+    part = (np.arange(1, RODS + 1) * GOLDEN) % 1.0
+    # distances of lines from the center are uniform over the disk, or over the diameter in the plane
+    rods = np.sort(cut * np.sqrt(part if dimension == 3 else 1.0 - part**2))[::-1].tolist()
+    share = GAP[dimension]
+    # the heap holds gaps with their signs reversed, so that the largest is its first
+    gaps = [-share * rods[0]]
+    for rod in rods[1:]:
+        left = -gaps[0] - (1.0 + share) * rod
+        heapq.heapreplace(gaps, -max(share * rod, left))
+        heapq.heappush(gaps, -share * rod)
+    total = math.fsum(rods)
+    return total / (total - math.fsum(gaps))

@@ -1,0 +1,96 @@
+"""Jamming: grains at random points grow until no common factor on their sizes leaves them free of overlap.
+
+Frictionless spheres then have as many contacts as hold them, six on average, and disks four, apart from rattlers, which
+no contact holds. The gradation stays as it is drawn, up to the factor; or the sizes stay and the container shrinks.
+
+Equal disks crystallize: in two dimensions take at least two sizes for a disordered packing.
+
+References
+----------
+O'Hern, Silbert, Liu & Nagel 2003, Jamming at zero temperature and zero applied stress: the epitome of disorder,
+Physical Review E 68, 011306, doi:10.1103/PhysRevE.68.011306.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from voxgran._base.config import check_bounds, parameter
+from voxgran._base.errors import InputError
+from voxgran.packing.jamming.method import CompressState, advance, cost, first_state, told
+from voxgran.packing.method import PackingMethod
+from voxgran.packing.model import Packing
+from voxgran.packing.problem import Problem
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Jam:
+    """Parameters of jamming.
+
+    Raises
+    ------
+    InputError
+        If a value is not one of those listed.
+    """
+
+    keep: Literal["container", "sizes"] = parameter(
+        "container",
+        doc="what stays as it is given: the container, in which the grains grow or shrink by a common factor, or the "
+        "sizes of the grains, about which the container does",
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_bounds(self)
+
+
+def prepare(problem: Problem) -> CompressState:
+    """Return the state in which all grains are at random points, those of a start at their own.
+
+    Raises
+    ------
+    InputError
+        If a solid fraction is asked for, or a shape is not a sphere or a disk.
+    """
+    if problem.asked_fraction is not None:
+        raise InputError(
+            f"solid_fraction is {problem.asked_fraction:g}: method 'jam' finds the largest one by itself; leave it out, "
+            "or give method='expand'"
+        )
+    return first_state(problem, jam=True)
+
+
+def finish(problem: Problem, state: CompressState) -> Packing:
+    """Return the packing, in the container as given or in one around grains of the sizes as drawn."""
+    compressor = state.compressor
+    position, orientation = compressor.poses()
+    n, factor = len(position), compressor.factor
+    container = 1.0
+    if problem.parameters.keep == "sizes" and n:
+        container, factor = 1.0 / factor, 1.0
+        problem = replace(problem, container=problem.container.scaled(container))
+    return problem.packing(
+        np.arange(n),
+        position=position * container,
+        orientation=orientation,
+        diameter=problem.diameter[:n] * factor,
+        stop_reason=state.stop_reason,
+        contact_gap=compressor.report.get("contact_gap", 0.0) * container,
+        provenance=told(problem, state),
+    )
+
+
+registration = PackingMethod(
+    name="jam",
+    summary="grains at random points grow until they jam; the densest random state of a gradation",
+    source="O'Hern et al. 2003, doi:10.1103/PhysRevE.68.011306",
+    parameters=Jam,
+    prepare=prepare,
+    advance=advance,
+    finish=finish,
+    cost=cost,
+    dimensions=(2, 3),
+    any_container=True,
+    sizing="scaled",
+)

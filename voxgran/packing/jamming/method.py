@@ -1,0 +1,154 @@
+"""What ``expand`` and ``jam`` share: first points, a compressor, its steps as a run, and the packing at the end."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import InputError
+from voxgran._base.rotation import normalized
+from voxgran._base.seeds import stream
+from voxgran._base.stopping import stop_if_asked
+from voxgran.contacts.assembly import Assembly
+from voxgran.containers.model import Container
+from voxgran.packing.jamming.expected import reachable
+from voxgran.packing.jamming.model import Compressor
+from voxgran.packing.jamming.spheres import SoftSpheres
+from voxgran.packing.method import Array, Cost
+from voxgran.packing.problem import Problem
+
+#: bytes of a grain (measured), and estimate of the largest number of steps
+GRAIN_BYTES, STEPS = 700, 400
+#: points drawn at a time, per grain that has none
+TRIES = 2
+
+
+@dataclass(slots=True)
+class CompressState:
+    """State of a run: see :class:`voxgran.packing.method.State`. Arrays and counters are those of the compressor."""
+
+    compressor: Compressor
+    done: int = 0
+    total: int = 0
+    stop_reason: str = ""
+    derived: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def arrays(self) -> Mapping[str, Array]:
+        """Arrays that a checkpoint holds."""
+        return self.compressor.arrays
+
+    @property
+    def counters(self) -> Mapping[str, int]:
+        """Counters that a checkpoint holds."""
+        return self.compressor.counters
+
+    def restore(self, arrays: dict[str, Array], counters: dict[str, Any]) -> None:
+        """Take over the arrays and counters of a checkpoint."""
+        self.compressor.restore(arrays, counters)
+
+
+def first_state(problem: Problem, *, jam: bool) -> CompressState:
+    """Return the state in which all grains are at random points, those of a start at their own.
+
+    Raises
+    ------
+    InputError
+        If a shape is an open surface.
+    """
+    compressor = compressor_of(problem, first_assembly(problem), jam=jam)
+    reason = "count" if compressor.ended else ""
+    return CompressState(compressor, total=compressor.most_steps, stop_reason=reason)
+
+
+def first_assembly(problem: Problem) -> Assembly:
+    """Return the grains at random points, those of a start at their own.
+
+    Where neither a count nor a solid fraction is asked for and there is no start, these are as many of the drawn grains
+    as the container is expected to hold.
+    """
+    n = problem.count
+    if not problem.target and problem.start is None and n:
+        room = reachable(problem.diameter, problem.dimension) * problem.container.volume
+        n = max(1, int(np.searchsorted(np.cumsum(problem.volumes), room, side="right")))
+    generator = stream(problem.seed, "points")
+    position = random_points(problem.container, n - problem.started, generator)
+    turns = generator.normal(size=(n, 4))
+    if problem.dimension == 2:
+        turns[:, 1:3] = 0.0
+    turns = normalized(turns)
+    if all(shape.is_sphere for shape in problem.shapes):
+        turns = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    if problem.start is not None:
+        position = np.vstack([problem.start.wrapped(problem.container), position])
+        turns[: problem.started] = problem.start.orientation
+    scale, shape_id = problem.diameter[:n], problem.shape_id[:n]
+    return Assembly.of(
+        problem.shapes, problem.container, position=position, scale=scale, shape_id=shape_id, orientation=turns
+    )
+
+
+def random_points(container: Container, count: int, generator: np.random.Generator) -> Floats:
+    """Return random points (count, 3) in a container."""
+    lower, upper = container.bounds
+    found, many = [np.zeros((0, 3))], 0
+    while many < count:
+        points = lower + generator.random((TRIES * count + 8, 3)) * (upper - lower)
+        inside = points[np.asarray(container.signed_distance(points)) < 0.0]
+        found.append(inside)
+        many += len(inside)
+    return np.concatenate(found)[:count]
+
+
+def compressor_of(problem: Problem, assembly: Assembly, *, jam: bool) -> Compressor:
+    """Return the compressor of the grains.
+
+    Raises
+    ------
+    InputError
+        If a shape is not a sphere or a disk.
+    """
+    other = [shape.name for shape in problem.shapes if not shape.is_sphere]
+    if other:
+        raise InputError(
+            f"shape {other[0]!r} is no sphere: this method packs spheres and disks; give method='gravity' or 'digital'"
+        )
+    return SoftSpheres(assembly, jam=jam, seed=problem.seed)
+
+
+def advance(problem: Problem, state: CompressState, attempts: int) -> CompressState:
+    """Make up to `attempts` steps."""
+    if state.stop_reason:
+        return state
+    if "ready" not in state.derived:
+        state.compressor.restore(state.compressor.arrays, state.compressor.counters)
+        state.derived["ready"] = True
+    last = state.done + attempts
+    while state.done < last and not state.compressor.ended:
+        stop_if_asked()
+        state.compressor.step()
+        state.done += 1
+    if state.compressor.ended:
+        state.stop_reason = _reason(problem, state.compressor)
+    return state
+
+
+def _reason(problem: Problem, compressor: Compressor) -> str:
+    """Return why a run has ended."""
+    if compressor.factor == 1.0 and problem.asked_fraction is not None:
+        return "solid_fraction"
+    met = problem.asked_fraction is None and (problem.asked_count is not None or problem.start is not None)
+    return "count" if met else "full"
+
+
+def told(problem: Problem, state: CompressState) -> dict[str, Any]:
+    """Return what the provenance says of the compression."""
+    compressor = state.compressor
+    return {"compression": {"factor": compressor.factor, "isostatic": 2 * problem.dimension, **compressor.report}}
+
+
+def cost(problem: Problem) -> Cost:
+    """Return the cost: memory by the number of grains, and the largest number of steps as an estimate."""
+    return Cost(memory=GRAIN_BYTES * problem.count + 2**22, attempts=STEPS if problem.count else 0)

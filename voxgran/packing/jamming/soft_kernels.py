@@ -1,0 +1,301 @@
+"""Forces of soft spheres and their relaxation by FIRE, over lists of near pairs.
+
+Two spheres, or a sphere and a wall, that overlap by a depth push each other away by a force equal to it: harmonic
+repulsion without friction. A sphere lies in the cells of its own level of size, so that the search for pairs costs as
+much for a wide gradation as for equal spheres. A list holds the pairs that may touch before any sphere has moved by a
+share of its own radius.
+
+References
+----------
+Bitzek, Koskinen, Gaehler, Moseler & Gumbsch 2006, Structural relaxation made simple, Physical Review Letters 97,
+170201, doi:10.1103/PhysRevLett.97.170201.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel
+from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, KernelContainer, wall_of_mesh
+from voxgran.packing.level_grid import LevelGrid, cells_near, empty_grid, link_at
+
+#: images of a periodic length at which a partner may lie, on either side
+MOST_IMAGES = 2
+IMAGES = 2 * MOST_IMAGES + 1
+#: largest number of cells per sphere of a level
+SPARE = 2
+#: rows of the numbers that the relaxation carries from call to call
+STEP, MIXING, UPHILL_FREE = 0, 1, 2
+ENERGY, DEPTH, RESIDUAL, PUSH, TOUCHING = 3, 4, 5, 6, 7
+NUMBERS = 8
+#: FIRE: first and largest time step, for a stiffness and a mass of 1; its other constants are those of the paper
+FIRST_STEP, LARGEST_STEP = 0.1, 0.45
+DELAY, FASTER, SLOWER, LESS_MIXING, FIRST_MIXING = 5, 1.1, 0.5, 0.99, 0.1
+
+
+class PairList(NamedTuple):
+    """Pairs that may touch: sphere i with ``other[first[i]:first[i + 1]]``, moved by ``shift[image]``.
+
+    near_wall: spheres that may touch a wall.
+    """
+
+    first: Integers
+    other: NDArray[np.int32]
+    image: NDArray[np.uint8]
+    shift: Floats
+    near_wall: Integers
+
+
+def image_shifts(span: Floats) -> Floats:
+    """Return the vector of each image, (IMAGES**3, 3), for lengths of the periodic axes, 0 of others."""
+    turns = np.indices((IMAGES,) * 3).reshape(3, -1).T - MOST_IMAGES
+    return np.ascontiguousarray(turns * span)
+
+
+def level_cells(lengths: Floats, periodic: Integers, reach: Floats, dimension: int) -> tuple[LevelGrid, Integers]:
+    """Return empty cells for spheres of half ranges `reach`, (n,), and the level of each; level 0 has the largest."""
+    level = np.floor(np.log2(reach.max() / reach)).astype(np.int64)
+    used, level, number = np.unique(level, return_inverse=True, return_counts=True)
+    largest = np.array([reach[level == k].max() for k in range(len(used))])
+    axes = np.arange(3) < dimension
+    span = np.where(axes, lengths, 1.0)
+    full = np.maximum(np.floor(span / (2 * largest[:, None])), 1)
+    # as many cells as spheres at most, of one shape
+    share = np.minimum(1.0, (SPARE * number / full[:, axes].prod(axis=1)) ** (1.0 / dimension))
+    count = np.where(axes, np.maximum(np.floor(full * share[:, None]), 1), 1).astype(np.int64)
+    wraps = np.tile(periodic, (len(used), 1)).astype(np.int64)
+    width = np.ascontiguousarray(span / count)
+    rows = np.ascontiguousarray(np.tile(largest[:, None], (1, 3)))
+    return empty_grid(span * periodic, rows, width, count, wraps, len(reach)), level.astype(np.int64)
+
+
+@bare_kernel
+def list_pairs(
+    cells: LevelGrid,
+    level: Integers,
+    spheres: Floats,
+    lower: Floats,
+    reach: float,
+    first: Integers,
+    other: NDArray[np.int32],
+    image: NDArray[np.uint8],
+) -> int:
+    """Write the pairs with ``distance < reach * (r_i + r_j)`` and return how many there are; those beyond the end of
+    the arrays are only counted.
+
+    A sphere is paired with larger ones, and with those before it on its own level.
+    """
+    for i in range(len(spheres)):
+        link_at(cells, i, level[i], spheres[i, 0] - lower[0], spheres[i, 1] - lower[1], spheres[i, 2] - lower[2])
+    found = 0
+    for i in range(len(spheres)):
+        first[i] = found
+        for other_level in range(level[i] + 1):
+            found = _list_level(cells, other_level, level[i], spheres, lower, reach, i, found, other, image)
+    first[len(spheres)] = found
+    return found
+
+
+@bare_kernel
+def _list_level(cells, other_level, own, spheres, lower, reach, i, found, other, image):  # type: ignore[no-untyped-def]
+    """Write the partners of one sphere on a level, and return the new number of pairs."""
+    x, y, z, r = spheres[i, 0] - lower[0], spheres[i, 1] - lower[1], spheres[i, 2] - lower[2], spheres[i, 3]
+    far = reach * r + cells.reach[other_level, 0]
+    i0, i1 = cells_near(cells, other_level, 0, x, far)
+    j0, j1 = cells_near(cells, other_level, 1, y, far)
+    k0, k1 = cells_near(cells, other_level, 2, z, far)
+    ni, nj, nk = cells.count[other_level, 0], cells.count[other_level, 1], cells.count[other_level, 2]
+    for ci in range(i0, i1 + 1):
+        ti = 0 if 0 <= ci < ni else ci // ni
+        for cj in range(j0, j1 + 1):
+            tj = 0 if 0 <= cj < nj else cj // nj
+            if abs(ti) > MOST_IMAGES or abs(tj) > MOST_IMAGES:
+                continue
+            for ck in range(k0, k1 + 1):
+                tk = 0 if 0 <= ck < nk else ck // nk
+                if abs(tk) > MOST_IMAGES:
+                    continue
+                ahead = ti > 0 or (ti == 0 and (tj > 0 or (tj == 0 and tk > 0)))
+                cell = ((ci - ti * ni) * nj + cj - tj * nj) * nk + ck - tk * nk
+                j = cells.head[cells.first[other_level] + cell]
+                while j >= 0:
+                    if other_level < own or j < i or (j == i and ahead):
+                        dx = spheres[j, 0] - lower[0] + ti * cells.span[0] - x
+                        dy = spheres[j, 1] - lower[1] + tj * cells.span[1] - y
+                        dz = spheres[j, 2] - lower[2] + tk * cells.span[2] - z
+                        limit = reach * (r + spheres[j, 3])
+                        if dx * dx + dy * dy + dz * dz < limit * limit:
+                            if found < len(other):
+                                other[found] = j
+                                image[found] = ((ti + MOST_IMAGES) * IMAGES + tj + MOST_IMAGES) * IMAGES + (
+                                    tk + MOST_IMAGES
+                                )
+                            found += 1
+                    j = cells.after[j]
+    return found
+
+
+@bare_kernel
+def push_spheres(
+    spheres: Floats, pairs: PairList, walls: KernelContainer, beyond: Floats, force: Floats, numbers: Floats
+) -> None:
+    """Write the forces on the spheres; `numbers` gets energy, largest relative depth, contacts, and sum of forces.
+
+    beyond: (near walls, 4) distance and inward normal of walls that are known by their distance only; empty for others.
+    """
+    energy, depth, push, touching = 0.0, 0.0, 0.0, 0
+    for i in range(len(spheres)):
+        force[i, 0] = force[i, 1] = force[i, 2] = 0.0
+    for i in range(len(spheres)):
+        x, y, z, r = spheres[i, 0], spheres[i, 1], spheres[i, 2], spheres[i, 3]
+        fx, fy, fz = 0.0, 0.0, 0.0
+        for k in range(pairs.first[i], pairs.first[i + 1]):
+            j, image = pairs.other[k], pairs.image[k]
+            dx = spheres[j, 0] + pairs.shift[image, 0] - x
+            dy = spheres[j, 1] + pairs.shift[image, 1] - y
+            dz = spheres[j, 2] + pairs.shift[image, 2] - z
+            both = r + spheres[j, 3]
+            square = dx * dx + dy * dy + dz * dz
+            if square < both * both:
+                distance = math.sqrt(square)
+                deep = both - distance
+                if distance > 0.0:
+                    pull = deep / distance
+                else:
+                    # centers that coincide are parted along x
+                    dx, pull = 1.0, deep
+                fx -= pull * dx
+                fy -= pull * dy
+                fz -= pull * dz
+                force[j, 0] += pull * dx
+                force[j, 1] += pull * dy
+                force[j, 2] += pull * dz
+                energy += deep * deep
+                push += deep
+                touching += 1
+                depth = max(depth, deep / both)
+        force[i, 0] += fx
+        force[i, 1] += fy
+        force[i, 2] += fz
+    numbers[ENERGY], numbers[DEPTH], numbers[PUSH], numbers[TOUCHING] = energy, depth, push, touching
+    for k in range(len(pairs.near_wall)):
+        _push_from_walls(spheres, pairs.near_wall[k], k, walls, beyond, force, numbers)
+
+
+@bare_kernel
+def _push_from_walls(spheres, i, k, walls, beyond, force, numbers):  # type: ignore[no-untyped-def]
+    """Add the forces of all walls on one sphere."""
+    for axis in range(3):
+        if walls.walled[axis] == 1:
+            low = spheres[i, axis] - walls.lower[axis]
+            high = walls.lower[axis] + walls.lengths[axis] - spheres[i, axis]
+            _push_from_wall(i, spheres[i, 3], low, axis, 1.0, force, numbers)
+            _push_from_wall(i, spheres[i, 3], high, axis, -1.0, force, numbers)
+    nx, ny, nz, away = 0.0, 0.0, 0.0, np.inf
+    if walls.kind == UPRIGHT or walls.kind == ROUND:
+        nx, ny = walls.middle[0] - spheres[i, 0], walls.middle[1] - spheres[i, 1]
+        nz = walls.middle[2] - spheres[i, 2] if walls.kind == ROUND else 0.0
+        long = math.sqrt(nx * nx + ny * ny + nz * nz)
+        away = walls.radius - long
+        if long > 0.0:
+            nx, ny, nz = nx / long, ny / long, nz / long
+    elif walls.kind == MESH:
+        x, y, z = spheres[i, 0], spheres[i, 1], spheres[i, 2]
+        distance, px, py, pz = wall_of_mesh(walls.mesh, x, y, z)
+        away = -distance
+        if away != 0.0:
+            nx, ny, nz = (x - px) / away, (y - py) / away, (z - pz) / away
+    elif len(beyond) > 0:
+        away, nx, ny, nz = beyond[k, 0], beyond[k, 1], beyond[k, 2], beyond[k, 3]
+    deep = spheres[i, 3] - away
+    if deep > 0.0:
+        force[i, 0] += deep * nx
+        force[i, 1] += deep * ny
+        force[i, 2] += deep * nz
+        _count_wall(spheres[i, 3], deep, numbers)
+
+
+@bare_kernel
+def _push_from_wall(i, r, away, axis, sign, force, numbers):  # type: ignore[no-untyped-def]
+    """Add the force of a plane wall at the distance `away` from the center."""
+    if away < r:
+        force[i, axis] += sign * (r - away)
+        _count_wall(r, r - away, numbers)
+
+
+@bare_kernel
+def _count_wall(r, deep, numbers):  # type: ignore[no-untyped-def]
+    """Count a contact with a wall."""
+    numbers[ENERGY] += deep * deep
+    numbers[DEPTH] = max(numbers[DEPTH], deep / r)
+    numbers[PUSH] += deep
+    numbers[TOUCHING] += 1
+
+
+@bare_kernel
+def relax_spheres(
+    spheres: Floats,
+    velocity: Floats,
+    force: Floats,
+    lightness: Floats,
+    pairs: PairList,
+    walls: KernelContainer,
+    beyond: Floats,
+    listed: Floats,
+    free: float,
+    numbers: Floats,
+    iterations: int,
+    goal: float,
+    calm: float,
+) -> int:
+    """Make up to so many FIRE iterations, and return how many were made.
+
+    It ends earlier when a sphere has moved from `listed` by `free` of its radius, so that pairs must be listed again;
+    when no relative depth is above `goal`; and when the residual force is below `calm` of the mean contact force.
+    lightness: (n,) inverse masses.  `force` is that at the present positions on entry and on return.
+    """
+    n = len(spheres)
+    for done in range(iterations):
+        power, speed, strength = 0.0, 0.0, 0.0
+        for i in range(n):
+            for a in range(3):
+                power += force[i, a] * velocity[i, a]
+                speed += velocity[i, a] * velocity[i, a]
+                strength += force[i, a] * force[i, a]
+        if power > 0.0:
+            numbers[UPHILL_FREE] += 1.0
+            if numbers[UPHILL_FREE] > DELAY:
+                numbers[STEP] = min(numbers[STEP] * FASTER, LARGEST_STEP)
+                numbers[MIXING] *= LESS_MIXING
+        else:
+            if numbers[UPHILL_FREE] > 0.0:
+                numbers[STEP] *= SLOWER
+            numbers[UPHILL_FREE], numbers[MIXING], speed = 0.0, FIRST_MIXING, 0.0
+        step, mixing = numbers[STEP], numbers[MIXING]
+        keep = (1.0 - mixing) if power > 0.0 else 0.0
+        turn = mixing * math.sqrt(speed / strength) if strength > 0.0 else 0.0
+        moved = False
+        for i in range(n):
+            away, reach = 0.0, free * spheres[i, 3]
+            for a in range(3):
+                v = keep * velocity[i, a] + (turn + step * lightness[i]) * force[i, a]
+                velocity[i, a] = v
+                spheres[i, a] += step * v
+                gone = spheres[i, a] - listed[i, a]
+                away += gone * gone
+            moved = moved or away > reach * reach
+        if moved:
+            numbers[RESIDUAL] = -1.0
+            return done + 1
+        push_spheres(spheres, pairs, walls, beyond, force, numbers)
+        strength = 0.0
+        for i in range(n):
+            strength += force[i, 0] * force[i, 0] + force[i, 1] * force[i, 1] + force[i, 2] * force[i, 2]
+        mean = numbers[PUSH] / max(numbers[TOUCHING], 1.0)
+        numbers[RESIDUAL] = math.sqrt(strength / n) / mean if mean > 0.0 else 0.0
+        if numbers[DEPTH] <= goal or numbers[RESIDUAL] < calm:
+            return done + 1
+    return iterations
