@@ -21,7 +21,7 @@ from voxgran.shapes.sizes import SizeDistribution
 
 #: smallest gap of two rods, in lengths of the shorter one: in three dimensions that of the paper; in the plane the same
 #: rule, at which equal disks without order have a solid fraction of 0.84
-GAP = {2: 0.3055, 3: 0.7654}
+GAP = {2: 0.2536, 3: 0.7654}
 #: number of rods, which gives the solid fraction to about 1e-4, and of sizes from which they are cut
 RODS, SIZES = 2**17, 2**17
 #: share of 1 by which the cuts of rods follow each other: the golden section, which leaves no gaps

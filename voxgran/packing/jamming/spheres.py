@@ -25,6 +25,7 @@ from voxgran.containers.box import Box
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.containers.rectangle import Rectangle
+from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.jamming.soft_kernels import (
     DEPTH,
@@ -49,16 +50,19 @@ from voxgran.shapes.mesh import Mesh
 FREE = 0.25
 #: largest relative depth of overlaps at the end of a compression
 DEEPEST = 1e-4
-#: residual force, in mean contact forces, at which spheres are at rest; and the most iterations at one size
-CALM, ROUND = 2e-3, 800
+#: residual force, in mean contact forces, at which MANY spheres and more are at rest, and at which few are; and the most
+#: iterations at one size
+CALM, CALMEST, MANY, ROUND = 0.03, 3e-3, 10_000, 3000
 #: solid fraction by which spheres begin beyond where they are expected to jam, and relative growth of those with room
-BEYOND, ROOMIER = 0.015, 0.02
+BEYOND, ROOMIER = 0.1, 0.02
 #: first reduction of the sizes, the largest one, and the share of the distance from jamming that is kept
-FIRST_LESS, MOST_LESS, KEPT = 0.003, 0.004, 0.1
-#: growth of spheres that are not jammed where all should be
-MORE = 0.002
+FIRST_LESS, MOST_LESS, KEPT = 0.005, 0.01, 0.1
+#: growth of spheres that are not jammed, and depth below which those that do not come to rest count as such
+MORE, LOOSE = 0.004, 1e-3
 #: iterations of all spheres together in a step, at most so many of each, and rounds of a run
 WORK, MOST_ITERATIONS, ROUNDS = 1_000_000, 50, 40
+#: gaps, in mean diameters, at which coordination numbers are reported
+GAPS = (1e-4, 1e-3, 1e-2, 1e-1)
 #: share of the diameter over which the direction of a wall is found from distances
 NUDGE = 1e-6
 
@@ -89,7 +93,7 @@ class SoftSpheres:
         self.ended, self.done_steps, self.jams = n == 0, 0, False
         self.iterations = max(1, min(MOST_ITERATIONS, WORK // max(n, 1)))
         self.most_steps = ROUNDS * -(-ROUND // self.iterations)
-        self.in_round = 0
+        self.in_round, self.calm = 0, max(CALMEST, CALM * min(1.0, n / MANY))
         self.size = self._first_size() if n else 1.0
         self.strict = 1.0
         # the last size at which spheres were jammed and the root of the energy there; 0 before
@@ -144,9 +148,37 @@ class SoftSpheres:
 
     @property
     def report(self) -> dict[str, float]:
-        """Numbers of the run."""
+        """Numbers of the run, and contacts of the spheres that are jammed."""
         iterations = self.done_steps * self.iterations
-        return {"iterations": iterations, "overlap": float(self.numbers[DEPTH]), "jammed": float(self.jams)}
+        found = {"iterations": iterations, "overlap": float(self.numbers[DEPTH]), "jammed": float(self.jams)}
+        if not self.jams:
+            return found
+        near = self._near()
+        gaps = [gap * 2.0 * self.strict * float(self.radii.mean()) for gap in GAPS]
+        # pairs that overlapped before the last factor have gaps up to their overlap
+        own = max(gaps[0], 2.0 * self.strict * float(self.radii.max() * self.numbers[DEPTH]))
+        mean, rattlers = near.held(own)
+        return {
+            **found,
+            "contact_gap": own,
+            "coordination_without_rattlers": mean,
+            "rattlers": rattlers,
+            "gaps": list(GAPS),
+            "coordination": [float(near.numbers(gap).mean()) for gap in gaps],
+        }
+
+    def _near(self) -> NearPairs:
+        """Return pairs of spheres, and spheres at walls, that are near each other, at the final sizes."""
+        self._list()
+        assert self._pairs is not None
+        pairs, at = self._pairs, self.spheres[:, :3]
+        i = np.repeat(np.arange(len(at)), np.diff(pairs.first))
+        j, image = (values[: len(i)].astype(np.int64) for values in (pairs.other, pairs.image))
+        radii = self.radii * self.strict
+        gap = np.linalg.norm(at[j] + pairs.shift[image] - at[i], axis=1) - radii[i] - radii[j]
+        wall = pairs.near_wall
+        wall_gap = -np.asarray(self.container.signed_distance(at[wall])) - radii[wall]
+        return NearPairs(len(at), self.dimension, i, j, gap, wall, wall_gap)
 
     def poses(self) -> tuple[Floats, Floats]:
         """Return positions (n, 3), within the periodic lengths, and orientations (n, 4), as given."""
@@ -164,7 +196,7 @@ class SoftSpheres:
             beyond, many = self._beyond(), left if self.known else 1
             made = relax_spheres(
                 *(self.spheres, self.velocity, self.force, self.lightness, self._pairs, self.walls, beyond),
-                *(self.listed, FREE, self.numbers, many, goal, CALM),
+                *(self.listed, FREE, self.numbers, many, goal, self.calm),
             )
             left -= made
             self.in_round += made
@@ -172,7 +204,7 @@ class SoftSpheres:
                 self._list()
             if self.numbers[RESIDUAL] < 0.0 or not self.known:
                 self._push()
-            rest = 0.0 <= self.numbers[RESIDUAL] < CALM
+            rest = 0.0 <= self.numbers[RESIDUAL] < self.calm
             if rest or self.numbers[DEPTH] <= goal:
                 break
         self.done_steps += 1
@@ -185,15 +217,19 @@ class SoftSpheres:
         if not self.jam and depth <= goal and self.size >= 1.0:
             self.strict, self.ended = 1.0, True
             return
-        rest = 0.0 <= self.numbers[RESIDUAL] < CALM
-        if self.done_steps >= self.most_steps or (self.earlier[1] > 0.0 and depth < DEEPEST):
+        rest, jammed_at = 0.0 <= self.numbers[RESIDUAL] < self.calm, self.earlier[0] if self.earlier[1] > 0.0 else 0.0
+        late = self.in_round >= ROUND
+        if self.done_steps >= self.most_steps:
             self.ended = True
-            self.jams = depth < 10 * DEEPEST
-        elif root == 0.0:
-            self._resize(self.size * (1.0 + MORE))
-            self.earlier[:] = 0.0
-        elif rest or self.in_round >= ROUND:
+        elif root == 0.0 or (late and not rest and not jammed_at and depth < LOOSE):
+            self.ended = 0.0 < jammed_at <= self.size * (1.0 + DEEPEST)
+            if not self.ended:
+                self._resize(0.5 * (self.size + jammed_at) if jammed_at > self.size else self.size * (1.0 + MORE))
+        elif (rest or late) and jammed_at and depth < DEEPEST:
+            self.ended = True
+        elif rest or late:
             self._resize(self._next_size(root))
+        self.jams = self.ended and depth < 10 * DEEPEST
 
     def _next_size(self, root: float) -> float:
         """Return the next size, from where the root of the energy would vanish, and keep the present one."""
