@@ -44,6 +44,7 @@ from voxgran.lattice.thickness import local_thickness as local_thickness
 from voxgran.measures.model import measure as measure
 from voxgran.measures.registered.density import window_solid_fraction as window_solid_fraction
 from voxgran.packing import methods as methods
+from voxgran.packing.jamming.expected import expected_solid_fraction as expected_solid_fraction
 from voxgran.packing.method import packing_methods as packing_methods
 from voxgran.packing.model import Packing as Packing
 from voxgran.packing.settle import settle as settle

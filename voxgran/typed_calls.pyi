@@ -54,6 +54,9 @@ class RsaKeywords(PackKeywords, total=False):
     numbers: Literal["philox", "lcg"]
     aligned: bool
 
+class JamKeywords(PackKeywords, total=False):
+    keep: Literal["container", "sizes"]
+
 class GravityKeywords(PackKeywords, total=False):
     friction: Number
     restitution: Number
@@ -65,6 +68,8 @@ class GravityKeywords(PackKeywords, total=False):
     gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | (Sequence[Number] | NDArray[Any]) | None
     fill: Number
     height: Number | None
+
+class ExpandKeywords(PackKeywords, total=False): ...
 
 class DigitalRsaKeywords(PackKeywords, total=False):
     voxel_size: Number | None
@@ -164,10 +169,18 @@ def pack(
 ) -> Packing: ...
 @overload
 def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["expand"], **keywords: Unpack[ExpandKeywords]
+) -> Packing: ...
+@overload
+def pack(
     shapes: Sequence[Shape] | Shape,
     container: Container,
     method: Literal["gravity"],
     **keywords: Unpack[GravityKeywords],
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["jam"], **keywords: Unpack[JamKeywords]
 ) -> Packing: ...
 @overload
 def pack(

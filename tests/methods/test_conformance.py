@@ -26,6 +26,12 @@ STAGES = {
 }
 #: what makes a method quick here; anything else is its default
 QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 6}
+#: methods that pack spheres only
+SPHERES_ONLY = ("expand", "jam")
+#: methods that move and resize the grains of a start, so that each has tests of its own
+RESIZING = ("expand", "jam")
+#: what of the suite is about grains of a start that stay
+STAYING = ("test_a_start_stays_in_order_and_goes_on", "test_a_start_that_has_no_place_is_refused")
 #: what is done between two looks whether to stop, made little
 SHORTENED = {
     "voxgran.contacts.surface_pairs.AT_ONCE": 3,
@@ -57,6 +63,8 @@ class OwnSuite(PackingMethodSuite):
     @classmethod
     def shapes(cls):
         box, sphere = super().shapes()
+        if cls.method in SPHERES_ONLY:
+            return [sphere.scaled(1.4), sphere]
         return [vg.make_shape("sheet", roll=150) if "open surfaces" in cls.title else box, sphere]
 
     def test_what_follows_from_the_problem_is_made_without_attempts(self):
@@ -93,6 +101,8 @@ def suite_of(title):
         members |= dict.fromkeys(
             ["test_a_start_stays_in_order_and_goes_on", "test_true_shapes_do_not_overlap_or_escape"]
         )
+    if title in RESIZING:
+        members |= dict.fromkeys(STAYING)
     if title in STAGES:
         members |= dict.fromkeys(NOT_OF_STAGES) | {"count": 80 if title == "rsa, saturated" else 10}
     return type("Test" + title.title().replace("_", "").replace(", ", "").replace(" ", ""), (OwnSuite,), members)

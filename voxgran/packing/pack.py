@@ -39,6 +39,7 @@ from voxgran.shapes.sizes import SizeDistribution, size_distance
 FEWER = "make the container larger, the grains fewer, or give the method more attempts"
 LESS = "ask for less, give the method more attempts or choose a method that packs denser"
 NO_ROOM = "no grain finds room any more; ask for less, take smaller grains or choose a method that packs denser"
+JAMMED = "they jam there, and any lower one can be reached; ask for it, or for a wider gradation or periodic container"
 
 #: voxels in median diameters beyond which grains are so enlarged that this is why they find no room
 COARSEST = 0.1
@@ -431,7 +432,8 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
         if len(parts) == 1:
             parts[0] += f" where the method stopped ({reason})"
     if parts and reason != "interrupted":
-        remedy = NO_ROOM if reason in ("saturated", "full") else FEWER if missed["count"] and asked["count"] else LESS
+        full = JAMMED if task.method.sizing == "scaled" else NO_ROOM
+        remedy = full if reason in ("saturated", "full") else FEWER if missed["count"] and asked["count"] else LESS
         text = f"{' and '.join(parts)}: {_too_coarse(task.problem) or remedy}"
         warnings.warn(text, PackingWarning, stacklevel=4)
 

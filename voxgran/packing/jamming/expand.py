@@ -1,7 +1,7 @@
-"""Expansion: grains grow at random points and push each other apart until they have the solid fraction that is asked.
+"""Expansion: grains grow at random points and push each other apart to the solid fraction that is asked for.
 
-All sizes are multiplied by one factor, so that the gradation stays exactly as it is drawn, and the solid fraction is met
-exactly, at any number of grains. Where the solid fraction is beyond that at which the grains jam, the densest state
+All sizes are multiplied by one factor, so that the gradation stays exactly as it is drawn, and the solid fraction is
+met exactly, at any number of grains. Where the solid fraction is beyond that at which the grains jam, the densest state
 that was found is the result, and a warning says so. Without a count and a solid fraction the grains are packed as
 densely as by ``jam``.
 

@@ -86,8 +86,7 @@ def reachable(diameters: Floats, dimension: int) -> float:
 
 
 def _of_rods(diameters: Floats, weights: Floats, dimension: int) -> float:
-    """Return the share of the line that rods take, cut from increasing diameters by the numbers of lines that hit them.
-    """
+    """Return the share of a line that rods take, cut from increasing diameters with the numbers of lines they meet."""
     cumulative = np.cumsum(weights)
     place = (np.arange(RODS) + 0.5) / RODS
     cut = diameters[np.searchsorted(cumulative, place * cumulative[-1], side="left").clip(max=len(diameters) - 1)]

@@ -55,8 +55,8 @@ def prepare(problem: Problem) -> CompressState:
     """
     if problem.asked_fraction is not None:
         raise InputError(
-            f"solid_fraction is {problem.asked_fraction:g}: method 'jam' finds the largest one by itself; leave it out, "
-            "or give method='expand'"
+            f"solid_fraction is {problem.asked_fraction:g}: method 'jam' finds the largest one by itself; leave it "
+            "out, or give method='expand'"
         )
     return first_state(problem, jam=True)
 

@@ -1,8 +1,8 @@
 """Compressor: what brings overlapping grains of given relative sizes to a solid fraction, or to where they jam.
 
 There is one for spheres and disks (:mod:`voxgran.packing.jamming.spheres`) and one for true shapes
-(:mod:`voxgran.packing.jamming.solids`). The methods ``expand`` and ``jam`` drive either in steps, between which a run may
-be stopped, kept and resumed.
+(:mod:`voxgran.packing.jamming.solids`). The methods ``expand`` and ``jam`` drive either in steps, between which a run
+may be stopped, kept and resumed.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,7 @@ class Compressor(Protocol):
     factor : float
         Common factor on the sizes of the assembly at which the grains overlap neither each other nor a wall; it is
         final once the run has ended.
-    report : dict of str to float
+    report : dict of str to any
         What a user may want to know of the run, for the provenance.
     """
 
@@ -55,7 +55,7 @@ class Compressor(Protocol):
         """Common factor on the sizes of the assembly."""
 
     @property
-    def report(self) -> dict[str, float]:
+    def report(self) -> dict[str, Any]:
         """Numbers for the provenance."""
 
     def step(self) -> None:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.box import Box
 from voxgran.containers.kernel_container import kernel_container
@@ -50,8 +50,8 @@ from voxgran.shapes.mesh import Mesh
 FREE = 0.25
 #: largest relative depth of overlaps at the end of a compression
 DEEPEST = 1e-4
-#: residual force, in mean contact forces, at which MANY spheres and more are at rest, and at which few are; and the most
-#: iterations at one size
+#: residual force, in mean contact forces, at which MANY spheres and more are at rest, and at which few are; and the
+#: most iterations at one size
 CALM, CALMEST, MANY, ROUND = 0.03, 3e-3, 10_000, 3000
 #: solid fraction by which spheres begin beyond where they are expected to jam, and relative growth of those with room
 BEYOND, ROOMIER = 0.1, 0.02
@@ -147,10 +147,14 @@ class SoftSpheres:
         return self.strict
 
     @property
-    def report(self) -> dict[str, float]:
+    def report(self) -> dict[str, Any]:
         """Numbers of the run, and contacts of the spheres that are jammed."""
         iterations = self.done_steps * self.iterations
-        found = {"iterations": iterations, "overlap": float(self.numbers[DEPTH]), "jammed": float(self.jams)}
+        found: dict[str, Any] = {
+            "iterations": iterations,
+            "overlap": float(self.numbers[DEPTH]),
+            "jammed": float(self.jams),
+        }
         if not self.jams:
             return found
         near = self._near()
