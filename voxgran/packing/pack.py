@@ -39,7 +39,7 @@ from voxgran.shapes.sizes import SizeDistribution, size_distance
 FEWER = "make the container larger, the grains fewer, or give the method more attempts"
 LESS = "ask for less, give the method more attempts or choose a method that packs denser"
 NO_ROOM = "no grain finds room any more; ask for less, take smaller grains or choose a method that packs denser"
-JAMMED = "they jam there, and any lower one can be reached; ask for it, or for a wider gradation or periodic container"
+JAMMED = "these grains jam there; ask for less, for a wider gradation or for a periodic container"
 
 #: voxels in median diameters beyond which grains are so enlarged that this is why they find no room
 COARSEST = 0.1

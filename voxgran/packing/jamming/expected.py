@@ -19,8 +19,8 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError, shown
 from voxgran.shapes.sizes import SizeDistribution
 
-#: smallest gap of two rods, in lengths of the shorter one: in three dimensions that of the paper; in the plane the same
-#: rule, at which equal disks without order have a solid fraction of 0.84
+#: smallest gap of two rods, in lengths of the shorter one: in three dimensions that of the paper; in the plane that at
+#: which as many disks of the diameters 1 and 1.4 have the solid fraction 0.842 (O'Hern et al. 2003)
 GAP = {2: 0.2536, 3: 0.7654}
 #: number of rods, which gives the solid fraction to about 1e-4, and of sizes from which they are cut
 RODS, SIZES = 2**17, 2**17
@@ -55,9 +55,10 @@ def expected_solid_fraction(sizes: SizeDistribution, *, dimension: int = 3) -> f
     Notes
     -----
     The theory of Farr & Groot has one constant, which is fitted to 0.6435 for equal spheres; for lognormal, bidisperse
-    and tridisperse spheres it agrees with simulations, and two sizes of a large ratio reach 0.873. In the plane the
-    same rule is used with a constant for which equal disks have 0.84, the value of disks that have not crystallized;
-    there is no published theory to compare with. Walls make a packing looser.
+    and tridisperse spheres it agrees with simulations. Two sizes of a ratio of 1000 reach 0.86; small spheres in the
+    gaps of large ones, each packed as equal spheres are, would reach 0.873. In the plane the same rule is used with a
+    constant for which as many disks of the diameters 1 and 1.4 have their published 0.842; there is no published theory
+    to compare with. Walls make a packing looser.
 
     References
     ----------

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, KernelContainer, wall_of_mesh
+from voxgran._base.tree import closest_on_triangle, square_to_box
+from voxgran.containers.kernel_container import FLAT, MESH, ROUND, UPRIGHT, KernelContainer, wall_of_mesh
 from voxgran.packing.level_grid import LevelGrid, cells_near, empty_grid, link_at
 
 #: images of a periodic length at which a partner may lie, on either side
@@ -188,8 +189,10 @@ def push_spheres(
 @bare_kernel
 def _push_from_walls(spheres, i, k, walls, beyond, force, numbers):  # type: ignore[no-untyped-def]
     """Add the forces of all walls on one sphere."""
+    plane = len(beyond) == 0
     for axis in range(3):
-        if walls.walled[axis] == 1:
+        # bounds of other kinds are no walls, but for the ends of cylinders
+        if walls.walled[axis] == 1 and plane and (walls.kind == FLAT or (walls.kind == UPRIGHT and axis == 2)):
             low = spheres[i, axis] - walls.lower[axis]
             high = walls.lower[axis] + walls.lengths[axis] - spheres[i, axis]
             _push_from_wall(i, spheres[i, 3], low, axis, 1.0, force, numbers)
@@ -208,14 +211,49 @@ def _push_from_walls(spheres, i, k, walls, beyond, force, numbers):  # type: ign
         away = -distance
         if away != 0.0:
             nx, ny, nz = (x - px) / away, (y - py) / away, (z - pz) / away
+        if 0.0 < away < spheres[i, 3]:
+            _push_from_faces(spheres, i, away, walls, force, numbers)
     elif len(beyond) > 0:
         away, nx, ny, nz = beyond[k, 0], beyond[k, 1], beyond[k, 2], beyond[k, 3]
     deep = spheres[i, 3] - away
+    if walls.dimension == 2:
+        nz = 0.0
     if deep > 0.0:
         force[i, 0] += deep * nx
         force[i, 1] += deep * ny
         force[i, 2] += deep * nz
         _count_wall(spheres[i, 3], deep, numbers)
+
+
+@bare_kernel
+def _push_from_faces(spheres, i, nearest, walls, force, numbers):  # type: ignore[no-untyped-def]
+    """Add the forces of the faces of a mesh beyond the nearest one: a corner holds a sphere by all of its faces.
+
+    A face counts where the foot of the perpendicular from the center lies in it.
+    """
+    mesh, r = walls.mesh, spheres[i, 3]
+    x, y, z = spheres[i, 0] + mesh.shift[0], spheres[i, 1] + mesh.shift[1], spheres[i, 2] + mesh.shift[2]
+    stack, leaves = mesh.stack, len(mesh.low) // 2
+    stack[0], waiting = 0, 1
+    while waiting > 0:
+        waiting -= 1
+        node = stack[waiting]
+        if square_to_box(mesh.low, mesh.high, node, x, y, z) >= r * r:
+            continue
+        if node < leaves:
+            stack[waiting], stack[waiting + 1] = 2 * node + 1, 2 * node + 2
+            waiting += 2
+            continue
+        for k in range(mesh.start[node, 0], mesh.start[node, 1]):
+            px, py, pz, feature = closest_on_triangle(mesh.corners, k, x, y, z)
+            away = math.sqrt((px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2)
+            if feature == 0 and nearest < away < r:
+                pull = (r - away) / away
+                force[i, 0] += pull * (x - px)
+                force[i, 1] += pull * (y - py)
+                if walls.dimension == 3:
+                    force[i, 2] += pull * (z - pz)
+                _count_wall(r, r - away, numbers)
 
 
 @bare_kernel
