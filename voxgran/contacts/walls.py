@@ -61,8 +61,11 @@ def _beyond_container(assembly: Assembly) -> Floats:
     if walls is UNKNOWN:
         for grain in range(assembly.count):
             shape = assembly.shapes[assembly.shape_id[grain]]
-            error = shape.tessellation_error * assembly.scale[grain]
-            escape[grain] = assembly.container.signed_distance(assembly.world_vertices(grain)).max() + error
+            if shape.is_sphere:
+                points, beyond = assembly.position[grain : grain + 1], assembly.bounding_radii[grain]
+            else:
+                points, beyond = assembly.world_vertices(grain), shape.tessellation_error * assembly.scale[grain]
+            escape[grain] = assembly.container.signed_distance(points).max() + beyond
         return escape
     if walls.solid is not None:
         for kind in range(len(assembly.shapes)):
