@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import inlined_kernel
 
+#: largest number of cells per grain of a level
+SPARE = 2
+
 
 class LevelGrid(NamedTuple):
     """Cells of all levels, level by level, for positions from the lower corner of the container.
@@ -42,6 +45,26 @@ def empty_grid(span: Floats, reach: Floats, width: Floats, count: Integers, wrap
     # untouched zeros take no memory until grains are linked
     links = np.full(int(first[-1]), -1, dtype=np.int32), np.zeros(grains, dtype=np.int32)
     return LevelGrid(span, reach, width, count, wraps, first[:-1], np.zeros(len(count), dtype=np.int64), *links)
+
+
+def level_cells(lengths: Floats, periodic: Integers, reach: Floats, dimension: int) -> tuple[LevelGrid, Integers]:
+    """Return empty cells for spheres of half ranges `reach`, (n,), and the level of each; level 0 has the largest.
+
+    lengths: of the bounds of the container.  periodic: which axes are, as 0 or 1.
+    """
+    level = np.floor(np.log2(reach.max() / reach)).astype(np.int64)
+    used, level, number = np.unique(level, return_inverse=True, return_counts=True)
+    largest = np.array([reach[level == k].max() for k in range(len(used))])
+    axes = np.arange(3) < dimension
+    span = np.where(axes, lengths, 1.0)
+    full = np.maximum(np.floor(span / (2 * largest[:, None])), 1)
+    # as many cells as spheres at most, of one shape
+    share = np.minimum(1.0, (SPARE * number / full[:, axes].prod(axis=1)) ** (1.0 / dimension))
+    count = np.where(axes, np.maximum(np.floor(full * share[:, None]), 1), 1).astype(np.int64)
+    wraps = np.tile(periodic, (len(used), 1)).astype(np.int64)
+    width = np.ascontiguousarray(span / count)
+    rows = np.ascontiguousarray(np.tile(largest[:, None], (1, 3)))
+    return empty_grid(span * periodic, rows, width, count, wraps, len(reach)), level.astype(np.int64)
 
 
 @inlined_kernel

@@ -17,13 +17,15 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Booleans, Floats, Integers, as_count
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.rotation import normalized
+from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
 from voxgran.packing.draw import DrawnGrains
 from voxgran.packing.model import Packing
-from voxgran.packing.start import Start
+from voxgran.packing.start import Start, refuse_start
 from voxgran.points.control import sample_controls
 from voxgran.points.sample import SurfacePoints
 from voxgran.shapes.model import Shape
@@ -263,3 +265,35 @@ def warn_of_units(problem: Problem) -> None:
             # the same line for a plan and for its run, so that the warning is shown once
             stacklevel=2,
         )
+
+
+def spheres_of_start(problem: Problem) -> Floats:
+    """Return centers, from the lower corner of the container, and radii of the bounding spheres of a start, (m, 4).
+
+    Raises
+    ------
+    InputError
+        If the true shape of a grain overlaps that of another or reaches beyond a wall.
+    """
+    if problem.start is None:
+        return np.zeros((0, 4))
+    grains = problem.start_assembly(problem.start)
+    proof = verify(grains)
+    if not proof.ok:
+        wrong = [item.grain for item in proof.escapes] or [max(pair.i, pair.j) for pair in proof.pairs]
+        refuse_start(wrong[0])
+    place = problem.start.wrapped(problem.container) - problem.container.bounds[0]
+    return np.column_stack([place, grains.bounding_radii])
+
+
+def random_turns(problem: Problem, grains: Integers) -> Floats | None:
+    """Return orientations of grains, (m, 4): those of the start, and random ones of all others; None for spheres."""
+    n = problem.started
+    if all(shape.is_sphere for shape in problem.shapes) and not n:
+        return None
+    turns = stream(problem.seed, "turns").normal(size=(problem.count, 4))
+    if problem.dimension == 2:
+        turns[:, 1:3] = 0.0
+    if problem.start is not None:
+        turns[:n] = problem.start.orientation
+    return normalized(turns[grains])

@@ -19,13 +19,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError, TooLargeError
-from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
-from voxgran.contacts.verify import verify
 from voxgran.containers.kernel_container import KernelContainer
 from voxgran.containers.model import boundary_of
 from voxgran.packing.advancing_front.container import front_container
@@ -36,8 +34,7 @@ from voxgran.packing.gravity import as_down
 from voxgran.packing.level_grid import LevelGrid
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
-from voxgran.packing.problem import Problem
-from voxgran.packing.start import Start, refuse_start
+from voxgran.packing.problem import Problem, random_turns, spheres_of_start
 from voxgran.packing.transform.grow import grow
 from voxgran.shapes.sizes import size_distance
 
@@ -112,7 +109,8 @@ def prepare(problem: Problem) -> State:
     most = _most_attempts(problem, dense=problem.parameters.mode == "dense")
     state = State(arrays, dict.fromkeys((*TALLY, "narrow"), 0), 0, most)
     if problem.start is not None:
-        _enter_start(problem, state, problem.start)
+        state.arrays["spheres"][:n] = spheres_of_start(problem)
+        state.counters["placed"] = n
     _look(problem, state)
     return state
 
@@ -157,7 +155,7 @@ def finish(problem: Problem, state: State) -> Packing:
     packing = problem.packing(
         grains,
         position=spheres[:, :3] + problem.container.bounds[0],
-        orientation=_orientations(problem, grains),
+        orientation=random_turns(problem, grains),
         stop_reason=state.stop_reason,
         # if the lowest position is next, the spheres on top are a free surface
         gravity=as_down("down", problem.container) if _order(problem, state) == LOWEST else None,
@@ -225,22 +223,6 @@ def _order(problem: Problem, state: State) -> int:
     return LOWEST if _is_dense(problem, state) and asked.order == "random" else ORDERS[asked.order]
 
 
-def _enter_start(problem: Problem, state: State, start: Start) -> None:
-    """Place the grains of the start at their positions, if they do not overlap."""
-    grains = problem.start_assembly(start)
-    proof = verify(grains)
-    if not proof.ok:
-        wrong = [item.grain for item in proof.escapes] or [max(pair.i, pair.j) for pair in proof.pairs]
-        refuse_start(wrong[0])
-    lower, upper = problem.container.bounds
-    place = start.position - lower
-    wraps = np.flatnonzero(problem.container.periodic)
-    place[:, wraps] %= (upper - lower)[wraps]
-    spheres = state.arrays["spheres"]
-    spheres[: start.count, :3], spheres[: start.count, 3] = place, grains.bounding_radii
-    state.counters["placed"] = start.count
-
-
 def _look(problem: Problem, state: State) -> bool:
     """Set the stop reason when all grains are placed or no seed of the front fits; return whether it is set."""
     if state.counters["placed"] == problem.count:
@@ -286,19 +268,6 @@ def _longer(array: Any) -> Any:
 def _most_attempts(problem: Problem, *, dense: bool) -> int:
     """Return the largest number of visited positions, without the seeds of the front before the last."""
     return (12 if dense else 4) * problem.count + PATIENCE
-
-
-def _orientations(problem: Problem, grains: Integers) -> Floats | None:
-    """Return orientations: those of the start, and random ones of all grains that are not spheres."""
-    n = problem.started
-    if all(shape.is_sphere for shape in problem.shapes) and not n:
-        return None
-    turns = stream(problem.seed, "turns").normal(size=(problem.count, 4))
-    if problem.dimension == 2:
-        turns[:, 1:3] = 0.0
-    if problem.start is not None:
-        turns[:n] = problem.start.orientation
-    return normalized(turns[grains])
 
 
 registration = PackingMethod(

@@ -21,13 +21,11 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.tree import closest_on_triangle, square_to_box
 from voxgran.containers.kernel_container import FLAT, MESH, ROUND, UPRIGHT, KernelContainer, wall_of_mesh
-from voxgran.packing.level_grid import LevelGrid, cells_near, empty_grid, link_at
+from voxgran.packing.level_grid import LevelGrid, cells_near, link_at
 
 #: images of a periodic length at which a partner may lie, on either side
 MOST_IMAGES = 2
 IMAGES = 2 * MOST_IMAGES + 1
-#: largest number of cells per sphere of a level
-SPARE = 2
 #: rows of the numbers that the relaxation carries from call to call
 STEP, MIXING, UPHILL_FREE = 0, 1, 2
 ENERGY, DEPTH, RESIDUAL, PUSH, TOUCHING = 3, 4, 5, 6, 7
@@ -54,23 +52,6 @@ def image_shifts(span: Floats) -> Floats:
     """Return the vector of each image, (IMAGES**3, 3), for lengths of the periodic axes, 0 of others."""
     turns = np.indices((IMAGES,) * 3).reshape(3, -1).T - MOST_IMAGES
     return np.ascontiguousarray(turns * span)
-
-
-def level_cells(lengths: Floats, periodic: Integers, reach: Floats, dimension: int) -> tuple[LevelGrid, Integers]:
-    """Return empty cells for spheres of half ranges `reach`, (n,), and the level of each; level 0 has the largest."""
-    level = np.floor(np.log2(reach.max() / reach)).astype(np.int64)
-    used, level, number = np.unique(level, return_inverse=True, return_counts=True)
-    largest = np.array([reach[level == k].max() for k in range(len(used))])
-    axes = np.arange(3) < dimension
-    span = np.where(axes, lengths, 1.0)
-    full = np.maximum(np.floor(span / (2 * largest[:, None])), 1)
-    # as many cells as spheres at most, of one shape
-    share = np.minimum(1.0, (SPARE * number / full[:, axes].prod(axis=1)) ** (1.0 / dimension))
-    count = np.where(axes, np.maximum(np.floor(full * share[:, None]), 1), 1).astype(np.int64)
-    wraps = np.tile(periodic, (len(used), 1)).astype(np.int64)
-    width = np.ascontiguousarray(span / count)
-    rows = np.ascontiguousarray(np.tile(largest[:, None], (1, 3)))
-    return empty_grid(span * periodic, rows, width, count, wraps, len(reach)), level.astype(np.int64)
 
 
 @bare_kernel

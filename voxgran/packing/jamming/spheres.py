@@ -39,11 +39,11 @@ from voxgran.packing.jamming.soft_kernels import (
     UPHILL_FREE,
     PairList,
     image_shifts,
-    level_cells,
     list_pairs,
     push_spheres,
     relax_spheres,
 )
+from voxgran.packing.level_grid import level_cells
 from voxgran.shapes.mesh import Mesh
 
 #: share of its radius by which a sphere may move before pairs are listed again
