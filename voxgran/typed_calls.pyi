@@ -105,6 +105,11 @@ class DigitalKeywords(PackKeywords, total=False):
     guided: Number
     schedule: Literal["random", "sorted", "sleeping"]
 
+class DepositionKeywords(PackKeywords, total=False):
+    sticking: Number
+    toward: Literal["floor", "center"]
+    drops: Whole
+
 class ControlPointKeywords(PackKeywords, total=False):
     sweeps: Whole
     cycles: Whole | None
@@ -145,6 +150,13 @@ def pack(
     container: Container,
     method: Literal["control_point"],
     **keywords: Unpack[ControlPointKeywords],
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["deposition"],
+    **keywords: Unpack[DepositionKeywords],
 ) -> Packing: ...
 @overload
 def pack(

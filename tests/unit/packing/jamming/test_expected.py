@@ -57,7 +57,9 @@ def test_disks_of_two_sizes_have_their_published_value():
 
 
 def test_wrong_calls_are_refused():
-    with pytest.raises(InputError, match=r"sizes is 0.5: it must be a size distribution; for one size give sizes.fixed"):
+    with pytest.raises(
+        InputError, match=r"sizes is 0.5: it must be a size distribution; for one size give sizes.fixed"
+    ):
         vg.expected_solid_fraction(0.5)
     with pytest.raises(InputError, match="dimension is 4"):
         vg.expected_solid_fraction(vg.sizes.fixed(), dimension=4)

@@ -1,0 +1,210 @@
+"""Deposition: one grain after the other falls from a random place, and sticks or rolls to where it rests.
+
+A sphere falls until it touches another or the floor. With the probability `sticking` it stays there (ballistic
+deposition, Vold 1959); otherwise it rolls down on one and then on two others to a place on three (on two in two
+dimensions), from which no way leads down (Visscher & Bolsterli 1972). No grain moves after it has come to rest. Toward
+the center, spheres arrive along random lines at a cluster around the first one.
+
+Shapes that are no spheres are represented by their bounding spheres, in random orientations.
+
+References
+----------
+Vold 1959, A numerical approach to the problem of sediment volume, Journal of Colloid Science 14, 168-174,
+doi:10.1016/0095-8522(59)90041-8.
+Visscher & Bolsterli 1972, Random packing of equal and unequal spheres in two and three dimensions, Nature 239, 504-507,
+doi:10.1038/239504a0.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.config import check_bounds, parameter
+from voxgran._base.errors import InputError
+from voxgran._base.seeds import philox_key
+from voxgran.containers.kernel_container import KernelContainer, kernel_container
+from voxgran.containers.model import boundary_of
+from voxgran.packing.deposition.moves import ROWS, WIDTH, Field
+from voxgran.packing.deposition.rain import MISSED, PATIENCE, PLACED, Tops, drop_spheres, put_again
+from voxgran.packing.gravity import as_down, usual_axis
+from voxgran.packing.level_grid import level_cells
+from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.model import Packing
+from voxgran.packing.problem import Problem, random_turns, spheres_of_start
+
+#: bytes of a grain (measured), and attempts per grain, of which most find a place
+GRAIN_BYTES, ATTEMPTS = 200, 20
+#: places along each axis among which the target is found
+LATTICE = 20
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Deposition:
+    """Parameters of deposition.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range.
+    """
+
+    sticking: float = parameter(
+        0.0,
+        doc="probability that a grain stays where it first touches something; 0: all roll to a stable place, 1: none",
+        at_least=0.0,
+        at_most=1.0,
+    )
+    toward: Literal["floor", "center"] = parameter(
+        "floor", doc="where grains fall: down, or from all sides toward the place farthest from all walls"
+    )
+    drops: int = parameter(
+        1, doc="drops of each grain, of which the lowest place is taken, or that nearest to the center", at_least=1
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_bounds(self)
+
+
+def prepare(problem: Problem) -> State:
+    """Return the state in which only the grains of the start are placed.
+
+    Raises
+    ------
+    InputError
+        If grains fall to the floor of a container without a plane floor and plane walls, or toward the center of one
+        with periodic axes, or a grain of the start overlaps another or reaches beyond a wall.
+    """
+    settings: Deposition = problem.parameters
+    container, central = problem.container, settings.toward == "center"
+    boundary = boundary_of(container)
+    plane = boundary.solid is None and not boundary.round_axes
+    if not central and (not plane or container.periodic[problem.dimension - 1]):
+        raise InputError(
+            f"container is {container.kind!r} with periodic {_axes(container.periodic)}: grains roll to a plane floor "
+            "between plane walls, of a box or a rectangle with walls below and above; give toward='center' or "
+            "method='gravity'"
+        )
+    if central and any(container.periodic):
+        raise InputError(
+            f"periodic is {_axes(container.periodic)}: grains that fall toward the center have no periodic images; "
+            "give a container with walls"
+        )
+    spheres = np.zeros((problem.count, 4))
+    spheres[: problem.started] = spheres_of_start(problem)
+    arrays = {"spheres": spheres, "tally": np.array([problem.started, 0], dtype=np.int64)}
+    state = State(arrays, {}, 0, ATTEMPTS * (problem.count - problem.started) + PATIENCE)
+    _look(problem, state)
+    return state
+
+
+def _axes(periodic: tuple[bool, ...]) -> str:
+    """Return periodic axes as text."""
+    return "".join(axis for axis, wraps in zip("xyz", periodic, strict=False) if wraps) or "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Precomputed:
+    """What follows from the problem and the placed spheres."""
+
+    field: Field
+    walls: KernelContainer
+    radius: Floats
+    level: Any
+    tops: Tops
+    extent: Floats
+
+
+def advance(problem: Problem, state: State, attempts: int) -> State:
+    """Make up to `attempts` attempts, each of which drops one grain."""
+    if state.stop_reason:
+        return state
+    if "precomputed" not in state.derived:
+        state.derived["precomputed"] = _precomputed(problem, state)
+    made: Precomputed = state.derived["precomputed"]
+    settings: Deposition = problem.parameters
+    last = min(state.done + attempts, state.total)
+    state.done = int(
+        drop_spheres(
+            *(made.field, made.walls, made.radius, made.level, made.tops, made.extent),
+            *(settings.drops, settings.sticking, philox_key(problem.seed, "deposition")),
+            *(state.arrays["tally"], state.done, last),
+        )
+    )
+    _look(problem, state)
+    return state
+
+
+def _precomputed(problem: Problem, state: State) -> Precomputed:
+    """Return cells, columns and work space, with the placed spheres in them."""
+    walls = kernel_container(problem.container, from_corner=True)
+    radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+    reach = radius if len(radius) else np.ones(1)
+    cells, level = level_cells(walls.lengths, walls.periodic, reach, problem.dimension)
+    up, lengths = problem.dimension - 1, np.where(np.arange(3) < problem.dimension, walls.lengths, 0.0)
+    across = np.array([lengths[0], lengths[3 - up]])
+    count = np.maximum(across / (2.0 * reach.max()), 1.0).astype(np.int64)
+    width = np.where(across > 0.0, across / count, 1.0)
+    tops = Tops(count, width, np.zeros(int(count.prod())))
+    work = np.zeros((3, WIDTH)), np.zeros((ROWS, 3))
+    central = problem.parameters.toward == "center"
+    field = Field(state.arrays["spheres"], cells, lengths, walls.walled, up, central, _widest(problem), *work)
+    made = Precomputed(field, walls, radius, level, tops, np.zeros(1))
+    put_again(field, level, tops, made.extent, int(state.arrays["tally"][PLACED]))
+    return made
+
+
+def _widest(problem: Problem) -> Floats:
+    """Return the place farthest from all walls, among the middle of the bounds and a lattice, from the lower corner."""
+    container, (lower, upper) = problem.container, problem.container.bounds
+    axes = np.arange(3) < problem.dimension
+    share = np.indices(np.where(axes, LATTICE, 1).tolist()).reshape(3, -1).T / (LATTICE - 1.0)
+    points = np.vstack([0.5 * (lower + upper), lower + share * (upper - lower)])
+    return np.asarray(points[np.argmin(container.signed_distance(points))] - lower)
+
+
+def _look(problem: Problem, state: State) -> None:
+    """Set the stop reason."""
+    tally = state.arrays["tally"]
+    if tally[PLACED] == problem.count:
+        state.stop_reason = "count"
+    elif tally[MISSED] >= PATIENCE:
+        state.stop_reason = "full"
+    elif state.done >= state.total:
+        state.stop_reason = "steps"
+    if state.stop_reason:
+        state.derived.clear()
+
+
+def finish(problem: Problem, state: State) -> Packing:
+    """Return the packing of the grains that were placed."""
+    many = int(state.arrays["tally"][PLACED])
+    grains = np.arange(many)
+    down = problem.parameters.toward == "floor"
+    return problem.packing(
+        grains,
+        position=state.arrays["spheres"][:many, :3] + problem.container.bounds[0],
+        orientation=random_turns(problem, grains),
+        stop_reason=state.stop_reason,
+        gravity=as_down(usual_axis(problem.container), problem.container) if down else None,
+    )
+
+
+def cost(problem: Problem) -> Cost:
+    """Return the cost of a run."""
+    return Cost(memory=GRAIN_BYTES * problem.count + 2**22, attempts=ATTEMPTS * problem.count + PATIENCE)
+
+
+registration = PackingMethod(
+    name="deposition",
+    summary="grains fall one after the other and stick where they touch, or roll to a place on three others",
+    source="Vold 1959, doi:10.1016/0095-8522(59)90041-8; Visscher & Bolsterli 1972, doi:10.1038/239504a0",
+    parameters=Deposition,
+    prepare=prepare,
+    advance=advance,
+    finish=finish,
+    cost=cost,
+    dimensions=(2, 3),
+)

@@ -1,0 +1,189 @@
+"""Spheres that are dropped one after the other, each to the best of some places."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats, Integers, Words
+from voxgran._base.kernels import bare_kernel, kernel
+from voxgran._base.seeds import philox_block, unit_float
+from voxgran.containers.kernel_container import KernelContainer, is_held
+from voxgran.packing.deposition.moves import WAY, Field
+from voxgran.packing.deposition.paths import fall
+from voxgran.packing.level_grid import link_at
+
+#: attempts in a row that find no place, after which the container is full
+PATIENCE = 200
+#: what is counted: spheres placed, attempts in a row without a place
+PLACED, MISSED = 0, 1
+#: number of a draw beyond those of all drops
+APART = 2**32
+
+
+class Tops(NamedTuple):
+    """Columns with the height of the highest sphere in each, from which a sphere begins to fall.
+
+    count: (2,) columns along the axes across the pull.  width: (2,) of a column.  height: (columns,).
+    """
+
+    count: Integers  # type: ignore[assignment]
+    width: Floats
+    height: Floats
+
+
+@kernel
+def drop_spheres(
+    field: Field,
+    walls: KernelContainer,
+    radius: Floats,
+    level: Integers,
+    tops: Tops,
+    extent: Floats,
+    drops: int,
+    sticking: float,
+    key: Words,
+    tally: Integers,
+    done: int,
+    last: int,
+) -> int:
+    """Make attempts up to number `last`, and return the number after the last one that was made.
+
+    Each drops the next sphere `drops` times and keeps the lowest place, or the nearest to the target. extent: (1,)
+    distance of the farthest surface from the target.
+    """
+    place, lowest = np.zeros(3), np.zeros(3)
+    while done < last and tally[PLACED] < len(radius) and tally[MISSED] < PATIENCE:
+        n, r, best = tally[PLACED], radius[tally[PLACED]], math.inf
+        word = philox_block(key[0], key[1], np.uint64(done), np.uint64(APART))[0]
+        sticks, flown = unit_float(word) < sticking, False
+        for k in range(drops):
+            words = philox_block(key[0], key[1], np.uint64(done), np.uint64(k))
+            u, v, w = unit_float(words[0]), unit_float(words[1]), unit_float(words[2])
+            if field.central:
+                met = n == 0
+                _aim(field, extent[0], r, u, v, w, unit_float(words[3]), place)
+                if n > 0:
+                    met = fall(field, place, r, sticks, True)
+                flown = flown or not met
+            else:
+                _lift(field, tops, r, u, v, place)
+                met = fall(field, place, r, sticks, False)
+            if met and _fits(field, walls, place, r):
+                depth = _depth(field, place)
+                if depth < best:
+                    best = depth
+                    lowest[0], lowest[1], lowest[2] = place[0], place[1], place[2]
+        if best < math.inf:
+            _put(field, tops, extent, n, r, level[n], lowest)
+            tally[PLACED] += 1
+            tally[MISSED] = 0
+        elif not flown:
+            tally[MISSED] += 1
+        done += 1
+    return done
+
+
+@bare_kernel
+def _lift(field, tops, r, u, v, place):  # type: ignore[no-untyped-def]
+    """Write a random place above all spheres that may be in the way."""
+    across = 3 - field.up
+    place[0], place[1], place[2] = 0.0, 0.0, 0.0
+    for axis, share in ((0, u), (across, v)):
+        if field.lengths[axis] > 0.0:
+            inset = r if field.walled[axis] == 1 else 0.0
+            place[axis] = inset + share * (field.lengths[axis] - 2.0 * inset)
+    highest = 0.0
+    i, j = int(place[0] / tops.width[0]), int(place[across] / tops.width[1])
+    for di in range(-1, 2):
+        for dj in range(-1, 2):
+            # beyond a wall there is another column of this container, which does no harm
+            column = (i + di) % tops.count[0] * tops.count[1] + (j + dj) % tops.count[1]
+            highest = max(highest, tops.height[column])
+    place[field.up] = highest + 1.001 * r
+
+
+@bare_kernel
+def _aim(field, extent, r, u, v, w, t, place):  # type: ignore[no-untyped-def]
+    """Write a random place outside of all spheres, and a way that leads toward them; the target for the first sphere.
+
+    Ways are uniform among all lines that meet a sphere about the target.
+    """
+    way, target, far = field.vectors[WAY], field.target, extent + 2.0 * r
+    if extent == 0.0:
+        place[0], place[1], place[2] = target[0], target[1], target[2]
+        return
+    if field.up == 1:
+        angle, offset = 2.0 * math.pi * u, (extent + r) * (2.0 * v - 1.0)
+        way[0], way[1], way[2] = math.cos(angle), math.sin(angle), 0.0
+        place[0] = target[0] - far * way[0] - offset * way[1]
+        place[1] = target[1] - far * way[1] + offset * way[0]
+        place[2] = target[2]
+        return
+    angle, z, turn, offset = 2.0 * math.pi * u, 2.0 * v - 1.0, 2.0 * math.pi * w, (extent + r) * math.sqrt(t)
+    flat = math.sqrt(1.0 - z * z)
+    cx, cy = math.cos(angle), math.sin(angle)
+    way[0], way[1], way[2] = flat * cx, flat * cy, z
+    # two axes across the way
+    a, b = offset * math.cos(turn), offset * math.sin(turn)
+    place[0] = target[0] - far * way[0] - a * cy - b * z * cx
+    place[1] = target[1] - far * way[1] + a * cx - b * z * cy
+    place[2] = target[2] - far * way[2] + b * flat
+
+
+@bare_kernel
+def _fits(field, walls, place, r):  # type: ignore[no-untyped-def]
+    """Bring a place into the periodic lengths, and return whether the container holds a sphere there."""
+    for axis in range(3):
+        span = field.cells.span[axis]
+        if span > 0.0:
+            place[axis] -= math.floor(place[axis] / span) * span
+    return is_held(walls, place[0], place[1], place[2], r, r, r)
+
+
+@bare_kernel
+def _depth(field, place):  # type: ignore[no-untyped-def]
+    """Return the height of a place, or its distance from the target."""
+    if not field.central:
+        return place[field.up]
+    square = 0.0
+    for axis in range(3):
+        square += (place[axis] - field.target[axis]) ** 2
+    return math.sqrt(square)
+
+
+@bare_kernel
+def _put(field, tops, extent, n, r, level, place):  # type: ignore[no-untyped-def]
+    """Place sphere n."""
+    field.spheres[n, 0], field.spheres[n, 1], field.spheres[n, 2], field.spheres[n, 3] = place[0], place[1], place[2], r
+    link_at(field.cells, n, level, place[0], place[1], place[2])
+    extent[0] = max(extent[0], _far_of(field, place) + r)
+    column = _column(field, tops, place)
+    tops.height[column] = max(tops.height[column], place[field.up] + r)
+
+
+@bare_kernel
+def _far_of(field, place):  # type: ignore[no-untyped-def]
+    """Return the distance of a place from the target."""
+    square = 0.0
+    for axis in range(3):
+        square += (place[axis] - field.target[axis]) ** 2
+    return math.sqrt(square)
+
+
+@bare_kernel
+def _column(field, tops, place):  # type: ignore[no-untyped-def]
+    """Return the column of a place."""
+    i, j = int(place[0] / tops.width[0]), int(place[3 - field.up] / tops.width[1])
+    return min(i, tops.count[0] - 1) * tops.count[1] + min(j, tops.count[1] - 1)
+
+
+@kernel
+def put_again(field: Field, level: NDArray[np.int64], tops: Tops, extent: Floats, count: int) -> None:
+    """Link the first `count` spheres, as if they had just been placed."""
+    place = np.zeros(3)
+    for n in range(count):
+        for axis in range(3):
+            place[axis] = field.spheres[n, axis]
+        _put(field, tops, extent, n, field.spheres[n, 3], level[n], place)
