@@ -54,6 +54,12 @@ class RsaKeywords(PackKeywords, total=False):
     numbers: Literal["philox", "lcg"]
     aligned: bool
 
+class RandomApollonianKeywords(PackKeywords, total=False):
+    smallest: Number | None
+    largest: Number | None
+    shift: Whole
+    shrink: Number
+
 class JamKeywords(PackKeywords, total=False):
     keep: Literal["container", "sizes"]
 
@@ -193,6 +199,13 @@ def pack(
 @overload
 def pack(
     shapes: Sequence[Shape] | Shape, container: Container, method: Literal["jam"], **keywords: Unpack[JamKeywords]
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["random_apollonian"],
+    **keywords: Unpack[RandomApollonianKeywords],
 ) -> Packing: ...
 @overload
 def pack(
