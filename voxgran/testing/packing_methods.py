@@ -75,7 +75,7 @@ class PackingMethodSuite:
 
     @classmethod
     def request(cls, *, count: int | None = None, seed: int = 1) -> dict[str, Any]:
-        """Return what is asked of :func:`prepare_task`: the numbers given, and lognormal sizes unless it makes its own."""
+        """Return what is asked of :func:`prepare_task`: the numbers given, and lognormal sizes if it takes any."""
         return {
             "shapes": cls.shapes(),
             "container": cls.container(),

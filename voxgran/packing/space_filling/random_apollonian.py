@@ -42,7 +42,7 @@ GRAIN_BYTES, ATTEMPTS = 300, 10_000
 #: cells per sphere
 CELLS = 0.4
 #: attempts in a row that find no place, after which the container is full
-PATIENCE = 2_000
+PATIENCE = 5_000
 #: shares of the shortest edge of the container: the smallest diameter if neither count nor solid fraction is asked for,
 #: and the largest one of spheres that shift
 SMALLEST, SHIFTED = 0.02, 0.25
