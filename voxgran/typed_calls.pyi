@@ -63,6 +63,11 @@ class RandomApollonianKeywords(PackKeywords, total=False):
 class JamKeywords(PackKeywords, total=False):
     keep: Literal["container", "sizes"]
 
+class GrowthKeywords(PackKeywords, total=False):
+    arrival: Literal["together", "continuous"]
+    slowest: Number
+    speed: Number
+
 class GravityKeywords(PackKeywords, total=False):
     friction: Number
     restitution: Number
@@ -195,6 +200,10 @@ def pack(
     container: Container,
     method: Literal["gravity"],
     **keywords: Unpack[GravityKeywords],
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["growth"], **keywords: Unpack[GrowthKeywords]
 ) -> Packing: ...
 @overload
 def pack(

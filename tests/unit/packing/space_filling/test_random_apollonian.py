@@ -130,7 +130,7 @@ def test_the_exponent_of_spheres_is_the_published_one():
 
 
 def test_other_shapes_lie_in_their_spheres():
-    cube = vg.make_shape("cube")
+    cube = vg.make_shape("box")
     packing = vg.pack(cube, vg.Box((4, 4, 4)), method="random_apollonian", count=100)
     assert vg.verify(packing).ok
     assert np.ptp(packing.orientation, axis=0).min() > 0.1
