@@ -142,6 +142,9 @@ class ControlPointKeywords(PackKeywords, total=False):
     rotation_share: Number
     step: Number
 
+class ApollonianKeywords(PackKeywords, total=False):
+    smallest: Number | None
+
 class AdvancingFrontKeywords(PackKeywords, total=False):
     mode: Literal["loose", "dense"]
     order: Literal["random", "nearest", "lowest"]
@@ -154,6 +157,13 @@ def pack(
     container: Container,
     method: Literal["advancing_front"],
     **keywords: Unpack[AdvancingFrontKeywords],
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["apollonian"],
+    **keywords: Unpack[ApollonianKeywords],
 ) -> Packing: ...
 @overload
 def pack(
