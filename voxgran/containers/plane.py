@@ -5,6 +5,7 @@ plane: what knows the distance from a closed mesh knows that from a polygon with
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,7 +63,7 @@ def as_loops(corners: ArrayLike, holes: Sequence[ArrayLike]) -> tuple[Floats, ..
     return tuple(read_only(loop) for loop in loops)
 
 
-def _check_list(holes: Sequence[ArrayLike]) -> None:
+def _check_list(holes: Any) -> None:
     """Check that holes are a list of loops."""
     several = isinstance(holes, Sequence) and not isinstance(holes, str | bytes)
     if not several and not (isinstance(holes, np.ndarray) and holes.ndim):

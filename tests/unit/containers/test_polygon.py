@@ -448,6 +448,17 @@ def test_every_method_of_the_plane_fills_a_region_with_a_hole_and_a_reentrant_co
     assert (x < 1.2).sum() > 4 or method == "deposition"
 
 
+def test_rsa_in_a_region_is_saturated():
+    """No disk that is asked for fits anywhere else."""
+    packing = vg.pack(vg.make_shape("disk", diameter=0.35), SMALL, "rsa", until="saturated", seed=1)
+    assert packing.stop_reason == "saturated"
+    points = stream(5, "room").uniform((0, 0), (4, 3), (40_000, 2))
+    free = twin((SMALL.corners, *SMALL.holes), points) <= -0.175
+    free &= np.linalg.norm(points[:, None] - packing.position[:, :2], axis=2).min(axis=1) >= 0.35
+    assert not free.any()
+    assert 0.45 < packing.solid_fraction < 0.55
+
+
 def test_a_grain_across_an_edge_is_found():
     inside = vg.Packing.of([DISK], HOLED, position=[(2.5, 0.5, 0), (5, 2, 0)], scale=[0.99, 1.0], gravity=None)
     assert vg.verify(inside).ok
