@@ -51,6 +51,7 @@ from voxgran.packing.settle import settle as settle
 from voxgran.packing.transform.from_labels import packing_of_labels as packing_of_labels
 from voxgran.packing.transform.grow import grow as grow
 from voxgran.packing.transform.inscribe import inscribe as inscribe
+from voxgran.packing.transform.remove import remove_grains as remove_grains
 from voxgran.points.cloud import Cloud as Cloud
 from voxgran.points.cloud_surface import shape_of_cloud as shape_of_cloud
 from voxgran.points.register import register_clouds as register_clouds
