@@ -26,10 +26,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.containers.disk import Disk
-from voxgran.containers.polygon import Polygon
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.model import Boundary, boundary_of
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -106,43 +103,41 @@ def gasket_of(problem: Problem) -> Gasket:
     InputError
         If the container is none of those that have one.
     """
-    container = problem.container
-    if isinstance(container, Disk | Sphere):
-        return _of_round(problem, container)
-    if isinstance(container, Rectangle) and sum(container.periodic) == 1:
-        return _of_strip(problem, container)
-    if isinstance(container, Polygon) and len(container.corners) == 3 and not container.holes:
-        corners = np.asarray(container.corners, dtype=np.float64)
-        origin, size = corners[0], float(np.ptp(corners, axis=0).max())
-        return Gasket(
-            size, lambda most: in_triangle((corners - origin) / size, most), lambda place: origin + size * place
-        )
+    container, boundary = problem.container, boundary_of(problem.container)
+    if boundary.round_axes == problem.dimension:
+        return _of_round(problem, boundary)
+    if problem.dimension == 2 and boundary.is_flat and sum(container.periodic) == 1:
+        return _of_strip(problem)
+    if len(boundary.loops) == 1 and len(boundary.loops[0]) == 3:
+        origin, size = boundary.loops[0][0], float(np.ptp(boundary.loops[0], axis=0).max())
+        corners = (boundary.loops[0] - origin) / size
+        return Gasket(size, lambda most: in_triangle(corners, most), lambda place: origin + size * place)
     raise InputError(
         f"container is {container.kind!r}: exact gaskets are in a disk, a sphere, a triangle (a polygon of three "
         "corners) or a rectangle with one periodic axis; give one of these, or method='random_apollonian'"
     )
 
 
-def _of_round(problem: Problem, container: Disk | Sphere) -> Gasket:
+def _of_round(problem: Problem, boundary: Boundary) -> Gasket:
     """Return the gasket of a disk or a sphere, turned at random."""
-    dimension, radius = container.dimension, container.radius
+    dimension, radius = problem.dimension, boundary.radius
     matrix, triangle = np.linalg.qr(stream(problem.seed, "turn").normal(size=(dimension, dimension)))
     turn = matrix * np.sign(np.diag(triangle))
-    middle = np.mean(container.bounds, axis=0)[:dimension]
+    middle = np.array(boundary.center[:dimension])
     return Gasket(radius, lambda most: in_sphere(dimension, most), lambda place: middle + radius * place @ turn.T)
 
 
-def _of_strip(problem: Problem, container: Rectangle) -> Gasket:
+def _of_strip(problem: Problem) -> Gasket:
     """Return the gasket of a rectangle with one periodic axis, with a random place of the first circle."""
-    along = container.periodic.index(True)
-    length, height = container.lengths[along], container.lengths[1 - along]
+    (lower, upper), along = problem.container.bounds, problem.container.periodic.index(True)
+    length, height = (upper - lower)[along], (upper - lower)[1 - along]
     heights = round(length / height)
     if abs(length / height - heights) > ROUNDING or not heights:
         raise InputError(
             f"the periodic length is {length / height:.6g} times the other one: circles that touch both walls fit a "
             f"whole number of times; make it {max(heights, 1)} times as long"
         )
-    shift, origin = stream(problem.seed, "shift").random() * length, np.array(container.bounds[0][:2])
+    shift, origin = stream(problem.seed, "shift").random() * length, lower[:2]
 
     def spheres(most: float) -> Iterator[Floats]:
         for rows in in_strip(most):
@@ -159,7 +154,13 @@ def _of_strip(problem: Problem, container: Rectangle) -> Gasket:
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:
-    """Make the gasket, which is one attempt."""
+    """Make the gasket, which is one attempt.
+
+    Raises
+    ------
+    InputError
+        If the gasket has more grains down to the smallest diameter than are placed without a count.
+    """
     gasket = state.derived.setdefault("gasket", gasket_of(problem))
     if state.stop_reason or not attempts:
         return state
