@@ -21,13 +21,15 @@ REST = CORNER + 1
 #: places that are climbed from between two looks whether to stop
 AT_ONCE = 2048
 #: tangent planes of a place, at most, and how often they are looked up
-PLANES, LOOKS = 4, 6
+PLANES, LOOKS = 4, 8
 #: what a sphere may reach beyond a wall before another plane is looked up, in radii
 BEYOND = 1e-12
 #: distance of the next places from the center of a sphere, and the hole expected there, in radii of the sphere
 NEXT, SMALLER = 1.3, 0.5
 #: reach of the look for walls, in expected radii
 AROUND = 4.0
+#: radius up to which a sphere grows between two looks, in expected ones
+FARTHEST = 2.0
 
 
 class Walls:
@@ -101,20 +103,25 @@ def _climb_within(
     todo = np.arange(len(starts))
     for look in range(LOOKS):
         part, directions = np.zeros((len(todo), 4)), np.zeros((len(todo), 4, 3))
-        arrays = (starts[todo], planes[todo], known[todo])
-        climb_all(spheres, cells, dimension, *arrays, part, directions)
-        found[todo], normals[todo] = part, directions
+        begin = starts[todo]
+        # walls that are not known yet hold nothing: no climb goes far before they are looked up again
+        begin[:, MOST] = np.minimum(begin[:, MOST], FARTHEST * begin[:, HINT])
+        climb_all(spheres, cells, dimension, begin, planes[todo], known[todo], part, directions)
         depth = walls.depth(part[:, :3])
-        beyond = (part[:, 3] > depth + BEYOND * part[:, 3]) & (part[:, 3] >= smallest)
+        found[todo], normals[todo] = part, directions
         found[todo, 3] = np.minimum(part[:, 3], np.maximum(depth, 0.0))
-        todo = todo[beyond]
+        beyond = (part[:, 3] > depth + BEYOND * part[:, 3]) & (part[:, 3] >= smallest)
+        short = ~beyond & (part[:, 3] >= begin[:, MOST]) & (part[:, 3] < starts[todo, MOST])
+        moves = begin[:, MOVES] > 0.0
+        starts[todo[moves], :3] = part[moves, :3]
+        starts[todo[short], HINT] *= 2.0
+        new = todo[beyond]
+        todo = todo[beyond | (short & moves)]
         if look == LOOKS - 1 or not len(todo):
             return
         # the oldest plane makes room for another one
-        planes[todo, flat + (known[todo] - flat) % PLANES] = walls.planes(found[todo, :3])
-        known[todo] = np.minimum(known[todo] + 1, flat + PLANES)
-        moves = starts[todo, MOVES] > 0.0
-        starts[todo[moves], :3] = found[todo[moves], :3]
+        planes[new, flat + (known[new] - flat) % PLANES] = walls.planes(starts[new, :3])
+        known[new] = np.minimum(known[new] + 1, flat + PLANES)
 
 
 def taken(found: Floats, walls: Walls, slack: float) -> tuple[Integers, Integers]:

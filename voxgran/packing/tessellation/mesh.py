@@ -13,7 +13,8 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, boundary_of
+from voxgran.shapes.mesh import Mesh
 
 #: mean edge of the cells of a body-centered cubic lattice, in edges of its cubes: two of 1, four of sqrt(3) / 2
 MEAN_EDGE = (1.0 + np.sqrt(3.0)) / 3.0
@@ -40,7 +41,21 @@ def outward(container: Container, points: Floats, size: float) -> tuple[Floats, 
 
     `size` is the length of the container. On axes and edges, where there is no such direction, the vector is shorter.
     """
-    distance = np.asarray(container.signed_distance(points))
+    solid = boundary_of(container).solid
+    if solid is None:
+        return np.asarray(container.signed_distance(points)), _gradient(container, points, size)
+    assert isinstance(solid.geometry, Mesh)
+    place = points - np.array(solid.offset)
+    distance, nearest, _ = solid.geometry.tree.nearest(place)
+    clear = np.abs(distance) > STEP * size
+    away = (place - nearest) / np.where(clear, distance, 1.0)[:, None]
+    away[~clear] = _gradient(container, points[~clear], size)
+    away[:, container.dimension :] = 0.0
+    return distance, away
+
+
+def _gradient(container: Container, points: Floats, size: float) -> Floats:
+    """Return the unit vectors along which the distance from the wall grows, by differences."""
     away = np.zeros((len(points), 3))
     for axis in range(container.dimension):
         step = np.zeros(3)
@@ -48,7 +63,7 @@ def outward(container: Container, points: Floats, size: float) -> tuple[Floats, 
         ahead, behind = container.signed_distance(points + step), container.signed_distance(points - step)
         away[:, axis] = (np.asarray(ahead) - np.asarray(behind)) / (2.0 * STEP * size)
     length = np.linalg.norm(away, axis=1)
-    return distance, away / np.maximum(length, 0.5)[:, None]
+    return np.asarray(away / np.maximum(length, 0.5)[:, None])
 
 
 def lattice_mesh(container: Container, edge: float, jitter: float, seed: int) -> CellMesh:
@@ -110,7 +125,7 @@ def places_of(mesh: CellMesh, container: Container) -> tuple[Floats, Floats, Int
     corners, many = mesh.cells.shape[1], len(mesh.cells)
     places, radii, kinds = [center], [radius], [np.full(many, CELL)]
     # nodes, edges and, in three dimensions, faces: sets of one to three corners of a cell
-    for size in range(1, corners - (1 if corners == 4 else 0)):
+    for size in range(1, corners):
         sets = np.array(_subsets(corners, size))
         shared = np.sort(mesh.cells[:, sets].reshape(-1, size), axis=1)
         unique, first = np.unique(shared, axis=0, return_index=True)

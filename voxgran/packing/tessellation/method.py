@@ -2,16 +2,19 @@
 
 A mesh of tetrahedra (triangles in two dimensions) fills the container. Each cell gets its inscribed sphere (Cui &
 O'Sullivan 2003). The largest sphere that fits is then placed at each node, edge, face and corner of a cell (Jerier et
-al. 2009), and in the holes that these leave: each touches four spheres or walls (three in two dimensions), found by a
-climb to the largest clearance nearby. Within one kind of places the largest spheres come first. The sizes follow from
-the mesh; their limits are parameters.
+al. 2009, 2010), and in the holes that these leave: each touches four spheres or walls (three in two dimensions), found
+by a climb to the largest clearance nearby. Within one kind of places the largest spheres come first. The sizes follow
+from the mesh; their limits are parameters.
 
 Shapes that are no spheres are inscribed in the spheres by their bounding spheres, in random orientations.
 
 References
 ----------
 Cui & O'Sullivan 2003, Granular Matter 5, 135-145.
-Jerier et al. 2009, Granular Matter 11, 43-52.
+Jerier et al. 2009, A geometric algorithm based on tetrahedral meshes to generate a dense polydisperse sphere packing,
+Granular Matter 11, doi:10.1007/s10035-008-0116-0.
+Jerier et al. 2010, Packing spherical discrete elements for large scale simulations, Computer Methods in Applied
+Mechanics and Engineering, doi:10.1016/j.cma.2010.01.016.
 """
 
 import math
@@ -46,7 +49,7 @@ GRAIN_BYTES = 1500
 #: waves, at most
 WAVES = 1000
 #: cells of a mesh where nothing else says how many; the fewest of a mesh made for a count, and spheres per cell then
-CELLS, FEWEST, PER_CELL = 2000, 200, {2: 1.5, 3: 2.5}
+CELLS, FEWEST, PER_CELL = 2000, 200, {2: 1.5, 3: 2.0}
 #: volume of a cell by its edge, and the diameter of the sphere inscribed in a regular one
 CELL_VOLUME = {2: math.sqrt(3.0) / 4.0, 3: 1.0 / 12.0 / ((1.0 + math.sqrt(3.0)) / 3.0) ** 3}
 INSCRIBED = {2: 1.0 / math.sqrt(3.0), 3: 1.0 / math.sqrt(6.0)}
@@ -128,10 +131,10 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If no cell of the mesh lies in the container, a grain of the start overlaps another or reaches beyond a wall, or
-        the mesh of the file has no cells.
+        If the edge is longer than the container, no cell of the mesh lies in that, or a grain of the start overlaps
+        another or reaches beyond a wall.
     FileFormatError
-        If the file of the mesh is damaged.
+        If the file of the mesh is damaged or has no cells.
     MissingFileError
         If there is no such file.
     """
@@ -146,6 +149,12 @@ def _first_queue(problem: Problem) -> Floats:
     """Return all places of the mesh."""
     settings: Tetrahedral = problem.parameters
     limits, container = limits_of(problem), problem.container
+    longest = float((container.bounds[1] - container.bounds[0]).max())
+    if limits.edge > longest:
+        raise InputError(
+            f"edge is {limits.edge * problem.unit_length:.6g} (without one, it follows from largest): no cell is "
+            f"longer than the container of {longest * problem.unit_length:.6g}; give a smaller one"
+        )
     if settings.mesh is None:
         mesh = lattice_mesh(container, limits.edge, settings.jitter, problem.seed)
     else:
@@ -274,7 +283,7 @@ def cost(problem: Problem) -> Cost:
 registration = PackingMethod(
     name="tetrahedral",
     summary="spheres in the cells of a tetrahedral mesh, at its nodes, edges and faces, and in all holes that remain",
-    source="Cui & O'Sullivan 2003, Granular Matter 5, 135; Jerier et al. 2009, Granular Matter 11, 43",
+    source="Cui & O'Sullivan 2003, Granular Matter 5, 135; Jerier et al. 2009, doi:10.1007/s10035-008-0116-0",
     parameters=Tetrahedral,
     prepare=prepare,
     advance=advance,
