@@ -7,12 +7,11 @@ the wall, which are looked up again wherever a sphere reaches too far.
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.model import Container, boundary_of
 from voxgran.packing.level_grid import LevelGrid, level_cells
 from voxgran.packing.tessellation.climb import AGAIN, HINT, MOST, MOVES, TAKEN, climb_all, link_all, take_largest
-from voxgran.packing.tessellation.mesh import CELL, CORNER, outward, with_images
+from voxgran.packing.tessellation.mesh import CELL, CORNER, outward, triangulated, with_images
 
 #: columns of the queue: place, expected and largest radius, and kind of place
 KIND, COLUMNS = 5, 6
@@ -26,6 +25,8 @@ PLANES, LOOKS = 4, 8
 BEYOND = 1e-12
 #: distance of the next places from the center of a sphere, and the hole expected there, in radii of the sphere
 NEXT, SMALLER = 1.3, 0.5
+#: width of the layer of periodic images that the triangulation of spheres sees, in the largest radius
+IMAGES = 3.0
 #: reach of the look for walls, in expected radii
 AROUND = 4.0
 #: radius up to which a sphere grows between two looks, in expected ones
@@ -172,11 +173,9 @@ def last_places(spheres: Floats, walls: Walls, smallest: float, most: float) -> 
     One whose middle is nearer than `smallest` to all four spheres is left out.
     """
     dimension = walls.container.dimension
-    reach = 2.0 * float(spheres[:, 3].max(initial=0.0))
+    reach = IMAGES * float(spheres[:, 3].max(initial=0.0))
     rows = with_images(spheres, np.zeros(3), walls.lengths, walls.container.periodic, reach)
-    if len(rows) <= dimension + 1:
-        return np.zeros((0, COLUMNS))
-    cells = load("scipy.spatial").Delaunay(rows[:, :dimension]).simplices
+    cells = triangulated(rows, dimension)
     middle = rows[cells, :3].mean(axis=1)
     radius = np.linalg.norm(rows[cells, :3] - middle[:, None], axis=2) - rows[cells, 3]
     use = (

@@ -84,11 +84,20 @@ def lattice_mesh(container: Container, edge: float, jitter: float, seed: int) ->
     nodes[:, :dimension] = points
     nodes = _onto_walls(container, nodes, SNAP * edge, float(lengths.max()))
     nodes = with_images(nodes, lower, upper, container.periodic, LAYERS * edge)
-    if len(nodes) <= dimension:
-        return CellMesh(nodes, np.zeros((0, dimension + 1), np.int64))
-    cells = np.asarray(load("scipy.spatial").Delaunay(nodes[:, :dimension]).simplices, dtype=np.int64)
+    cells = triangulated(nodes, dimension)
     inside = np.asarray(container.signed_distance(nodes[cells].mean(axis=1))) < 0.0
     return CellMesh(nodes, cells[inside])
+
+
+def triangulated(points: Floats, dimension: int) -> Integers:
+    """Return the cells of the Delaunay triangulation of points, (m, dimension + 1); none if all are in a plane."""
+    spatial = load("scipy.spatial")
+    try:
+        if len(points) > dimension:
+            return np.asarray(spatial.Delaunay(points[:, :dimension]).simplices, dtype=np.int64)
+    except spatial.QhullError:
+        pass
+    return np.zeros((0, dimension + 1), dtype=np.int64)
 
 
 def _onto_walls(container: Container, points: Floats, reach: float, size: float) -> Floats:

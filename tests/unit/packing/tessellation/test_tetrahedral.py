@@ -116,6 +116,10 @@ def test_between_four_spheres_and_between_three_disks():
     assert found[0] == pytest.approx([4, 4, 4, math.sqrt(1.5) - 1], abs=1e-12)
     assert np.abs(normals[0].sum(axis=0)).max() < 1e-9
     assert np.linalg.norm(normals[0], axis=1) == pytest.approx(1)
+    # the next holes are on the other side of each sphere
+    rows = next_places(found, normals, walls, 9.0)
+    ways = (rows[:, :3] - 4) / (1.3 * found[0, 3])
+    assert np.sort((ways @ (four - 4).T) / math.sqrt(1.5), axis=1) == pytest.approx(np.array([[-1, *[1 / 3] * 3]] * 4))
     turns = 2 * math.pi / 3 * np.arange(3)
     disks = np.column_stack([4 + np.cos(turns), 4 + np.sin(turns), np.zeros(3), np.full(3, math.sqrt(0.75))])
     found, normals = climbed(disks, start(4.05, 3.9, 0), Walls(vg.Rectangle((9, 9), "xy")), 0.01)
@@ -146,10 +150,12 @@ def test_in_a_corner_and_at_round_walls():
     )
 
 
-def test_climbs_end_at_local_maxima_that_touch_four():
+@pytest.mark.parametrize("hint", [0.05, 0.3, 3.0])
+def test_climbs_end_at_local_maxima_that_touch_four(hint):
+    """Also where the spheres within reach are more than are looked at."""
     box, draw = vg.Box((4, 4, 4)), random_of(5)
-    spheres = np.column_stack([draw.random((60, 3)) * 4, 0.1 + 0.3 * draw.random(60)])
-    queue = np.concatenate([start(*point) for point in draw.random((40, 3)) * 4])
+    spheres = np.column_stack([draw.random((120, 3)) * 4, 0.1 + 0.2 * draw.random(120)])
+    queue = np.concatenate([start(*point, hint=hint) for point in draw.random((40, 3)) * 4])
 
     def clearance(points):
         away = np.linalg.norm(points[:, None] - spheres[None, :, :3], axis=2) - spheres[:, 3]
@@ -179,7 +185,7 @@ def test_spheres_grow_to_the_largest_radius():
 
 
 def test_the_largest_are_taken_first():
-    found = np.array([(1.0, 1, 1, 0.5), (1.9, 1, 1, 0.6), (1.8, 1, 1, 0.55), (3.0, 1, 1, 0.5), (8.7, 1, 1, 0.4)])
+    found = np.array([(1.0, 1, 1, 0.5), (1.9, 1, 1, 0.6), (1.5, 1, 1, 0.55), (3.0, 1, 1, 0.5), (8.7, 1, 1, 0.4)])
     chosen, again = taken(found, Walls(vg.Box((9, 9, 9), "x")), 1e-12)
     # 1 is the largest; 2 has its center inside 1; 0 overlaps 1 and climbs again; 3 touches 1 by a hair, 4 is apart
     assert chosen.tolist() == [1, 3, 4]
@@ -187,6 +193,28 @@ def test_the_largest_are_taken_first():
     wraps = np.array([(0.2, 1, 1, 0.6), (8.7, 1, 1, 0.4)])
     assert taken(wraps, Walls(vg.Box((9, 9, 9), "x")), 1e-12)[0].tolist() == [0]
     assert taken(wraps, Walls(vg.Box((9, 9, 9))), 1e-12)[0].tolist() == [0, 1]
+
+
+def test_holes_larger_than_expected_are_found_between_round_walls():
+    found, _ = climbed(np.zeros((0, 4)), start(2.0, 3.1, 3.2, hint=0.2), Walls(vg.Sphere(3.0)), 0.01)
+    assert found[0] == pytest.approx([3, 3, 3, 3], abs=1e-6)
+
+
+def test_cells_between_spheres():
+    four = np.array([(1.0, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)]) / math.sqrt(2) + 4
+    spheres, hole = np.column_stack([four, np.ones(4)]), math.sqrt(1.5) - 1
+    walls = Walls(vg.Box((9, 9, 9)))
+    rows = last_places(spheres, walls, 0.99 * hole, 5.0)
+    assert rows[:, :3] == pytest.approx(np.full((1, 3), 4.0))
+    assert rows[0, [HINT, MOST, KIND]].tolist() == [0.99 * hole, 5, REST]
+    assert len(last_places(spheres, walls, 1.01 * hole, 5.0)) == 0
+    # in one plane there are no cells, and one sphere has cells with its periodic images
+    spheres[:, 2] = 1.0
+    assert len(last_places(spheres, walls, 0.01, 5.0)) == 0
+    one = np.array([(0.5, 0.5, 0.5, 0.9)])
+    rows = last_places(one, Walls(vg.Box((2, 2, 2), "xyz")), 0.1, 5.0)
+    found, _ = climbed(one, rows, Walls(vg.Box((2, 2, 2), "xyz")), 0.1)
+    assert found[:, 3].max() == pytest.approx(math.sqrt(3) - 0.9)
 
 
 # packings
@@ -231,6 +259,20 @@ def test_spheres_touch():
     # each sphere of a hole brings four contacts, some with walls; each of a cell touches spheres at its node
     assert 2 * len(contacts.i) / packing.count > 4
     assert packing.solid_fraction > 0.55
+
+
+def test_polygons_and_narrow_containers():
+    region = vg.Polygon([(0, 0), (6, 0), (6, 4), (3, 2.5), (0, 4)], holes=[[(2, 1), (3, 1), (3, 2), (2, 2)]])
+    packing = vg.pack(DISK, region, "tetrahedral", edge=0.3)
+    assert vg.verify(packing, tolerance=1e-12).ok
+    assert packing.solid_fraction > 0.8
+    # no sphere is wider than the period, and a layer of spheres is no reason to fail
+    narrow = vg.pack(SPHERE, vg.Box((0.5, 4, 4), "x"), "tetrahedral", edge=2)
+    assert narrow.diameters.max() <= 0.5
+    assert vg.verify(narrow).ok
+    layer = vg.pack(SPHERE, vg.Box((4, 4, 0.5)), "tetrahedral", edge=1, smallest=0.5)
+    assert layer.diameters == pytest.approx(0.5)
+    assert vg.verify(layer).ok
 
 
 def test_diameters_stay_within_limits():
@@ -327,7 +369,7 @@ def test_what_is_refused():
         vg.pack(SPHERE, box, "tetrahedral", sizes=vg.sizes.lognormal(1, 0.2), count=5)
     with pytest.raises(InputError, match="smallest is 2 and largest is 1"):
         vg.pack(SPHERE, box, "tetrahedral", smallest=2, largest=1)
-    with pytest.raises(InputError, match="edge is 20 .*: no cell is longer than the container of 6"):
+    with pytest.raises(InputError, match=r"edge is 20 .*: no cell is longer than the container of 6"):
         vg.pack(SPHERE, box, "tetrahedral", edge=20)
     first = vg.Packing.of([SPHERE], box, position=[(1, 1, 1), (1.5, 1, 1)])
     with pytest.raises(InputError, match="grain 1 of start"):
