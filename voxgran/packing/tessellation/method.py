@@ -85,7 +85,8 @@ class Tetrahedral:
         0.3, doc="range of random displacements of the nodes, in edges", at_least=0.0, at_most=1.0
     )
     mesh: str | None = parameter(
-        None, doc="file of a mesh of tetrahedra, or of triangles in 2D, to use instead of one made here"
+        None,
+        doc="file of a mesh of tetrahedra (2D: triangles) with the lengths of the container, instead of one made here",
     )
 
     def __post_init__(self) -> None:

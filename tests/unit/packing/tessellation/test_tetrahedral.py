@@ -172,6 +172,14 @@ def test_climbs_end_at_local_maxima_that_touch_four(hint):
         assert (clearance(found[:, :3] + step).min(axis=1) < found[:, 3]).all()
 
 
+def test_climbs_out_of_a_crowd_see_what_is_beyond_it():
+    near = np.column_stack([1.0 + 0.2 * random_of(7).random((100, 3)), np.full(100, 0.01)])
+    spheres = np.vstack([near, [(2.5, 2.5, 2.5, 0.6)]])
+    found, _ = climbed(spheres, start(1.25, 1.25, 1.25, hint=3.0), Walls(vg.Box((5, 5, 5))), 0.01)
+    away = np.linalg.norm(spheres[:, :3] - found[0, :3], axis=1) - spheres[:, 3]
+    assert min(away.min(), found[0, :3].min(), (5 - found[0, :3]).min()) == pytest.approx(found[0, 3])
+
+
 def test_spheres_grow_to_the_largest_radius():
     walls = Walls(vg.Box((9, 9, 9)))
     found, normals = climbed(np.zeros((0, 4)), start(1.0, 2.0, 3.0, most=1.25), walls, 0.1)
