@@ -35,9 +35,7 @@ def read_cells(path: str, dimension: int) -> tuple[Floats, Integers]:
         check_coordinates(points, "coordinate")
     except InputError as error:
         raise FileFormatError(f"{found}: {error}") from error
-    nodes = np.zeros((len(points), 3))
-    nodes[:, :dimension] = points[:, :dimension]
-    return nodes, cells
+    return points, cells
 
 
 def meshio_cells(path: Path, *, dimension: int) -> Content:
@@ -45,4 +43,6 @@ def meshio_cells(path: Path, *, dimension: int) -> Content:
     mesh = load("meshio").read(str(path))
     blocks = [np.asarray(block.data)[:, : dimension + 1] for block in mesh.cells if block.type in KINDS[dimension]]
     cells = np.concatenate([np.zeros((0, dimension + 1), np.int64), *blocks])
-    return {}, {"points": np.asarray(mesh.points, dtype=np.float64), "cells": cells}
+    nodes = np.zeros((len(mesh.points), 3))
+    nodes[:, :dimension] = np.asarray(mesh.points)[:, :dimension]
+    return {}, {"points": nodes, "cells": cells}
