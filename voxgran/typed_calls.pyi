@@ -61,8 +61,19 @@ class RsaKeywords(PackKeywords, total=False):
     numbers: Literal["philox", "lcg"]
     aligned: bool
 
+class RandomApollonianKeywords(PackKeywords, total=False):
+    smallest: Number | None
+    largest: Number | None
+    shift: Whole
+    shrink: Number
+
 class JamKeywords(PackKeywords, total=False):
     keep: Literal["container", "sizes"]
+
+class GrowthKeywords(PackKeywords, total=False):
+    arrival: Literal["together", "continuous"]
+    slowest: Number
+    speed: Number
 
 class GravityKeywords(PackKeywords, total=False):
     friction: Number
@@ -138,6 +149,9 @@ class ControlPointKeywords(PackKeywords, total=False):
     rotation_share: Number
     step: Number
 
+class ApollonianKeywords(PackKeywords, total=False):
+    smallest: Number | None
+
 class AdvancingFrontKeywords(PackKeywords, total=False):
     mode: Literal["loose", "dense"]
     order: Literal["random", "nearest", "lowest"]
@@ -150,6 +164,13 @@ def pack(
     container: Container,
     method: Literal["advancing_front"],
     **keywords: Unpack[AdvancingFrontKeywords],
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["apollonian"],
+    **keywords: Unpack[ApollonianKeywords],
 ) -> Packing: ...
 @overload
 def pack(
@@ -199,7 +220,18 @@ def pack(
 ) -> Packing: ...
 @overload
 def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["growth"], **keywords: Unpack[GrowthKeywords]
+) -> Packing: ...
+@overload
+def pack(
     shapes: Sequence[Shape] | Shape, container: Container, method: Literal["jam"], **keywords: Unpack[JamKeywords]
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["random_apollonian"],
+    **keywords: Unpack[RandomApollonianKeywords],
 ) -> Packing: ...
 @overload
 def pack(

@@ -30,6 +30,10 @@ QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orient
 SPHERES_ONLY = ("expand", "jam")
 #: methods that move and resize the grains of a start, so that each has tests of its own
 RESIZING = ("expand", "jam")
+#: methods for which the container of the suite will not do, with another
+CONTAINERS = {"apollonian": vg.Sphere(2.0)}
+#: methods that take no start
+FROM_NOTHING = ("gravity", "apollonian")
 #: what of the suite is about grains of a start that stay
 STAYING = ("test_a_start_stays_in_order_and_goes_on", "test_a_start_that_has_no_place_is_refused")
 #: what is done between two looks whether to stop, made little
@@ -67,6 +71,10 @@ class OwnSuite(PackingMethodSuite):
             return [sphere.scaled(1.4), sphere]
         return [vg.make_shape("sheet", roll=150) if "open surfaces" in cls.title else box, sphere]
 
+    @classmethod
+    def container(cls):
+        return CONTAINERS.get(cls.method, super().container())
+
     def test_what_follows_from_the_problem_is_made_without_attempts(self):
         """Before signals are noted, so that a signal ends it at once."""
         task = self.task()
@@ -92,7 +100,7 @@ class OwnSuite(PackingMethodSuite):
 def suite_of(title):
     """Return the class of tests of a method, a variant or a stage."""
     members = {"title": title, "method": title.partition(",")[0], "parameters": quick(title), "__module__": __name__}
-    members["takes_start"] = title != "gravity"
+    members["takes_start"] = title not in FROM_NOTHING
     if title in VARIANTS:
         # a checkpoint holds the same as that of the method; the slow test kills these too
         members["test_killed_and_resumed_to_the_same_bits"] = None

@@ -172,6 +172,10 @@ def test_a_packing_without_gravity_needs_a_direction(tmp_path, capsys):
         status, line = complaint(capsys, command, path, *more)
         assert status == 2
         assert "--gravity -z" in line
+    flat = vg.Packing.of([vg.make_shape("disk")], vg.Disk(2), position=[(0, 0, 0)], gravity=None)
+    vg.save(flat, tmp_path / "flat.vtp")
+    for command, more in (("settle", ["-o", tmp_path / "bed.vtp"]), ("equilibrium", [])):
+        assert "--gravity -y" in complaint(capsys, command, tmp_path / "flat.vtp", *more)[1]
     assert main(["equilibrium", str(path), "--gravity", "-z"]) == 1
     assert main(["settle", str(path), "--gravity", "-z", "-o", str(tmp_path / "bed.vtp"), "-q"]) == 0
 

@@ -1,9 +1,14 @@
 """Cell lists: all pairs of spheres whose surfaces are nearer than a gap, periodic axes included."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
+
+#: spheres share cells if their sizes differ by no more than this power of two
+CLASS = 2.0
 
 
 def near_pairs(
@@ -24,37 +29,86 @@ def near_pairs(
     low = np.where(wraps, lower, wrapped.min(axis=0))
     span = np.where(wraps, lengths, np.maximum(wrapped.max(axis=0) - low, 1e-300))
     reach = 2 * radii.max() + gap
+    place = Placed(wrapped, radii, low, span, wraps)
+    # spheres of similar size share cells, whose width is that of the largest of them
+    reach = radii + max(0.0, 0.5 * gap)
+    size = np.floor(np.log2(reach.max() / np.maximum(reach, 1e-18 * reach.max()) + 1e-300) / CLASS).astype(np.int64)
+    found = []
+    for k in np.unique(size):
+        members = np.flatnonzero(size == k)
+        found.append(_pairs_with(place, members, members, gap))
+        smaller = np.flatnonzero(size > k)
+        if len(smaller):
+            found.append(_pairs_with(place, smaller, members, gap))
+    rows = found[0] if len(found) == 1 else _in_order(np.concatenate(found))
+    i, j = rows[:, 0].copy(), rows[:, 1].copy()
+    return i, j, rows[:, 2:] + turns[i] - turns[j]
+
+
+class Placed(NamedTuple):
+    """Spheres in the bounds: wrapped centers (n, 3), radii (n,), lower corner, lengths, and which axes are periodic."""
+
+    centers: Floats
+    radii: Floats
+    low: Floats
+    span: Floats
+    wraps: Integers
+
+
+def _pairs_with(place: Placed, queries: Integers, members: Integers, gap: float) -> Integers:
+    """Return the pairs (i, j, image) of each of `queries` with `members` as j, (m, 5); within a set each pair once."""
+    low, span, wraps = place.low, place.span, place.wraps
+    reach = 2 * place.radii[members].max() + gap
     # no more cells than spheres (per axis: cube root), no cell narrower than the reach
-    most = max(1, int(np.ceil(2 * n ** (1 / 3))))
+    most = max(1, int(np.ceil(2 * len(members) ** (1 / 3))))
     cells = np.clip(np.floor(span / max(reach, 1e-300)), 1, most).astype(np.int64)
-    index = np.clip(((wrapped - low) / span * cells).astype(np.int64), 0, cells - 1)
-    flat = (index[:, 0] * cells[1] + index[:, 1]) * cells[2] + index[:, 2]
+    index = np.clip(((place.centers - low) / span * cells).astype(np.int64), 0, cells - 1)
+    flat = ((index[:, 0] * cells[1] + index[:, 1]) * cells[2] + index[:, 2])[members]
     order = np.argsort(flat, kind="stable")
     start = np.searchsorted(flat[order], np.arange(int(np.prod(cells)) + 1))
     # an open axis along which all centers agree has no width to divide by
     width = np.where(wraps, span / cells, 1.0)
     around = np.where(wraps & (reach > width), np.ceil(reach / width), 1).astype(np.int64)
-    packed = np.column_stack([wrapped, radii])[order]
-    arguments = (packed, float(gap), index, order, start, cells, around, wraps, span)
-    pairs = np.zeros((16 * n, 5), dtype=np.int64)
-    while (found := _visit_pairs(*arguments, pairs)) > len(pairs):
+    rows = np.column_stack([place.centers, place.radii])
+    one_set = queries is members
+    arguments = (
+        rows[queries],
+        rows[members][order],
+        float(gap),
+        index[queries],
+        order,
+        start,
+        cells,
+        around,
+        wraps,
+        span,
+    )
+    pairs = np.zeros((16 * len(queries), 5), dtype=np.int64)
+    while (found := _visit_pairs(*arguments, one_set, pairs)) > len(pairs):
         pairs = np.zeros((found, 5), dtype=np.int64)
-    i, j = pairs[:found, 0].copy(), pairs[:found, 1].copy()
-    return i, j, pairs[:found, 2:] + turns[i] - turns[j]
+    pairs = pairs[:found]
+    pairs[:, 0], pairs[:, 1] = queries[pairs[:, 0]], members[pairs[:, 1]]
+    return pairs
+
+
+def _in_order(pairs: Integers) -> Integers:
+    """Return pairs with i <= j, in lexical order."""
+    swapped = pairs[:, 0] > pairs[:, 1]
+    pairs[swapped] = pairs[swapped][:, [1, 0, 2, 3, 4]] * [1, 1, -1, -1, -1]
+    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
 
 
 @kernel
-def _visit_pairs(packed, gap, index, order, start, cells, around, wraps, span, pairs):  # type: ignore[no-untyped-def]
-    """Walk the cells around each sphere, write the pairs in lexical order, and return how many there are.
+def _visit_pairs(queries, packed, gap, index, order, start, cells, around, wraps, span, one_set, pairs):  # type: ignore[no-untyped-def]
+    """Walk the cells around each query, write the pairs in lexical order, and return how many there are.
 
-    Where they are more than `pairs` has rows for, those that have no row are counted only.
+    Where they are more than `pairs` has rows for, those that have no row are counted only. In one set, each pair comes
+    once.
     """
-    count, place = 0, np.zeros(len(order), dtype=np.int64)
-    for k in range(len(order)):
-        place[order[k]] = k
-    for i in range(len(order)):
-        first, here = count, place[i]
-        x, y, z, r = packed[here, 0], packed[here, 1], packed[here, 2], packed[here, 3] + gap
+    count = 0
+    for i in range(len(queries)):
+        first = count
+        x, y, z, r = queries[i, 0], queries[i, 1], queries[i, 2], queries[i, 3] + gap
         for ox in range(-around[0], around[0] + 1):
             cx = index[i, 0] + ox
             ix = cx // cells[0]
@@ -80,7 +134,7 @@ def _visit_pairs(packed, gap, index, order, start, cells, around, wraps, span, p
                         if dx * dx + dy * dy + dz * dz > reach * reach or reach < 0.0:
                             continue
                         j = order[k]
-                        if j < i or (j == i and (own or not ahead)):
+                        if one_set and (j < i or (j == i and (own or not ahead))):
                             continue
                         if count < len(pairs):
                             _insert(pairs, first, count, i, j, ix, iy, iz)

@@ -16,7 +16,7 @@ from voxgran._base.files import as_path, refuse_to_replace
 from voxgran.cli.parser import nested_class
 from voxgran.cli.terminal import progress, show
 from voxgran.io.files import check_savable
-from voxgran.packing.gravity import as_down
+from voxgran.packing.gravity import as_down, proposed_axis
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Settling
 
@@ -120,7 +120,10 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
     if options.gravity is not None:
         packing = dataclasses.replace(packing, gravity=as_down(options.gravity, packing.container))
     if packing.gravity is None:
-        raise InputError("packing.gravity is None: rest is a balance of weights; give its direction with --gravity -z")
+        axis = proposed_axis(packing.container)
+        raise InputError(
+            f"packing.gravity is None: rest is a balance of weights; give its direction with --gravity {axis}"
+        )
     friction = options.friction
     if friction is None:
         settled_with = None if packing.forces is None else packing.forces.friction

@@ -134,6 +134,27 @@ def is_held(walls: KernelContainer, x: float, y: float, z: float, hx: float, hy:
 
 
 @bare_kernel
+def clearance(walls: KernelContainer, x: float, y: float, z: float) -> float:
+    """Return the radius of the largest sphere about a point that the container holds; negative outside.
+
+    Across a periodic axis it is half the length, beyond which a sphere overlaps its image.
+    """
+    room = math.inf
+    for axis in range(walls.dimension):
+        along = (x if axis == 0 else y if axis == 1 else z) - walls.lower[axis]
+        if walls.walled[axis] == 1:
+            room = min(room, along, walls.lengths[axis] - along)
+        else:
+            room = min(room, 0.5 * walls.lengths[axis])
+    if walls.kind in (UPRIGHT, ROUND):
+        dx, dy, dz = x - walls.middle[0], y - walls.middle[1], z - walls.middle[2] if walls.kind == ROUND else 0.0
+        room = min(room, walls.radius - math.sqrt(dx * dx + dy * dy + dz * dz))
+    if walls.kind == MESH and room > 0.0:
+        room = min(room, -mesh_distance(walls.mesh, x, y, z))
+    return room
+
+
+@bare_kernel
 def is_between(walls: KernelContainer, x: float, y: float, z: float, hx: float, hy: float, hz: float) -> bool:
     """Return whether a box of half extents (hx, hy, hz) lies within the bounds along the axes that have walls."""
     lower, lengths, walled, slack = walls.lower, walls.lengths, walls.walled, walls.slack

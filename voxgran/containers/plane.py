@@ -5,12 +5,13 @@ plane: what knows the distance from a closed mesh knows that from a polygon with
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_points, check_lengths, read_only
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran.shapes.mesh import Mesh
 
@@ -44,10 +45,7 @@ def as_loops(corners: ArrayLike, holes: Sequence[ArrayLike]) -> tuple[Floats, ..
         If a loop has fewer than three corners or no area, loops meet themselves or each other, or a hole lies outside
         of the region or in another hole.
     """
-    if isinstance(holes, str) or not hasattr(holes, "__len__"):
-        raise InputError(f"holes is {holes!r}: it must be a list of loops, each a list of corners; give one")
-    if len(holes) and np.ndim(holes[0]) == 1:
-        raise InputError(f"holes begins with {holes[0]!r}: it must be a list of loops, one for each hole; add brackets")
+    _check_list(holes)
     names = ["corners", *(f"holes[{k}]" for k in range(len(holes)))]
     loops = [
         _as_loop(loop, name, turn=1 if name == "corners" else -1)
@@ -55,13 +53,26 @@ def as_loops(corners: ArrayLike, holes: Sequence[ArrayLike]) -> tuple[Floats, ..
     ]
     check_lengths(np.ptp(loops[0], axis=0), "extent of the polygon")
     _refuse_meeting(loops, names)
+    low, high = (np.array([end(loop, axis=0) for loop in loops]) for end in (np.min, np.max))
     for k, loop in enumerate(loops[1:], 1):
         if not _contains(loops[0], loop[0]):
             raise InputError(f"{names[k]} lies outside of the polygon: a hole is a part that is left out; move it")
-        for other in range(1, len(loops)):
-            if other != k and _contains(loops[other], loop[0]):
+        for other in np.flatnonzero(((low <= loop[0]) & (loop[0] <= high)).all(axis=1)):
+            if other not in (0, k) and _contains(loops[other], loop[0]):
                 raise InputError(f"{names[k]} lies in {names[other]}: holes must lie apart; leave one of them out")
     return tuple(read_only(loop) for loop in loops)
+
+
+def _check_list(holes: Any) -> None:
+    """Check that holes are a list of loops."""
+    several = isinstance(holes, Sequence) and not isinstance(holes, str | bytes)
+    if not several and not (isinstance(holes, np.ndarray) and holes.ndim):
+        raise InputError(f"holes is {shown(holes)}: it must be a list of loops, each a list of corners; give one")
+    first = holes[0] if len(holes) else None
+    if isinstance(first, Sequence | np.ndarray) and len(first) and np.isscalar(first[0]):
+        raise InputError(
+            f"holes begins with {shown(first)}: it must be a list of loops, one for each hole; add brackets"
+        )
 
 
 def area_of(loop: Floats) -> float:
@@ -90,11 +101,18 @@ def prism_of(loops: Sequence[Floats], half: float) -> Mesh:
 
 def _as_loop(loop: ArrayLike, name: str, *, turn: int) -> Floats:
     """Return the corners of a loop in the sense of a turn: 1 counterclockwise, -1 clockwise."""
-    points = as_points(loop, name, dimension=2)
+    # without the sign of a zero, so that loops that are equal have the same bits
+    points = as_points(loop, name, dimension=2) + 0.0
     if len(points) > 1 and (points[0] == points[-1]).all():
         points = points[:-1]
     if len(points) < 3:
         raise InputError(f"{name} has {len(points)} corners: a loop needs at least 3; add corners")
+    twice = np.flatnonzero((points == np.roll(points, -1, axis=0)).all(axis=1))
+    if len(twice):
+        raise InputError(
+            f"{name}[{twice[0]}] and the next one are both {points[twice[0]].tolist()}: an edge has a length; leave "
+            "one of them out"
+        )
     widths = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if widths[1] <= NO_WIDTH * widths[0]:
         raise InputError(f"{name} has no area: its corners must not lie on one line; move them")

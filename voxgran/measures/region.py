@@ -1,8 +1,8 @@
 """Regions of a container at a given distance from the walls and below a height, and the solid volume in them.
 
 In boxes and rectangles a region is a box, and the solid volume is that of :mod:`voxgran.measures.window`. Spheres in a
-cylinder are cut by slices. All other cases are sampled: each grain is represented by points of equal weight, one at
-random in each voxel of its shape, and the standard error is given.
+cylinder are cut by slices. All other cases, in two dimensions all disks and polygons as containers, are sampled: each
+grain is represented by random points of equal weight in fine voxels of its shape, and the standard error is given.
 """
 
 import math
@@ -25,6 +25,8 @@ from voxgran.voxels.occupy import voxelize
 HELD = 0.85
 #: points for all grains together, for one grain, and for the container
 POINTS, MOST_POINTS, CONTAINER_POINTS = 60_000, 1000, 60_000
+#: voxels of a shape in which the points of its grains lie: they are the smaller the sharper its surface
+VOXELS = 30_000
 
 
 class Regions:
@@ -165,15 +167,18 @@ class Samples:
             shape, mine = packing.shapes[k], np.flatnonzero(packing.shape_id == k)
             if shape.is_open:
                 continue
-            voxels = voxelize(shape, voxel_size=(shape.volume / each) ** (1 / d))
+            voxels = voxelize(shape, voxel_size=(shape.volume / VOXELS) ** (1 / d))
             body = voxels.grid.coordinates(np.argwhere(voxels.mask))
+            draws = stream(0, "samples", int(k)).random((len(mine), each, 4))
+            # one voxel of each of as many equal parts of their list, slices of the grain
+            chosen = ((np.arange(each) + draws[:, :, 3]) * (len(body) / each)).astype(np.int64)
             # each point has a random position in its voxel, so that no face of a region is aligned with the lattice
-            jitter = (stream(0, "samples", int(k)).random((len(mine), *body.shape)) - 0.5) * voxels.voxel_size
+            jitter = (draws[:, :, :3] - 0.5) * voxels.voxel_size
             jitter[:, :, d:] = 0.0
-            world = np.einsum("gij,gpj->gpi", packing.matrices[mine], body + jitter)
+            world = np.einsum("gij,gpj->gpi", packing.matrices[mine], body[chosen] + jitter)
             world *= packing.scale[mine, None, None]
             points.append((world + packing.position[mine, None]).reshape(-1, 3))
-            grain.append(np.repeat(mine, len(body)))
+            grain.append(np.repeat(mine, each))
         inside = np.concatenate(points)
         low, high = packing.container.bounds
         span = float(np.prod((high - low)[:d]))
@@ -196,11 +201,12 @@ class Samples:
 
 @dataclass(frozen=True, eq=False)
 class SampledRegion:
-    """A region sampled by points."""
+    """A region sampled by points: the part at distances from `inset` to `until` from the walls."""
 
     samples: Samples
     inset: float
     limits: Floats
+    until: float = math.inf
 
     @cached_property
     def volume(self) -> Estimate:
@@ -226,7 +232,7 @@ class SampledRegion:
     def _held(self, points: Floats, depths: Floats) -> Booleans:
         """Return the mask of the sample points in the region."""
         low = ((points >= self.limits[0]) & (points <= self.limits[1])).all(axis=1)
-        return np.asarray(low & (depths >= self.inset))
+        return np.asarray(low & (depths >= self.inset) & (depths < self.until))
 
 
 def gravity_of(packing: Packing) -> tuple[int, int] | None:

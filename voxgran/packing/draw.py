@@ -29,7 +29,7 @@ BLOCK, MOST_DRAWN = 1024, 10_000_000
 #: largest count: 30 GB at 300 bytes per grain
 MOST_ASKED = 100_000_000
 #: largest number of grains whose sizes the method makes, if no count is given
-MOST_MADE = 1_000_000
+MOST_MADE = 250_000
 
 
 @dataclass(frozen=True, slots=True)

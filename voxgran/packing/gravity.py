@@ -49,6 +49,13 @@ def usual_axis(container: Container) -> str:
     return "-z" if container.dimension == 3 else "-y"
 
 
+def proposed_axis(container: Container) -> str:
+    """Return the direction of gravity that messages propose: the usual one, or along another axis that has walls."""
+    usual = usual_axis(container)
+    axes = [usual, *(f"-{axis}" for axis in "xyz"[: container.dimension])]
+    return next((axis for axis in axes if not container.periodic["xyz".index(axis[1])]), usual)
+
+
 def axis_of(asked: str | None, container: Container) -> Integers:
     """Return a direction such as ``"-z"`` as a lattice vector; ``"none"`` is zero, None the usual one.
 

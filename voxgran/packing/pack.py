@@ -24,7 +24,7 @@ from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_cont
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.draw import draw_grains, joined, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
-from voxgran.packing.gravity import gravity_vector
+from voxgran.packing.gravity import gravity_vector, proposed_axis
 from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem, normalized_problem, warn_of_units
@@ -293,7 +293,7 @@ def _settling_of(method: PackingMethod, problem: Problem, asked: Any) -> Settlin
     if settling is not None and not pulled:
         raise InputError(
             f"settle is {shown(asked)}: method {method.name!r} packs without gravity here; leave settle out, or call "
-            "settle(packing, gravity='-z')"
+            f"settle(packing, gravity={proposed_axis(problem.container)!r})"
         )
     return settling
 

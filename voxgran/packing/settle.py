@@ -22,7 +22,7 @@ from voxgran.containers.model import Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.draw import DENSEST
 from voxgran.packing.driver import Drive, check_drive, drive
-from voxgran.packing.gravity import as_down
+from voxgran.packing.gravity import as_down, proposed_axis
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
@@ -188,7 +188,8 @@ def _prepared(packing: Packing, container: Container | None, gravity: ArrayLike 
         packing = replace(packing, gravity=as_down(gravity, packing.container))
     if packing.gravity is None:
         raise InputError(
-            "packing.gravity is None: grains settle under gravity only; give gravity='-z' along an axis that has walls"
+            "packing.gravity is None: grains settle under gravity only; give "
+            f"gravity={proposed_axis(packing.container)!r} along an axis that has walls"
         )
     if packing.count:
         _refuse_too_full(packing)

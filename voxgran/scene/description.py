@@ -23,6 +23,7 @@ from voxgran.decks.engine import engine_registry
 from voxgran.decks.material import Material
 from voxgran.decks.write import refuse_unheld
 from voxgran.io.files import load
+from voxgran.packing.gravity import proposed_axis
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.sections import General, Output
@@ -221,7 +222,7 @@ class SceneDescription:
             solid_fraction=None if solid is None else as_number(solid, "[packing] solid_fraction", above=0, at_most=1),
             start=None if start is None else str(existing_file(place / str(start))),
             parameters=packing,
-            settle=_settle(mapping.get("settle"), str(method), parameters),
+            settle=_settle(mapping.get("settle"), str(method), parameters, container),
             which=_which(mapping.get("measure", {})),
             material=material,
             output=output,
@@ -291,7 +292,9 @@ def _present(cls: type[Any], mapping: Mapping[str, Any], where: str, *, beside: 
     return {key: getattr(made, key) if isinstance(value, str) else value for key, value in found.items()}
 
 
-def _settle(mapping: Mapping[str, Any] | None, method: str, parameters: type) -> Settling | Literal[False] | None:
+def _settle(
+    mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container
+) -> Settling | Literal[False] | None:
     """Return what the section [settle] says: parameters, False where it is disabled, None where it is left out."""
     if mapping is None:
         return None
@@ -306,7 +309,7 @@ def _settle(mapping: Mapping[str, Any] | None, method: str, parameters: type) ->
     if enabled and not any(item.name == "gravity" for item in parameters_of(parameters)):
         raise InputError(
             f"[settle] and method {method!r}: it packs without gravity; leave this section out, and settle the packing "
-            "with 'voxgran settle out/packing.vtp --gravity -z -o settled.vtp'"
+            f"with 'voxgran settle out/packing.vtp --gravity {proposed_axis(container)} -o settled.vtp'"
         )
     settling = from_mapping(Settling, given, "[settle]", beside=("enabled",))
     return settling if enabled else False

@@ -10,6 +10,7 @@ import numpy as np
 
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
+from voxgran.containers.model import boundary_of
 from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.description import REMEDIES, SceneDescription, ShapeEntry
@@ -212,9 +213,12 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
             skipped.append(f"{step}: not asked for in [output]")
     # random solids of this family are joined by boolean operations
     unions = any(entry.source == "family" and entry.name == "solid_union" for entry in scene.shapes)
-    if unions or any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes):
+    # and polygons as containers are cut into triangles by the same library
+    polygon = bool(boundary_of(task.problem.container).loops)
+    if unions or polygon or any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes):
         libraries.add("manifold3d")
     if task.problem.dimension == 2:
+        libraries.discard("open3d")
         skipped.append("anything in three dimensions: the container is flat")
     if scene.settle is False:
         skipped.append("settling: [settle] says enabled = false")

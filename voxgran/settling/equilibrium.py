@@ -162,9 +162,10 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
     check_type(packing, Assembly, "packing", "a Packing")
     down = getattr(packing, "gravity", None)
     if down is None:
+        usual = (0, 0, -1) if packing.dimension == 3 else (0, -1, 0)
         raise InputError(
             "packing.gravity is None: rest is a balance of weights; give the direction of gravity with "
-            "dataclasses.replace(packing, gravity=(0, 0, -1))"
+            f"dataclasses.replace(packing, gravity={usual})"
         )
     friction, gap = as_number(friction, "friction", at_least=0.0), as_number(gap, "gap", at_least=0.0)
     tolerance = as_positive(tolerance, "tolerance")

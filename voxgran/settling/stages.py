@@ -109,6 +109,7 @@ class Progress:
     length: float = 0.0  # of the next quasi-static step
     substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
     trials: int = 0  # times that overlapping grains were parted
+    falls: int = 0  # falls of a bed that had not come to rest
     moved: float = 1.0  # share of the grains that moved in the last quasi-static step
     moving: float = 1.0  # share of the grains that do not rest, when last examined
     smallest: float = 0.0  # gap, when last examined
@@ -173,14 +174,8 @@ class Settler:
         """Largest number of steps, those that were made included."""
         growth = 0 if self.small is None else self._growth_steps()
         shaking = 0 if self.how.shaking is None else math.ceil(self.how.shaking.duration / self._fall.step)
-        return (
-            growth
-            + 1
-            + shaking
-            + 2 * self._fall_steps()
-            + self._more_steps * STILL_STEPS
-            + (TRIALS + 2) * CLOSING_ROUNDS
-        )
+        falls, rounds = 2 + self._more_falls, (TRIALS + 2) * CLOSING_ROUNDS
+        return growth + 1 + shaking + falls * self._fall_steps() + (falls - 1) * self._more_steps * STILL_STEPS + rounds
 
     def step(self) -> None:
         """Make the next step."""
@@ -345,9 +340,13 @@ class Settler:
             self._end()
 
     def _end(self) -> None:
-        """Examine the bed for the last time; where a former one was better, go back to it."""
+        """Examine the bed for the last time; let it fall again, or go back to a former one that was better."""
         progress, bed = self.progress, self.bed
         self._examine(THOROUGH)
+        if not self._rests() and progress.best > 1.0 - self.how.rest and progress.falls < self._more_falls:
+            progress.stage, progress.heights, progress.substep = AGAIN, np.zeros(0), 0.0
+            progress.falls, progress.still_steps, progress.trials = progress.falls + 1, 0, 0
+            return
         better = progress.smallest < 0.0 or progress.best < progress.moving
         if not self._rests() and better and len(progress.best_position):
             bed.put(progress.best_position, progress.best_orientation, progress.best_lid)
@@ -406,6 +405,11 @@ class Settler:
             # such beds go on creeping
             return 1
         return min(max(FEW_GRAINS // max(self.bed.count, 1), 1), MORE_STEPS)
+
+    @property
+    def _more_falls(self) -> int:
+        """How often a bed that does not come to rest falls again: once, where steps take little time."""
+        return int(self._more_steps > 1 and SURFACE not in self.bed.grains.kind)
 
     @property
     def _manner(self) -> "Manner":

@@ -33,6 +33,18 @@ def test_pairs_are_all_pairs(periodic, count, largest):
     assert set(found) == all_pairs(centers, radii, 0.01, periodic)
 
 
+@pytest.mark.parametrize("periodic", [(False, False, False), (True, True, True)])
+@pytest.mark.parametrize("gap", [0.0, 0.05, -0.001])
+def test_pairs_of_sizes_of_all_magnitudes(periodic, gap):
+    random = stream(0, "pairs of all magnitudes")
+    centers, radii = random.random((300, 3)) * 3 - 1, 0.5 * 10 ** (-6 * random.random(300))
+    i, j, image = near_pairs(centers, radii, gap, lower=np.array([0.1, 0, 0]), lengths=LENGTHS, periodic=periodic)
+    found = [(int(a), int(b), *map(int, c)) for a, b, c in zip(i, j, image, strict=True)]
+    assert len(found) == len(set(found))
+    assert set(found) == all_pairs(centers, radii, gap, periodic)
+    assert np.array_equal(np.lexsort((j, i)), np.arange(len(i)))
+
+
 def test_no_spheres_no_pairs():
     i, j, image = near_pairs(
         np.zeros((0, 3)), np.zeros(0), 0.0, lower=np.zeros(3), lengths=LENGTHS, periodic=(True, True, True)

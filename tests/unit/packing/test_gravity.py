@@ -6,6 +6,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.measures.registered.coordination import usual_gap
+from voxgran.packing.gravity import proposed_axis
 
 BALL, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 BOX = vg.Box((4, 4, 6))
@@ -43,6 +44,33 @@ def test_directions():
 def test_what_is_no_direction_is_refused(gravity, words):
     with pytest.raises(InputError, match=words):
         of(gravity, vg.Box((4, 4, 6), "x"))
+
+
+@pytest.mark.parametrize(
+    ("container", "axis"),
+    [
+        (BOX, "-z"),
+        (vg.Box((4, 4, 6), "xy"), "-z"),
+        (vg.Box((4, 4, 6), "z"), "-x"),
+        (vg.Box((4, 4, 6), "xz"), "-y"),
+        (vg.Box((4, 4, 6), True), "-z"),
+        (vg.Rectangle((4, 4)), "-y"),
+        (vg.Rectangle((4, 4), "y"), "-x"),
+        (vg.Disk(2), "-y"),
+        (vg.Polygon([(0, 0), (4, 0), (0, 4)]), "-y"),
+    ],
+)
+def test_messages_propose_a_direction_along_an_axis_with_walls(container, axis):
+    shape = BALL if container.dimension == 3 else DISK
+    assert proposed_axis(container) == axis
+    packing = vg.Packing.of([shape], container, position=np.zeros((0, 3)), gravity=None)
+    with pytest.raises(InputError, match=f"packing.gravity is None: .*; give gravity='{axis}' along an axis that has"):
+        vg.settle(packing)
+    usual = (0, 0, -1) if container.dimension == 3 else (0, -1, 0)
+    with pytest.raises(InputError, match=f"gravity={usual}".replace("(", r"\(").replace(")", r"\)")):
+        vg.equilibrium(packing)
+    with pytest.raises(InputError, match=rf"packs without gravity here; .* settle\(packing, gravity='{axis}'\)"):
+        vg.pack(shape, container, "rsa", count=1, settle=True)
 
 
 def test_the_contact_gap_is_a_length():

@@ -30,12 +30,15 @@ report = {report}
 BALL, DISK, UNION = 'family = "sphere"', 'family = "disk"', 'family = "solid_union"\nseed = 3\nsolids = 3'
 BOX = 'kind = "box"\nlengths = [3, 3, 5]\nperiodic = ["x"]'
 FLAT = 'kind = "rectangle"\nlengths = [5, 5]'
+HOLED = 'kind = "polygon"\ncorners = [[0, 0], [5, 0], [5, 5], [0, 5]]\nholes = [[[2, 2], [3, 2], [3, 3]]]'
+RSA = 'method = "rsa"\ncount = 6'
 DIGITAL = 'method = "digital"\ncount = 6\nvoxel_size = 0.1\nsweeps = 5'
 POINTS = 'method = "control_point"\ncount = 3\nspacing = 0.3\nsweeps = 5'
 CASES = {
     "spheres": (BALL, BOX, DIGITAL, "none"),
     "spheres as points": (BALL, BOX, POINTS, "none"),
     "disks with statistics": (DISK, FLAT, DIGITAL, "statistics"),
+    "disks in a polygon": (DISK, HOLED, RSA, "none"),
     "disks with surfaces": (DISK, FLAT, DIGITAL, "vtk"),
     "unions": (UNION, BOX, DIGITAL, "none"),
     "unions with a report": (UNION, BOX, DIGITAL, "report"),
@@ -66,6 +69,16 @@ def test_the_run_loads_and_makes_what_the_plan_says(name, tmp_path):
     assert plan["voxelized_shapes"] == counters["voxelized_shapes"]
     assert plan["sampled_shapes"] == counters["sampled_shapes"]
     assert counters["attempts"] <= plan["attempts"]
+
+
+def test_a_report_of_a_flat_scene_draws_no_solids(tmp_path):
+    path = tmp_path / "scene.toml"
+    output = {"vtk": "false", "statistics": "false", "report": "true"}
+    for container, packing, shape in ((FLAT, RSA, DISK), (BOX, DIGITAL, BALL)):
+        path.write_text(SCENE.format(shape=shape, container=container, packing=packing, **output))
+        libraries = vg.Scene.from_toml(path).plan().libraries
+        assert "pyvista" in libraries
+        assert ("open3d" in libraries) == (container == BOX)
 
 
 LARGE = """

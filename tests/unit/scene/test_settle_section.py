@@ -142,6 +142,17 @@ def test_mistakes_are_named(write, old, new, error, words):
         vg.Scene.from_toml(write(old, new))
 
 
+def test_the_direction_that_is_proposed_lies_in_the_plane(tmp_path):
+    walk = '"digital"\ncount = 20\nvoxel_size = 0.1\nsweeps = 100'
+    flat = SCENE.replace('"sphere"', '"disk"').replace(
+        '"box"\nlengths = [3, 3, 6]\nperiodic = "xy"', '"disk"\nradius = 3'
+    )
+    for text, axis in ((SCENE, "-z"), (flat, "-y")):
+        (tmp_path / "scene.toml").write_text(text.replace(walk, '"rsa"\ncount = 9'))
+        with pytest.raises(InputError, match=f"'voxgran settle out/packing.vtp --gravity {axis} -o settled.vtp'"):
+            vg.Scene.from_toml(tmp_path / "scene.toml")
+
+
 def test_settling_without_gravity_is_refused_before_anything_is_packed(write):
     scene = vg.Scene.from_toml(write("sweeps = 100", 'sweeps = 100\ngravity = "none"'))
     with pytest.raises(InputError, match="without gravity"):

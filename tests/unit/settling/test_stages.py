@@ -6,7 +6,7 @@ import pytest
 import voxgran as vg
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.parameters import Settling
-from voxgran.settling.stages import ENDED, STILL, Settler
+from voxgran.settling.stages import AGAIN, ENDED, STILL, Settler
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -80,3 +80,34 @@ def test_meshes_go_on_with_the_same_bits():
     # bounds of the gaps of pairs beyond the margin may differ
     for name in ("position", "orientation", "row", "row_i", "row_j", "pair_first", "pair_count", "pair_way"):
         np.testing.assert_array_equal(again.arrays[name], settler.arrays[name])
+
+
+def test_a_small_bed_that_is_wedged_falls_once_more():
+    """Squares grow in the neck of a funnel and jam across it: quasi-static steps alone do not part them."""
+    neck = vg.Polygon([(2, 0), (3, 0), (3, 1), (5, 2.5), (5, 5), (0, 5), (0, 2.5), (2, 1)])
+    square = vg.make_shape("polygon", corners=4)
+    bed = vg.pack(square, neck, "gravity", sizes=vg.sizes.fixed(0.4), seed=5)
+    assert bed.stop_reason == "settled"
+    assert bed.provenance["counters"]["falls"] == 1
+    assert bed.verify().ok
+
+
+def test_only_small_beds_fall_once_more(resting):
+    """That a bed may do so counts in the bound of its steps."""
+    settler, _ = examined(resting)
+    assert settler._more_falls == 1
+    large = vg.pack(vg.make_shape("sphere"), vg.Box((12, 12, 12), periodic="xy"), "rsa", count=1000)
+    assert Settler(normalized_assembly(large)[0], Settling(), DOWN)._more_falls == 0
+    top = settler.bed.count - 1
+    settler.bed.move(np.where(np.arange(top + 2)[:, None] == top, [0, 0, 0.05, 0, 0, 0], 0.0), 1.0)
+    settler.progress.best, settler.progress.still_steps, settler.progress.trials = 1.0, 7, 2
+    before = settler.bed.grains.position.copy()
+    settler.how = Settling(rest=0.99)
+    settler._end()
+    assert (settler.progress.stage, settler.progress.falls) == (AGAIN, 1)
+    assert (settler.progress.still_steps, settler.progress.trials, settler.progress.substep) == (0, 0, 0.0)
+    np.testing.assert_array_equal(settler.bed.grains.position, before)
+    # not twice
+    settler.progress.stage = STILL
+    settler._end()
+    assert settler.progress.stage == ENDED

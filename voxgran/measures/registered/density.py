@@ -26,8 +26,9 @@ def bulk_solid_fraction(packing: Packing) -> Estimate:
 
     The error is 0 for spheres, clumps, ellipsoids, boxes and meshes in boxes, and for disks and polygons in rectangles;
     a bound for cylinders and cones there; the error of the quadrature for spheres and clumps in cylinders; a standard
-    error for other grains in cylinders and for all grains in closed meshes, where overlapping volume counts for each
-    grain. The result is NaN, with a `PackingWarning`, if fewer than 50 grains have their centroids in the bulk.
+    error for other grains in cylinders and for all grains in closed meshes and spheres, in two dimensions in disks and
+    polygons as containers, where volumes are sampled and overlapping volume counts for each grain. The result is NaN,
+    with a `PackingWarning`, if fewer than 50 grains have their centroids in the bulk.
     """
     return _bulk(packing)[0]
 

@@ -1,7 +1,7 @@
 """Profiles of the solid fraction along the axes and with the distance from the walls."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from voxgran._base.errors import InputError
 from voxgran.containers.model import Container, boundary_of
 from voxgran.measures.halfspaces import cut_disks
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
-from voxgran.measures.region import Regions
+from voxgran.measures.region import Regions, SampledRegion
 from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.slices import cut_mesh
 from voxgran.measures.window import Solids
@@ -64,7 +64,7 @@ def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     The width of the bins is by default a tenth of the mean diameter. Distances are up to five mean diameters, or to the
     largest one in the container. With gravity only the part below the height up to which 85 % of the volume lies is
     included. Exact in boxes and rectangles except for cylinders and cones; by quadrature for spheres in cylinders;
-    sampled otherwise.
+    sampled otherwise, with the standard error.
 
     Raises
     ------
@@ -82,6 +82,14 @@ def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     found = [regions.at(float(edge)) for edge in edges]
     room: Floats = np.array([float(region.volume) for region in found])
     kept = max(2, int(np.count_nonzero(room > 1e-9 * room[0])) + 1)
+    sampled = [region for region in found if isinstance(region, SampledRegion)]
+    if sampled:
+        # the same points count in both regions: the error is that of the points between them
+        shells = [replace(one, until=float(edge)) for one, edge in zip(sampled, edges[1:kept], strict=False)]
+        parts, rooms = [shell.solid(regions.solids) for shell in shells], [shell.volume for shell in shells]
+        share = np.array(parts) / np.maximum(rooms, 1e-300)
+        each = np.array([part.error for part in parts]), share * np.array([part.error for part in rooms])
+        return _profile(edges[:kept], np.array(parts), np.hypot(*each), np.array(rooms))
     solid = [region.solid(regions.solids) for region in found[:kept]]
     errors: Floats = np.array([part.error for part in solid])
     return _profile(edges[:kept], -np.diff(np.array(solid)), np.hypot(errors[1:], errors[:-1]), -np.diff(room[:kept]))

@@ -26,6 +26,8 @@ ROUND, POWER = 0.88, {2: 0.4, 3: 1.1}
 AT_WALLS, AT_SURFACE = 0.12, 0.17
 #: room that is left between the surface of a bed and the top of the container, in mean diameters by volume
 ROOM = 0.8
+#: points above each one at which walls are looked for
+LOOKS = 4
 
 
 def usual_solid_fraction(problem: Problem) -> float:
@@ -46,12 +48,17 @@ def mean_diameter(problem: Problem) -> float:
 def volume_at_rest(problem: Problem, up: Floats, height: float, generator: np.random.Generator) -> float:
     """Return the volume of grains whose bed has its surface at a height above the lowest point of the container.
 
-    The part of the container where grains lie is estimated from random points, to about one percent.
+    The part of the container where grains lie is estimated from random points, to about one percent. Below walls that
+    hang over, as under a hole of a polygon or the vault of a sphere, there is the same room as below a flat top.
     """
     container, size = problem.container, mean_diameter(problem)
     points = points_inside(container, generator)
     within = np.asarray(container.signed_distance(points)) < -AT_WALLS * size
     within &= points @ up < container_levels(container, up)[0] + height - AT_SURFACE
+    # several points above each, so that thin walls are seen
+    for part in range(1, LOOKS + 1):
+        above = points + part / LOOKS * (ROOM * size + AT_SURFACE) * up
+        within &= np.asarray(container.signed_distance(above)) < 0.0
     return usual_solid_fraction(problem) * container.volume * float(within.mean())
 
 

@@ -8,4 +8,7 @@ from voxgran.packing.digital.rsa_method import DigitalRsa as DigitalRsa
 from voxgran.packing.jamming.expand import Expand as Expand
 from voxgran.packing.jamming.jam import Jam as Jam
 from voxgran.packing.rsa.method import Rsa as Rsa
+from voxgran.packing.space_filling.apollonian import Apollonian as Apollonian
+from voxgran.packing.space_filling.growth import Growth as Growth
+from voxgran.packing.space_filling.random_apollonian import RandomApollonian as RandomApollonian
 from voxgran.packing.tessellation.method import Tetrahedral as Tetrahedral

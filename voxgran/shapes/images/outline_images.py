@@ -16,6 +16,8 @@ from voxgran.shapes.outline import Outline
 
 #: corners of a triangle on a line count as none below this part of the lengths of its sides
 STRAIGHT = 1e-9
+#: difference from the level, in the range of the values, below which pixels count as a little darker
+LEVEL = 1e-6
 
 
 @renamed(least_area="min_area")
@@ -158,7 +160,10 @@ def _rings(values: Floats, level: float, border: str) -> list[Floats]:
 
 def _loops(values: Floats, level: float) -> list[Floats]:
     """Return all boundaries, in pixels from the lower corner: outer ones counterclockwise, those of holes clockwise."""
-    padded = np.pad(values, 1, mode="edge")
+    # boundaries through the middles of pixels would touch each other there
+    least = LEVEL * float(np.ptp(values))
+    apart = np.where(np.abs(values - level) < least, level - least, values)
+    padded = np.pad(apart, 1, mode="edge")
     frame = np.ones(padded.shape, dtype=np.bool_)
     frame[1:-1, 1:-1] = False
     # so dark that a particle which is cut ends where the image does

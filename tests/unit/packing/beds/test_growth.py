@@ -7,7 +7,7 @@ from scipy.stats import spearmanr
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, usual_solid_fraction, volume_at_rest
+from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, ROOM, usual_solid_fraction, volume_at_rest
 from voxgran.packing.beds.seeds import column_top, random_seeds
 
 SPHERE = vg.make_shape("sphere")
@@ -208,3 +208,30 @@ def test_the_volume_at_rest_follows_the_closed_form_of_a_cap():
     cap = np.pi * depth**2 * (3 * radius - depth) / 3
     found = volume_at_rest(task.problem, UP, height, np.random.default_rng(0))
     assert found == pytest.approx(usual_solid_fraction(task.problem) * cap, rel=0.03)
+
+
+@pytest.mark.parametrize("thickness", [1.0, 0.3])
+def test_below_walls_that_hang_over_there_is_room_as_below_the_top(thickness):
+    """A hole of a polygon, also a thin one: the layers at its sides and top, and the room below it, hold no grains."""
+    wide, low = 7.0, 4.0
+    hole = np.array([(0, 0), (wide, 0), (wide, thickness), (0, thickness)]) + np.array([1.5, low])
+    square = [(0, 0), (10, 0), (10, 10), (0, 10)]
+    disk, up, height = vg.make_shape("disk"), np.array([0.0, 1.0, 0.0]), 9.0
+    open_area = (10 - 2 * AT_WALLS) * (height - AT_SURFACE - AT_WALLS)
+    around = thickness * (wide + 2 * AT_WALLS) + wide * AT_WALLS + np.pi * AT_WALLS**2
+    for holes, area in (((), open_area), ((hole,), open_area - around - wide * (ROOM + AT_SURFACE))):
+        task = kit.task_of("gravity", disk, vg.Polygon(square, holes=holes), count=10)
+        found = volume_at_rest(task.problem, up, height, np.random.default_rng(0))
+        assert found == pytest.approx(usual_solid_fraction(task.problem) * area, rel=0.01)
+
+
+def test_beds_below_a_sloping_roof_rest_without_being_asked_for_fewer_grains():
+    """Filled up to the roof, these pentagons were wedged below it and crept on."""
+    roofed = vg.Polygon([(0, 0), (6, 0), (6, 4), (3, 2.5), (0, 4)], holes=[[(2, 1), (3, 1), (3, 2), (2, 2)]])
+    pentagon = vg.make_shape("polygon", corners=5)
+    for seed in (3, 4):
+        bed = vg.pack(pentagon, roofed, "gravity", sizes=vg.sizes.uniform(0.3, 0.5), seed=seed)
+        assert bed.stop_reason == "settled"
+        assert bed.verify().ok
+        assert bed.gravity == (0.0, -1.0, 0.0)
+        assert 0.6 < bed.solid_fraction < 0.7

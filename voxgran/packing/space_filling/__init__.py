@@ -1,0 +1,1 @@
+"""Spheres whose sizes follow from the gaps between others: growth, random and exact Apollonian packings."""

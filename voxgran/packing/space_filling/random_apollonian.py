@@ -1,0 +1,347 @@
+"""Random Apollonian packing: a random point that is free gets the largest sphere that fits there.
+
+Each sphere touches the nearest surface, of another sphere or a wall. The number of spheres larger than a diameter falls
+as a power of it. With `shift` the sphere then moves away from that surface as it grows, until another is equally near,
+so many times: the spheres touch two others, become larger, and fill more of the container. With `shrink` each is made
+smaller than fits, so that gaps stay between the spheres.
+
+Shapes that are no spheres are represented by their bounding spheres, in random orientations.
+
+References
+----------
+Manna 1992, Space filling tiling by random packing of discs, Physica A 187, 373-377, doi:10.1016/0378-4371(92)90001-7.
+Delaney, Hutzler & Aste 2008, Relation between grain shape and fractal properties in random Apollonian packing with
+grain rotation, Physical Review Letters 101, 120602, doi:10.1103/PhysRevLett.101.120602.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers, Words
+from voxgran._base.config import check_bounds, parameter
+from voxgran._base.errors import InputError
+from voxgran._base.kernels import bare_kernel, kernel
+from voxgran._base.seeds import philox_block, philox_key, unit_float
+from voxgran.containers.kernel_container import KernelContainer, clearance, kernel_container
+from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.model import Packing
+from voxgran.packing.problem import Problem, random_turns, spheres_of_start
+from voxgran.packing.space_filling.reach_cells import (
+    ReachCells,
+    gap_at,
+    is_covered,
+    list_sphere,
+    reach_cells,
+    with_room,
+)
+
+#: bytes of a grain (measured), and estimate of the largest number of attempts per grain
+GRAIN_BYTES, ATTEMPTS = 300, 10_000
+#: cells per sphere
+CELLS = 0.4
+#: attempts in a row that find no place, after which the container is full
+PATIENCE = 5_000
+#: shares of the shortest edge of the container: the smallest diameter if neither count nor solid fraction is asked for,
+#: and the largest one of spheres that shift
+SMALLEST, SHIFTED = 0.02, 0.25
+#: what is counted: spheres placed, attempts in a row without a place
+PLACED, MISSED = 0, 1
+#: how a part of a run ends: attempts made or container full, solid fraction reached, no room for entries
+MADE, REACHED, NO_ROOM = 0, 1, 2
+#: steps by which the place of a shifted sphere is found, distances in radii that count as equal, and the way over which
+#: the direction from a wall is found
+HALVINGS, ROUNDING, DIFFERENCE = 60, 1e-10, 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RandomApollonian:
+    """Parameters of the random Apollonian packing.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, or the largest diameter is below the smallest.
+    """
+
+    smallest: float | None = parameter(
+        None,
+        doc="smallest diameter; default: none if a count or a solid fraction is asked for, otherwise 2 % of the"
+        " shortest edge of the container",
+        unit="length",
+        at_least=0.0,
+    )
+    largest: float | None = parameter(
+        None,
+        doc="largest diameter; default: none without shift, otherwise a quarter of the shortest edge of the container",
+        unit="length",
+        above=0.0,
+    )
+    shift: int = parameter(
+        0, doc="how often a sphere moves away from the nearest surface until another is equally near", at_least=0
+    )
+    shrink: float = parameter(
+        0.0, doc="share of the diameter by which each sphere is smaller than fits", at_least=0.0, at_most=0.99
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that one of the diameters is not below the other."""
+        check_bounds(self)
+        if self.smallest is not None and self.largest is not None and self.smallest > self.largest:
+            raise InputError(
+                f"smallest is {self.smallest:g} and largest is {self.largest:g}: no diameter is between; change one"
+            )
+
+
+def prepare(problem: Problem) -> State:
+    """Return the state in which only the grains of the start are placed.
+
+    Raises
+    ------
+    InputError
+        If a grain of the start overlaps another or reaches beyond a wall.
+    """
+    spheres = np.zeros((problem.count, 4))
+    spheres[: problem.started] = spheres_of_start(problem)
+    arrays = {"spheres": spheres, "tally": np.array([problem.started, 0], dtype=np.int64), "volume": np.zeros(1)}
+    state = State(arrays, {}, 0, ATTEMPTS * (problem.count - problem.started) + PATIENCE)
+    _look(problem, state, MADE)
+    return state
+
+
+@dataclass(slots=True)
+class Precomputed:
+    """What follows from the problem and the placed spheres."""
+
+    walls: KernelContainer
+    cells: ReachCells
+    volume: Floats  # of each grain in its bounding sphere of radius 1
+    limits: Floats  # smallest and largest radius, factor on the largest radius that fits, volume that is asked for
+
+
+def advance(problem: Problem, state: State, attempts: int) -> State:
+    """Make up to `attempts` attempts, each of which draws one point."""
+    if state.stop_reason:
+        return state
+    if "precomputed" not in state.derived:
+        state.derived["precomputed"] = _precomputed(problem, state)
+    made: Precomputed = state.derived["precomputed"]
+    last, end = min(state.done + attempts, state.total), NO_ROOM
+    while end == NO_ROOM:
+        done, end = put_spheres(
+            *(made.walls, made.cells, state.arrays["spheres"], made.volume, made.limits),
+            *(problem.parameters.shift, philox_key(problem.seed, "apollonian")),
+            *(state.arrays["tally"], state.arrays["volume"], state.done, last),
+        )
+        state.done = int(done)
+        if end == NO_ROOM:
+            made.cells = with_room(made.cells)
+    _look(problem, state, int(end))
+    return state
+
+
+def _precomputed(problem: Problem, state: State) -> Precomputed:
+    """Return cells with the placed spheres in them, volumes and limits."""
+    settings: RandomApollonian = problem.parameters
+    walls = kernel_container(problem.container, from_corner=True)
+    cells = reach_cells(walls, max(problem.count, 1), CELLS)
+    for sphere, (x, y, z, radius) in enumerate(state.arrays["spheres"][: state.arrays["tally"][PLACED]]):
+        while not list_sphere(cells, sphere, x, y, z, radius, -1.0):
+            cells = with_room(cells)
+    bounding = np.array([shape.bounding_radius for shape in problem.shapes])
+    volume = np.array([shape.volume for shape in problem.shapes]) / bounding**problem.dimension
+    edges = (problem.container.bounds[1] - problem.container.bounds[0])[: problem.dimension]
+    smallest = 0.0 if problem.target else SMALLEST * float(edges.min())
+    if settings.smallest is not None:
+        smallest = problem.length(settings.smallest)
+    # in a round container a sphere that shifts goes to the middle, and would fill it all
+    largest = SHIFTED * float(edges.min()) if settings.shift else math.inf
+    if settings.largest is not None:
+        largest = problem.length(settings.largest)
+    asked = math.inf if problem.asked_fraction is None else problem.asked_fraction * problem.container.volume
+    limits = np.array([0.5 * smallest, 0.5 * largest, 1.0 - settings.shrink, asked])
+    return Precomputed(walls, cells, volume[problem.shape_id], limits)
+
+
+def _look(problem: Problem, state: State, end: int) -> None:
+    """Set the stop reason."""
+    tally = state.arrays["tally"]
+    if end == REACHED:
+        state.stop_reason = "solid_fraction"
+    elif tally[PLACED] == problem.count:
+        state.stop_reason = "count"
+    elif tally[MISSED] >= PATIENCE:
+        state.stop_reason = "full"
+    elif state.done >= state.total:
+        state.stop_reason = "steps"
+    if state.stop_reason:
+        state.derived.clear()
+
+
+def finish(problem: Problem, state: State) -> Packing:
+    """Return the packing of the grains that were placed."""
+    many = int(state.arrays["tally"][PLACED])
+    return spheres_packing(problem, np.arange(many), state.arrays["spheres"][:many], state.stop_reason)
+
+
+def spheres_packing(problem: Problem, grains: Integers, spheres: Floats, stop_reason: str) -> Packing:
+    """Return the packing of grains whose bounding spheres, (m, 4), are counted from the lower corner."""
+    bounding = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id[grains]]
+    diameter = spheres[:, 3] / bounding
+    # those of a start keep their sizes to the last bit
+    diameter[grains < problem.started] = problem.diameter[: problem.started]
+    return problem.packing(
+        grains,
+        position=spheres[:, :3] + problem.container.bounds[0],
+        orientation=random_turns(problem, grains),
+        diameter=diameter,
+        stop_reason=stop_reason,
+    )
+
+
+def cost(problem: Problem) -> Cost:
+    """Return the cost of a run."""
+    return Cost(memory=GRAIN_BYTES * problem.count + 2**22, attempts=ATTEMPTS * problem.count + PATIENCE)
+
+
+registration = PackingMethod(
+    name="random_apollonian",
+    summary="random free points get the largest sphere that fits there: a power law of sizes that fills the gaps",
+    source="Manna 1992, doi:10.1016/0378-4371(92)90001-7; Delaney et al. 2008, doi:10.1103/PhysRevLett.101.120602",
+    parameters=RandomApollonian,
+    prepare=prepare,
+    advance=advance,
+    finish=finish,
+    cost=cost,
+    dimensions=(2, 3),
+    sizing="made",
+)
+
+
+@kernel
+def put_spheres(
+    walls: KernelContainer,
+    cells: ReachCells,
+    spheres: Floats,
+    volume: Floats,
+    limits: Floats,
+    shift: int,
+    key: Words,
+    tally: Integers,
+    filled: Floats,
+    done: int,
+    last: int,
+) -> tuple[int, int]:
+    """Make attempts up to number `last`; return the number after the last that was made, and how this part ends.
+
+    filled: (1,) volume of the spheres that were placed.
+    """
+    place = np.zeros(4)
+    while done < last and tally[PLACED] < len(spheres) and tally[MISSED] < PATIENCE:
+        words = philox_block(key[0], key[1], np.uint64(done), np.uint64(0))
+        place[0] = unit_float(words[0]) * walls.lengths[0]
+        place[1] = unit_float(words[1]) * walls.lengths[1]
+        place[2] = unit_float(words[2]) * walls.lengths[2] if walls.dimension == 3 else 0.0
+        _grow_at(walls, cells, spheres, place, shift, limits[1])
+        radius, n = place[3] * limits[2], tally[PLACED]
+        if radius <= 0.0 or radius < limits[0]:
+            tally[MISSED] += 1
+            done += 1
+            continue
+        added, reached = volume[n] * radius**walls.dimension, False
+        if filled[0] + added >= limits[3]:
+            # the last sphere is made smaller, so that the solid fraction is met exactly
+            added, reached = limits[3] - filled[0], True
+            radius = (added / volume[n]) ** (1.0 / walls.dimension)
+        if not list_sphere(cells, n, place[0], place[1], place[2], radius, -1.0):
+            return done, NO_ROOM
+        spheres[n, 0], spheres[n, 1], spheres[n, 2], spheres[n, 3] = place[0], place[1], place[2], radius
+        filled[0] += added
+        tally[PLACED] += 1
+        tally[MISSED] = 0
+        done += 1
+        if reached:
+            return done, REACHED
+    return done, MADE
+
+
+@bare_kernel
+def _grow_at(walls, cells, spheres, place, shift, largest):  # type: ignore[no-untyped-def]
+    """Write the radius of the largest sphere at a place, which moves if spheres shift; none where a point is taken."""
+    place[3] = _radius_at(walls, cells, spheres, place[0], place[1], place[2], largest)
+    for _ in range(shift):
+        if place[3] <= 0.0 or place[3] >= largest or not _shifted(walls, cells, spheres, place, largest):
+            return
+
+
+@bare_kernel
+def _radius_at(walls, cells, spheres, x, y, z, largest):  # type: ignore[no-untyped-def]
+    """Return the radius of the largest sphere about a point, which is negative where the point is taken."""
+    room = clearance(walls, x, y, z)
+    if room <= 0.0 or is_covered(cells, spheres, x, y, z):
+        return -1.0
+    return gap_at(cells, spheres, x, y, z, min(room, largest))[0]
+
+
+@bare_kernel
+def _shifted(walls, cells, spheres, place, largest):  # type: ignore[no-untyped-def]
+    """Move a sphere away from the nearest surface, which it goes on to touch, until another is equally near.
+
+    Returns whether it has become larger.
+    """
+    x, y, z, radius = place[0], place[1], place[2], place[3]
+    ux, uy, uz = _away(walls, cells, spheres, x, y, z, radius)
+    low, high, step = 0.0, math.inf, 0.5 * radius
+    for _ in range(HALVINGS):
+        px, py, pz = (
+            _wrapped(cells, 0, x + step * ux),
+            _wrapped(cells, 1, y + step * uy),
+            _wrapped(cells, 2, z + step * uz),
+        )
+        grown = _radius_at(walls, cells, spheres, px, py, pz, largest)
+        # while the first surface is the nearest, the radius grows as the sphere moves
+        if grown < (radius + step) * (1.0 - ROUNDING):
+            high = step
+        else:
+            low = step
+            place[0], place[1], place[2], place[3] = px, py, pz, grown
+        step = 2.0 * step if high == math.inf else 0.5 * (low + high)
+        if high - low < ROUNDING * radius:
+            break
+    return place[3] > radius * (1.0 + ROUNDING)
+
+
+@bare_kernel
+def _away(walls, cells, spheres, x, y, z, radius):  # type: ignore[no-untyped-def]
+    """Return the direction away from the surface that is nearest to a point, at the distance `radius`."""
+    sphere = gap_at(cells, spheres, x, y, z, radius * (1.0 + ROUNDING))[1]
+    if sphere >= 0:
+        ux = _nearest_image(cells, 0, x - spheres[sphere, 0])
+        uy = _nearest_image(cells, 1, y - spheres[sphere, 1])
+        uz = _nearest_image(cells, 2, z - spheres[sphere, 2])
+    else:
+        step = DIFFERENCE * radius
+        ux = clearance(walls, x + step, y, z) - clearance(walls, x - step, y, z)
+        uy = clearance(walls, x, y + step, z) - clearance(walls, x, y - step, z)
+        uz = 0.0
+        if walls.dimension == 3:
+            uz = clearance(walls, x, y, z + step) - clearance(walls, x, y, z - step)
+    length = math.sqrt(ux * ux + uy * uy + uz * uz)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0
+    return ux / length, uy / length, uz / length
+
+
+@bare_kernel
+def _nearest_image(cells, axis, step):  # type: ignore[no-untyped-def]
+    """Return a difference of coordinates between nearest images."""
+    span = cells.span[axis]
+    return step - math.floor(step / span + 0.5) * span if span > 0.0 else step
+
+
+@bare_kernel
+def _wrapped(cells, axis, x):  # type: ignore[no-untyped-def]
+    """Return a coordinate within the periodic length."""
+    span = cells.span[axis]
+    return x - math.floor(x / span) * span if span > 0.0 else x
