@@ -43,6 +43,13 @@ class PackKeywords(TypedDict, total=False):
     recorder: Recorder | None
     settle: bool | Mapping[str, Any] | Settling | None
 
+class TetrahedralKeywords(PackKeywords, total=False):
+    edge: Number | None
+    smallest: Number | None
+    largest: Number | None
+    jitter: Number
+    mesh: str | None
+
 class RsaKeywords(PackKeywords, total=False):
     scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"]
     until: Literal["tries", "saturated"] | None
@@ -229,6 +236,13 @@ def pack(
 @overload
 def pack(
     shapes: Sequence[Shape] | Shape, container: Container, method: Literal["rsa"], **keywords: Unpack[RsaKeywords]
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["tetrahedral"],
+    **keywords: Unpack[TetrahedralKeywords],
 ) -> Packing: ...
 @overload
 def pack(

@@ -24,6 +24,7 @@ from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
 from voxgran._base.errors import DirtyMeshWarning, PackingWarning, VoxgranError
 from voxgran._base.lazy import load
 from voxgran.io.series import listed_times
+from voxgran.packing.tessellation.mesh_files import read_cells
 from voxgran.shapes.tessellate import unit_box
 
 #: processor time in seconds within which a file of a few kilobytes must be read or refused
@@ -219,6 +220,11 @@ def msh(**options):
     return lambda p: saved(lambda q: load("meshio").write_points_cells(q, VERTICES, cells, **options), p)
 
 
+def cells(suffix):
+    blocks = [("tetra", np.array([(0, 1, 3, 7), (0, 1, 5, 7), (0, 2, 3, 7)]))]
+    return lambda p: saved(lambda q: load("meshio").write_points_cells(q, VERTICES, blocks), p.with_suffix(suffix))
+
+
 def tiff(compression):
     module = pytest.importorskip("tifffile")
     return lambda p: saved(lambda q: module.imwrite(q, LABELS, compression=compression), p)
@@ -265,6 +271,10 @@ def as_mended(path):
     return vg.load_shape(path, repair=True)
 
 
+def as_cells(path):
+    return read_cells(path, 3)
+
+
 def as_plan(path):
     return vg.Scene.from_toml(path)
 
@@ -300,6 +310,9 @@ FORMATS = {
     "vtk": (".vtk", vtk_surface("vtkUnstructuredGridWriter", "Binary"), vg.load_shape),
     "vtp": (".vtp", vtk_surface("vtkXMLPolyDataWriter", "Appended"), vg.load_shape),
     "vtu": (".vtu", vtk_surface("vtkXMLUnstructuredGridWriter", "Ascii"), vg.load_shape),
+    "cells vtu": (".vtu", cells(".vtu"), as_cells),
+    "cells msh": (".msh", cells(".msh"), as_cells),
+    "cells inp": (".inp", cells(".inp"), as_cells),
     "cloud ply": (
         ".ply",
         constant(POINT_PLY.encode() + b"".join(struct.pack("<3di", *row, 0) for row in VERTICES.tolist())),

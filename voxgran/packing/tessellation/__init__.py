@@ -1,0 +1,1 @@
+"""Grains in the cells of meshes."""

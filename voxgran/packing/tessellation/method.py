@@ -1,0 +1,297 @@
+"""Tetrahedral: spheres in the cells of a mesh, then at its nodes, edges and faces, then in all holes that remain.
+
+A mesh of tetrahedra (triangles in two dimensions) fills the container. Each cell gets its inscribed sphere (Cui &
+O'Sullivan 2003). The largest sphere that fits is then placed at each node, edge, face and corner of a cell (Jerier et
+al. 2009, 2010), and in the holes that these leave: each touches four spheres or walls (three in two dimensions), found
+by a climb to the largest clearance nearby. Within one kind of places the largest spheres come first. The sizes follow
+from the mesh; their limits are parameters.
+
+Shapes that are no spheres are inscribed in the spheres by their bounding spheres, in random orientations.
+
+References
+----------
+Cui & O'Sullivan 2003, Granular Matter 5, 135-145.
+Jerier et al. 2009, A geometric algorithm based on tetrahedral meshes to generate a dense polydisperse sphere packing,
+Granular Matter 11, doi:10.1007/s10035-008-0116-0.
+Jerier et al. 2010, Packing spherical discrete elements for large scale simulations, Computer Methods in Applied
+Mechanics and Engineering, doi:10.1016/j.cma.2010.01.016.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.config import check_bounds, parameter
+from voxgran._base.errors import InputError
+from voxgran._base.stopping import stop_if_asked
+from voxgran.packing.method import Cost, PackingMethod, State
+from voxgran.packing.model import Packing
+from voxgran.packing.problem import Problem, random_turns, spheres_of_start
+from voxgran.packing.tessellation.climb import HINT, MOST
+from voxgran.packing.tessellation.filling import (
+    COLUMNS,
+    KIND,
+    Walls,
+    climbed,
+    last_places,
+    next_places,
+    taken,
+    wrapped,
+)
+from voxgran.packing.tessellation.mesh import CELL, CellMesh, lattice_mesh, places_of
+from voxgran.packing.tessellation.mesh_files import read_cells
+
+#: bytes of a sphere (measured)
+GRAIN_BYTES = 1500
+#: waves, at most
+WAVES = 1000
+#: cells of a mesh where nothing else says how many; the fewest of a mesh made for a count, and spheres per cell then
+CELLS, FEWEST, PER_CELL = 2000, 200, {2: 1.5, 3: 2.0}
+#: volume of a cell by its edge, and the diameter of the sphere inscribed in a regular one
+CELL_VOLUME = {2: math.sqrt(3.0) / 4.0, 3: 1.0 / 12.0 / ((1.0 + math.sqrt(3.0)) / 3.0) ** 3}
+INSCRIBED = {2: 1.0 / math.sqrt(3.0), 3: 1.0 / math.sqrt(6.0)}
+#: smallest diameter, in edges, where none is given
+SMALLEST = 0.2
+#: overlap that is rounding, in lengths of the container
+ROUNDING = 1e-15
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Tetrahedral:
+    """Parameters of a packing by a mesh.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, or the smallest diameter is larger than the largest.
+    """
+
+    edge: float | None = parameter(
+        None,
+        doc="mean edge of the cells; left out: by the largest diameter, by the count, or for about 2000 cells",
+        unit="length",
+        above=0.0,
+    )
+    smallest: float | None = parameter(
+        None, doc="smallest diameter of a sphere; left out: a fifth of the edge", unit="length", above=0.0
+    )
+    largest: float | None = parameter(
+        None, doc="largest diameter of a sphere; left out: as the cells give", unit="length", above=0.0
+    )
+    jitter: float = parameter(
+        0.3, doc="range of random displacements of the nodes, in edges", at_least=0.0, at_most=1.0
+    )
+    mesh: str | None = parameter(
+        None,
+        doc="file of a mesh of tetrahedra (2D: triangles) with the lengths of the container, instead of one made here",
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_bounds(self)
+        if self.smallest is not None and self.largest is not None and self.smallest > self.largest:
+            raise InputError(
+                f"smallest is {self.smallest:g} and largest is {self.largest:g}: diameters lie between them; exchange "
+                "them"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Edge of the cells, and the smallest and the largest radius, in the unit of the problem."""
+
+    edge: float
+    smallest: float
+    largest: float
+
+
+def limits_of(problem: Problem) -> Limits:
+    """Return the lengths that are given, or follow from others."""
+    settings: Tetrahedral = problem.parameters
+    dimension = problem.dimension
+    largest = math.inf if settings.largest is None else problem.length(settings.largest)
+    if settings.edge is not None:
+        edge = problem.length(settings.edge)
+    elif settings.largest is not None:
+        edge = largest / INSCRIBED[dimension]
+    else:
+        wanted = CELLS
+        if problem.asked_count is not None:
+            wanted = max(FEWEST, int(problem.asked_count / PER_CELL[dimension]))
+        edge = (problem.container.volume / (wanted * CELL_VOLUME[dimension])) ** (1.0 / dimension)
+    smallest = SMALLEST * edge if settings.smallest is None else problem.length(settings.smallest)
+    return Limits(edge, 0.5 * min(smallest, largest), 0.5 * largest)
+
+
+def prepare(problem: Problem) -> State:
+    """Return the state in which all places of the mesh wait, and only the grains of the start are placed.
+
+    Raises
+    ------
+    InputError
+        If the edge is longer than the container, no cell of the mesh lies in that, or a grain of the start overlaps
+        another or reaches beyond a wall.
+    FileFormatError
+        If the file of the mesh is damaged or has no cells.
+    MissingFileError
+        If there is no such file.
+    """
+    spheres = spheres_of_start(problem)
+    queue = np.zeros((0, COLUMNS)) if len(spheres) == problem.count else _first_queue(problem)
+    state = State({"spheres": spheres, "queue": queue}, {"swept": 0}, 0, WAVES)
+    _look(problem, state)
+    return state
+
+
+def _first_queue(problem: Problem) -> Floats:
+    """Return all places of the mesh."""
+    settings: Tetrahedral = problem.parameters
+    limits, container = limits_of(problem), problem.container
+    longest = float((container.bounds[1] - container.bounds[0]).max())
+    if limits.edge > longest:
+        raise InputError(
+            f"edge is {limits.edge * problem.unit_length:.6g} (without one, it follows from largest): no cell is "
+            f"longer than the container of {longest * problem.unit_length:.6g}; give a smaller one"
+        )
+    if settings.mesh is None:
+        mesh = lattice_mesh(container, limits.edge, settings.jitter, problem.seed)
+    else:
+        nodes, cells = read_cells(settings.mesh, problem.dimension)
+        mesh = CellMesh(nodes / problem.unit_length, cells)
+    if not len(mesh.cells):
+        raise InputError(
+            f"edge is {limits.edge * problem.unit_length:.6g}: no cell of that size lies in the container; give a "
+            "smaller one"
+        )
+    place, radius, kind = places_of(mesh, container)
+    walls = Walls(container)
+    queue = np.zeros((len(place), COLUMNS))
+    queue[:, :3] = wrapped(place - walls.lower, walls)
+    queue[:, HINT], queue[:, KIND] = radius, kind
+    most = min(limits.largest, walls.widest)
+    queue[:, MOST] = np.where(kind == CELL, np.minimum(radius, most), most)
+    return queue
+
+
+def advance(problem: Problem, state: State, attempts: int) -> State:
+    """Make up to `attempts` waves, each of which fills places of one kind."""
+    if "walls" not in state.derived:
+        state.derived["walls"], state.derived["limits"] = Walls(problem.container), limits_of(problem)
+    last = min(state.done + attempts, state.total)
+    while state.done < last and not state.stop_reason:
+        _fill(problem, state)
+        state.done += 1
+        _look(problem, state)
+    return state
+
+
+def _fill(problem: Problem, state: State) -> None:
+    """Climb from all places of the first kind, take the largest spheres, and queue the places that these leave.
+
+    When the queue is empty it is filled once more, from a triangulation of the spheres.
+    """
+    walls, limits = state.derived["walls"], state.derived["limits"]
+    spheres, queue = state.arrays["spheres"], state.arrays["queue"]
+    most = min(limits.largest, walls.widest)
+    if not len(queue):
+        stop_if_asked()
+        state.counters["swept"] = 1
+        state.arrays["queue"] = last_places(spheres, walls, limits.smallest, most)
+        return
+    first = queue[:, KIND] == queue[:, KIND].min()
+    wave = queue[first]
+    found, normals = climbed(spheres, wave, walls, limits.smallest)
+    found[:, :3] = wrapped(found[:, :3], walls)
+    chosen, again = taken(found, walls, ROUNDING * walls.size)
+    repeat = wave[again]
+    repeat[:, :3], repeat[:, HINT] = found[again, :3], found[again, 3]
+    after = next_places(found[chosen], normals[chosen], walls, most)
+    state.arrays["queue"] = np.concatenate([queue[~first], repeat, after])
+    state.arrays["spheres"] = np.concatenate([spheres, _as_asked(problem, spheres, found[chosen], limits.smallest)])
+
+
+def _as_asked(problem: Problem, spheres: Floats, more: Floats, smallest: float) -> Floats:
+    """Return the spheres up to the count and the solid fraction that are asked for; the last one meets the latter."""
+    more = more[: problem.count - len(spheres)]
+    if problem.asked_fraction is None:
+        return more
+    volume = np.cumsum(volumes_of(problem, np.concatenate([spheres, more])[:, 3])[problem.started :])
+    wanted = problem.asked_fraction * problem.container.volume
+    enough = int(np.searchsorted(volume, wanted * (1.0 - 1e-13)))
+    last = enough - (len(spheres) - problem.started)
+    if last >= len(more):
+        return more
+    more = more[: last + 1].copy()
+    own = volume[enough] - (volume[enough - 1] if enough else 0.0)
+    part = (1.0 - (volume[enough] - wanted) / own) ** (1.0 / problem.dimension)
+    more[last, 3] = max(part * more[last, 3], smallest)
+    return more
+
+
+def volumes_of(problem: Problem, radius: Floats) -> Floats:
+    """Return the true volumes of the grains in spheres of these radii."""
+    shapes = np.array([shape.volume / shape.bounding_radius**problem.dimension for shape in problem.shapes])
+    return np.asarray(shapes[problem.shape_id[: len(radius)]] * radius**problem.dimension)
+
+
+def _look(problem: Problem, state: State) -> None:
+    """Set the stop reason."""
+    spheres = state.arrays["spheres"]
+    volume = volumes_of(problem, spheres[:, 3])[problem.started :].sum()
+    if len(spheres) == problem.count:
+        state.stop_reason = "count"
+    elif problem.asked_fraction is not None and volume >= problem.asked_fraction * problem.container.volume * (
+        1.0 - 1e-13
+    ):
+        state.stop_reason = "solid_fraction"
+    elif not len(state.arrays["queue"]) and state.counters["swept"]:
+        state.stop_reason = "full"
+    elif state.done >= state.total:
+        state.stop_reason = "steps"
+    if state.stop_reason:
+        state.arrays["queue"] = np.zeros((0, COLUMNS))
+        state.derived.clear()
+
+
+def finish(problem: Problem, state: State) -> Packing:
+    """Return the packing of the spheres that were placed."""
+    spheres, limits = state.arrays["spheres"], limits_of(problem)
+    grains = np.arange(len(spheres))
+    bounding = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id[grains]]
+    diameter, unit = spheres[:, 3] / bounding, problem.unit_length
+    diameter[: problem.started] = problem.diameter[: problem.started]
+    resolved: dict[str, Any] = {"edge": limits.edge * unit, "smallest": 2.0 * limits.smallest * unit}
+    return problem.packing(
+        grains,
+        position=spheres[:, :3] + problem.container.bounds[0],
+        diameter=diameter,
+        orientation=random_turns(problem, grains),
+        stop_reason=state.stop_reason,
+        provenance={"parameters": resolved},
+    )
+
+
+def cost(problem: Problem) -> Cost:
+    """Return the cost of a run."""
+    cells = problem.container.volume / (CELL_VOLUME[problem.dimension] * limits_of(problem).edge ** problem.dimension)
+    many = max(min(2.0 * PER_CELL[problem.dimension] * cells, problem.count), cells)
+    return Cost(memory=int(GRAIN_BYTES * many) + 2**22, attempts=WAVES if problem.count else 0)
+
+
+registration = PackingMethod(
+    name="tetrahedral",
+    summary="spheres in the cells of a tetrahedral mesh, at its nodes, edges and faces, and in all holes that remain",
+    source="Cui & O'Sullivan 2003, Granular Matter 5, 135; Jerier et al. 2009, doi:10.1007/s10035-008-0116-0",
+    parameters=Tetrahedral,
+    prepare=prepare,
+    advance=advance,
+    finish=finish,
+    cost=cost,
+    dimensions=(2, 3),
+    libraries=("numba", "scipy"),
+    any_container=True,
+    sizing="made",
+)
