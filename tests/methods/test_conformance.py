@@ -27,13 +27,13 @@ STAGES = {
 #: what makes a method quick here; anything else is its default
 QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 6}
 #: methods that pack spheres only
-SPHERES_ONLY = ("expand", "jam")
+SPHERES_ONLY = ("expand", "jam", "multilayer")
 #: methods that move and resize the grains of a start, so that each has tests of its own
 RESIZING = ("expand", "jam")
 #: methods for which the container of the suite will not do, with another
 CONTAINERS = {"apollonian": vg.Sphere(2.0)}
 #: methods that take no start
-FROM_NOTHING = ("gravity", "apollonian")
+FROM_NOTHING = ("gravity", "apollonian", "multilayer")
 #: what of the suite is about grains of a start that stay
 STAYING = ("test_a_start_stays_in_order_and_goes_on", "test_a_start_that_has_no_place_is_refused")
 #: what is done between two looks whether to stop, made little

@@ -22,6 +22,7 @@ import numpy as np
 
 from voxgran._base.config import check_bounds
 from voxgran._base.errors import PackingWarning
+from voxgran.packing.gravity import Down
 from voxgran.packing.jamming.method import CompressState, advance, cost, first_state, told
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
@@ -48,7 +49,7 @@ def prepare(problem: Problem) -> CompressState:
     return first_state(problem, jam=not problem.target and problem.start is None)
 
 
-def finish(problem: Problem, state: CompressState) -> Packing:
+def finish(problem: Problem, state: CompressState, gravity: Down | None = None) -> Packing:
     """Return the packing; where only a count is asked for and the sizes cannot be kept, a warning says so."""
     compressor = state.compressor
     position, orientation = compressor.poses()
@@ -68,6 +69,7 @@ def finish(problem: Problem, state: CompressState) -> Packing:
         stop_reason=state.stop_reason,
         contact_gap=compressor.report.get("contact_gap", 0.0),
         provenance=told(problem, state),
+        gravity=gravity,
     )
 
 

@@ -38,9 +38,15 @@ class Compressor(Protocol):
         What a user may want to know of the run, for the provenance.
     """
 
-    ended: bool
-    done_steps: int
     most_steps: int
+
+    @property
+    def ended(self) -> bool:
+        """Whether there is no step left."""
+
+    @property
+    def done_steps(self) -> int:
+        """Steps made."""
 
     @property
     def arrays(self) -> Mapping[str, NDArray[Any]]:

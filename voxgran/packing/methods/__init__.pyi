@@ -7,6 +7,7 @@ from voxgran.packing.digital.parameters import Digital as Digital
 from voxgran.packing.digital.rsa_method import DigitalRsa as DigitalRsa
 from voxgran.packing.jamming.expand import Expand as Expand
 from voxgran.packing.jamming.jam import Jam as Jam
+from voxgran.packing.jamming.multilayer import Multilayer as Multilayer
 from voxgran.packing.rsa.method import Rsa as Rsa
 from voxgran.packing.space_filling.apollonian import Apollonian as Apollonian
 from voxgran.packing.space_filling.growth import Growth as Growth
