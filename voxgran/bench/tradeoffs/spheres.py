@@ -1,11 +1,12 @@
 """All sphere methods side by side: solid fraction, coordination, seconds, and the difference to the published value.
 
-Each method packs spheres or, in two dimensions, disks, of equal size or of the sizes that its case gives, as many as
-are asked for. Where a value is published or asked for, `error` is the difference to it: of the whole periodic
-container, or of the bulk of beds. Coordination numbers are means over all grains up to three gaps, in mean diameters.
-Seconds are those of the processor, the least of several runs after one that compiles.
+Each method packs spheres or, in two dimensions, disks, of equal size, of the sizes that its case gives or of those that
+it makes, as many as are asked for. Where a value is published or asked for, `error` is the difference to it: of the
+whole periodic container, or of the bulk of beds. Coordination numbers are means over all grains up to three gaps, in
+mean diameters. Seconds are those of the processor, the least of several runs after one that compiles.
 """
 
+import math
 import time
 import warnings
 from collections.abc import Iterable
@@ -17,8 +18,10 @@ from voxgran._base.errors import PackingWarning
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
 from voxgran.contacts.verify import verify
 from voxgran.containers.box import Box
+from voxgran.containers.disk import Disk
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.sphere import Sphere
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.model import Packing
@@ -50,6 +53,8 @@ class Case:
     bed: bool = False  # whether it has a floor and a surface: its solid fraction is that of the bulk
     sizes: SizeDistribution | None = None
     made: bool = False  # whether the method makes the sizes
+    walled: bool = False  # whether it needs a floor and a lid
+    rounded: bool = False  # whether it needs a round container
 
     @property
     def name(self) -> str:
@@ -58,28 +63,37 @@ class Case:
         return f"{self.method} ({told})" if told else self.method
 
 
+SATURATED: dict[str, Any] = {"options": {"until": "saturated"}, "source": "Zhang & Torquato 2013"}
+DEPOSITED: dict[str, Any] = {"method": "deposition", "bed": True}
 #: the cases of the published table
 CASES: tuple[Case, ...] = (
-    Case(
-        method="rsa",
-        options={"until": "saturated"},
-        room=0.384,
-        expected=0.3841307,
-        source="Zhang & Torquato 2013",
-    ),
+    Case(method="rsa", room=0.384, expected=0.3841307, **SATURATED),
     Case(method="advancing_front", options={"mode": "loose"}, room=0.45),
     Case(method="advancing_front", options={"mode": "dense"}, room=0.6),
-    Case(method="gravity", room=0.45, bed=True),
+    Case(method="expand", options={"solid_fraction": 0.55}, room=0.55, expected=0.55, source="asked for"),
+    Case(method="jam", room=0.64, expected=0.639, source="O'Hern et al. 2003"),
     Case(
-        method="rsa",
-        dimension=2,
-        options={"until": "saturated"},
-        room=0.547,
-        expected=0.5470735,
-        source="Zhang & Torquato 2013",
+        method="multilayer", options={"solid_fraction": 0.58}, room=0.58, expected=0.58, source="asked for", walled=True
     ),
+    Case(room=0.5, expected=0.582, source="Visscher & Bolsterli 1972", **DEPOSITED),
+    Case(room=0.13, options={"sticking": 1.0}, expected=0.1465, source="Meakin & Jullien", **DEPOSITED),
+    Case(method="gravity", room=0.45, bed=True),
+    Case(method="growth", room=0.2, made=True),
+    Case(method="growth", options={"arrival": "continuous"}, room=0.35, made=True),
+    Case(method="random_apollonian", room=0.7, made=True),
+    Case(method="random_apollonian", options={"shift": 3}, room=0.8, made=True),
+    Case(method="apollonian", room=0.9, made=True, rounded=True),
+    Case(method="tetrahedral", room=0.6, made=True),
+    Case(method="rsa", dimension=2, room=0.547, expected=0.5470735, **SATURATED),
     Case(method="advancing_front", dimension=2, options={"mode": "dense"}, room=0.8),
+    Case(method="expand", dimension=2, options={"solid_fraction": 0.75}, room=0.75, expected=0.75, source="asked for"),
+    Case(method="jam", dimension=2, room=0.842, sizes=TWO_SIZES, expected=0.841, source="O'Hern et al. 2003"),
+    Case(dimension=2, room=0.7, expected=0.82, source="Visscher & Bolsterli 1972", **DEPOSITED),
     Case(method="gravity", dimension=2, room=0.65, bed=True),
+    Case(method="growth", dimension=2, room=0.35, made=True),
+    Case(method="random_apollonian", dimension=2, room=0.95, made=True),
+    Case(method="apollonian", dimension=2, room=0.99, made=True, rounded=True),
+    Case(method="tetrahedral", dimension=2, room=0.8, made=True),
 )
 
 
@@ -104,11 +118,13 @@ def room_for(case: Case, count: int) -> Container:
     """Return the container in which about so many grains of unit diameter find room: a cube, or a column of a bed."""
     gradation = sizes.fixed() if case.sizes is None else case.sizes
     volume = count * gradation.mean_volume(dimension=case.dimension) / case.room
-    tall = 1.5 if case.bed else 1.0
+    if case.rounded:
+        return Disk(math.sqrt(volume / math.pi)) if case.dimension == 2 else Sphere(math.cbrt(0.75 * volume / math.pi))
+    tall, open_top = 1.5 if case.bed else 1.0, case.bed or case.walled
     edge = (volume / tall) ** (1.0 / case.dimension)
     if case.dimension == 2:
-        return Rectangle((edge, tall * edge), "x" if case.bed else "xy")
-    return Box((edge, edge, tall * edge), "xy" if case.bed else "xyz")
+        return Rectangle((edge, tall * edge), "x" if open_top else "xy")
+    return Box((edge, edge, tall * edge), "xy" if open_top else "xyz")
 
 
 def measure(case: Case, count: int, *, repeats: int = REPEATS) -> Row:
