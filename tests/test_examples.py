@@ -201,6 +201,11 @@ def test_fit_clump(capsys, monkeypatch):
         ("disks_in_plane", 120, 0.40, 0.55),
         ("spheres_in_cylinder", 120, 0.25, 0.30),
         ("region_of_disks", 249, 0.66, 0.68),
+        ("any_porosity", 190, 0.4999, 0.5001),
+        ("level_column", 1037, 0.5799, 0.5801),
+        ("loose_deposit", 1000, 0.14, 0.16),
+        ("gaps_in_rectangle", 1029, 0.91, 0.93),
+        ("spheres_in_rock", 3000, 0.57, 0.60),
     ],
 )
 def test_scenes(name, count, low, high, tmp_path):
