@@ -136,7 +136,8 @@ def test_walls_hold_what_contacts_say_is_inside(name):
         shape, scale = unit(make), 0.9
         made, rows, trees = tables([shape], room, (scale,))
         walls = kernel_container(room)
-        for orientation in turns(generator, 12, room.dimension):
+        # escapes from meshes take long to find
+        for orientation in turns(generator, 4 if name == "mesh" else 12, room.dimension):
             place = lower + (0.5 + 0.45 * (generator.random(3) - 0.5)) * (upper - lower)
             one = vg.Packing.of([shape], room, position=[place], scale=[scale], orientation=[orientation])
             write_matrix(orientation, made.work.turn)
@@ -162,7 +163,7 @@ def test_farthest_points_of_rows():
             )
 
 
-@pytest.mark.parametrize("name", ["box", "ellipsoid", "union", "clump"])
+@pytest.mark.parametrize("name", ["box", "cone", "union", "polyhedron"])
 def test_closed_cells_hold_no_free_place(name):
     """Half way: where a new grain fits in any orientation there is an open cell, and many are closed."""
     shape, box = SOLIDS[name](), vg.Box((4.5, 4, 5), "y")
@@ -204,7 +205,7 @@ def test_cubes_go_beyond_their_bounding_spheres():
     # the run ends after as many failures in a row as one round of all grains has
     assert 90 * 1000 <= proof["failed_in_row"] <= proof["failed_tries"]
     assert proof["open_cells"] > 0
-    tried = vg.pack(cube, vg.Box((6, 6, 6), "xyz"), method="rsa", until="tries", seed=1, tries=20, solid_fraction=0.3)
+    tried = vg.pack(cube, vg.Box((6, 6, 6), "xyz"), method="rsa", until="tries", seed=1, tries=20)
     told = tried.provenance["saturation"]
     assert (told["of"], told["proven"]) == ("true shapes", False)
     assert told["failed_tries"] == tried.provenance["counters"]["refused"] > 100
@@ -215,7 +216,7 @@ def test_a_target_is_met_beyond_the_tries():
     cube = vg.make_shape("box", lengths=(1, 1, 1))
     packing = vg.pack(cube, vg.Box((6, 6, 6), "xyz"), method="rsa", seed=2, tries=200, solid_fraction=0.27)
     counters = packing.provenance["counters"]
-    assert packing.stop_reason == "count"
+    assert packing.stop_reason == "solid_fraction"
     assert packing.solid_fraction == pytest.approx(0.27, abs=1 / 216)
     assert 0 < counters["search_from"] < packing.count
     assert vg.verify(packing).ok
