@@ -125,7 +125,7 @@ def make_classes(
         wanted *= min(1.0, (first / np.prod(wanted)) ** (1 / dimension))
         base[k, :dimension] = np.maximum(np.ceil(wanted - WHOLE), 1)
     limits = np.where((least < largest).any(axis=1) | inner, tries, 0).astype(np.int64)
-    most = np.append(np.full(many, OPEN_CELLS * max(len(half) // many, 16) * inner), 0).astype(np.int64)
+    most = np.append(np.full(many, OPEN_CELLS * max(len(half) // max(many, 1), 16) * inner), 0).astype(np.int64)
     parts = np.where(span > 0, 2, 1).astype(np.int64)
     one = np.ones((1, 3), dtype=np.int64)
     least, low, span = (np.vstack([array, one]) for array in (least, low, span))

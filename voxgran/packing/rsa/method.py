@@ -325,8 +325,11 @@ def _throw(state: State, made: Precomputed, grains: Grains, tally: Integers, key
     assert classes is not None
     _turns(state, made, grains, made.queue, tally, key, last, late=False)
     if made.shapes is not None:
-        while state.done < last and goes_on(state, made, tally):
+        while goes_on(state, made, tally):
+            # also at the end of a chunk, so that the run does not end there
             tally[TURN] = tally[PUT_OFF] = 0
+            if state.done == last:
+                return
             _turns(state, made, grains, made.queue, tally, key, last, late=False)
         return
     if tally[TURN] == len(made.queue) and tally[PUT_OFF] and not len(state.arrays["late"]):
