@@ -46,9 +46,9 @@ FIRST_CELLS = 4
 FINEST = 2**45
 #: entries of the tally: grains that were given up without proof, and deferred grains
 UNPROVEN, PUT_OFF = 5, 6
-#: largest number of open cells of a class of true shapes, per grain, and misses, per open cell, after which more cells
-#: are looked at again instead of being cut
-OPEN_CELLS, PATIENCE_OF_TRUE = 512, 4
+#: largest number of open cells of a class of true shapes, per grain, and misses, per open cell, after which they are
+#: cut, or looked at again if they would be more
+OPEN_CELLS, PATIENCE_OF_TRUE = 512, 2
 #: smallest share of the container that half a grain takes along an axis
 THIN = 1e-9
 #: misses of boxes that the last cut left unchanged: no cut changes them before another grain is placed
@@ -168,10 +168,11 @@ def cut_cells(
     misses, depth = known.misses.copy(), known.depth.copy()
     parts: Integers = classes.parts[kind]
     most = int(classes.most[kind])
+    misses[kind] = 0
     if most and ((end - begin) * parts.prod() > most or depth[kind] >= _cuts_of_lattice(classes)[kind]):
-        parts, misses[kind] = np.ones(3, dtype=np.int64), (PATIENCE - PATIENCE_OF_TRUE) * (end - begin)
+        parts = np.ones(3, dtype=np.int64)
     else:
-        misses[kind], depth[kind] = 0, depth[kind] + 1
+        depth[kind] += 1
     if grains.boxes:
         before = known.cell[begin:end]
         after = open_boxes(grains, cells, walls, before, classes.half[kind])
@@ -190,6 +191,9 @@ def cut_cells(
                 many += int(look_at_true(grains, cells, walls, some, *shape, kept[part], shapes, rows, trees))
         width = max(_width(classes, depth), known.cell.shape[1])
         cell = parts_in_place(known.cell, begin, kept, many, parts, width)
+    if most:
+        # to look at true shapes takes longer than to throw them
+        misses[kind] = (PATIENCE - PATIENCE_OF_TRUE) * many
     bounds = known.bounds.copy()
     bounds[kind + 1 :] += many - (end - begin)
     return Open(cell, bounds, misses, depth)

@@ -14,7 +14,7 @@ from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import KernelContainer, is_barred
 from voxgran.packing.level_grid import LevelGrid
 from voxgran.packing.rsa.overlaps import Grains, gather, is_within
-from voxgran.packing.rsa.true_overlaps import is_taken
+from voxgran.packing.rsa.true_overlaps import is_taken, list_near
 from voxgran.packing.rsa.true_shapes import TrueShapes
 
 #: the lowest 16 bits of a number
@@ -106,20 +106,24 @@ def look_at_true(
     A part is closed if a grain meets the sphere inside the new one wherever in the part its center is.
     """
     total = 0
-    px, py, pz = 0.5 * edge[0] / parts[0], 0.5 * edge[1] / parts[1], 0.5 * edge[2] / parts[2]
+    ex, ey, ez = 0.5 * edge[0], 0.5 * edge[1], 0.5 * edge[2]
+    px, py, pz = ex / parts[0], ey / parts[1], ez / parts[2]
     radius = half[0] - math.sqrt(px * px + py * py + pz * pz)
+    # from the middle of a cell to that of a part
+    way = math.sqrt((ex - px) ** 2 + (ey - py) ** 2 + (ez - pz) ** 2)
     for m in range(len(cell)):
         i, j, n = cell_index(cell, m)
-        x, y, z = low[0] + i * edge[0], low[1] + j * edge[1], low[2] + n * edge[2]
+        x, y, z = low[0] + (i + 0.5) * edge[0], low[1] + (j + 0.5) * edge[1], low[2] + (n + 0.5) * edge[2]
+        many = list_near(grains, cells, walls, shapes, x, y, z, radius + way, radius - way) if radius > 0.0 else 0
         bits = 0
-        for part in range(8):
+        for part in range(8 if many >= 0 else 0):
             i, j, n = part >> 2, (part >> 1) & 1, part & 1
             if i >= parts[0] or j >= parts[1] or n >= parts[2]:
                 continue
-            qx, qy, qz = x + (2 * i + 1) * px, y + (2 * j + 1) * py, z + (2 * n + 1) * pz
-            if is_barred(walls, qx, qy, qz, px, py, pz, half[0]):
+            qx, qy, qz = (2 * i + 1) * px - ex, (2 * j + 1) * py - ey, (2 * n + 1) * pz - ez
+            if is_barred(walls, x + qx, y + qy, z + qz, px, py, pz, half[0]):
                 continue
-            if radius > 0.0 and is_taken(grains, cells, walls, shapes, qx, qy, qz, radius, rows, trees):
+            if is_taken(grains, shapes, many, qx, qy, qz, radius, rows, trees):
                 continue
             bits |= 1 << part
             total += 1

@@ -47,7 +47,7 @@ def place_true(
     s, f, inner, work = shapes.shape[g], shapes.scale[g], shapes.inner[g], shapes.work
     if is_barred(walls, x, y, z, 0.0, 0.0, 0.0, inner):
         return False
-    many = _list_near(grains, cells, walls, shapes, x, y, z, grains.half[g, 0], inner)
+    many = list_near(grains, cells, walls, shapes, x, y, z, grains.half[g, 0], inner)
     if many < 0:
         return False
     work.quaternion[0], work.quaternion[1], work.quaternion[2], work.quaternion[3] = 1.0, 0.0, 0.0, 0.0
@@ -68,6 +68,36 @@ def place_true(
 
 @bare_kernel
 def is_taken(
+    grains: Grains, shapes: TrueShapes, many: int, x: float, y: float, z: float, radius: float, rows: object,
+    trees: object,
+) -> bool:  # fmt: skip
+    """Return whether a sphere meets one of the listed grains; rounding only makes it smaller.
+
+    x, y, z: its center, from the place about which the grains are listed.
+    """
+    work, f = shapes.work, radius * (1.0 - SMALLER)
+    for i in range(3):
+        for j in range(3):
+            work.turn[i, j] = 1.0 if i == j else 0.0
+    for k in range(many):
+        g = work.grain[k]
+        dx, dy, dz = work.place[k, 0] - x, work.place[k, 1] - y, work.place[k, 2] - z
+        square, reach, core = dx * dx + dy * dy + dz * dz, f + grains.half[g, 0], f + shapes.inner[g]
+        if square >= reach * reach:
+            continue
+        if square < core * core:
+            return True
+        write_matrix(shapes.orientation[g], work.other)
+        place_relative(shapes)
+        if shapes_meet(
+            shapes, len(shapes.turns), shapes.shape[g], dx / f, dy / f, dz / f, shapes.scale[g] / f, rows, trees
+        ):
+            return True
+    return False
+
+
+@bare_kernel
+def list_near(
     grains: Grains,
     cells: LevelGrid,
     walls: KernelContainer,
@@ -76,25 +106,11 @@ def is_taken(
     y: float,
     z: float,
     radius: float,
-    rows: object,
-    trees: object,
-) -> bool:
-    """Return whether a sphere of a radius about (x, y, z) meets a grain; rounding only makes it smaller."""
-    f, work = radius * (1.0 - SMALLER), shapes.work
-    many = _list_near(grains, cells, walls, shapes, x, y, z, f, f)
-    if many < 0:
-        return True
-    for i in range(3):
-        for j in range(3):
-            work.turn[i, j] = 1.0 if i == j else 0.0
-    return _meets_near(shapes, len(shapes.turns), f, many, rows, trees)
+    inner: float,
+) -> int:
+    """List the grains whose bounding spheres overlap a sphere about (x, y, z); return their number.
 
-
-@bare_kernel
-def _list_near(grains, cells, walls, shapes, x, y, z, radius, inner):  # type: ignore[no-untyped-def]
-    """List the grains whose bounding spheres overlap that of a new one; return their number.
-
-    The number is -1 if the inner sphere of one overlaps that of the new grain.
+    The number is -1 if the inner sphere of one overlaps that of radius `inner`, which may be negative.
     """
     position, half, lower = grains.position, grains.half, walls.lower
     count, span, head, after = cells.count, cells.span, cells.head, cells.after
@@ -121,7 +137,7 @@ def _list_near(grains, cells, walls, shapes, x, y, z, radius, inner):  # type: i
                         square, reach = dx * dx + dy * dy + dz * dz, radius + half[g, 0]
                         if square < reach * reach:
                             core = inner + shapes.inner[g]
-                            if square < core * core:
+                            if core > 0.0 and square < core * core:
                                 return -1
                             place[many, 0], place[many, 1], place[many, 2] = dx, dy, dz
                             place[many, 3] = square / (reach * reach)

@@ -18,7 +18,7 @@ from voxgran.contacts.walls import escape_depths
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.packing.rsa.method import registration as rsa
 from voxgran.packing.rsa.overlaps import Grains
-from voxgran.packing.rsa.true_overlaps import is_taken
+from voxgran.packing.rsa.true_overlaps import is_taken, list_near
 from voxgran.packing.rsa.true_pairs import place_relative, shapes_meet
 from voxgran.packing.rsa.true_shapes import inner_radius, kinds_of_parts, true_shapes
 from voxgran.packing.rsa.true_walls import is_within_walls
@@ -178,15 +178,16 @@ def test_closed_cells_hold_no_free_place(name):
     cells = {tuple(row) for row in cell[:, :3].tolist()}
     assert len(cells) < 0.7 * np.prod(classes.base[0] * 8)
     generator = np.random.Generator(np.random.PCG64(1))
-    core, hits = classes.half[0, 0], 0
+    hits = 0
     for place in classes.low[0] + generator.random((3000, 3)) * classes.span[0]:
         if tuple(np.floor((place - classes.low[0]) / edge).astype(int).tolist()) in cells:
             continue
         hits += 1
         kinds = kinds_of_parts(made_shapes)
         grains = (state.arrays["position"], made.half, made.level, state.arrays["entered"], False)
-        near = made.cells, made.walls, made_shapes
-        assert is_taken(Grains(*grains), *near, *place, core * (1 + WHOLE), *kinds)
+        core = classes.half[0, 0] * (1 + WHOLE)
+        many = list_near(Grains(*grains), made.cells, made.walls, made_shapes, *place, core, core)
+        assert many < 0 or is_taken(Grains(*grains), made_shapes, many, 0.0, 0.0, 0.0, core, *kinds)
     assert hits > 100
 
 
