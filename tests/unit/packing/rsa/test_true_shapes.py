@@ -147,6 +147,22 @@ def test_walls_hold_what_contacts_say_is_inside(name):
     assert 0.1 < np.mean(found) < 0.95
 
 
+def test_a_cavity_of_the_container_does_not_lie_in_a_grain():
+    """No triangles cross, and the grain lies within the outer walls."""
+    cube = vg.make_shape("box", lengths=(6, 6, 6))
+    vertices = np.concatenate([cube.vertices, cube.vertices / 100])
+    faces = np.concatenate([cube.faces, cube.faces[:, ::-1] + len(cube.vertices)])
+    room = vg.ClosedMesh(vg.Shape.from_mesh(vertices, faces))
+    walls = kernel_container(room)
+    for name in ("union", "box", "clump", "sphere"):
+        made, rows, trees = tables([unit(SOLIDS[name])], room, (1.5,))
+        made.work.turn[:] = np.eye(3)
+        # the second sphere of the clump
+        deep = np.array([-0.75, 0.0, 0.0]) if name == "clump" else np.zeros(3)
+        assert not is_within_walls(walls, made, 0, 1.5, *deep, rows, trees)
+        assert is_within_walls(walls, made, 0, 1.5, 1.5, 1.5, 1.5, rows, trees)
+
+
 def test_farthest_points_of_rows():
     """The kernel and the formulas for arrays agree, also for points on an axis."""
     generator = stream(1, "rows")
