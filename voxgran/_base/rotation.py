@@ -1,8 +1,14 @@
 """Rotations as unit quaternions (w, x, y, z), and uniform sets of them."""
 
+from typing import TypeAlias
+
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.kernels import bare_kernel, inlined_kernel
+
+#: a rotation matrix, row by row
+Nine: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 
 
 def rotation_matrices(quaternions: Floats) -> Floats:
@@ -97,3 +103,23 @@ def lattice_rotations() -> np.ndarray[tuple[int, int, int], np.dtype[np.int64]]:
             if round(float(np.linalg.det(matrix))) == 1:
                 found.append(matrix)
     return np.array(found)
+
+
+@inlined_kernel
+def matrix_of(q: Floats) -> Nine:
+    """Return the rotation matrix of a unit quaternion, row by row."""
+    w, x, y, z = q[0], q[1], q[2], q[3]
+    return (
+        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+    )  # fmt: skip
+
+
+@bare_kernel
+def write_matrix(q: Floats, matrix: Floats) -> None:
+    """Write the rotation matrix of a unit quaternion."""
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = matrix_of(q)
+    matrix[0, 0], matrix[0, 1], matrix[0, 2] = r0, r1, r2
+    matrix[1, 0], matrix[1, 1], matrix[1, 2] = r3, r4, r5
+    matrix[2, 0], matrix[2, 1], matrix[2, 2] = r6, r7, r8

@@ -1,8 +1,11 @@
 """Largest distance of the points of grains from a given point, in closed form for all shapes but ellipsoids."""
 
+import math
+
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.parts import has_parts, parts_of
 from voxgran.shapes.mesh import Mesh
@@ -84,3 +87,48 @@ def _length(lever: Floats, multiplier: Floats, squares: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         parts = np.where(lever > 0, lever / (multiplier[:, None] - squares), 0.0)
     return np.asarray(np.linalg.norm(parts, axis=1))
+
+
+@bare_kernel
+def farthest_of_row(row: Floats, x: float, y: float, z: float) -> float:
+    """Return the largest distance from the origin of an ellipsoid, cylinder or cone centered at (x, y, z).
+
+    row: of :mod:`voxgran.contacts.gjk`. The formulas are those of :func:`farthest_reach`.
+    """
+    a, b, c = row[1], row[2], row[3]
+    u = row[4] * x + row[7] * y + row[10] * z
+    v = row[5] * x + row[8] * y + row[11] * z
+    w = row[6] * x + row[9] * y + row[12] * z
+    flat = math.sqrt(u * u + v * v) + a
+    if row[0] == 3.0:
+        tall = abs(w) + 0.5 * b
+        return math.sqrt(flat * flat + tall * tall)
+    if row[0] == 4.0:
+        base, apex = w - 0.25 * b, w + 0.75 * b
+        return math.sqrt(max(flat * flat + base * base, (flat - a) ** 2 + apex * apex))
+    top = max(a, b, c) ** 2
+    p, q, r = a * abs(u), b * abs(v), c * abs(w)
+    low, high = top, top + math.sqrt(p * p + q * q + r * r) + 1e-300
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if _square_for(p, middle - a * a) + _square_for(q, middle - b * b) + _square_for(r, middle - c * c) <= 1.0:
+            high = middle
+        else:
+            low = middle
+    p, q, r = math.sqrt(_square_for(p, high - a * a)), math.sqrt(_square_for(q, high - b * b)), 0.0
+    r = math.sqrt(_square_for(c * abs(w), high - c * c))
+    # what is left of the unit vector points along the longest axis
+    rest = max(1.0 - p * p - q * q - r * r, 0.0)
+    if a * a == top:
+        p = math.sqrt(p * p + rest)
+    elif b * b == top:
+        q = math.sqrt(q * q + rest)
+    else:
+        r = math.sqrt(r * r + rest)
+    return math.sqrt((abs(u) + a * p) ** 2 + (abs(v) + b * q) ** 2 + (abs(w) + c * r) ** 2)
+
+
+@bare_kernel
+def _square_for(lever, distance):  # type: ignore[no-untyped-def]
+    """Return the square of a component of the vector for a multiplier; infinite at a pole."""
+    return (lever / distance) ** 2 if lever > 0.0 else 0.0

@@ -200,19 +200,26 @@ def _mesh_beyond_mesh(container: Solid, grain: Solid, matrix: Floats, offset: Fl
 @kernel
 def _reach_out(start, row, margin, center, position, directions, reach):  # type: ignore[no-untyped-def]
     """Write the largest horizontal distance of each grain's points from the origin."""
-    step = 2.0 * math.pi / directions
     for grain in range(len(position)):
         for part in range(start[grain], start[grain + 1]):
             x, y = position[grain, 0] + center[part, 0], position[grain, 1] + center[part, 1]
             if row[part, 0] == 0.0:
                 reach[grain] = max(reach[grain], math.sqrt(x * x + y * y) + margin[part])
-                continue
-            before, now = _reach_along(row[part], x, y, -step), _reach_along(row[part], x, y, 0.0)
-            for k in range(directions):
-                after = _reach_along(row[part], x, y, (k + 1) * step)
-                if now >= before and now >= after:
-                    reach[grain] = max(reach[grain], _refine(row[part], x, y, (k - 1) * step, (k + 1) * step))
-                before, now = now, after
+            else:
+                reach[grain] = max(reach[grain], reach_from_line(row[part], x, y, directions))
+
+
+@kernel
+def reach_from_line(row: Floats, x: float, y: float, directions: int) -> float:
+    """Return the largest horizontal distance from the origin of the points of a part centered at (x, y)."""
+    step, best = 2.0 * math.pi / directions, 0.0
+    before, now = _reach_along(row, x, y, -step), _reach_along(row, x, y, 0.0)
+    for k in range(directions):
+        after = _reach_along(row, x, y, (k + 1) * step)
+        if now >= before and now >= after:
+            best = max(best, _refine(row, x, y, (k - 1) * step, (k + 1) * step))
+        before, now = now, after
+    return best
 
 
 @kernel

@@ -65,6 +65,7 @@ def test_what_lies_in_a_box_is_never_refused(seed):
     [
         ("control_point", {"spacing": 0.25, "sweeps": 30, "feed": "at_once", "settle": False}),
         ("digital_rsa", {"voxel_size": 0.2, "orientations": 480}),
+        ("rsa", {"tries": 20_000}),
     ],
 )
 def test_a_rod_lies_along_a_diagonal(method, parameters):
@@ -86,7 +87,7 @@ def test_the_messages():
     rod = vg.make_shape("cylinder", **ROD)
     with pytest.raises(GrainTooLargeError, match="none can fit in the container of 2 x 2 x 2, however it is turned"):
         vg.pack(rod, vg.Box((2, 2, 2)), method="rsa", count=2)
-    with pytest.warns(PackingWarning, match=r"0 of 2 grains were placed before the method stopped \(full\)"):
-        vg.pack(rod, CUBE, method="rsa", count=2)
+    with pytest.warns(PackingWarning, match=r"0 of 2 grains were placed before the method stopped \(steps\)"):
+        vg.pack(rod, CUBE, method="rsa", count=2, tries=1, until="tries")
     with pytest.warns(PackingWarning, match=r"0 of 2 grains were placed before the method stopped \(saturated\)"):
         vg.pack(box(0.2, 0.2, 5.0), vg.Box((6, 6, 4)), method="rsa", aligned=True, count=2)

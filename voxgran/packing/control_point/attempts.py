@@ -11,6 +11,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
+from voxgran._base.rotation import write_matrix
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.packing.control_point.neighbours import list_in_cells, meets_any, meets_own_image
 from voxgran.packing.control_point.pair_cache import PairCache
@@ -24,7 +25,6 @@ from voxgran.packing.control_point.records import (
     WalkRules,
     Walls,
 )
-from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.separating_planes import write_span
 from voxgran.packing.control_point.verlet_lists import strayed
 from voxgran.packing.control_point.walls import CLEAR, is_outside

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, as_floats
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.rotation import normalized
+from voxgran._base.rotation import normalized, write_matrix
 from voxgran.containers.box import Box
 from voxgran.packing.control_point.method import prepare
 from voxgran.packing.control_point.neighbours import overlaps
@@ -18,7 +18,6 @@ from voxgran.packing.control_point.pair_cache import PairCache
 from voxgran.packing.control_point.parameters import ControlPoint
 from voxgran.packing.control_point.precompute import poses_of, precomputed_of
 from voxgran.packing.control_point.records import HALF_SPACING, HALF_THICKNESS, SDF, Bodies, GrainPoses, Scratch
-from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.sdf_contact import threshold
 from voxgran.packing.problem import Problem
 from voxgran.shapes.model import Shape

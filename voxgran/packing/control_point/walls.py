@@ -8,6 +8,7 @@ import numpy as np
 
 from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran._base.rotation import write_matrix
 from voxgran.packing.control_point.point_contact import holds, list_points
 from voxgran.packing.control_point.records import (
     BALL,
@@ -20,7 +21,6 @@ from voxgran.packing.control_point.records import (
     Scratch,
     Walls,
 )
-from voxgran.packing.control_point.relative_poses import write_matrix
 
 #: how far from the top wall a grain enters, and from a grain the lid stops, in median diameters: more than rounding
 CLEAR = 1e-9

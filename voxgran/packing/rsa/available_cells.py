@@ -8,6 +8,9 @@ wall, excludes all of it. When no cell is open, neither grains of this size nor 
 Cells of boxes along the axes are boxes of any size, from which the excluded regions are cut away exactly
 (:mod:`voxgran.packing.rsa.available_boxes`): the gap of two faces may be too narrow for cells that are halved.
 
+Cells of true shapes are closed where the sphere inside a new grain, wherever its center is in the cell, meets a grain
+(:mod:`voxgran.packing.rsa.cell_parts`). Some are never closed, so that they are cut up to a number only.
+
 Each size class has cells of its own, for the smallest of its sizes. In a class of several sizes a larger grain may fail
 while cells are open: after some failed throws it is deferred (:mod:`voxgran.packing.rsa.deferred_grains`).
 
@@ -26,11 +29,14 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import WHOLE, Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
-from voxgran.containers.kernel_container import KernelContainer, is_barred, is_between, is_held
+from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
 from voxgran.packing.level_grid import LevelGrid
 from voxgran.packing.rsa.available_boxes import NEAR, open_boxes, slices
-from voxgran.packing.rsa.candidates import PLACED, REFUSED, TRIED, TURN
-from voxgran.packing.rsa.overlaps import Grains, enter, extents, find_overlap, gather, is_within
+from voxgran.packing.rsa.candidates import IN_ROW, PLACED, REFUSED, TRIED, TURN
+from voxgran.packing.rsa.cell_parts import LOW, cell_index, look_at_parts, look_at_true, parts_in_place
+from voxgran.packing.rsa.overlaps import Grains, enter, extents, find_overlap
+from voxgran.packing.rsa.true_overlaps import place_true
+from voxgran.packing.rsa.true_shapes import TrueShapes
 
 #: misses, per open cell, after which cells are halved
 PATIENCE = 1
@@ -38,10 +44,13 @@ PATIENCE = 1
 FIRST_CELLS = 4
 #: largest number of cells along an axis: smaller ones come near the rounding error of a position
 FINEST = 2**45
-#: the lowest 16 bits of a number
-LOW = 0xFFFF
 #: entries of the tally: grains that were given up without proof, and deferred grains
 UNPROVEN, PUT_OFF = 5, 6
+#: largest number of open cells of a class of true shapes, per grain, and misses, per open cell, after which they are
+#: cut, or looked at again if they would be more
+OPEN_CELLS, PATIENCE_OF_TRUE = 512, 2
+#: smallest share of the container that half a grain takes along an axis
+THIN = 1e-9
 #: misses of boxes that the last cut left unchanged: no cut changes them before another grain is placed
 EXACT = -(2**62)
 
@@ -51,7 +60,8 @@ class Classes(NamedTuple):
 
     kind: class of each grain.  half: smallest half extents of each class.  low, span: range of its centers.  base:
     initial cells along the axes.  parts: number of parts into which a cell is cut along the axes.  tries: failed throws
-    after which a grain is deferred; 0 if all grains of the class are equal.
+    after which a grain is deferred; 0 if all grains of the class are equal.  most: largest number of open cells of true
+    shapes; 0 for spheres and aligned boxes, of which all cells can be closed.
 
     The last class has no grains of its own: it is that of deferred grains.
     """
@@ -63,6 +73,7 @@ class Classes(NamedTuple):
     base: Integers
     parts: Integers
     tries: Integers
+    most: Integers
 
 
 class Open(NamedTuple):
@@ -81,12 +92,20 @@ class Open(NamedTuple):
 
 
 def make_classes(
-    half: Floats, kind: NDArray[np.int32], queue: NDArray[np.int32], walls: KernelContainer, dimension: int, tries: int
+    half: Floats,
+    kind: NDArray[np.int32],
+    queue: NDArray[np.int32],
+    walls: KernelContainer,
+    dimension: int,
+    tries: int,
+    *,
+    inner: bool = False,
 ) -> Classes:
     """Return the size classes of the grains of a queue, and the layout of their initial cells.
 
     `half`, (n, 1 or 3), are half the extents of all grains and `kind`, (n,), their classes. In a class of several sizes
-    a grain is deferred after `tries` failed throws.
+    a grain is deferred after `tries` failed throws, and so is any grain if the half extents are only those of spheres
+    inside, `inner`.
     """
     grains = np.bincount(kind[queue])
     many = len(grains)
@@ -100,15 +119,17 @@ def make_classes(
     span[:, flat] = 0.0
     base = np.ones((many, 3), dtype=np.int64)
     for k in range(many):
-        wanted = np.maximum(span[k, :dimension] / (2 * least[k, :dimension]), 1.0)
-        most = FIRST_CELLS * max(int(grains[k]), 16)
-        wanted *= min(1.0, (most / np.prod(wanted)) ** (1 / dimension))
+        thin = THIN * walls.lengths[:dimension]
+        wanted = np.maximum(span[k, :dimension] / np.maximum(2 * least[k, :dimension], thin), 1.0)
+        first = FIRST_CELLS * max(int(grains[k]), 16)
+        wanted *= min(1.0, (first / np.prod(wanted)) ** (1 / dimension))
         base[k, :dimension] = np.maximum(np.ceil(wanted - WHOLE), 1)
-    limits = np.where((least < largest).any(axis=1), tries, 0).astype(np.int64)
+    limits = np.where((least < largest).any(axis=1) | inner, tries, 0).astype(np.int64)
+    most = np.append(np.full(many, OPEN_CELLS * max(len(half) // max(many, 1), 16) * inner), 0).astype(np.int64)
     parts = np.where(span > 0, 2, 1).astype(np.int64)
     one = np.ones((1, 3), dtype=np.int64)
     least, low, span = (np.vstack([array, one]) for array in (least, low, span))
-    return Classes(kind, least, low, span, np.vstack([base, one]), np.vstack([parts, one]), np.append(limits, 0))
+    return Classes(kind, least, low, span, np.vstack([base, one]), np.vstack([parts, one]), np.append(limits, 0), most)
 
 
 def first_cells(classes: Classes, boxes: bool) -> Open:
@@ -129,12 +150,29 @@ def first_cells(classes: Classes, boxes: bool) -> Open:
 
 
 def cut_cells(
-    grains: Grains, cells: LevelGrid, walls: KernelContainer, classes: Classes, known: Open, kind: int
+    grains: Grains,
+    cells: LevelGrid,
+    walls: KernelContainer,
+    classes: Classes,
+    known: Open,
+    kind: int,
+    shapes: TrueShapes | None = None,
+    rows: int | None = None,
+    trees: int | None = None,
 ) -> Open:
-    """Return the open cells with those of class `kind` cut and the excluded parts closed; `known` is overwritten."""
+    """Return the open cells with those of class `kind` cut and the excluded parts closed; `known` is overwritten.
+
+    Too many cells of true shapes are not cut, and only those that are excluded now are closed.
+    """
     begin, end = int(known.bounds[kind]), int(known.bounds[kind + 1])
     misses, depth = known.misses.copy(), known.depth.copy()
-    misses[kind], depth[kind] = 0, depth[kind] + 1
+    parts: Integers = classes.parts[kind]
+    most = int(classes.most[kind])
+    misses[kind] = 0
+    if most and ((end - begin) * parts.prod() > most or depth[kind] >= _cuts_of_lattice(classes)[kind]):
+        parts = np.ones(3, dtype=np.int64)
+    else:
+        depth[kind] += 1
     if grains.boxes:
         before = known.cell[begin:end]
         after = open_boxes(grains, cells, walls, before, classes.half[kind])
@@ -143,31 +181,22 @@ def cut_cells(
         many, cell = len(after), np.concatenate([known.cell[:begin], after, known.cell[end:]])
     else:
         kept = np.zeros(end - begin, dtype=np.uint8)
-        shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], classes.parts[kind])
+        shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], parts)
         near, many = np.zeros((NEAR, 6)), 0
         for part in slices(end - begin):
-            many += int(_look_at_parts(grains, cells, walls, known.cell[begin:end][part], *shape, near, kept[part]))
+            some = known.cell[begin:end][part]
+            if shapes is None:
+                many += int(look_at_parts(grains, cells, walls, some, *shape, near, kept[part]))
+            else:
+                many += int(look_at_true(grains, cells, walls, some, *shape, kept[part], shapes, rows, trees))
         width = max(_width(classes, depth), known.cell.shape[1])
-        cell = _parts_in_place(known.cell, begin, kept, many, classes.parts[kind], width)
+        cell = parts_in_place(known.cell, begin, kept, many, parts, width)
+    if most:
+        # to look at true shapes takes longer than to throw them
+        misses[kind] = (PATIENCE - PATIENCE_OF_TRUE) * many
     bounds = known.bounds.copy()
     bounds[kind + 1 :] += many - (end - begin)
     return Open(cell, bounds, misses, depth)
-
-
-def _parts_in_place(
-    cell: NDArray[Any], begin: int, kept: NDArray[np.uint8], many: int, parts: Integers, width: int
-) -> NDArray[Any]:
-    """Return the cells with some replaced by their remaining parts, without a second large array."""
-    if width > cell.shape[1] or not cell.flags.owndata:
-        cell = np.pad(cell, ((0, 0), (0, width - cell.shape[1])))
-    end, rest = begin + len(kept), len(cell) - begin - len(kept)
-    still = int(_drop_closed(cell[begin:end], kept))
-    # no other array refers to the memory
-    cell.resize((max(len(cell), begin + many + rest), width), refcheck=False)
-    cell[begin + many : begin + many + rest] = cell[end : end + rest]
-    _write_parts(cell[begin : begin + many], still, parts, kept)
-    cell.resize((begin + many + rest, width), refcheck=False)
-    return cell
 
 
 def _width(classes: Classes, depth: Integers) -> int:
@@ -193,9 +222,14 @@ def volumes_up_to(classes: Classes, known: Open) -> Floats:
 
 
 def deepest_cut(classes: Classes, boxes: bool) -> Integers:
-    """Return how often the cells of each class can be cut; boxes without limit."""
+    """Return how often the cells of each class can be cut or looked at; boxes and true shapes without limit."""
     if boxes:
         return np.full(len(classes.base), FINEST)
+    return np.where(classes.most > 0, FINEST, _cuts_of_lattice(classes))
+
+
+def _cuts_of_lattice(classes: Classes) -> Integers:
+    """Return how often the cells of each class can be halved."""
     return np.floor(np.log2(FINEST / classes.base.max(axis=1))).astype(np.int64)
 
 
@@ -215,6 +249,9 @@ def throw_into_cells(
     key: Words,
     first: int,
     last: int,
+    shapes: TrueShapes | None,
+    rows: object,
+    trees: object,
 ) -> tuple[int, int]:
     """Make attempts `first` to `last` - 1, one throw each.
 
@@ -231,7 +268,12 @@ def throw_into_cells(
     queue : (m,) ndarray of int
         Grains in their order.
     tally : ndarray of int
-        Turn, tries of the grain, placed, moved, rejected, given up without proof, deferred.
+        Turn, tries of the grain, placed, moved, rejected, given up without proof, deferred, deferred grains that were
+        tried again, rejected since the last was placed.
+    shapes : TrueShapes or None
+        None for spheres and aligned boxes.
+    rows, trees : object
+        As in :mod:`voxgran.packing.rsa.true_pairs`.
 
     Returns
     -------
@@ -247,20 +289,29 @@ def throw_into_cells(
         if worn and known.depth[kind] < last_cut[kind]:
             return attempt, kind
         tired = many > 0 and classes.tries[kind] > 0 and tally[TRIED] >= classes.tries[kind]
-        if many == 0 or worn or tired:
-            tally[UNPROVEN] += worn
+        # true shapes are tried in several rounds
+        entered = shapes is not None and grains.entered[g] == 1
+        if many == 0 or worn or tired or entered:
+            tally[UNPROVEN] += worn and not entered
             tally[PUT_OFF] += tired and not worn
             tally[TURN] += 1
             tally[TRIED] = 0
             continue
-        if _throw(grains, cells, walls, classes.low, known.cell, volume, begin, many, edge, key, attempt, kind, g):
+        x, y, z = _thrown(grains.boxes, classes.low, known.cell, volume, begin, many, edge, key, attempt, kind)
+        if shapes is None:
+            there = _place(grains, cells, walls, g, x, y, z)
+        else:
+            there = place_true(grains, cells, walls, shapes, g, x, y, z, key, attempt, rows, trees)
+        if there:
             tally[PLACED] += 1
             tally[TURN] += 1
             tally[TRIED] = 0
+            tally[IN_ROW] = 0
             for k in range(len(known.misses) if grains.boxes else 0):
                 known.misses[k] = max(known.misses[k], 0)
         else:
             tally[REFUSED] += 1
+            tally[IN_ROW] += 1
             tally[TRIED] += 1
             known.misses[kind] += 1
         attempt += 1
@@ -268,20 +319,28 @@ def throw_into_cells(
 
 
 @bare_kernel
-def _throw(grains, cells, walls, low, cell, volume, begin, many, edge, key, attempt, kind, g):  # type: ignore[no-untyped-def]
-    """Try a grain at a random position in a random open cell; return whether it was placed."""
+def _thrown(boxes, low, cell, volume, begin, many, edge, key, attempt, kind):  # type: ignore[no-untyped-def]
+    """Return a random position in a random open cell."""
     pick, a, b, c = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
-    if grains.boxes:
+    if boxes:
         k = begin + _at_volume(volume, begin, many, unit_float(pick))
-        x = cell[k, 0] + unit_float(a) * cell[k, 3]
-        y = cell[k, 1] + unit_float(b) * cell[k, 4]
-        z = cell[k, 2] + unit_float(c) * cell[k, 5]
-    else:
-        k = begin + below(pick, many)
-        i, j, n = _numbers(cell, k)
-        x = low[kind, 0] + (i + unit_float(a)) * edge[kind, 0]
-        y = low[kind, 1] + (j + unit_float(b)) * edge[kind, 1]
-        z = low[kind, 2] + (n + unit_float(c)) * edge[kind, 2]
+        return (
+            cell[k, 0] + unit_float(a) * cell[k, 3],
+            cell[k, 1] + unit_float(b) * cell[k, 4],
+            cell[k, 2] + unit_float(c) * cell[k, 5],
+        )
+    k = begin + below(pick, many)
+    i, j, n = cell_index(cell, k)
+    return (
+        low[kind, 0] + (i + unit_float(a)) * edge[kind, 0],
+        low[kind, 1] + (j + unit_float(b)) * edge[kind, 1],
+        low[kind, 2] + (n + unit_float(c)) * edge[kind, 2],
+    )
+
+
+@bare_kernel
+def _place(grains, cells, walls, g, x, y, z):  # type: ignore[no-untyped-def]
+    """Place a sphere or an aligned box at a position if it overlaps nothing; return whether it did."""
     hx, hy, hz = extents(grains.half, g)
     if not is_between(walls, x, y, z, hx, hy, hz):
         return False
@@ -291,17 +350,6 @@ def _throw(grains, cells, walls, low, cell, volume, begin, many, edge, key, atte
         return False
     enter(grains, cells, walls, g, x, y, z)
     return True
-
-
-@bare_kernel
-def _numbers(cell, k):  # type: ignore[no-untyped-def]
-    """Return the indices of a cell along the axes."""
-    i, j, n = np.int64(0), np.int64(0), np.int64(0)
-    for word in range(cell.shape[1] - 3, -1, -3):
-        i = (i << 16) + np.int64(cell[k, word])
-        j = (j << 16) + np.int64(cell[k, word + 1])
-        n = (n << 16) + np.int64(cell[k, word + 2])
-    return i, j, n
 
 
 @bare_kernel
@@ -316,70 +364,3 @@ def _at_volume(volume, begin, many, share):  # type: ignore[no-untyped-def]
         else:
             first = middle + 1
     return first
-
-
-@bare_kernel
-def _look_at_parts(grains, cells, walls, cell, half, low, edge, parts, near, kept):  # type: ignore[no-untyped-def]
-    """Write which parts of each cell stay open, as bits, and return their number."""
-    total = 0
-    ex, ey, ez = 0.5 * edge[0], 0.5 * edge[1], 0.5 * edge[2]
-    px, py, pz = ex / parts[0], ey / parts[1], ez / parts[2]
-    for m in range(len(cell)):
-        i, j, n = _numbers(cell, m)
-        x, y, z = low[0] + (i + 0.5) * edge[0], low[1] + (j + 0.5) * edge[1], low[2] + (n + 0.5) * edge[2]
-        many = gather(grains, cells, walls, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
-        bits = 0
-        for part in range(8 if many >= 0 else 0):
-            i, j, n = part >> 2, (part >> 1) & 1, part & 1
-            if i >= parts[0] or j >= parts[1] or n >= parts[2]:
-                continue
-            # the middle of a part, from the middle of the cell
-            qx, qy, qz = (2 * i + 1) * px - ex, (2 * j + 1) * py - ey, (2 * n + 1) * pz - ez
-            if _is_blocked(grains.boxes, near, many, qx, qy, qz, px, py, pz):
-                continue
-            if is_barred(walls, x + qx, y + qy, z + qz, px, py, pz, half[0]):
-                continue
-            bits |= 1 << part
-            total += 1
-        kept[m] = bits
-    return total
-
-
-@bare_kernel
-def _is_blocked(boxes, near, many, x, y, z, ex, ey, ez):  # type: ignore[no-untyped-def]
-    """Return whether a single near grain excludes all of a part."""
-    k = 0
-    while k < many and not is_within(boxes, near, k, x, y, z, ex, ey, ez):
-        k += 1
-    return k < many
-
-
-@bare_kernel
-def _drop_closed(cell, kept):  # type: ignore[no-untyped-def]
-    """Move the cells with an open part to the front, and return their number."""
-    many = 0
-    for m in range(len(cell)):
-        if kept[m]:
-            for word in range(cell.shape[1]):
-                cell[many, word] = cell[m, word]
-            kept[many] = kept[m]
-            many += 1
-    return many
-
-
-@bare_kernel
-def _write_parts(cell, many, parts, kept):  # type: ignore[no-untyped-def]
-    """Write the open parts of the first `many` cells over all cells, from the last to the first.
-
-    Each cell has at least one, so that none is overwritten before it is read.
-    """
-    row = len(cell)
-    for m in range(many - 1, -1, -1):
-        i, j, n = _numbers(cell, m)
-        for part in range(7, -1, -1):
-            if kept[m] & (1 << part):
-                row -= 1
-                x, y, z = i * parts[0] + (part >> 2), j * parts[1] + ((part >> 1) & 1), n * parts[2] + (part & 1)
-                for word in range(0, cell.shape[1], 3):
-                    cell[row, word], cell[row, word + 1], cell[row, word + 2] = x & LOW, y & LOW, z & LOW
-                    x, y, z = x >> 16, y >> 16, z >> 16

@@ -17,11 +17,15 @@ from voxgran._base.seeds import philox_block, unit_float
 from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
 from voxgran.packing.level_grid import LevelGrid
 from voxgran.packing.rsa.overlaps import Grains, enter, extents, find_overlap
+from voxgran.packing.rsa.true_overlaps import place_true
+from voxgran.packing.rsa.true_shapes import TrueShapes
 
 #: where the radius of a rejected candidate is tried next: nowhere, at the next coordinate, at all unused coordinates
 DROP, NEXT, SCAN = 0, 1, 2
 #: entries of the tally
 TURN, TRIED, PLACED, MOVED, REFUSED = 0, 1, 2, 3, 4
+#: and the candidates or throws that were rejected since the last grain was placed
+IN_ROW = 8
 
 
 class CandidateRules(NamedTuple):
@@ -61,21 +65,33 @@ def add_candidates(
     key: Words,
     first: int,
     last: int,
+    shapes: TrueShapes | None,
+    rows: object,
+    trees: object,
 ) -> int:
     """Make attempts `first` to `last` - 1, one candidate each; return the number of the next attempt.
 
     The loop ends early when no grain or no coordinate is left, and with the first grain that is dropped if `ends`.
+    shapes: None for spheres and aligned boxes.  rows, trees: as in :mod:`voxgran.packing.rsa.true_pairs`.
     """
     for attempt in range(first, last):
         c = _next_coordinate(rules, coordinates, queue, tally, attempt)
         if c < 0:
             return attempt
         g = queue[tally[TURN]]
-        moves = _try_at(grains, cells, walls, rules, coordinates.table, key, g, c)
+        if shapes is None:
+            moves = _try_at(grains, cells, walls, rules, coordinates.table, key, g, c)
+        else:
+            u, v, w = coordinate(coordinates.table, key, c)
+            inner = shapes.inner[g]
+            x, y, z = placed(walls, 0, u, inner), placed(walls, 1, v, inner), placed(walls, 2, w, inner)
+            moves = place_true(grains, cells, walls, shapes, g, x, y, z, key, c, rows, trees) - 1
         tally[TRIED] += 1
         if moves < 0:
             tally[REFUSED] += 1
+            tally[IN_ROW] += 1
             continue
+        tally[IN_ROW] = 0
         tally[TURN] += 1
         tally[TRIED] = 0
         tally[PLACED] += 1

@@ -1,13 +1,14 @@
 """Random sequential addition: grains are placed one by one at random positions; those that overlap are rejected.
 
-Grains are spheres, in two dimensions disks. A shape that is not a sphere is represented by its bounding sphere about
-the centroid, in a random orientation; with `aligned`, boxes and rectangles stand along the axes and are compared by
-their true shapes.
+Grains are spheres, in two dimensions disks, or true shapes in random orientations, of which the overlap is decided
+exactly (:mod:`voxgran.packing.rsa.true_pairs`): ellipsoids, boxes, cylinders, cones, polyhedra, meshes, unions of
+spheres and outlines. With `aligned`, boxes and rectangles stand along the axes.
 
 Candidates are made by the schemes of Chu 2011. ``classic``: a candidate that overlaps is rejected. ``1``: it is moved
 away from the grain that it overlaps most, along the line of centers by the overlap, up to `corrections` times, and then
 rejected. ``2``: only its position is rejected, its radius is tried elsewhere. ``3``: both. ``4a`` to ``4d``:
-coordinates are sorted along an axis first, then as ``classic``, ``1``, ``2``, ``3``.
+coordinates are sorted along an axis first, then as ``classic``, ``1``, ``2``, ``3``. True shapes and aligned boxes are
+not moved: for them the schemes are ``classic``, ``2``, ``4a`` and ``4c``; each candidate has an orientation of its own.
 
 The text and the tables of Chu 2011 disagree about a retained radius. ``retry="next"`` follows the text: it is tried at
 the next coordinate; this reproduces the requested size fractions, which the tables do not. ``retry="scan"`` comes
@@ -16,6 +17,11 @@ closest to the tables: each size is tried once at every unused coordinate.
 With ``until="saturated"`` the available space is tracked by cells that are subdivided until none is left
 (:mod:`voxgran.packing.rsa.available_cells`), which proves saturation. If a count or a solid fraction is requested,
 scheme ``classic`` does the same from the first grain on for which all tries failed, unless ``until="tries"`` is given.
+
+Of true shapes the cells are closed where the sphere inside the new grain meets a grain in any case, so that throws into
+the others are uniform over all places. Some places stay open in which no orientation fits: saturation is proven only if
+all are closed. Otherwise the grains left are tried in rounds of `tries` throws each, until as many throws in a row have
+failed as one round of all grains has; the run is then not proven to be saturated.
 
 References
 ----------
@@ -54,11 +60,20 @@ from voxgran.packing.rsa.available_cells import (
 from voxgran.packing.rsa.candidates import DROP, NEXT, SCAN, TRIED, TURN, Coordinates, add_candidates
 from voxgran.packing.rsa.deferred_grains import aim, left_out, open_late
 from voxgran.packing.rsa.overlaps import Grains, link_all
-from voxgran.packing.rsa.precompute import Precomputed, coordinate_count, orientations, precompute, searches
+from voxgran.packing.rsa.precompute import (
+    Precomputed,
+    coordinate_count,
+    has_true_shapes,
+    precompute,
+    refuse_moves,
+    searches,
+)
+from voxgran.packing.rsa.saturation import goes_on, proof_of
+from voxgran.packing.rsa.true_shapes import TrueShapes, kinds_of_parts
 from voxgran.packing.start import Start
 
 #: what the kernels count, in their order
-TALLY = ("turn", "tried", "placed", "moved", "refused", "unproven", "put_off", "late")
+TALLY = ("turn", "tried", "placed", "moved", "refused", "unproven", "put_off", "late", "refused_in_row")
 #: where it counts the deferred grains that were tried again
 LATE = 7
 #: scheme that follows after sorting
@@ -90,7 +105,7 @@ class Rsa:
     tries: int = parameter(
         1000,
         doc="coordinates drawn; while the available space is searched, the failed throws after which a grain is "
-        "deferred if there are more than 32 sizes",
+        "deferred if there are more than 32 sizes, or true shapes",
         unit="per grain",
         at_least=1,
     )
@@ -113,7 +128,7 @@ class Rsa:
         "its axes are shifts of one cycle of 65536 numbers",
     )
     aligned: bool = parameter(
-        False, doc="whether boxes and rectangles stand along the axes and are compared by their true shapes"
+        False, doc="whether boxes and rectangles stand along the axes instead of in random orientations"
     )
 
     def __post_init__(self) -> None:
@@ -154,8 +169,8 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If a grain of the start overlaps another or reaches beyond a wall, or `aligned` is set and a shape is not a
-        box.
+        If a grain of the start overlaps another or reaches beyond a wall, `aligned` is set and a shape is not a box, or
+        the scheme moves candidates and a shape is not a sphere.
     TooLargeError
         If more than 2**31 coordinates would have to be stored.
     """
@@ -163,6 +178,9 @@ def prepare(problem: Problem) -> State:
     arrays: dict[str, Any] = {"position": np.zeros((n, 3)), "entered": np.zeros(n, dtype=np.int8)}
     state = State(arrays, dict.fromkeys(TALLY, 0), 0, _most_attempts(problem))
     state.counters["search_from"] = 0 if problem.parameters.until == "saturated" else -1
+    refuse_moves(problem)
+    if problem.start is not None or has_true_shapes(problem):
+        arrays["orientation"] = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
     if problem.start is not None and problem.start.count:
         _enter_start(problem, state, problem.start)
     made = precompute(problem, state.counters["search_from"])
@@ -189,7 +207,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     try:
         if made.classes is None:
             known = Coordinates(made.table, state.arrays["used"], state.arrays["pointer"], made.kind)
-            run = (made.queue, tally, philox_key(problem.seed, "rsa"), state.done, last)
+            run = (made.queue, tally, philox_key(problem.seed, "rsa"), state.done, last, *_true_shapes(state, made))
             state.done = int(add_candidates(grains, made.cells, made.walls, made.rules, known, *run))
             if state.done < last and made.rules.ends and tally[TURN] < len(made.queue):
                 state.counters["search_from"], tally[TRIED] = int(tally[TURN]), 0
@@ -210,12 +228,13 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that were placed."""
-    placed = np.flatnonzero(state.arrays["entered"])
+    placed, arrays = np.flatnonzero(state.arrays["entered"]), state.arrays
+    proof = "cell" in arrays or has_true_shapes(problem)
     return problem.packing(
         placed,
-        position=state.arrays["position"][placed],
-        orientation=orientations(problem, placed),
-        provenance={"saturation": _proof(problem, state)} if "cell" in state.arrays else {},
+        position=arrays["position"][placed],
+        orientation=arrays["orientation"][placed] if "orientation" in arrays else None,
+        provenance={"saturation": proof_of(problem, state)} if proof else {},
         stop_reason=state.stop_reason,
     )
 
@@ -243,7 +262,7 @@ def _most_attempts(problem: Problem) -> int:
     settings: Rsa = problem.parameters
     m = problem.count - problem.started
     if settings.until == "saturated":
-        return THROWS * m
+        return (settings.tries if has_true_shapes(problem) else THROWS) * m
     if settings.retaining == SCAN:
         sizes = len(np.unique(np.column_stack([problem.shape_id, problem.diameter]), axis=0))
         return sizes * settings.tries * m
@@ -266,6 +285,7 @@ def _enter_start(problem: Problem, state: State, start: Start) -> None:
             "give a larger container or a looser start"
         )
     state.arrays["position"][:n] = start.wrapped(problem.container)
+    state.arrays["orientation"][:n] = start.orientation
     state.arrays["entered"][:n] = 1
     state.counters["placed"] = n
 
@@ -292,11 +312,26 @@ def _grains_of(state: State, made: Precomputed) -> Grains:
     return Grains(arrays["position"], made.half, made.level, arrays["entered"], made.boxes)
 
 
+def _true_shapes(state: State, made: Precomputed) -> tuple[TrueShapes | None, int | None, int | None]:
+    """Return true shapes as kernels take them, and which kinds of parts there are; None without true shapes."""
+    if made.shapes is None:
+        return None, None, None
+    return made.shapes._replace(orientation=state.arrays["orientation"]), *kinds_of_parts(made.shapes)
+
+
 def _throw(state: State, made: Precomputed, grains: Grains, tally: Integers, key: Words, last: int) -> None:
     """Throw grains into the open cells up to attempt `last`, deferred grains after all others."""
     classes, walls = made.classes, made.walls
     assert classes is not None
     _turns(state, made, grains, made.queue, tally, key, last, late=False)
+    if made.shapes is not None:
+        while goes_on(state, made, tally):
+            # also at the end of a chunk, so that the run does not end there
+            tally[TURN] = tally[PUT_OFF] = 0
+            if state.done == last:
+                return
+            _turns(state, made, grains, made.queue, tally, key, last, late=False)
+        return
     if tally[TURN] == len(made.queue) and tally[PUT_OFF] and not len(state.arrays["late"]):
         late = left_out(grains, made.queue)
         if tally[UNPROVEN] or not len(late):
@@ -339,15 +374,17 @@ def _turns(
     """Throw the grains of a queue, and subdivide cells when too many throws have failed."""
     classes = made.classes
     assert classes is not None
-    where, own = (grains, made.cells, made.walls, classes), len(classes.base) - 1 if late else -1
+    where, own = (made.cells, made.walls, classes), len(classes.base) - 1 if late else -1
+    shapes = _true_shapes(state, made)
     while True:
         known = _open_of(state)
         sizes = all_edges(classes, known), volumes_up_to(classes, known), deepest_cut(classes, made.boxes)
-        state.done, kind = throw_into_cells(*where, known, *sizes, own, queue, tally, key, state.done, last)
+        run = (own, queue, tally, key, state.done, last, *shapes)
+        state.done, kind = throw_into_cells(grains, *where, known, *sizes, *run)
         if kind < 0:
             return
         # stored at once, so that the previous cells can be freed
-        state.arrays.update(cut_cells(*where, known, kind)._asdict())
+        state.arrays.update(cut_cells(grains, *where, known, kind, *shapes)._asdict())
 
 
 def _open_of(state: State) -> Open:
@@ -361,43 +398,19 @@ def _look(problem: Problem, state: State, made: Precomputed) -> None:
     if counters["placed"] == problem.count:
         state.stop_reason = "count"
     elif counters["turn"] == len(made.queue) and (
-        not counters["put_off"] or 0 < len(state.arrays["late"]) == counters["late"]
+        not counters["put_off"] or made.shapes is not None or 0 < len(state.arrays["late"]) == counters["late"]
     ):
         # if all grains are wider than the container, none was tried
         closed = not len(made.queue) or (made.classes is not None and counters["unproven"] == 0)
-        # saturation of the bounding spheres does not prove saturation of the true shapes
-        reason = "saturated" if _treated_as(problem) != "bounding spheres" else "full"
-        state.stop_reason = reason if closed else "steps"
+        state.stop_reason = "saturated" if closed else "steps"
     if state.stop_reason:
         # cells and extents take as much memory as the grains and are not needed any more
         state.derived.clear()
 
 
-def _treated_as(problem: Problem) -> str:
-    """Return the geometry by which grains are compared."""
-    if problem.parameters.aligned:
-        return "boxes"
-    return "spheres" if all(shape.is_sphere for shape in problem.shapes) else "bounding spheres"
-
-
-def _proof(problem: Problem, state: State) -> dict[str, Any]:
-    """Return the provenance of the saturation proof."""
-    # the last class is that of deferred grains
-    many = np.diff(state.arrays["bounds"])[:-1]
-    return {
-        "of": _treated_as(problem),
-        "proven": state.stop_reason == "saturated",
-        "not_proven": state.counters["unproven"],
-        "classes": len(many),
-        "classes_closed": int(np.count_nonzero(many == 0)),
-        "open_cells": int(many.sum()),
-        "cuts": int(state.arrays["depth"].max(initial=0)),
-    }
-
-
 registration = PackingMethod(
     name="rsa",
-    summary="random sequential addition of spheres or aligned boxes: schemes of Chu 2011, or to proven saturation",
+    summary="random sequential addition of spheres and true shapes: schemes of Chu 2011, or to proven saturation",
     source="Chu 2011, Rock and Soil Mechanics; Zhang & Torquato 2013, doi:10.1103/PhysRevE.88.053312",
     parameters=Rsa,
     prepare=prepare,

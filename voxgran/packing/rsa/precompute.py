@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import philox_key, stream
 from voxgran.containers.kernel_container import FLAT, KernelContainer, kernel_container
 from voxgran.packing.level_grid import LevelGrid
@@ -15,6 +14,7 @@ from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import Classes, make_classes
 from voxgran.packing.rsa.candidates import SCAN, CandidateRules, fill_table
 from voxgran.packing.rsa.overlaps import lay_out, sort_into_levels
+from voxgran.packing.rsa.true_shapes import TrueShapes, inner_radius, true_shapes
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
@@ -34,7 +34,7 @@ FACTOR, SUMMAND, MODULUS, FIRST = 2053, 13849, 65536, (20001, 60001, 40001)
 class Precomputed:
     """Data that follow from the problem."""
 
-    half: Floats  # half the extents of the grains, (n, 3) of boxes, (n, 1) of spheres, the radii
+    half: Floats  # half the extents of the grains, (n, 3) of boxes, (n, 1) of (bounding) spheres, the radii
     level: NDArray[np.int8]  # their levels in the grid
     walls: KernelContainer
     cells: LevelGrid  # of the placed grains
@@ -44,6 +44,7 @@ class Precomputed:
     rules: CandidateRules
     classes: Classes | None  # if the available space is searched
     boxes: bool
+    shapes: TrueShapes | None  # if any shape is neither a sphere nor an aligned box
 
 
 def searches(problem: Problem) -> bool:
@@ -74,11 +75,15 @@ def precompute(problem: Problem, search_from: int) -> Precomputed:
     search, scan = search_from >= 0, settings.retaining == SCAN
     many = coordinate_count(problem)
     level = sort_into_levels(half[:, : problem.dimension])
-    queue = queue_of(problem, half, walls)
+    true = has_true_shapes(problem)
+    # that of spheres inside decides where a grain certainly finds no place
+    core = inner_extents(problem) if true else half
+    queue = queue_of(problem, core, walls)
     kind, rest = np.zeros(0, dtype=np.int32), queue[max(search_from, 0) :]
     if search or scan:
         kind = np.zeros(problem.count, dtype=np.int32)
-        found = sizes_of(half[rest], CLASSES if search else None)
+        sizes = core if search or not true else np.column_stack([half, problem.shape_id])
+        found = sizes_of(sizes[rest], CLASSES if search else None)
         # untouched zeros take no memory
         if found.any():
             kind[rest] = found
@@ -94,9 +99,41 @@ def precompute(problem: Problem, search_from: int) -> Precomputed:
         rules=CandidateRules(
             settings.retaining, settings.tries, many, corrections, TOUCHING if corrections else 0.0, searches(problem)
         ),
-        classes=make_classes(half, kind, rest, walls, problem.dimension, settings.tries) if search else None,
+        classes=make_classes(core, kind, rest, walls, problem.dimension, settings.tries, inner=true)
+        if search
+        else None,
         boxes=bool(settings.aligned),
+        shapes=true_shapes(problem.shapes, problem.container, problem.shape_id, problem.diameter, core[:, 0])
+        if true
+        else None,
     )
+
+
+def has_true_shapes(problem: Problem) -> bool:
+    """Return whether any shape is neither a sphere nor an aligned box."""
+    return not (problem.parameters.aligned or all(shape.is_sphere for shape in problem.shapes))
+
+
+def inner_extents(problem: Problem) -> Floats:
+    """Return the radii of spheres about the centroids inside the grains, (n, 1), in median diameters."""
+    radii = np.array([inner_radius(shape) for shape in problem.shapes])
+    return np.asarray((radii[problem.shape_id] * problem.diameter)[:, None])
+
+
+def refuse_moves(problem: Problem) -> None:
+    """Refuse schemes that move candidates, for shapes other than spheres.
+
+    Raises
+    ------
+    InputError
+        If the scheme does, and a shape is not a sphere.
+    """
+    if problem.parameters.correcting and has_true_shapes(problem):
+        shape = next(shape for shape in problem.shapes if not shape.is_sphere)
+        raise InputError(
+            f"scheme {problem.parameters.scheme!r} is asked for with shape {shape.name!r}: candidates are moved along "
+            "the line of the centers of spheres, which other shapes do not have; use 'classic', '2', '4a' or '4c'"
+        )
 
 
 def coordinate_count(problem: Problem) -> int:
@@ -118,7 +155,7 @@ def coordinate_count(problem: Problem) -> int:
 
 
 def half_extents(problem: Problem) -> Floats:
-    """Return half the extents of the grains, in median diameters: (n, 3) of boxes, (n, 1) of spheres.
+    """Return half the extents of the grains, in median diameters: (n, 3) of boxes, (n, 1) of bounding spheres.
 
     Raises
     ------
@@ -156,30 +193,8 @@ def _half_of_box(shape: Shape) -> Floats:
     )
 
 
-def orientations(problem: Problem, placed: Integers) -> Floats | None:
-    """Return the orientations of the placed grains, (m, 4), or None if no grain is rotated.
-
-    They are random, except those of spheres, of aligned boxes and of the start.
-    """
-    spheres = all(shape.is_sphere for shape in problem.shapes)
-    if problem.start is None and (spheres or problem.parameters.aligned):
-        return None
-    orientation = np.tile([1.0, 0.0, 0.0, 0.0], (len(placed), 1))
-    if not spheres and not problem.parameters.aligned:
-        generator = stream(problem.seed, "orientations")
-        turned = np.array([not shape.is_sphere for shape in problem.shapes])[problem.shape_id[placed]]
-        if problem.dimension == 3:
-            orientation[turned] = random_rotations(generator, problem.count)[placed[turned]]
-        else:
-            angle = np.pi * generator.random(problem.count)[placed[turned]]
-            orientation[turned, 0], orientation[turned, 3] = np.cos(angle), np.sin(angle)
-    if problem.start is not None:
-        orientation[: problem.start.count] = problem.start.orientation
-    return orientation
-
-
 def queue_of(problem: Problem, half: Floats, walls: KernelContainer) -> NDArray[np.int32]:
-    """Return the grains to be placed, in their order, without those wider than the container."""
+    """Return the grains to be placed, in their order, without those that are certainly wider than the container."""
     queue = np.arange(problem.started, problem.count, dtype=np.int32)
     if problem.parameters.order == "largest":
         queue = queue[np.argsort(-problem.volumes[queue], kind="stable")]
@@ -200,7 +215,7 @@ def sizes_of(half: Floats, most: int | None = None) -> Integers:
     rows, kind = rows.reshape(-1, half.shape[1]), kind.reshape(-1)
     if most is None or len(rows) <= most:
         return kind
-    size = np.log(rows).mean(axis=1)
+    size = np.log(np.maximum(rows, 1e-12)).mean(axis=1)
     share = (size - size.min()) / (size.max() - size.min())
     classes = np.minimum((share * most).astype(np.int64), most - 1)
     _, classes = np.unique(classes, return_inverse=True)

@@ -7,6 +7,7 @@ lie on each other get further contact points (:mod:`voxgran.settling.finding.fac
 
 import math
 
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.settling.contact_rows import CONVEX, ContactRows, Grains, PairList, write_contact
 from voxgran.settling.finding.convex_bodies import ConvexBodies, ConvexWork, kinds_among
@@ -54,10 +55,10 @@ def _place(grains, bodies, work, ellipsoids, rounds):  # type: ignore[no-untyped
         )  # fmt: skip
         kind = bodies.kind[s]
         if ellipsoids is not None and kind == 1:
-            _place_row(bodies.row[s], turn, grains.scale[i], work.row[i])
+            place_row(bodies.row[s], turn, grains.scale[i], work.row[i])
             _write_form(work.row[i], work.form[i])
         if rounds is not None and (kind == 3 or kind == 4):
-            _place_row(bodies.row[s], turn, grains.scale[i], work.row[i])
+            place_row(bodies.row[s], turn, grains.scale[i], work.row[i])
 
 
 @bare_kernel
@@ -76,7 +77,7 @@ def _place_corners(corner, radius, first, last, turn, f, placed, scaled, start):
 
 
 @bare_kernel
-def _place_row(row, turn, f, placed):  # type: ignore[no-untyped-def]
+def place_row(row: Floats, turn: Floats, f: float, placed: Floats) -> None:
     """Write the row of an ellipsoid, cylinder or cone, rotated and scaled."""
     placed[0] = row[0]
     for c in range(3):

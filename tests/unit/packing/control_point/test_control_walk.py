@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull, cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError, Interrupted, PackingWarning, UnknownNameError
-from voxgran._base.rotation import product, rotation_matrices
+from voxgran._base.rotation import product, rotation_matrices, write_matrix
 from voxgran._base.seeds import philox_key
 from voxgran.packing.control_point.attempts import DECAY, GROWTH
 from voxgran.packing.control_point.distance_fields import PLANES
@@ -20,7 +20,6 @@ from voxgran.packing.control_point.method import registration as control_point
 from voxgran.packing.control_point.parameters import SHORTEST_STEP
 from voxgran.packing.control_point.point_contact import is_within, overlaps_by_points
 from voxgran.packing.control_point.records import GrainPoses
-from voxgran.packing.control_point.relative_poses import write_matrix
 from voxgran.packing.control_point.sdf_contact import overlaps_by_sdf
 from voxgran.packing.driver import Drive, drive
 from voxgran.points.control import inner_points

@@ -388,27 +388,6 @@ def test_aligned_boxes_meet_as_boxes():
     assert tried.solid_fraction > 0.25
 
 
-def test_other_shapes_turn_at_random_in_their_bounding_spheres():
-    shapes = [vg.make_shape("cone"), vg.make_shape("solid_union", seed=2)]
-    packing = vg.pack(shapes, vg.Cylinder(6, 11), method="rsa", count=60, seed=1)
-    assert packing.count == 60
-    assert vg.verify(packing).ok
-    reach = np.array([shape.bounding_radius for shape in shapes])[packing.shape_id] * packing.scale
-    step = np.linalg.norm(packing.position[:, None] - packing.position[None], axis=2)
-    np.fill_diagonal(step, np.inf)
-    assert (step >= reach[:, None] + reach[None] - 1e-12).all()
-    assert len(np.unique(packing.orientation, axis=0)) == 60
-    # that no bounding sphere fits proves nothing of the shapes
-    full = vg.pack(shapes[0], vg.Cylinder(2, 4), method="rsa", until="saturated", seed=1)
-    assert full.stop_reason == "full"
-    assert not full.provenance["saturation"]["proven"]
-    assert full.provenance["saturation"]["of"] == "bounding spheres"
-    assert full.provenance["saturation"]["open_cells"] == 0
-    flat = vg.pack(vg.make_shape("polygon", corners=5), vg.Rectangle((9, 9), "x"), method="rsa", count=20)
-    assert (flat.orientation[:, 1:3] == 0).all()
-    assert vg.verify(flat).ok
-
-
 @pytest.mark.parametrize(
     "parameters",
     [
@@ -436,7 +415,7 @@ def test_chunks_and_resumption_do_not_matter(parameters):
 
 
 def test_a_start_stays_where_it_is():
-    """True shapes may touch where their bounding spheres overlap; only newcomers keep away from the spheres."""
+    """True shapes may touch."""
     cube = vg.make_shape("box", lengths=(1, 1, 1))
     tower = vg.Packing.of([cube], vg.Box((5, 5, 5)), position=[(0.5, 0.5, 0.5), (0.5, 0.5, 1.5), (1.5, 0.5, 0.5)])
     packing = vg.pack(vg.make_shape("sphere"), tower.container, method="rsa", start=tower, count=25, until="saturated")
@@ -525,13 +504,6 @@ def test_what_cannot_be_asked_is_refused():
     for scheme in ("4a", "2"):
         with pytest.raises(TooLargeError, match="coordinates"):
             vg.pack(sphere, box, method="rsa", scheme=scheme, tries=2**31, count=2)
-
-
-def test_a_grain_whose_bounding_sphere_is_wider_than_a_period_stays_out():
-    rod = vg.make_shape("box", lengths=(3, 0.5, 0.5))
-    with pytest.warns(PackingWarning, match="0 of 3 grains"):
-        packing = vg.pack(rod, vg.Box((3.02, 9, 9), "x"), method="rsa", count=3)
-    assert packing.count == 0
 
 
 @pytest.fixture(scope="module")

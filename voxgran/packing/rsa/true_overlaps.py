@@ -1,0 +1,217 @@
+"""A new grain of a true shape: its random orientation, the grains near it, and whether it may be placed.
+
+Grains whose inner spheres overlap certainly meet, and those whose bounding spheres do not are apart. Of the others the
+nearest ones, in sums of the bounding radii, are tested first, exactly.
+"""
+
+import math
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Words
+from voxgran._base.kernels import bare_kernel
+from voxgran._base.rotation import write_matrix
+from voxgran._base.seeds import philox_block, unit_float
+from voxgran.containers.kernel_container import KernelContainer, is_barred
+from voxgran.packing.level_grid import LevelGrid, cells_near
+from voxgran.packing.rsa.overlaps import Grains, enter
+from voxgran.packing.rsa.true_pairs import place_relative, shapes_meet
+from voxgran.packing.rsa.true_shapes import TrueShapes
+from voxgran.packing.rsa.true_walls import is_within_walls
+
+#: share of a radius by which a sphere is made smaller where rounding must not take it for meeting a grain
+SMALLER = 1e-9
+#: near grains that are tested in the order of their distances
+SORTED = 8
+
+
+@bare_kernel
+def place_true(
+    grains: Grains,
+    cells: LevelGrid,
+    walls: KernelContainer,
+    shapes: TrueShapes,
+    g: int,
+    x: float,
+    y: float,
+    z: float,
+    key: Words,
+    number: int,
+    rows: object,
+    trees: object,
+) -> bool:
+    """Place grain g at (x, y, z), in the orientation of block (number, 1), if it meets nothing; return whether it did.
+
+    rows, trees: as in :mod:`voxgran.packing.rsa.true_pairs`.
+    """
+    s, f, inner, work = shapes.shape[g], shapes.scale[g], shapes.inner[g], shapes.work
+    if is_barred(walls, x, y, z, 0.0, 0.0, 0.0, inner):
+        return False
+    many = list_near(grains, cells, walls, shapes, x, y, z, grains.half[g, 0], inner)
+    if many < 0:
+        return False
+    work.quaternion[0], work.quaternion[1], work.quaternion[2], work.quaternion[3] = 1.0, 0.0, 0.0, 0.0
+    if shapes.turns[s]:
+        _draw_quaternion(walls.dimension, key, number, work.quaternion)
+    write_matrix(work.quaternion, work.turn)
+    if _meets_near(shapes, s, f, many, rows, trees):
+        return False
+    if not is_within_walls(walls, shapes, s, f, x, y, z, rows, trees):
+        return False
+    if _meets_itself(cells, shapes, s, f, grains.half[g, 0], rows, trees):
+        return False
+    for c in range(4):
+        shapes.orientation[g, c] = work.quaternion[c]
+    enter(grains, cells, walls, g, x, y, z)
+    return True
+
+
+@bare_kernel
+def is_taken(
+    grains: Grains, shapes: TrueShapes, many: int, x: float, y: float, z: float, radius: float, rows: object,
+    trees: object,
+) -> bool:  # fmt: skip
+    """Return whether a sphere meets one of the listed grains; rounding only makes it smaller.
+
+    x, y, z: its center, from the place about which the grains are listed.
+    """
+    work, f = shapes.work, radius * (1.0 - SMALLER)
+    for i in range(3):
+        for j in range(3):
+            work.turn[i, j] = 1.0 if i == j else 0.0
+    for k in range(many):
+        g = work.grain[k]
+        dx, dy, dz = work.place[k, 0] - x, work.place[k, 1] - y, work.place[k, 2] - z
+        square, reach, core = dx * dx + dy * dy + dz * dz, f + grains.half[g, 0], f + shapes.inner[g]
+        if square >= reach * reach:
+            continue
+        if square < core * core:
+            return True
+        write_matrix(shapes.orientation[g], work.other)
+        place_relative(shapes)
+        if shapes_meet(
+            shapes, len(shapes.turns), shapes.shape[g], dx / f, dy / f, dz / f, shapes.scale[g] / f, rows, trees
+        ):
+            return True
+    return False
+
+
+@bare_kernel
+def list_near(
+    grains: Grains,
+    cells: LevelGrid,
+    walls: KernelContainer,
+    shapes: TrueShapes,
+    x: float,
+    y: float,
+    z: float,
+    radius: float,
+    inner: float,
+) -> int:
+    """List the grains whose bounding spheres overlap a sphere about (x, y, z); return their number.
+
+    The number is -1 if the inner sphere of one overlaps that of radius `inner`, which may be negative.
+    """
+    position, half, lower = grains.position, grains.half, walls.lower
+    count, span, head, after = cells.count, cells.span, cells.head, cells.after
+    place, many = shapes.work.place, 0
+    for level in range(len(cells.first)):
+        if cells.filled[level] == 0:
+            continue
+        x0, x1 = cells_near(cells, level, 0, x - lower[0], radius + cells.reach[level, 0])
+        y0, y1 = cells_near(cells, level, 1, y - lower[1], radius + cells.reach[level, 1])
+        z0, z1 = cells_near(cells, level, 2, z - lower[2], radius + cells.reach[level, 2])
+        nx, ny, nz = count[level, 0], count[level, 1], count[level, 2]
+        for ix in range(x0, x1 + 1):
+            kx = ix // nx
+            for iy in range(y0, y1 + 1):
+                ky = iy // ny
+                row = cells.first[level] + ((ix - kx * nx) * ny + iy - ky * ny) * nz
+                for iz in range(z0, z1 + 1):
+                    kz = iz // nz
+                    g = head[row + iz - kz * nz]
+                    while g >= 0:
+                        dx = position[g, 0] + kx * span[0] - x
+                        dy = position[g, 1] + ky * span[1] - y
+                        dz = position[g, 2] + kz * span[2] - z
+                        square, reach = dx * dx + dy * dy + dz * dz, radius + half[g, 0]
+                        if square < reach * reach:
+                            core = inner + shapes.inner[g]
+                            if core > 0.0 and square < core * core:
+                                return -1
+                            place[many, 0], place[many, 1], place[many, 2] = dx, dy, dz
+                            place[many, 3] = square / (reach * reach)
+                            shapes.work.grain[many] = g
+                            many += 1
+                        g = after[g]
+    return many
+
+
+@bare_kernel
+def _meets_near(shapes, s, f, many, rows, trees):  # type: ignore[no-untyped-def]
+    """Return whether the new grain, rotated by `work.turn`, meets one of the listed grains."""
+    work = shapes.work
+    place, grain = work.place, work.grain
+    for left in range(many, 0, -1):
+        best = 0
+        # the order of the farther ones of many does not matter
+        for k in range(1, left if many - left < SORTED else 1):
+            if place[k, 3] < place[best, 3]:
+                best = k
+        g = grain[best]
+        write_matrix(shapes.orientation[g], work.other)
+        place_relative(shapes)
+        x, y, z = _in_frame(work.turn, f, place[best, 0], place[best, 1], place[best, 2])
+        if shapes_meet(shapes, s, shapes.shape[g], x, y, z, shapes.scale[g] / f, rows, trees):
+            return True
+        for c in range(4):
+            place[best, c] = place[left - 1, c]
+        grain[best] = grain[left - 1]
+    return False
+
+
+@bare_kernel
+def _meets_itself(cells, shapes, s, f, radius, rows, trees):  # type: ignore[no-untyped-def]
+    """Return whether the new grain meets one of its own periodic images."""
+    work, span = shapes.work, cells.span
+    mx = math.floor(2.0 * radius / span[0]) if span[0] > 0.0 else 0
+    my = math.floor(2.0 * radius / span[1]) if span[1] > 0.0 else 0
+    mz = math.floor(2.0 * radius / span[2]) if span[2] > 0.0 else 0
+    if mx + my + mz == 0:
+        return False
+    for i in range(3):
+        for j in range(3):
+            work.relative[i, j] = 1.0 if i == j else 0.0
+    for kx in range(-mx, mx + 1):
+        for ky in range(-my, my + 1):
+            # the image on the other side is the same pair
+            for kz in range(1 if kx == 0 and ky == 0 else -mz, mz + 1):
+                dx, dy, dz = kx * span[0], ky * span[1], kz * span[2]
+                if dx * dx + dy * dy + dz * dz < 4.0 * radius * radius:
+                    x, y, z = _in_frame(work.turn, f, dx, dy, dz)
+                    if shapes_meet(shapes, s, s, x, y, z, 1.0, rows, trees):
+                        return True
+    return False
+
+
+@bare_kernel
+def _in_frame(turn: Floats, f: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Return a vector in the frame and unit of the new grain."""
+    return (
+        (turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z) / f,
+        (turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z) / f,
+        (turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z) / f,
+    )
+
+
+@bare_kernel
+def _draw_quaternion(dimension, key, number, quaternion):  # type: ignore[no-untyped-def]
+    """Write a random rotation, uniform over all (Shoemake 1992, doi:10.1016/B978-0-08-050755-2.50036-1)."""
+    a, b, c, _ = philox_block(key[0], key[1], np.uint64(number), np.uint64(1))
+    u, first, second = unit_float(a), 2.0 * math.pi * unit_float(b), 2.0 * math.pi * unit_float(c)
+    if dimension == 2:
+        quaternion[0], quaternion[3] = math.cos(math.pi * u), math.sin(math.pi * u)
+        return
+    inner, outer = math.sqrt(u), math.sqrt(1.0 - u)
+    quaternion[0], quaternion[1] = inner * math.cos(second), outer * math.sin(first)
+    quaternion[2], quaternion[3] = outer * math.cos(first), inner * math.sin(second)
