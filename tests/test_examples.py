@@ -106,6 +106,14 @@ def test_chu_rsa_counts_grow_with_the_candidates(capsys, monkeypatch, tmp_path):
         assert counts == sorted(set(counts))
 
 
+def test_sphere_families(tmp_path, capsys, monkeypatch):
+    text = printed("sphere_families.py", capsys, monkeypatch, str(tmp_path), "200")
+    assert text.count("verified True") == 10
+    assert "multilayer, 0.55" in text
+    assert (tmp_path / "sphere_families.png").exists()
+    assert vg.load(tmp_path / "expand_0.50.vtp").solid_fraction == pytest.approx(0.5, abs=1e-9)
+
+
 def test_advancing_front(tmp_path, capsys, monkeypatch):
     text = printed("advancing_front.py", capsys, monkeypatch, str(tmp_path), "3000")
     assert text.count("verified True") == 5

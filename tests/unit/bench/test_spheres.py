@@ -42,7 +42,12 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     few = tuple(Case(method="advancing_front", dimension=d, options={"mode": "dense"}, room=0.6) for d in (2, 3))
     monkeypatch.setattr(spheres, "CASES", few)
     monkeypatch.setattr(spheres, "COUNTS", (60,))
-    table, figure = spheres.run(tmp_path)
+    monkeypatch.setattr(spheres, "LEVELS", (0.5,))
+    monkeypatch.setattr(spheres, "COLUMNS", 2)
+    table, layers, figure = spheres.run(tmp_path)
+    slopes = [float(row["slope"]) for row in csv.DictReader(layers.read_text().splitlines())]
+    assert slopes == sorted(slopes)
+    assert slopes[0] < -0.03 < 0.03 < slopes[-1]
     rows = list(csv.DictReader(table.read_text().splitlines()))
     assert [row["dimension"] for row in rows] == ["2", "3"]
     assert {row["apart"] for row in rows} == {"yes"}

@@ -3,7 +3,8 @@
 Each method packs spheres or, in two dimensions, disks, of equal size, of the sizes that its case gives or of those that
 it makes, as many as are asked for. Where a value is published or asked for, `error` is the difference to it: of the
 whole periodic container, or of the bulk of beds. Coordination numbers are means over all grains up to three gaps, in
-mean diameters. Seconds are those of the processor, the least of several runs after one that compiles.
+mean diameters. Seconds are those of the processor, the least of several runs after one that compiles. A second table
+has the slopes of the solid fraction of columns in layers.
 """
 
 import math
@@ -13,6 +14,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from voxgran._base.errors import PackingWarning
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
@@ -24,6 +27,7 @@ from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import bulk_solid_fraction
+from voxgran.packing.jamming.multilayer import Multilayer
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.shapes import sizes
@@ -32,6 +36,8 @@ from voxgran.shapes.sizes import SizeDistribution
 
 #: numbers of grains; runs of each, of which from MANY grains only one is made
 COUNTS, REPEATS, MANY = (1_000, 10_000), 3, 5_000
+#: solid fractions and undercompactions of columns whose slopes are measured, and columns of each
+LEVELS, UNDERCOMPACTIONS, COLUMNS = (0.50, 0.55, 0.58, 0.61), (0.0, 0.1, 0.15, 0.2), 3
 #: gaps up to which grains are neighbours, in mean diameters
 GAPS = (1e-6, 1e-3, 1e-2)
 #: disks of two sizes, as many of each, which do not crystallize
@@ -84,6 +90,7 @@ CASES: tuple[Case, ...] = (
     Case(method="random_apollonian", options={"shift": 3}, room=0.8, made=True),
     Case(method="apollonian", room=0.9, made=True, rounded=True),
     Case(method="tetrahedral", room=0.6, made=True),
+    Case(method="tetrahedral", options={"jitter": 0.0}, room=0.6, made=True),
     Case(method="rsa", dimension=2, room=0.547, expected=0.5470735, **SATURATED),
     Case(method="advancing_front", dimension=2, options={"mode": "dense"}, room=0.8),
     Case(method="expand", dimension=2, options={"solid_fraction": 0.75}, room=0.75, expected=0.75, source="asked for"),
@@ -163,8 +170,33 @@ def run(folder: Path) -> tuple[Path, ...]:
         + ",apart,calibration_seconds"
     )
     table = write_rows(folder / "spheres.csv", head, lines_of(rows, calibration()))
+    layers = write_rows(folder / "spheres_layers.csv", "solid_fraction,undercompaction,slope,standard_error", slopes())
     _draw(rows, folder / "spheres.svg")
-    return table, folder / "spheres.svg"
+    return table, layers, folder / "spheres.svg"
+
+
+def slopes() -> list[str]:
+    """Return the lines of a table of the slopes of columns in layers, means over several with standard errors."""
+    lines = []
+    for wanted in LEVELS:
+        for under in UNDERCOMPACTIONS:
+            found = [_column_slope(wanted, under, seed) for seed in range(COLUMNS)]
+            error = np.std(found, ddof=1) / math.sqrt(COLUMNS)
+            lines.append(f"{wanted:g},{under:g},{np.mean(found):.4f},{error:.4f}")
+    return lines
+
+
+def _column_slope(solid_fraction: float, undercompaction: float, seed: int) -> float:
+    """Return the change of the solid fraction of a column of layers over its height, 1.5 diameters from both ends."""
+    how = Multilayer(undercompaction=undercompaction)
+    column = pack(make_shape("sphere"), Box((10, 10, 20), "xy"), how, solid_fraction=solid_fraction, seed=seed)
+    height, radius = 20.0, 0.5 * column.diameters
+    levels = np.linspace(1.5, height - 1.5, 6)
+    # the volume of each sphere below a level in closed form
+    cut = np.clip((levels[:, None] - column.position[:, 2]) / radius, -1.0, 1.0)
+    below = (math.pi * radius**3 * (cut - cut**3 / 3.0)).sum(axis=1)
+    fractions = np.diff(below) / (100.0 * np.diff(levels))
+    return float(np.polyfit(0.5 * (levels[1:] + levels[:-1]) / height, fractions, 1)[0])
 
 
 def lines_of(rows: Iterable[Row], loop: float) -> list[str]:

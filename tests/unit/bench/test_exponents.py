@@ -1,0 +1,37 @@
+import csv
+
+import numpy as np
+import pytest
+
+from voxgran.bench.tradeoffs import exponents
+from voxgran.bench.tradeoffs.exponents import exponent_of, gasket_row, random_rows
+
+
+def test_an_exponent_is_that_of_a_power_law():
+    curvature = np.arange(1, 100_001) ** (1 / 1.7)
+    assert exponent_of(curvature, 50.0, 800.0) == pytest.approx(1.7, abs=1e-3)
+
+
+def test_growth_and_random_points_have_one_exponent_with_many_disks(monkeypatch):
+    # a claim of the survey in Sajjadi & Khalili 2015; Dodds & Weitz 2002: 1.564
+    monkeypatch.setattr(exponents, "COUNTS", (1_000, 3_000, 10_000, 30_000))
+    monkeypatch.setattr(exponents, "SEEDS", 2)
+    growth, points = (random_rows(method, 2) for method in ("growth", "random_apollonian"))
+    assert abs(growth[0].exponent - points[0].exponent) > 0.02
+    assert growth[-1].exponent == pytest.approx(points[-1].exponent, abs=0.015)
+    assert points[-1].exponent == pytest.approx(1.564, abs=0.012)
+
+
+def test_gaskets_have_the_published_exponent():
+    row = gasket_row(2)
+    assert row.exponent == pytest.approx(row.published, rel=3e-3)
+
+
+def test_rows_and_figure_are_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(exponents, "COUNTS", (100, 300))
+    monkeypatch.setattr(exponents, "SEEDS", 2)
+    monkeypatch.setattr(exponents, "CURVATURES", {2: 100.0, 3: 20.0})
+    table, figure = exponents.run(tmp_path)
+    rows = list(csv.DictReader(table.read_text().splitlines()))
+    assert [row["method"] for row in rows] == ["growth", "random_apollonian", "apollonian"] * 2
+    assert "<svg" in figure.read_text()

@@ -1,0 +1,138 @@
+"""Exponents of the sizes of spheres that fill gaps: growth and random Apollonian packings, and exact gaskets.
+
+The share of the pores falls as a power of the number of spheres, from which the exponent of the number of spheres above
+a size follows: with a slope -s of the logarithms in d dimensions it is d / (1 + s). Each value is that between two
+numbers of spheres, a mean over several packings with its standard error. Nuclei keep arriving at one rate per volume
+and time, so that more spheres stand for a longer time. Exponents of gaskets are fitted to the number of spheres up to a
+curvature.
+"""
+
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.containers.box import Box
+from voxgran.containers.model import Container
+from voxgran.containers.rectangle import Rectangle
+from voxgran.packing.pack import pack
+from voxgran.packing.space_filling.gaskets import in_sphere
+from voxgran.shapes.family import make_shape
+
+#: numbers of spheres, and packings of each
+COUNTS, SEEDS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000), 6
+#: growth of radii while the smallest number of nuclei arrives, in diameters of equal spheres that fill the container
+SPEED = 5.0
+#: published exponents by dimension: of random packings (Dodds & Weitz 2002, doi:10.1103/PhysRevE.65.056108), and of
+#: gaskets (McMullen 1998; Borkovec, De Paris & Peikert 1994)
+RANDOM, EXACT = {2: 1.564, 3: 2.733}, {2: 1.305686729, 3: 2.4739465}
+#: largest curvatures of gaskets, and from which power of them the number of spheres is fitted
+CURVATURES, FITTED = {2: 30_000.0, 3: 400.0}, {2: 0.5, 3: 0.6}
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """An exponent that was measured."""
+
+    dimension: int
+    method: str
+    spheres: int
+    exponent: float
+    error: float  # standard error; 0 for gaskets
+    published: float
+    seconds: float
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure all exponents, and write rows as CSV and a figure as SVG."""
+    rows: list[Row] = []
+    for dimension in (2, 3):
+        for method in ("growth", "random_apollonian"):
+            rows += random_rows(method, dimension)
+        rows.append(gasket_row(dimension))
+    head = "dimension,method,spheres,exponent,standard_error,published,processor_seconds,calibration_seconds"
+    loop = calibration()
+    lines = [
+        f"{row.dimension},{row.method},{row.spheres},{row.exponent:.5f},{row.error:.5f},{row.published:g},"
+        f"{row.seconds:.3f},{loop:.5f}"
+        for row in rows
+    ]
+    table = write_rows(folder / "exponents.csv", head, lines)
+    _draw(rows, folder / "exponents.svg")
+    return table, folder / "exponents.svg"
+
+
+def random_rows(method: str, dimension: int) -> list[Row]:
+    """Return the exponents between successive numbers of spheres; seconds are those of the larger packings."""
+    pores = np.zeros((SEEDS, len(COUNTS)))
+    seconds = np.zeros(len(COUNTS))
+    for seed in range(SEEDS):
+        for k, count in enumerate(COUNTS):
+            began = time.process_time()
+            pores[seed, k] = _pores(method, dimension, count, seed)
+            seconds[k] += (time.process_time() - began) / SEEDS
+    slopes = -np.diff(np.log(pores), axis=1) / np.diff(np.log(COUNTS))
+    found = dimension / (1.0 + slopes)
+    means, errors = found.mean(axis=0), found.std(axis=0, ddof=1) / math.sqrt(SEEDS)
+    return [
+        Row(
+            dimension,
+            method,
+            COUNTS[k + 1],
+            float(means[k]),
+            float(errors[k]),
+            RANDOM[dimension],
+            float(seconds[k + 1]),
+        )
+        for k in range(len(means))
+    ]
+
+
+def _pores(method: str, dimension: int, count: int, seed: int) -> float:
+    """Return the porosity of a periodic packing."""
+    shape = make_shape("disk" if dimension == 2 else "sphere")
+    room: Container = Rectangle((10, 10), "xy") if dimension == 2 else Box((10, 10, 10), "xyz")
+    options = {}
+    if method == "growth":
+        # arrivals and growth per time and volume do not depend on the number
+        speed = SPEED * (count / COUNTS[0]) ** ((dimension + 1) / dimension)
+        options = {"arrival": "continuous", "speed": speed}
+    return 1.0 - pack(shape, room, method=method, count=count, seed=seed, **options).solid_fraction
+
+
+def gasket_row(dimension: int) -> Row:
+    """Return the exponent of the gasket in a disk or a sphere."""
+    began, most = time.process_time(), CURVATURES[dimension]
+    curvature = np.sort(np.concatenate([rows[:, 0] for rows in in_sphere(dimension, most)]))
+    seconds = time.process_time() - began
+    exponent = exponent_of(curvature, most ** FITTED[dimension], most)
+    return Row(dimension, "apollonian", len(curvature), exponent, 0.0, EXACT[dimension], seconds)
+
+
+def exponent_of(curvature: Floats, low: float, high: float) -> float:
+    """Return the slope of the logarithm of the number of spheres up to a curvature, for sorted curvatures."""
+    at = np.geomspace(low, high, 60)
+    return float(np.polyfit(np.log(at), np.log(np.searchsorted(curvature, at, side="right")), 1)[0])
+
+
+def _draw(rows: list[Row], path: Path) -> None:
+    """Draw the exponents of random packings against the number of spheres."""
+    labels = {"growth": "growth, nuclei keep arriving", "random_apollonian": "random Apollonian"}
+    with panels_of(path, 2, width=10.0, height=4.0) as panels:
+        for panel, dimension in zip(panels, (2, 3), strict=True):
+            for method, label in labels.items():
+                here = [row for row in rows if row.dimension == dimension and row.method == method]
+                xs, ys = [row.spheres for row in here], [row.exponent for row in here]
+                panel.errorbar(xs, ys, yerr=[row.error for row in here], marker="o", capsize=3, label=label)
+            panel.axhline(RANDOM[dimension], color="k", linestyle=":", label="Dodds & Weitz 2002")
+            panel.set(xscale="log", xlabel="spheres", ylabel="exponent", title=f"{dimension} dimensions")
+            panel.legend(frameon=False, fontsize=8)
+
+
+registration = TradeOff(
+    name="exponents", summary="exponents of the sizes that fill gaps, with standard errors", run=run
+)
