@@ -43,6 +43,12 @@ class PackKeywords(TypedDict, total=False):
     recorder: Recorder | None
     settle: bool | Mapping[str, Any] | Settling | None
 
+class VoronoiFillKeywords(PackKeywords, total=False):
+    fill: Literal["shapes", "cells"]
+    smoothing: Whole
+    orientations: Whole
+    rounds: Whole
+
 class RsaKeywords(PackKeywords, total=False):
     scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"]
     until: Literal["tries", "saturated"] | None
@@ -197,6 +203,13 @@ def pack(
 @overload
 def pack(
     shapes: Sequence[Shape] | Shape, container: Container, method: Literal["rsa"], **keywords: Unpack[RsaKeywords]
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["voronoi_fill"],
+    **keywords: Unpack[VoronoiFillKeywords],
 ) -> Packing: ...
 @overload
 def pack(

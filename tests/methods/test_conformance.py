@@ -28,6 +28,8 @@ STAGES = {
 QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 6}
 #: methods that pack spheres only
 SPHERES_ONLY = ("expand", "jam")
+#: methods that refuse a start
+WITHOUT_START = ("gravity", "voronoi_fill")
 #: methods that move and resize the grains of a start, so that each has tests of its own
 RESIZING = ("expand", "jam")
 #: what of the suite is about grains of a start that stay
@@ -92,7 +94,7 @@ class OwnSuite(PackingMethodSuite):
 def suite_of(title):
     """Return the class of tests of a method, a variant or a stage."""
     members = {"title": title, "method": title.partition(",")[0], "parameters": quick(title), "__module__": __name__}
-    members["takes_start"] = title != "gravity"
+    members["takes_start"] = title not in WITHOUT_START
     if title in VARIANTS:
         # a checkpoint holds the same as that of the method; the slow test kills these too
         members["test_killed_and_resumed_to_the_same_bits"] = None

@@ -8,3 +8,4 @@ from voxgran.packing.digital.rsa_method import DigitalRsa as DigitalRsa
 from voxgran.packing.jamming.expand import Expand as Expand
 from voxgran.packing.jamming.jam import Jam as Jam
 from voxgran.packing.rsa.method import Rsa as Rsa
+from voxgran.packing.tessellation.voronoi_method import VoronoiFill as VoronoiFill
