@@ -110,9 +110,9 @@ class Diagram(NamedTuple):
 class Cells:
     """All cells of a tessellation, with work space that grows as needed."""
 
-    def __init__(self, walls: KernelContainer, work: Polyhedron | None = None) -> None:
+    def __init__(self, walls: KernelContainer) -> None:
         self.walls = walls
-        self.work = empty_polyhedron(FACES) if work is None else work
+        self.work, self.faces = empty_polyhedron(FACES), FACES // 2
         # no grains: kernels are compiled once for cells with and without them
         none = np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0)
         self.none = bodies_of([]), poses_of([], np.zeros(0, dtype=np.int64), *none)
@@ -129,7 +129,7 @@ class Cells:
         slope: list[Floats] = []
         for first in range(0, n, block):
             look()
-            last, room = min(first + block, n), 32 * block
+            last, room = min(first + block, n), self.faces * block
             while True:
                 others, slopes = np.zeros(room, dtype=np.int64), np.zeros(room)
                 found = volume, center, degree, others, slopes
@@ -139,7 +139,8 @@ class Cells:
                 if used == -1:
                     self.grow()
                 else:
-                    room *= 2
+                    self.faces *= 2
+                    room = self.faces * block
             beyond.append(others[:used])
             slope.append(slopes[:used])
         start = np.concatenate([[0], np.cumsum(degree)])

@@ -23,7 +23,7 @@ def shapes_of(cells: Cells, seeds: Seeds) -> list[Shape | None]:
     found: list[Shape | None] = []
     flat = cells.walls.dimension == 2
     for i in range(len(seeds.place)):
-        corners = _corners_of(cells, seeds, i)
+        corners = corners_of(cells, seeds, i)
         if flat:
             corners = corners[corners[:, 2] > 0.0][:, :2]
         corners = _apart(corners)
@@ -54,7 +54,7 @@ def largest_factor(shape: Shape, walls: KernelContainer) -> float:
     return float(min(1.0, np.where(a > 0.0, t, math.inf).min())) if room > 0.0 else 0.0
 
 
-def _corners_of(cells: Cells, seeds: Seeds, i: int) -> Floats:
+def corners_of(cells: Cells, seeds: Seeds, i: int) -> Floats:
     """Return the corners of a cell from its seed, (k, 3)."""
     while True:
         corners = np.zeros((len(cells.work.corner), 3))

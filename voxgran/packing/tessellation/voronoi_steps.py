@@ -22,6 +22,8 @@ EXACT, FAIR = 1e-4, 0.02
 KEPT = 0.3
 #: steps after the last smoothing one, at most, and diagrams per step
 NEWTON_STEPS, DIAGRAMS = 60, 4
+#: share of the moves at which cells do not yet have the volumes that are asked for
+EVEN = 0.9
 #: cells between two looks whether to stop
 BLOCK = 400
 
@@ -62,6 +64,12 @@ def most_diagrams(smoothing: int) -> int:
     return DIAGRAMS * (smoothing + NEWTON_STEPS)
 
 
+def _wanted(share: Floats, steps: int, smoothing: int) -> Floats:
+    """Return the shares of all cells in the volume at a step: at first alike, and as asked after half of the moves."""
+    grown = share ** min(1.0, (steps + 1.0) / (EVEN * smoothing + 1.0))
+    return np.asarray(grown / grown.sum())
+
+
 def step(cells: Cells, state: State, share: Floats, smoothing: int, look: Callable[[], None]) -> None:
     """Compute all cells, whose volumes are to be shares (n,) of all; then move on, or find that they are final.
 
@@ -69,7 +77,7 @@ def step(cells: Cells, state: State, share: Floats, smoothing: int, look: Callab
     """
     arrays, tally, walls = state.arrays, state.arrays["tally"], cells.walls
     diagram = cells.measured(seeds_of(arrays["place"], arrays["weight"], walls), BLOCK, look)
-    volumes = share * diagram.volume.sum()
+    volumes = _wanted(share, int(tally[TALLY.steps]), smoothing) * diagram.volume.sum()
     ratio = diagram.volume / volumes
     over = tally[TALLY.diagrams] + 1 >= most_diagrams(smoothing)
     tally[TALLY.diagrams] += 1
