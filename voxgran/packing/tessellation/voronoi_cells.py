@@ -291,9 +291,9 @@ def _cut_by_round_wall(seeds, walls, cell, i, shift):  # type: ignore[no-untyped
     """Cut by tangent planes of a cylinder or a sphere, at the corner that is farthest beyond it, again and again."""
     mx, my = walls.middle[0] - seeds.place[i, 0], walls.middle[1] - seeds.place[i, 1]
     mz = walls.middle[2] - seeds.place[i, 2] if walls.kind == ROUND else 0.0
-    limit = walls.radius + PROTRUSION * reach_of(cell, walls.dimension == 2)
     for _ in range(ROUND_PLANES):
-        worst, most = -1, limit
+        # of what is left of the cell: before the cuts it may reach far beyond the wall
+        worst, most = -1, walls.radius + PROTRUSION * reach_of(cell, walls.dimension == 2)
         for v in range(cell.count[0]):
             x, y = cell.corner[v, 0] - mx, cell.corner[v, 1] - my
             z = cell.corner[v, 2] - mz if walls.kind == ROUND else 0.0
