@@ -43,6 +43,12 @@ class PackKeywords(TypedDict, total=False):
     recorder: Recorder | None
     settle: bool | Mapping[str, Any] | Settling | None
 
+class VoronoiFillKeywords(PackKeywords, total=False):
+    fill: Literal["shapes", "cells"]
+    smoothing: Whole
+    orientations: Whole
+    rounds: Whole
+
 class TetrahedralKeywords(PackKeywords, total=False):
     edge: Number | None
     smallest: Number | None
@@ -254,6 +260,13 @@ def pack(
     container: Container,
     method: Literal["tetrahedral"],
     **keywords: Unpack[TetrahedralKeywords],
+) -> Packing: ...
+@overload
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["voronoi_fill"],
+    **keywords: Unpack[VoronoiFillKeywords],
 ) -> Packing: ...
 @overload
 def pack(

@@ -33,7 +33,7 @@ RESIZING = ("expand", "jam")
 #: methods for which the container of the suite will not do, with another
 CONTAINERS = {"apollonian": vg.Sphere(2.0)}
 #: methods that take no start
-FROM_NOTHING = ("gravity", "apollonian", "multilayer")
+FROM_NOTHING = ("gravity", "apollonian", "multilayer", "voronoi_fill")
 #: what of the suite is about grains of a start that stay
 STAYING = ("test_a_start_stays_in_order_and_goes_on", "test_a_start_that_has_no_place_is_refused")
 #: what is done between two looks whether to stop, made little

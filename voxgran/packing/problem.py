@@ -35,6 +35,8 @@ from voxgran.voxels.occupy import occupy
 ROUND_OFF = 1e-10
 #: parts of the container, by length and by volume, below which sizes are likely in another unit than the container
 TINY, NOTHING = 1e-3, 1e-6
+#: random points drawn at a time, per point that is wanted
+TRIES = 2
 
 
 @dataclass(eq=False)
@@ -284,6 +286,18 @@ def spheres_of_start(problem: Problem) -> Floats:
         refuse_start(wrong[0])
     place = problem.start.wrapped(problem.container) - problem.container.bounds[0]
     return np.column_stack([place, grains.bounding_radii])
+
+
+def random_points(container: Container, count: int, generator: np.random.Generator) -> Floats:
+    """Return random points (count, 3) in a container."""
+    lower, upper = container.bounds
+    found, many = [np.zeros((0, 3))], 0
+    while many < count:
+        points = lower + generator.random((TRIES * count + 8, 3)) * (upper - lower)
+        inside = points[np.asarray(container.signed_distance(points)) < 0.0]
+        found.append(inside)
+        many += len(inside)
+    return np.concatenate(found)[:count]
 
 
 def random_turns(problem: Problem, grains: Integers) -> Floats | None:

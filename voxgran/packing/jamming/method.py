@@ -6,23 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
-from voxgran.containers.model import Container
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.jamming.model import Compressor
 from voxgran.packing.jamming.spheres import SoftSpheres
 from voxgran.packing.method import Array, Cost
-from voxgran.packing.problem import Problem
+from voxgran.packing.problem import Problem, random_points
 
 #: bytes of a grain (measured), and estimate of the largest number of steps
 GRAIN_BYTES, STEPS = 700, 400
-#: points drawn at a time, per grain that has none
-TRIES = 2
 
 
 @dataclass(slots=True)
@@ -88,18 +84,6 @@ def first_assembly(problem: Problem) -> Assembly:
     return Assembly.of(
         problem.shapes, problem.container, position=position, scale=scale, shape_id=shape_id, orientation=turns
     )
-
-
-def random_points(container: Container, count: int, generator: np.random.Generator) -> Floats:
-    """Return random points (count, 3) in a container."""
-    lower, upper = container.bounds
-    found, many = [np.zeros((0, 3))], 0
-    while many < count:
-        points = lower + generator.random((TRIES * count + 8, 3)) * (upper - lower)
-        inside = points[np.asarray(container.signed_distance(points)) < 0.0]
-        found.append(inside)
-        many += len(inside)
-    return np.concatenate(found)[:count]
 
 
 def compressor_of(problem: Problem, assembly: Assembly, *, jam: bool) -> Compressor:

@@ -13,3 +13,4 @@ from voxgran.packing.space_filling.apollonian import Apollonian as Apollonian
 from voxgran.packing.space_filling.growth import Growth as Growth
 from voxgran.packing.space_filling.random_apollonian import RandomApollonian as RandomApollonian
 from voxgran.packing.tessellation.method import Tetrahedral as Tetrahedral
+from voxgran.packing.tessellation.voronoi_method import VoronoiFill as VoronoiFill

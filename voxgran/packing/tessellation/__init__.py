@@ -1,1 +1,1 @@
-"""Grains in the cells of meshes."""
+"""Grains in the cells of meshes: spheres in tetrahedra, and shapes in the cells of a tessellation."""
