@@ -61,6 +61,8 @@ EXAMINED, ENOUGH = 10, 0.025
 RESIDUAL = 0.01
 #: iterations of an examination, and of the last one
 QUICK, THOROUGH = 300, 3000
+#: depth of an overlap that is rounding, in median diameters
+ROUND_OFF = 1e-13
 #: distance to which overlapping grains are parted, rounds for it, and how often that is tried
 PARTED, ROUNDS, TRIALS = 1e-4, 60, 3
 
@@ -426,7 +428,9 @@ class Settler:
         found = balance_bed(bed, self.how.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations)
         progress.residual = np.maximum(found.residual, found.residual_torque)
         progress.moving = 1.0 - float(found.rests.mean())
-        progress.smallest = float(bed.gap.min(initial=TOUCHING))
+        smallest = float(bed.gap.min(initial=TOUCHING))
+        # an overlap within the rounding of positions is contact
+        progress.smallest = 0.0 if -ROUND_OFF < smallest < 0.0 else smallest
         if bed.finders.crossing(bed.pairs, bed.grains):
             progress.smallest = min(progress.smallest, -TOUCHING)
         if progress.stage == STILL and progress.smallest >= 0.0 and progress.moving < progress.best:

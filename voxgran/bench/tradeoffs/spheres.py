@@ -90,7 +90,6 @@ CASES: tuple[Case, ...] = (
     Case(method="random_apollonian", options={"shift": 3}, room=0.8, made=True),
     Case(method="apollonian", room=0.9, made=True, rounded=True),
     Case(method="tetrahedral", room=0.6, made=True),
-    Case(method="tetrahedral", options={"jitter": 0.0}, room=0.6, made=True),
     Case(method="rsa", dimension=2, room=0.547, expected=0.5470735, **SATURATED),
     Case(method="advancing_front", dimension=2, options={"mode": "dense"}, room=0.8),
     Case(method="expand", dimension=2, options={"solid_fraction": 0.75}, room=0.75, expected=0.75, source="asked for"),
