@@ -73,11 +73,11 @@ def window_solid_fraction(packing: Packing, lower: ArrayLike, upper: ArrayLike) 
     return Estimate(solid / room, solid.error / room)
 
 
-def _bulk(packing: Packing) -> tuple[Estimate, int, float]:
+def _bulk(packing: Packing, regions: Regions | None = None) -> tuple[Estimate, int, float]:
     """Return solid fraction, number of grains and volume of the bulk."""
     if not packing.count:
         return Estimate(math.nan, math.nan), 0, math.nan
-    regions = Regions(packing)
+    regions = regions or Regions(packing)
     region = regions.at(INSET * float(np.median(packing.diameters)))
     room, count = region.volume, int(region.grains(packing).sum())
     if count < FEWEST or room <= 0:
@@ -93,11 +93,10 @@ def _bulk(packing: Packing) -> tuple[Estimate, int, float]:
     return Estimate(solid / room, error), count, float(room)
 
 
-def _bed(packing: Packing) -> Estimate | None:
+def _bed(packing: Packing, regions: Regions) -> Estimate | None:
     """Return the solid fraction below the surface of a bed, from wall to wall; None without grains or gravity."""
     if not packing.count or packing.gravity is None:
         return None
-    regions = Regions(packing)
     region = regions.at(0.0)
     room, solid = region.volume, region.solid(regions.solids)
     if room <= 0:
@@ -107,8 +106,9 @@ def _bed(packing: Packing) -> Estimate | None:
 
 def _compute(packing: Packing) -> Groups:
     """Return the numbers of the whole packing."""
-    bulk, bulk_count, room = _bulk(packing)
-    bed = _bed(packing)
+    regions = Regions(packing)
+    bulk, bulk_count, room = _bulk(packing, regions)
+    bed = _bed(packing, regions)
     d, unit = packing.dimension, length_unit(packing)
     size = length_unit(packing, power=d)
     kind = "volume" if d == 3 else "area"
