@@ -99,7 +99,7 @@ def test_a_direction_of_gravity_may_begin_with_a_minus(direction):
 def test_each_parameter_of_settling_has_a_flag():
     words = ["settle", "a.vtp", "-o", "b.vtp"]
     assert settling_of(parse(words, COMMANDS)) == {}
-    given = {"friction": 0.2, "restitution": 0.1, "fall_time": 3, "rest": 0.9, "parts": "hulls"}
+    given = {"friction": 0.2, "restitution": 0.1, "fall_time": 3, "rest": 0.9, "parts": "hulls", "solid_fraction": 0.6}
     groups = {"shaking": (Shaking, {"acceleration": 2, "duration": 4}), "lid": (Lid, {"weight": 0.5})}
     assert {*given, *groups} == {item.name for item in parameters_of(Settling)}
     for name, value in given.items():

@@ -128,7 +128,7 @@ def calls_stub():
         overloads = [(base, "str | Parameters")]
         for name in reversed(registry.names()):
             cls = registry.get(name).parameters
-            own = {key: kind for key, (kind, _) in fields_of(cls).items()}
+            own = {key: kind for key, (kind, _) in fields_of(cls).items() if key not in shared}
             text += keywords_class(f"{cls.__name__}Keywords", base, own)
             overloads.insert(0, (f"{cls.__name__}Keywords", f'Literal["{name}"]'))
         for keywords, choice in overloads:

@@ -96,6 +96,10 @@ def _summary(before: Packing, after: Packing) -> dict[str, Any]:
         "solid_fraction": after.solid_fraction,
         **{name: value for name, value in fractions.items() if math.isfinite(value)},
     }
+    if (sought := record.get("sought")) is not None:
+        shaking = sought["shaking"] or {}
+        found = {"bed_solid_fraction": sought["reached"], "friction": sought["friction"], "tries": sought["tries"]}
+        numbers |= found | {f"shaking_{name}": value for name, value in shaking.items()}
     if after.forces is not None:
         numbers |= {name: getattr(after.forces, name) for name in ("share_at_rest", "share_of_rattlers")}
     return numbers | {"stop_reason": after.stop_reason}

@@ -28,7 +28,7 @@ from voxgran.packing.gravity import gravity_vector, proposed_axis
 from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem, normalized_problem, warn_of_units
-from voxgran.packing.settle import as_settling, warn_of_unrest
+from voxgran.packing.settle import as_settling, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
 from voxgran.packing.start import check_start
 from voxgran.settling.parameters import Settling
@@ -95,7 +95,8 @@ def pack(
     solid_fraction : float, optional
         Wanted solid fraction. With a count too, the packing ends with whichever comes first; with neither, grains are
         added until the method stops. Where neither target is reached, a warning says so and the provenance holds
-        under ``missed`` what is missing to each of them, and by how much the gradation differs.
+        under ``missed`` what is missing to each of them, and by how much the gradation differs. Of the method
+        ``"gravity"`` it is that of the bed at rest, as in :func:`settle`, and says nothing of the number of grains.
     sizes : SizeDistribution, optional
         Distribution of the equivalent diameters, in the unit of the container; each shape at its own size where
         left out.
@@ -233,6 +234,7 @@ def prepare_task(
         If more than 100 million grains are asked for.
     """
     _, entry, settings = chosen(method_registry(), method, parameters, where="method", beside=_arguments())
+    settings, solid_fraction = with_target(settings, solid_fraction)
     given = check_asked(shapes, container, sizes, start)
     if as_unit(unit) == NO_UNIT and start is not None:
         unit = start.unit

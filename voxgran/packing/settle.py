@@ -13,13 +13,14 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Integers, as_count
+from voxgran._base.arrays import Integers, as_count, as_number
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
 from voxgran.containers.model import Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
+from voxgran.packing.bed_search import sentence_of
 from voxgran.packing.draw import DENSEST
 from voxgran.packing.driver import Drive, check_drive, drive
 from voxgran.packing.gravity import as_down, proposed_axis
@@ -51,6 +52,7 @@ def settle(
     gravity: ArrayLike | None = None,
     seed: int = 0,
     fall_time: float | None = None,
+    solid_fraction: float | None = None,
     rest: float = 0.95,
     parts: Literal["exact", "hulls"] = "exact",
     checkpoint: str | os.PathLike[str] | None = None,
@@ -83,6 +85,13 @@ def settle(
     fall_time : float, optional
         Longest time of the fall with inertia, in sqrt(d / g) with the median diameter d; default: until the mean grain
         sinks by less than 0.05 d in that time unit. Beds that move for longer become denser.
+    solid_fraction : float, optional
+        Solid fraction of the bed at rest, met to 0.002: the friction, beginning with `friction`, from 0 (0.05 for
+        grains that are not round, and for more than 3,000) to 1 is found that gives it and, where the bed without
+        friction is looser, the shaking with up to twice gravity. It is that of the bulk (``bulk_solid_fraction`` of
+        :func:`voxgran.measure`) where the first bed has at least 75 grains there, else that of the container below
+        the height that holds 85 % of the volume of the grains (``bed_solid_fraction``). The provenance says under
+        ``["settling"]["sought"]`` what was found, and in how many tries; default: as friction and shaking give it.
     rest : float
         Share of the grains that must be proven to rest so that the bed counts as settled.
     parts : {"exact", "hulls"}
@@ -118,7 +127,8 @@ def settle(
     Warns
     -----
     PackingWarning
-        If fewer grains than asked for are proven to rest, or some could not be parted.
+        If fewer grains than asked for are proven to rest, some could not be parted, or the solid fraction is beyond
+        what the grains come to rest at; the nearest bed is returned then.
 
     See Also
     --------
@@ -146,6 +156,7 @@ def settle(
         "shaking": shaking,
         "lid": lid,
         "fall_time": fall_time,
+        "solid_fraction": solid_fraction,
         "rest": rest,
         "parts": parts,
     }
@@ -163,7 +174,7 @@ def settle(
         parameters=Settling,
         prepare=lambda _: begun(packing, how, problem.seed),
         advance=advance_settling,
-        finish=lambda _, state: finished(packing, state, how),
+        finish=lambda _, state: finished(packing, state),
         cost=lambda _: Cost(memory=GRAIN_BYTES * packing.count, attempts=0),
     )
     state = drive(method, problem, Drive(checkpoint, resume, on_step))
@@ -249,7 +260,7 @@ def _problem_of(packing: Packing, how: Settling, seed: int) -> Problem:
 
 
 def warn_of_unrest(packing: Packing) -> None:
-    """Warn where fewer grains than asked for are proven to rest, or some still overlap."""
+    """Warn where fewer grains than asked for are proven to rest, some still overlap, or a solid fraction is missed."""
     record = packing.provenance.get("settling")
     if record is None or packing.stop_reason == "interrupted":
         return
@@ -267,6 +278,30 @@ def warn_of_unrest(packing: Packing) -> None:
             f"once more, or take a larger friction{lighter}"
         )
         warnings.warn(text, PackingWarning, stacklevel=3)
+    if not (sought := record.get("sought", {"met": True}))["met"]:
+        warnings.warn(sentence_of(sought), PackingWarning, stacklevel=3)
+
+
+def with_target(parameters: Any, solid_fraction: Any) -> tuple[Any, Any]:
+    """Return the parameters of a method, and the solid fraction that decides how many grains are drawn.
+
+    A method whose grains settle as they are packed gets the solid fraction as that of its bed: then it decides nothing
+    about their number.
+
+    Raises
+    ------
+    InputError
+        If it is no number in (0, 1], or the parameters hold another one.
+    """
+    if solid_fraction is None or not isinstance(parameters, Settling):
+        return parameters, solid_fraction
+    held = parameters.solid_fraction
+    if held is not None and held != solid_fraction:
+        raise InputError(
+            f"solid_fraction is {shown(solid_fraction)}, and that of the parameters of the method is {held:g}: both "
+            "are that of the bed; leave one of them out"
+        )
+    return replace(parameters, solid_fraction=as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)), None
 
 
 def as_settling(asked: Any, parameters: Any = None) -> Settling | None:

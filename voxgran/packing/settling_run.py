@@ -1,5 +1,6 @@
 """The run of beds that settle: states with checkpoints, steps as attempts of the driver, and the packing at the end."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,6 +12,7 @@ from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.assembly import Lid as LidPlane
 from voxgran.contacts.forces import LID, WALL, ContactForces
+from voxgran.packing.bed_search import SoughtBed
 from voxgran.packing.gravity import main_axis
 from voxgran.packing.method import Array, Cost, PackingMethod, RunState
 from voxgran.packing.model import STOP_REASONS, Packing
@@ -60,7 +62,7 @@ def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
         if state.held is not None:
             # a checkpoint of a run that had ended: nothing was advanced since
             state.begin(begun(packed, how, problem.seed))
-        return packed if state.outer is None else finished(packed, state.outer, how)
+        return packed if state.outer is None else finished(packed, state.outer)
 
     def cost(problem: Problem) -> Cost:
         inner = method.cost(problem)
@@ -73,7 +75,7 @@ def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
 class SettleState:
     """State of a bed that settles, as the driver takes it."""
 
-    settler: Settler
+    settler: Settler | SoughtBed
     done: int = 0
     total: int = 0
     stop_reason: str = ""
@@ -83,6 +85,12 @@ class SettleState:
     def stage(self) -> str:
         """What is being done, for progress."""
         return "settling"
+
+    @property
+    def steps(self) -> int:
+        """Steps that were made, those of former tries included."""
+        settler = self.settler
+        return settler.progress.step + (settler.former_steps if isinstance(settler, SoughtBed) else 0)
 
     @property
     def arrays(self) -> dict[str, Array]:
@@ -180,12 +188,27 @@ def begun(packing: Packing, how: Settling, seed: int) -> SettleState:
     """
     assembly, _ = normalized_assembly(packing)
     gravity = np.array(packing.gravity, dtype=np.float64)
-    settler = Settler(with_lid(assembly, how, gravity), how, gravity, seed=seed)
+    lidded = with_lid(assembly, how, gravity)
+    settler = begin_settling(
+        how,
+        lambda tried: Settler(lidded, tried, gravity, seed=seed),
+        lambda settler: _moved(packing, settler),
+    )
     _refuse_deep(settler)
     return SettleState(settler, total=settler.most_steps * packing.count)
 
 
-def _refuse_deep(settler: Settler) -> None:
+def begin_settling(
+    how: Settling, begin: Callable[[Settling], Settler], packing_of: Callable[[Settler], Packing]
+) -> Settler | SoughtBed:
+    """Return what settles grains, again and again where a solid fraction is asked for.
+
+    begin: parameters to a Settler of the grains.  packing_of: Settler to the packing of its grains.
+    """
+    return begin(how) if how.solid_fraction is None else SoughtBed(how, begin, packing_of)
+
+
+def _refuse_deep(settler: Settler | SoughtBed) -> None:
     """Refuse grains that overlap so deep that they cannot be parted.
 
     Raises
@@ -211,7 +234,7 @@ def with_lid(assembly: Assembly, how: Settling, gravity: Floats) -> Assembly:
     return replace(assembly, lid=LidPlane(up, float((assembly.position @ up + assembly.bounding_radii).max())))
 
 
-def lid_of(settler: Settler, unit: float) -> LidPlane | None:
+def lid_of(settler: Settler | SoughtBed, unit: float) -> LidPlane | None:
     """Return the lid where it lies now, in the unit of lengths in which the median diameter is `unit`."""
     lid = settler.bed.assembly.lid
     return None if lid is None else LidPlane(lid.normal, settler.bed.lid_level * unit)
@@ -229,7 +252,7 @@ def advance_settling(problem: Problem, state: SettleState, attempts: int) -> Set
     del problem
     settler = state.settler
     many = max(settler.bed.count, 1)
-    due = (settler.progress.step + 1) * many
+    due = (state.steps + 1) * many
     if state.done + attempts < due:
         state.done += attempts
         return state
@@ -242,26 +265,30 @@ def advance_settling(problem: Problem, state: SettleState, attempts: int) -> Set
     return state
 
 
-def finished(packing: Packing, state: SettleState, how: Settling) -> Packing:
+def finished(packing: Packing, state: SettleState) -> Packing:
     """Return the packing with its grains where they settled to."""
-    settler, unit = state.settler, float(np.median(packing.diameters))
+    settler = state.settler
+    reason = state.stop_reason or "interrupted"
+    moved = replace(
+        _moved(packing, settler),
+        stop_reason=packing.stop_reason if packing.stop_reason in KEPT_REASONS else reason,
+        provenance={**packing.provenance, "settling": {"parameters": to_mapping(settler.how), **settler.report}},
+    )
+    return contact_forces(moved, settler)
+
+
+def _moved(packing: Packing, settler: Settler | SoughtBed) -> Packing:
+    """Return a packing with its grains where they are in the bed of a settler, without forces."""
+    unit = float(np.median(packing.diameters))
     position, orientation = settler.bed.poses()
     position *= unit
     if settler.ended and settler.progress.step == 1:
         # it rested already: not even the last bits change
         position, orientation = packing.position, packing.orientation
-    reason = state.stop_reason or "interrupted"
-    moved = replace(
-        packing,
-        position=position,
-        orientation=orientation,
-        lid=lid_of(settler, unit),
-        stop_reason=packing.stop_reason if packing.stop_reason in KEPT_REASONS else reason,
-        contact_gap=TOUCHING * unit,
-        forces=None,
-        provenance={**packing.provenance, "settling": {"parameters": to_mapping(how), **settler.report}},
+    lid = lid_of(settler, unit)
+    return replace(
+        packing, position=position, orientation=orientation, lid=lid, contact_gap=TOUCHING * unit, forces=None
     )
-    return contact_forces(moved, settler)
 
 
 def no_forces(friction: float) -> ContactForces:
@@ -273,7 +300,7 @@ def no_forces(friction: float) -> ContactForces:
     )  # fmt: skip
 
 
-def contact_forces(packing: Packing, settler: Settler) -> Packing:
+def contact_forces(packing: Packing, settler: Settler | SoughtBed) -> Packing:
     """Return the packing, whose grains are those of a settler, with the forces at their contacts once it has ended."""
     bed = settler.bed
     if not packing.count:

@@ -15,6 +15,7 @@ from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.description import REMEDIES, SceneDescription, ShapeEntry
 from voxgran.settling.parameters import Settling
+from voxgran.settling.search import MOST_TRIES
 from voxgran.shapes.family import families
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.mesh_files import read_surface
@@ -194,7 +195,10 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
             f"until at least {settling.rest:.1%} of them rest",
             "" if settling.parts == "exact" else ", by hulls",
         )
-        computed.append(f"settle them with friction {settling.friction:g}{shapes}, {share}")
+        how, target = f"with friction {settling.friction:g}", settling.solid_fraction
+        if target is not None:
+            how = f"at a solid fraction of {target:g}, by friction and shaking in at most {MOST_TRIES} tries"
+        computed.append(f"settle them {how}{shapes}, {share}")
     computed.append("verify against the true shapes")
     if scene.general.seeds > 1:
         computed.append(f"all of it {scene.general.seeds} times, with {scene.general.seeds} seeds")

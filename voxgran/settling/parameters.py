@@ -94,6 +94,14 @@ class Settling:
         "mean grain sinks by less than 0.05 d in that time unit",
         at_least=0.0,
     )
+    solid_fraction: float | None = parameter(
+        None,
+        doc="solid fraction of the bed at rest, met to 0.002: the friction (up to 1) and, for denser beds, the shaking "
+        "are found that give it, beginning with the friction that is given; that of the bulk or, in beds of few "
+        "grains, below the surface; if omitted, as friction and shaking give it",
+        above=0.0,
+        at_most=1.0,
+    )
     rest: float = parameter(
         0.95, doc="share of the grains that must be proven to rest so that the bed counts as settled", above=0.0,
         at_most=1.0,

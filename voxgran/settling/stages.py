@@ -366,7 +366,7 @@ class Settler:
     def _quasi_static(self, manner: Manner) -> float:
         """Make a quasi-static step, and return the share of the grains that moved."""
         progress, bed = self.progress, self.bed
-        if self.how.friction == 0.0 and self._direct:
+        if self.how.friction == 0.0 and self.direct:
             accuracy = FINE if progress.moved < SLOW else COARSE
             progress.moved = frictionless_step(
                 bed, progress.length, rest=manner.kept, accuracy=accuracy, margin=manner.margin, most=manner.most
@@ -396,14 +396,14 @@ class Settler:
         progress.stage, progress.length = STILL, EXACT.first
 
     @property
-    def _direct(self) -> bool:
+    def direct(self) -> bool:
         """Whether steps without friction are solved to the end: its time grows faster than the number of unknowns."""
         return not self.bed.grains.kind.any() and self.bed.count <= MOST_DIRECT
 
     @property
     def _more_steps(self) -> int:
         """How many times more steps are made than in a large bed: in a small one they take little time."""
-        if self.how.friction == 0.0 and not self._direct:
+        if self.how.friction == 0.0 and not self.direct:
             # such beds go on creeping
             return 1
         return min(max(FEW_GRAINS // max(self.bed.count, 1), 1), MORE_STEPS)
@@ -418,7 +418,7 @@ class Settler:
         """How quasi-static steps are made."""
         if SURFACE not in self.bed.grains.kind:
             if self.how.friction == 0.0:
-                return FREE[0 if self._direct else 1]
+                return FREE[0 if self.direct else 1]
             return RUBBING[int(self.bed.grains.kind.any())]
         return EXACT if self.progress.exact else FIELDS
 

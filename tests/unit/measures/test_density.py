@@ -1,6 +1,7 @@
 """Solid fractions of the whole and of the bulk, for every container."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -219,3 +220,19 @@ def test_a_scene_in_other_units_gives_the_same_bits():
         packing = Packing.of([BALL], container, position=position * factor, scale=scale * factor)
         found.append(float(bulk_solid_fraction(packing)))
     assert found[0] == found[1] == found[2]
+
+
+@pytest.mark.filterwarnings("ignore:the bulk holds")
+def test_the_solid_fraction_below_the_surface_of_a_bed_reaches_from_wall_to_wall():
+    """85 % of 12 layers of spheres: ten whole ones and 0.2 of the next, up to the height where that is reached."""
+    packing = stacked(BALL, (3, 3, 12), Box((3, 3, 20)), gravity="-z")
+    height = held_height(Solids(packing), 2, -1)
+    root = measure(packing, which="density")
+    assert float(root["bed_solid_fraction"]) == pytest.approx(0.85 * 12 * math.pi / 6 / height, rel=1e-9)
+    assert 10 < height < 11
+    # without gravity there is no surface
+    assert "bed_solid_fraction" not in measure(replace(packing, gravity=None), which="density")
+    disks = stacked(DISK, (4, 10), Rectangle((4, 30)), gravity="-y")
+    height = held_height(Solids(disks), 1, -1)
+    root = measure(disks, which="density")
+    assert float(root["bed_solid_fraction"]) == pytest.approx(8.5 * math.pi / 4 / height, rel=1e-9)

@@ -73,11 +73,11 @@ def window_solid_fraction(packing: Packing, lower: ArrayLike, upper: ArrayLike) 
     return Estimate(solid / room, solid.error / room)
 
 
-def _bulk(packing: Packing) -> tuple[Estimate, int, float]:
+def _bulk(packing: Packing, regions: Regions | None = None) -> tuple[Estimate, int, float]:
     """Return solid fraction, number of grains and volume of the bulk."""
     if not packing.count:
         return Estimate(math.nan, math.nan), 0, math.nan
-    regions = Regions(packing)
+    regions = regions or Regions(packing)
     region = regions.at(INSET * float(np.median(packing.diameters)))
     room, count = region.volume, int(region.grains(packing).sum())
     if count < FEWEST or room <= 0:
@@ -93,9 +93,22 @@ def _bulk(packing: Packing) -> tuple[Estimate, int, float]:
     return Estimate(solid / room, error), count, float(room)
 
 
+def _bed(packing: Packing, regions: Regions) -> Estimate | None:
+    """Return the solid fraction below the surface of a bed, from wall to wall; None without grains or gravity."""
+    if not packing.count or packing.gravity is None:
+        return None
+    region = regions.at(0.0)
+    room, solid = region.volume, region.solid(regions.solids)
+    if room <= 0:
+        return Estimate(math.nan, math.nan)
+    return Estimate(solid / room, (solid.error + solid / room * room.error) / room)
+
+
 def _compute(packing: Packing) -> Groups:
     """Return the numbers of the whole packing."""
-    bulk, bulk_count, room = _bulk(packing)
+    regions = Regions(packing)
+    bulk, bulk_count, room = _bulk(packing, regions)
+    bed = _bed(packing, regions)
     d, unit = packing.dimension, length_unit(packing)
     size = length_unit(packing, power=d)
     kind = "volume" if d == 3 else "area"
@@ -121,6 +134,9 @@ def _compute(packing: Packing) -> Groups:
         "bulk_count": variable((), bulk_count, "1", "number of grains with their centroids in the bulk"),
         "bulk_volume": variable((), room, size, f"{kind} of the bulk region"),
     }
+    if bed is not None:
+        below = "solid fraction below the height that holds 85 % of the volume of the grains, from wall to wall"
+        values["bed_solid_fraction"] = variable((), float(bed), "1", below, error=bed.error)
     return {"/": dataset(values)}
 
 

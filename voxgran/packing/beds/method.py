@@ -20,13 +20,22 @@ from voxgran._base.config import check_bounds, parameter, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
+from voxgran.packing.bed_search import SoughtBed
 from voxgran.packing.beds.filling import highest_surface, usual_solid_fraction, volume_at_rest
 from voxgran.packing.beds.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
 from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settling_run import GRAIN_BYTES, SettleState, advance_settling, contact_forces, lid_of, with_lid
+from voxgran.packing.settling_run import (
+    GRAIN_BYTES,
+    SettleState,
+    advance_settling,
+    begin_settling,
+    contact_forces,
+    lid_of,
+    with_lid,
+)
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import TOUCHING, Settler
 
@@ -86,7 +95,12 @@ def prepare(problem: Problem) -> SettleState:
         )
     assembly, small, gravity = _start(problem)
     how = settling_of(problem.parameters)
-    settler = Settler(with_lid(assembly, how, gravity), how, gravity, seed=problem.seed, small=small)
+    lidded = with_lid(assembly, how, gravity)
+    settler = begin_settling(
+        how if assembly.count else replace(how, solid_fraction=None),
+        lambda tried: Settler(lidded, tried, gravity, seed=problem.seed, small=small),
+        lambda settler: _packing(problem, settler, ""),
+    )
     reason = "" if assembly.count else "count"
     return SettleState(settler, total=settler.most_steps * assembly.count, stop_reason=reason)
 
@@ -166,12 +180,16 @@ def _height(problem: Problem, up: Floats) -> float | None:
 
 def finish(problem: Problem, state: SettleState) -> Packing:
     """Return the packing of the grains."""
-    settler = state.settler
+    settler, reason = state.settler, state.stop_reason
+    if problem.target and settler.bed.count < problem.count and reason in ("settled", "steps", "count"):
+        reason = "full"
+    return contact_forces(_packing(problem, settler, reason), settler)
+
+
+def _packing(problem: Problem, settler: Settler | SoughtBed, reason: str) -> Packing:
+    """Return the packing of the grains of a settler, without forces."""
     position, orientation = settler.bed.poses()
     n = len(position)
-    reason = state.stop_reason
-    if problem.target and n < problem.count and reason in ("settled", "steps", "count"):
-        reason = "full"
     packing = problem.packing(
         np.arange(n),
         position=position,
@@ -181,10 +199,10 @@ def finish(problem: Problem, state: SettleState) -> Packing:
         contact_gap=TOUCHING,
         provenance={
             "parameters": {"gravity": gravity_text(problem)},
-            "settling": {"parameters": to_mapping(settling_of(problem.parameters)), **settler.report},
+            "settling": {"parameters": to_mapping(settler.how), **settler.report},
         },
     )
-    return contact_forces(replace(packing, lid=lid_of(settler, problem.unit_length)), settler)
+    return replace(packing, lid=lid_of(settler, problem.unit_length))
 
 
 def cost(problem: Problem) -> Cost:
