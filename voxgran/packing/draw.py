@@ -14,7 +14,7 @@ from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_float
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.seeds import stream
 from voxgran.containers.model import Container, boundary_of
-from voxgran.packing.size_limits import can_fit
+from voxgran.containers.size_limits import can_fit
 from voxgran.shapes.descriptors import principal_extents
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution

@@ -46,10 +46,8 @@ STILL_STEPS = 300
 FEW_GRAINS, MORE_STEPS = 1500, 5
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
-#: most rounds in which surfaces are parted
-CLOSING_ROUNDS = 12
-#: length of steps after overlapping grains were parted, in that of the last ones
-AFTER_PARTING = 0.5
+#: most rounds in which surfaces are parted, and length of steps after overlapping grains were, in that of the last ones
+CLOSING_ROUNDS, AFTER_PARTING = 12, 0.5
 #: volume of a grain of unit diameter by dimension, whose mass is 1
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
 #: share of moving grains below which steps become shorter, and below which the bed is examined
@@ -61,10 +59,8 @@ EXAMINED, ENOUGH = 10, 0.025
 RESIDUAL = 0.01
 #: iterations of an examination, and of the last one
 QUICK, THOROUGH = 300, 3000
-#: depth of an overlap that is rounding, in median diameters
-ROUND_OFF = 1e-13
-#: distance to which overlapping grains are parted, rounds for it, and how often that is tried
-PARTED, ROUNDS, TRIALS = 1e-4, 60, 3
+#: distance to which overlapping grains are parted, rounds for it, how often it is tried, and depth that is rounding
+PARTED, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 60, 3, 1e-13
 
 
 @dataclass(frozen=True, slots=True)
@@ -429,7 +425,6 @@ class Settler:
         progress.residual = np.maximum(found.residual, found.residual_torque)
         progress.moving = 1.0 - float(found.rests.mean())
         smallest = float(bed.gap.min(initial=TOUCHING))
-        # an overlap within the rounding of positions is contact
         progress.smallest = 0.0 if -ROUND_OFF < smallest < 0.0 else smallest
         if bed.finders.crossing(bed.pairs, bed.grains):
             progress.smallest = min(progress.smallest, -TOUCHING)

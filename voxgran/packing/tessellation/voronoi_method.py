@@ -46,7 +46,7 @@ from voxgran.packing.tessellation.voronoi_grains import largest_factor, shapes_o
 from voxgran.packing.tessellation.voronoi_steps import TALLY, first_arrays, most_diagrams, step
 from voxgran.shapes.sizes import size_distance
 
-#: bytes of a grain (measured)
+#: bytes of a grain (estimated)
 GRAIN_BYTES = 1800
 #: solid fraction of the drawn grains where neither a count nor a solid fraction is asked for
 USUAL = 0.5
