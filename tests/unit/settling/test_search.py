@@ -67,6 +67,7 @@ def test_denser_beds_are_shaken_without_friction():
     assert how.friction == 0.0
     assert how.shaking.duration == LASTING
     assert how.shaking.acceleration == pytest.approx(1.2, abs=0.4)
+    assert all(math.copysign(1.0, search.settling_at(place).friction) == 1.0 for place in search.tries[:, 0])
     # the bed that is not shaken, and the one that is shaken most, were tried before
     found = [search.settling_at(place) for place in search.tries[:-1, 0]]
     assert any(entry.friction == 0.0 and entry.shaking is None for entry in found)
