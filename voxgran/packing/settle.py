@@ -139,8 +139,8 @@ def settle(
     -----
     The fall is contact dynamics with small substeps (Moreau 1988, doi:10.1007/978-3-7091-2624-0_1; Macklin et al.
     2019, doi:10.1145/3309486.3340247); grains fall no faster than sqrt(g d). The quasi-static steps solve for contact
-    forces with Coulomb friction by Gauss-Seidel sweeps with momentum. A solid fraction is found by the Illinois algorithm
-    (Dowell & Jarratt 1971, doi:10.1007/BF01934364); all tries begin with the grains as they are given.
+    forces with Coulomb friction by Gauss-Seidel sweeps with momentum. A solid fraction is found by the Illinois
+    algorithm (Dowell & Jarratt 1971, doi:10.1007/BF01934364); all tries begin with the grains as they are given.
 
     Examples
     --------
