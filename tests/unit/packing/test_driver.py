@@ -25,7 +25,8 @@ QUICK = {"digital": {"voxel_size": 0.2, "sweeps": 30}, "control_point": {"spacin
 
 def task_of(method="digital", count=20, shape=None, **more):
     shapes, parameters = [shape or vg.make_shape("sphere")], {**QUICK.get(method, {}), **more}
-    return kit.task_of(method, shapes, vg.Box((5, 5, 8)), count=count, seed=1, **parameters)
+    container = vg.Sphere(3) if method == "apollonian" else vg.Box((5, 5, 8))
+    return kit.task_of(method, shapes, container, count=count, seed=1, **parameters)
 
 
 @pytest.mark.parametrize("method", METHODS)
