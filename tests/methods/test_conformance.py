@@ -26,8 +26,6 @@ STAGES = {
 }
 #: what makes a method quick here; anything else is its default
 QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 6}
-#: methods that pack spheres only
-SPHERES_ONLY = ("expand", "jam")
 #: methods that move and resize the grains of a start, so that each has tests of its own
 RESIZING = ("expand", "jam")
 #: methods for which the container of the suite will not do, with another
@@ -67,8 +65,6 @@ class OwnSuite(PackingMethodSuite):
     @classmethod
     def shapes(cls):
         box, sphere = super().shapes()
-        if cls.method in SPHERES_ONLY:
-            return [sphere.scaled(1.4), sphere]
         return [vg.make_shape("sheet", roll=150) if "open surfaces" in cls.title else box, sphere]
 
     @classmethod

@@ -1,4 +1,4 @@
-"""Grains of any shape that grow until they meet their sizes or jam: small steps of growth, each parted by least motions.
+"""Grains of any shape that grow until they meet their sizes or jam: steps of growth, each parted by least motions.
 
 Grains begin small at random points. In each step their sizes grow by a common factor, and the least translations and
 rotations, weighted by mass, that open all overlaps to first order are made until no surfaces overlap, by the contacts
@@ -6,8 +6,9 @@ of settling (:mod:`voxgran.settling.parting`). Where that does not succeed, the 
 the step becomes shorter. They are jammed where the step is as short as the last one. A sequence of linear problems of
 this kind with inequalities leads spheres to strictly jammed states (Torquato & Jiao 2010); here they are projections.
 
-Meshes that are not convex grow by grids of distances first, which are wrong by some thousandths of a diameter, are then
-reduced until their triangles are proven to be separate, and grow on by these.
+Contacts of meshes that are not convex come from grids of distances, which are wrong by some thousandths of a diameter
+and do not see edges that cross. A step has succeeded when their triangles are proven to be separate, too
+(:mod:`voxgran.settling.closing`).
 
 References
 ----------
@@ -29,6 +30,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.verify import verify
 from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.settling.bed import Bed
+from voxgran.settling.closing import close_round
 from voxgran.settling.contact_rows import SURFACE
 from voxgran.settling.parting import part_grains
 
@@ -46,20 +48,18 @@ SWEEPS = 60
 MISSED, MARGIN = 0.5, 0.03
 #: farthest that a grain moves in a round, in median diameters
 MOST = 0.05
-#: reduction of meshes that are not convex before their triangles are looked at
-OPENED = 0.01
+#: the same, with the distance that is kept, of parting by triangles: distance, farthest motion, gap beyond
+BY_TRIANGLES = (3e-4, 2e-3, 5e-3)
 #: largest number of steps
-MOST_STEPS = 2000
+MOST_STEPS = 1000
 #: most verifications at the end, and the factor by which the distance that surfaces keep grows between them
 LOOKS, FARTHER = 6, 4.0
 #: gaps, in mean diameters, at which coordination numbers are reported
 GAPS = (1e-4, 1e-3, 1e-2, 1e-1)
 #: number of forces without friction that hold a grain rigidly, on average, by dimension: twice its ways to move
 ISOSTATIC = {2: 6, 3: 12}
-#: stages: convex grains, or grids of distances; triangles of meshes that are not convex
-GROWING, EXACT = range(2)
 #: numbers of the state
-SIZE, STEP, TRIED, DEPTH, WAY = range(5)
+SIZE, STEP, TRIED, DEPTH = range(4)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +71,8 @@ class Manner:
     last: float  # growth of a step at which grains count as jammed
 
 
-#: of grains whose contacts are exact, by grids of distances, and by triangles
-CLOSED, FIELDS, TRIANGLES = Manner(1e-5, 0.02, 1e-4), Manner(4e-3, 0.02, 2e-3), Manner(3e-4, 1e-3, 2e-4)
+#: of grains whose contacts are exact, and of those with contacts by grids of distances
+TRUE, FIELDS = Manner(1e-5, 0.02, 1e-4), Manner(2e-3, 0.01, 5e-4)
 
 
 class GrowingSolids:
@@ -89,7 +89,7 @@ class GrowingSolids:
         self.assembly, self.jam, self.dimension = assembly, jam, assembly.dimension
         n = assembly.count
         self.ended, self.done_steps, self.most_steps = n == 0, 0, MOST_STEPS if n else 0
-        self.jams, self.met, self.stage, self.turns = False, False, GROWING, 0
+        self.jams, self.met, self.turns = False, False, 0
         self.unit = 1.0
         if not n:
             return
@@ -102,8 +102,10 @@ class GrowingSolids:
         self.uneven = SURFACE in self.bed.grains.kind
         self.wanted = math.inf if jam else 1.0 / self.dense
         first = min((FIRST / DENSE[self.dimension]) ** (1.0 / self.dimension), self.wanted)
+        if self.uneven:
+            first = self._part_hulls(first)
         # the size that succeeded last, 0 before one did; growth; the size that is tried; overlap before
-        self.numbers = np.array([0.0, self._manner.first, first, math.inf, self._manner.kept])
+        self.numbers = np.array([0.0, self._manner.first, first, math.inf])
         self._keep()
         self.bed.resize(np.full(n, first))
 
@@ -113,12 +115,24 @@ class GrowingSolids:
         arrays = (given.shapes, given.shape_id, given.scale * self.dense / self.unit, given.position / self.unit)
         return Assembly(*arrays, given.orientation, given.container.scaled(1.0 / self.unit))
 
+    def _part_hulls(self, size: float) -> float:
+        """Part the convex hulls at a size, or at a smaller one, which is returned.
+
+        Grids of distances do not part a mesh from another one that it is deep within.
+        """
+        hulls = Bed(self._scaled(), self.bed.gravity, lid_weight=math.inf, hulls=True)
+        while True:
+            hulls.resize(np.full(hulls.count, size))
+            if part_grains(hulls, FIELDS.kept, LONGEST * ROUNDS, missed=MISSED, most=MOST, margin=MARGIN) > 0.0:
+                break
+            size *= SMALLER
+        self.bed.put(hulls.grains.position, hulls.orientation, math.inf)
+        return size
+
     @property
     def _manner(self) -> Manner:
-        """How the grains grow now."""
-        if not self.uneven:
-            return CLOSED
-        return TRIANGLES if self.stage == EXACT else FIELDS
+        """How the grains grow."""
+        return FIELDS if self.uneven else TRUE
 
     @property
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -133,7 +147,6 @@ class GrowingSolids:
         """Whole numbers of the state."""
         return {
             "steps": self.done_steps,
-            "stage": self.stage,
             "turns": self.turns,
             "ended": int(self.ended),
             "jammed": int(self.jams),
@@ -142,14 +155,14 @@ class GrowingSolids:
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], counters: Mapping[str, int]) -> None:
         """Take over the state of a checkpoint."""
-        self.done_steps, self.stage, self.turns = (int(counters[name]) for name in ("steps", "stage", "turns"))
+        self.done_steps, self.turns = int(counters["steps"]), int(counters["turns"])
         self.ended, self.jams, self.met = (bool(counters[name]) for name in ("ended", "jammed", "met"))
         if not self.assembly.count:
             return
         self.numbers = np.array(arrays["numbers"], dtype=np.float64)
         self.good_position, self.good_orientation = np.array(arrays["good_position"]), np.array(arrays["good_turns"])
         own = ("numbers", "good_position", "good_turns")
-        self.bed.finders.exact = self.stage == EXACT
+        self.bed.finders.exact = False
         self.bed.restore({name: array for name, array in arrays.items() if name not in own})
 
     @property
@@ -172,7 +185,7 @@ class GrowingSolids:
             return found
         near, mean = self._near(), float(np.median(self.bed.diameter)) * float(self.numbers[SIZE])
         # surfaces that touch keep a distance, and miss parts of it
-        own = (2.0 * self._manner.last + 2.0 * float(self.numbers[WAY])) * mean
+        own = 2.0 * (self._manner.last + self._manner.kept) * mean
         held, rattlers = near.held(own)
         return {
             **found,
@@ -210,8 +223,8 @@ class GrowingSolids:
         kept = {name: np.array(array) for name, array in self.arrays.items()}, dict(self.counters)
         try:
             self._part()
-            self.done_steps += 1
             self._look()
+            self.done_steps += 1
         except Stopped:
             # what the step has done is lost: the next one begins where it began
             self.restore(*kept)
@@ -219,38 +232,42 @@ class GrowingSolids:
 
     def _part(self) -> None:
         """Make some rounds of parting at the size that is tried, and note the overlap."""
-        way, bed = float(self.numbers[WAY]), self.bed
-        most = MOST if self._manner is not TRIANGLES else self._manner.first
-        smallest = part_grains(
-            bed, way, ROUNDS, missed=MISSED, most=most, margin=max(MARGIN, most), iterations=SWEEPS * (1 + self.turns)
-        )
-        if self.uneven and bed.finders.crossing(bed.pairs, bed.grains):
-            smallest = min(smallest, -way)
+        way, sweeps = self._manner.kept, SWEEPS * (1 + self.turns)
+        self.smallest = part_grains(self.bed, way, ROUNDS, missed=MISSED, most=MOST, margin=MARGIN, iterations=sweeps)
+        # each round leaves pairs that are not proven to be separate more room
+        if self.uneven and self.smallest > 0.0 and close_round(self.bed, first=self.turns == 0):
+            self.smallest = self._part_triangles()
         self.turns += 1
-        self.smallest = smallest
+
+    def _part_triangles(self) -> float:
+        """Part meshes that are not convex by their triangles, and return the smallest gap."""
+        bed, kept, most, margin = self.bed, *BY_TRIANGLES
+        bed.finders.exact = True
+        smallest = part_grains(bed, kept, ROUNDS, missed=MISSED, most=most, margin=margin)
+        crossing = bed.finders.crossing(bed.pairs, bed.grains)
+        bed.finders.exact = False
+        return -kept if crossing else smallest
 
     def _look(self) -> None:
         """Try the next size where the grains are parted; go back where that does not succeed."""
         depth, before = max(-self.smallest, 0.0), float(self.numbers[DEPTH])
         self.numbers[DEPTH] = depth
-        late = self.done_steps >= self.most_steps
+        late = self.done_steps + 1 >= self.most_steps
         if self.smallest > 0.0:
             self.numbers[SIZE] = self.numbers[TRIED]
             self._keep()
-            if self.numbers[SIZE] >= self.wanted and self.stage == EXACT * self.uneven:
+            if late or self.numbers[SIZE] >= self.wanted:
                 self._end()
-            elif late or self.numbers[SIZE] >= self.wanted:
-                self._close()
             else:
                 self._grow(FASTER if self.turns == 1 else 1.0)
-        elif late or self.turns >= LONGEST or depth > LESS * before:
+        elif late or self.turns >= LONGEST or (depth > LESS * before and not self.uneven):
             if self.numbers[SIZE] == 0.0:
                 # nothing was parted yet: smaller grains, where they are
                 self._try(float(self.numbers[TRIED]) * SMALLER)
                 return
             self._put_back()
             if late or self.numbers[STEP] * SLOWER < self._manner.last:
-                self._close()
+                self._end()
             else:
                 self._grow(SLOWER)
 
@@ -264,16 +281,6 @@ class GrowingSolids:
         """Give the grains a size that is tried."""
         self.numbers[TRIED], self.numbers[DEPTH], self.turns = size, math.inf, 0
         self.bed.resize(np.full(self.bed.count, size))
-
-    def _close(self) -> None:
-        """End, or go on with the triangles of meshes that are not convex at sizes reduced before."""
-        if self.stage == EXACT or not self.uneven:
-            self._end()
-            return
-        self.stage, self.bed.finders.exact = EXACT, True
-        size = float(self.numbers[SIZE]) * (1.0 - OPENED)
-        self.numbers[SIZE], self.numbers[STEP], self.numbers[WAY] = 0.0, self._manner.first, self._manner.kept
-        self._try(size)
 
     def _keep(self) -> None:
         """Keep the present poses."""
@@ -292,12 +299,11 @@ class GrowingSolids:
             if found.ok:
                 break
             if look < LOOKS - 1:
-                way = float(self.numbers[WAY]) * FARTHER**look
+                way = self._manner.kept * FARTHER**look
                 part_grains(self.bed, way, ROUNDS, missed=MISSED, most=MOST, margin=MARGIN)
             else:
                 self.met = False
-                less = 1.0 - 2.0 * max(found.deepest, found.largest_escape)
-                self.numbers[SIZE] *= max(less, 0.5)
+                self.numbers[SIZE] *= max(1.0 - 2.0 * max(found.deepest, found.largest_escape), 0.5)
         self.ended, self.jams = True, not self.met
 
     def _final(self) -> Assembly:
