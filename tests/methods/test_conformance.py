@@ -27,7 +27,7 @@ STAGES = {
 #: what makes a method quick here; anything else is its default
 QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 6}
 #: methods that pack spheres only
-SPHERES_ONLY = ("expand", "jam", "multilayer")
+SPHERES_ONLY = ("multilayer",)
 #: methods that move and resize the grains of a start, so that each has tests of its own
 RESIZING = ("expand", "jam")
 #: methods for which the container of the suite will not do, with another

@@ -18,15 +18,16 @@ MISSED = 0.2
 
 
 def part_grains(
-    bed: Bed, distance: float, rounds: int, *, missed: float = MISSED, most: float = MOST, margin: float = MARGIN
-) -> float:
+    bed: Bed, distance: float, rounds: int, *, missed: float = MISSED, most: float = MOST, margin: float = MARGIN,
+    iterations: int = ITERATIONS,
+) -> float:  # fmt: skip
     """Part grains until all surfaces are nearly `distance` apart, in at most `rounds` rounds; return the smallest gap.
 
     Each round solves for the least motions, weighted by mass, that open all gaps to first order: a quasi-static step
     without gravity and friction. The forces that the bed keeps do not change.
 
     missed: share of the distance that may be missed.  most: farthest that a grain moves in one round.
-    margin: gap up to which contacts are looked at.
+    margin: gap up to which contacts are looked at.  iterations: of the solution in the first rounds.
     """
     bodies = bed.bodies.copy()
     # a lid that moves has the mass of a grain here: sweeps converge slowly where masses differ much
@@ -38,7 +39,7 @@ def part_grains(
             break
         accelerations, _ = gauss_seidel_forces(
             bed.rows.row, bed.rows.i, bed.rows.j, bed.m, bodies, bed.gravity, np.zeros((bed.m, 3)),
-            bed.gap / MOMENT, friction=0.0, skin=0.0, iterations=ITERATIONS * (1 + turn // PATIENCE),
+            bed.gap / MOMENT, friction=0.0, skin=0.0, iterations=iterations * (1 + turn // PATIENCE),
         )  # fmt: skip
         bed.move(MOMENT * accelerations, most)
     return smallest + distance

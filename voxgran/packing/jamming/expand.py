@@ -5,6 +5,9 @@ met exactly, at any number of grains. Where the solid fraction is beyond that at
 that was found is the result, and a warning says so. Without a count and a solid fraction the grains are packed as
 densely as by ``jam``.
 
+Works for spheres and disks (:mod:`voxgran.packing.jamming.spheres`), and for all other solids and outlines, scanned
+meshes and clumps of spheres included, in containers whose walls are known (:mod:`voxgran.packing.jamming.solids`).
+
 Equal disks crystallize: in two dimensions take at least two sizes for a disordered packing.
 
 References
@@ -44,7 +47,7 @@ def prepare(problem: Problem) -> CompressState:
     Raises
     ------
     InputError
-        If a shape is not a sphere or a disk.
+        If a shape is an open surface, or no sphere where the walls of the container are not known.
     """
     return first_state(problem, jam=not problem.target and problem.start is None)
 

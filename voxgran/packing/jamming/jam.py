@@ -3,6 +3,9 @@
 Frictionless spheres then have as many contacts as hold them, six on average, and disks four, apart from rattlers, which
 no contact holds. The gradation stays as it is drawn, up to the factor; or the sizes stay and the container shrinks.
 
+Works for spheres and disks (:mod:`voxgran.packing.jamming.spheres`), and for all other solids and outlines, scanned
+meshes and clumps of spheres included, in containers whose walls are known (:mod:`voxgran.packing.jamming.solids`).
+
 Equal disks crystallize: in two dimensions take at least two sizes for a disordered packing.
 
 References
@@ -51,7 +54,8 @@ def prepare(problem: Problem) -> CompressState:
     Raises
     ------
     InputError
-        If a solid fraction is asked for, or a shape is not a sphere or a disk.
+        If a solid fraction is asked for, a shape is an open surface, or it is no sphere where the walls of the
+        container are not known.
     """
     if problem.asked_fraction is not None:
         raise InputError(

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.errors import InputError
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.jamming.model import Compressor
+from voxgran.packing.jamming.solids import GrowingSolids
 from voxgran.packing.jamming.spheres import SoftSpheres
 from voxgran.packing.method import Array, Cost
 from voxgran.packing.problem import Problem, random_points
@@ -92,14 +92,11 @@ def compressor_of(problem: Problem, assembly: Assembly, *, jam: bool) -> Compres
     Raises
     ------
     InputError
-        If a shape is not a sphere or a disk.
+        If a shape is an open surface, or no sphere where the walls of the container are not known.
     """
-    other = [shape.name for shape in problem.shapes if not shape.is_sphere]
-    if other:
-        raise InputError(
-            f"shape {other[0]!r} is no sphere: this method packs spheres and disks; give method='gravity' or 'digital'"
-        )
-    return SoftSpheres(assembly, jam=jam, seed=problem.seed)
+    if all(shape.is_sphere for shape in problem.shapes):
+        return SoftSpheres(assembly, jam=jam, seed=problem.seed)
+    return GrowingSolids(assembly, jam=jam, seed=problem.seed)
 
 
 def advance(problem: Problem, state: CompressState, attempts: int) -> CompressState:

@@ -1,0 +1,313 @@
+"""Grains of any shape that grow until they meet their sizes or jam: steps of growth, each parted by least motions.
+
+Grains begin small at random points. In each step their sizes grow by a common factor, and the least translations and
+rotations, weighted by mass, that open all overlaps to first order are made until no surfaces overlap, by the contacts
+of settling (:mod:`voxgran.settling.parting`). Where that does not succeed, the grains go back to where they were and
+the step becomes shorter. They are jammed where the step is as short as the last one. A sequence of linear problems of
+this kind with inequalities leads spheres to strictly jammed states (Torquato & Jiao 2010); here they are projections.
+
+Contacts of meshes that are not convex come from grids of distances, which are wrong by some thousandths of a diameter
+and do not see edges that cross. A step has succeeded when their triangles are proven to be separate, too
+(:mod:`voxgran.settling.closing`).
+
+References
+----------
+Torquato & Jiao 2010, Robust algorithm to generate a diverse class of dense disordered and ordered sphere packings via
+linear programming, Physical Review E 82, 061302, doi:10.1103/PhysRevE.82.061302.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats
+from voxgran._base.stopping import Stopped
+from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.verify import verify
+from voxgran.packing.jamming.coordination import NearPairs
+from voxgran.settling.bed import Bed
+from voxgran.settling.closing import close_round
+from voxgran.settling.contact_rows import SURFACE
+from voxgran.settling.parting import part_grains
+
+#: solid fraction whose sizes are the unit in which grains grow, by dimension, and the one at which they begin
+DENSE, FIRST = {2: 0.85, 3: 0.65}, 0.05
+#: reduction of the sizes of grains that overlap at the beginning, until they can be parted
+SMALLER = 0.8
+#: growth of a step after one that succeeded at once, and after one that did not succeed
+FASTER, SLOWER = 1.5, 0.5
+#: rounds of parting in a step of a run, steps for one size, and the share of the overlap that must go in each
+ROUNDS, LONGEST, LESS = 8, 6, 0.8
+#: sweeps of a round in the first step for a size
+SWEEPS = 60
+#: share of the kept distance that may be missed, and gap beyond it up to which contacts are looked at
+MISSED, MARGIN = 0.5, 0.03
+#: farthest that a grain moves in a round, in median diameters
+MOST = 0.05
+#: the same, with the distance that is kept, of parting by triangles: distance, farthest motion, gap beyond
+BY_TRIANGLES = (3e-4, 2e-3, 5e-3)
+#: largest number of steps
+MOST_STEPS = 1000
+#: most verifications at the end, and the factor by which the distance that surfaces keep grows between them
+LOOKS, FARTHER = 6, 4.0
+#: gaps, in mean diameters, at which coordination numbers are reported
+GAPS = (1e-4, 1e-3, 1e-2, 1e-1)
+#: number of forces without friction that hold a grain rigidly, on average, by dimension: twice its ways to move
+ISOSTATIC = {2: 6, 3: 12}
+#: numbers of the state
+SIZE, STEP, TRIED, DEPTH = range(4)
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How grains grow; lengths are in median diameters of about the final size."""
+
+    kept: float  # distance that surfaces keep
+    first: float  # longest relative growth of a step
+    last: float  # growth of a step at which grains count as jammed
+
+
+#: of grains whose contacts are exact, and of those with contacts by grids of distances
+TRUE, FIELDS = Manner(1e-5, 0.02, 1e-4), Manner(2e-3, 0.01, 5e-4)
+
+
+class GrowingSolids:
+    """Compressor of grains of any shape: see :class:`voxgran.packing.jamming.model.Compressor`.
+
+    Raises
+    ------
+    InputError
+        If a shape is an open surface, or the walls of the container are not known.
+    """
+
+    def __init__(self, assembly: Assembly, *, jam: bool, seed: int) -> None:
+        del seed
+        self.assembly, self.jam, self.dimension = assembly, jam, assembly.dimension
+        n = assembly.count
+        self.ended, self.done_steps, self.most_steps = n == 0, 0, MOST_STEPS if n else 0
+        self.jams, self.met, self.turns = False, False, 0
+        self.unit = 1.0
+        if not n:
+            return
+        # sizes at which the grains would be dense, and the median one of these as the unit
+        filled = float(assembly.volumes.sum()) / assembly.container.volume
+        self.dense = (DENSE[self.dimension] / filled) ** (1.0 / self.dimension)
+        self.unit = float(np.median(assembly.diameters)) * self.dense
+        down = np.eye(3)[self.dimension - 1] * -1.0
+        self.bed = Bed(self._scaled(), down, lid_weight=math.inf)
+        self.uneven = SURFACE in self.bed.grains.kind
+        self.wanted = math.inf if jam else 1.0 / self.dense
+        first = min((FIRST / DENSE[self.dimension]) ** (1.0 / self.dimension), self.wanted)
+        if self.uneven:
+            first = self._part_hulls(first)
+        # the size that succeeded last, 0 before one did; growth; the size that is tried; overlap before
+        self.numbers = np.array([0.0, self._manner.first, first, math.inf])
+        self._keep()
+        self.bed.resize(np.full(n, first))
+
+    def _scaled(self) -> Assembly:
+        """Return the grains at their dense sizes, in the unit in which they grow."""
+        given = self.assembly
+        arrays = (given.shapes, given.shape_id, given.scale * self.dense / self.unit, given.position / self.unit)
+        return Assembly(*arrays, given.orientation, given.container.scaled(1.0 / self.unit))
+
+    def _part_hulls(self, size: float) -> float:
+        """Part the convex hulls at a size, or at a smaller one, which is returned.
+
+        Grids of distances do not part a mesh from another one that it is deep within.
+        """
+        hulls = Bed(self._scaled(), self.bed.gravity, lid_weight=math.inf, hulls=True)
+        while True:
+            hulls.resize(np.full(hulls.count, size))
+            if part_grains(hulls, FIELDS.kept, LONGEST * ROUNDS, missed=MISSED, most=MOST, margin=MARGIN) > 0.0:
+                break
+            size *= SMALLER
+        self.bed.put(hulls.grains.position, hulls.orientation, math.inf)
+        return size
+
+    @property
+    def _manner(self) -> Manner:
+        """How the grains grow."""
+        return FIELDS if self.uneven else TRUE
+
+    @property
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Arrays of the state."""
+        if not self.assembly.count:
+            return {}
+        own = {"numbers": self.numbers, "good_position": self.good_position, "good_turns": self.good_orientation}
+        return {**self.bed.arrays, **own}
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Whole numbers of the state."""
+        return {
+            "steps": self.done_steps,
+            "turns": self.turns,
+            "ended": int(self.ended),
+            "jammed": int(self.jams),
+            "met": int(self.met),
+        }
+
+    def restore(self, arrays: Mapping[str, NDArray[Any]], counters: Mapping[str, int]) -> None:
+        """Take over the state of a checkpoint."""
+        self.done_steps, self.turns = int(counters["steps"]), int(counters["turns"])
+        self.ended, self.jams, self.met = (bool(counters[name]) for name in ("ended", "jammed", "met"))
+        if not self.assembly.count:
+            return
+        self.numbers = np.array(arrays["numbers"], dtype=np.float64)
+        self.good_position, self.good_orientation = np.array(arrays["good_position"]), np.array(arrays["good_turns"])
+        own = ("numbers", "good_position", "good_turns")
+        self.bed.finders.exact = False
+        self.bed.restore({name: array for name, array in arrays.items() if name not in own})
+
+    @property
+    def factor(self) -> float:
+        """Common factor on the sizes at which nothing overlaps."""
+        if self.met or not self.assembly.count:
+            return 1.0
+        return float(self.numbers[SIZE]) * self.dense
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """Numbers of the run, and contacts of the grains that are jammed."""
+        found: dict[str, Any] = {
+            "iterations": self.done_steps * ROUNDS,
+            "overlap": 0.0,
+            "jammed": float(self.jams),
+            "isostatic": ISOSTATIC[self.dimension],
+        }
+        if not self.jams:
+            return found
+        near, mean = self._near(), float(np.median(self.bed.diameter)) * float(self.numbers[SIZE])
+        # surfaces that touch keep a distance, and miss parts of it
+        own = 2.0 * (self._manner.last + self._manner.kept) * mean
+        held, rattlers = near.held(own)
+        return {
+            **found,
+            "contact_gap": own * self.unit,
+            "coordination_without_rattlers": held,
+            "rattlers": rattlers,
+            "gaps": list(GAPS),
+            "coordination": [float(near.numbers(gap * mean).mean()) for gap in GAPS],
+        }
+
+    def _near(self) -> NearPairs:
+        """Return pairs of grains, and grains at walls, with their least gaps, at the final sizes."""
+        bed = self.bed
+        bed.resize(np.full(bed.count, self.numbers[SIZE]))
+        bed.find(GAPS[-1] * 1.01, 0.0)
+        i, j, gap = bed.rows.i[: bed.m], bed.rows.j[: bed.m], bed.gap
+        # the rows of a pair, or of a grain at its walls, are next to each other
+        new = np.ones(bed.m, dtype=bool)
+        new[1:] = (i[1:] != i[:-1]) | (j[1:] != j[:-1]) | (j[1:] < 0)
+        first = np.flatnonzero(new)
+        least = np.minimum.reduceat(gap, first) if len(first) else gap
+        inner = j[first] >= 0
+        pairs, walls = first[inner], first[~inner]
+        return NearPairs(bed.count, self.dimension, i[pairs], j[pairs], least[inner], i[walls], least[~inner])
+
+    def poses(self) -> tuple[Floats, Floats]:
+        """Return positions (n, 3), within the periodic lengths, and orientations (n, 4)."""
+        if not self.assembly.count:
+            return self.assembly.position, self.assembly.orientation
+        position, orientation = self.bed.poses()
+        return position * self.unit, orientation
+
+    def step(self) -> None:
+        """Make some rounds of parting at one size, and change the size where they have succeeded or failed."""
+        kept = {name: np.array(array) for name, array in self.arrays.items()}, dict(self.counters)
+        try:
+            self._part()
+            self._look()
+            self.done_steps += 1
+        except Stopped:
+            # what the step has done is lost: the next one begins where it began
+            self.restore(*kept)
+            raise
+
+    def _part(self) -> None:
+        """Make some rounds of parting at the size that is tried, and note the overlap."""
+        way, sweeps = self._manner.kept, SWEEPS * (1 + self.turns)
+        self.smallest = part_grains(self.bed, way, ROUNDS, missed=MISSED, most=MOST, margin=MARGIN, iterations=sweeps)
+        # each round leaves pairs that are not proven to be separate more room
+        if self.uneven and self.smallest > 0.0 and close_round(self.bed, first=self.turns == 0):
+            self.smallest = self._part_triangles()
+        self.turns += 1
+
+    def _part_triangles(self) -> float:
+        """Part meshes that are not convex by their triangles, and return the smallest gap."""
+        bed, kept, most, margin = self.bed, *BY_TRIANGLES
+        bed.finders.exact = True
+        smallest = part_grains(bed, kept, ROUNDS, missed=MISSED, most=most, margin=margin)
+        crossing = bed.finders.crossing(bed.pairs, bed.grains)
+        bed.finders.exact = False
+        return -kept if crossing else smallest
+
+    def _look(self) -> None:
+        """Try the next size where the grains are parted; go back where that does not succeed."""
+        depth, before = max(-self.smallest, 0.0), float(self.numbers[DEPTH])
+        self.numbers[DEPTH] = depth
+        late = self.done_steps + 1 >= self.most_steps
+        if self.smallest > 0.0:
+            self.numbers[SIZE] = self.numbers[TRIED]
+            self._keep()
+            if late or self.numbers[SIZE] >= self.wanted:
+                self._end()
+            else:
+                self._grow(FASTER if self.turns == 1 else 1.0)
+        elif late or self.turns >= LONGEST or (depth > LESS * before and not self.uneven):
+            if self.numbers[SIZE] == 0.0:
+                # nothing was parted yet: smaller grains, where they are
+                self._try(float(self.numbers[TRIED]) * SMALLER)
+                return
+            self._put_back()
+            if late or self.numbers[STEP] * SLOWER < self._manner.last:
+                self._end()
+            else:
+                self._grow(SLOWER)
+
+    def _grow(self, factor: float) -> None:
+        """Try a larger size, with another growth."""
+        manner = self._manner
+        self.numbers[STEP] = min(self.numbers[STEP] * factor, manner.first)
+        self._try(min(float(self.numbers[SIZE] * (1.0 + self.numbers[STEP])), self.wanted))
+
+    def _try(self, size: float) -> None:
+        """Give the grains a size that is tried."""
+        self.numbers[TRIED], self.numbers[DEPTH], self.turns = size, math.inf, 0
+        self.bed.resize(np.full(self.bed.count, size))
+
+    def _keep(self) -> None:
+        """Keep the present poses."""
+        self.good_position, self.good_orientation = self.bed.grains.position.copy(), self.bed.orientation.copy()
+
+    def _put_back(self) -> None:
+        """Go back to the poses and the size that succeeded last."""
+        self.bed.put(self.good_position, self.good_orientation, math.inf)
+        self._try(float(self.numbers[SIZE]))
+
+    def _end(self) -> None:
+        """End where the true geometry is free of overlap; part grains farther, or reduce them, where it is not."""
+        self.met = bool(self.numbers[SIZE] >= self.wanted)
+        for look in range(LOOKS):
+            found = verify(self._final(), tolerance=0.0)
+            if found.ok:
+                break
+            if look < LOOKS - 1:
+                way = self._manner.kept * FARTHER**look
+                part_grains(self.bed, way, ROUNDS, missed=MISSED, most=MOST, margin=MARGIN)
+            else:
+                self.met = False
+                self.numbers[SIZE] *= max(1.0 - 2.0 * max(found.deepest, found.largest_escape), 0.5)
+        self.ended, self.jams = True, not self.met
+
+    def _final(self) -> Assembly:
+        """Return the grains in their present poses and sizes, in the unit of the assembly."""
+        position, orientation = self.poses()
+        given = self.assembly
+        return replace(given, position=position, orientation=orientation, scale=given.scale * self.factor)
