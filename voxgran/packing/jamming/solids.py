@@ -48,7 +48,9 @@ SWEEPS = 60
 MISSED, MARGIN = 0.5, 0.03
 #: farthest that a grain moves in a round, in median diameters
 MOST = 0.05
-#: the same, with the distance that is kept, of parting by triangles: distance, farthest motion, gap beyond
+#: steps for one size in which meshes are parted by grids of distances only
+ROOMS = 2
+#: distance that is kept by triangles, farthest motion in a round, and gap beyond it
 BY_TRIANGLES = (3e-4, 2e-3, 5e-3)
 #: largest number of steps
 MOST_STEPS = 1000
@@ -185,7 +187,8 @@ class GrowingSolids:
             return found
         near, mean = self._near(), float(np.median(self.bed.diameter)) * float(self.numbers[SIZE])
         # surfaces that touch keep a distance, and miss parts of it
-        own = 2.0 * (self._manner.last + self._manner.kept) * mean
+        # meshes that are not convex keep more, where grids of distances are wrong
+        own = (GAPS[2] if self.uneven else 2.0 * (self._manner.last + self._manner.kept)) * mean
         held, rattlers = near.held(own)
         return {
             **found,
@@ -236,7 +239,8 @@ class GrowingSolids:
         self.smallest = part_grains(self.bed, way, ROUNDS, missed=MISSED, most=MOST, margin=MARGIN, iterations=sweeps)
         # each round leaves pairs that are not proven to be separate more room
         if self.uneven and self.smallest > 0.0 and close_round(self.bed, first=self.turns == 0):
-            self.smallest = self._part_triangles()
+            # most need nothing but that; triangles take long
+            self.smallest = self._part_triangles() if self.turns >= ROOMS else -way
         self.turns += 1
 
     def _part_triangles(self) -> float:

@@ -32,6 +32,7 @@ def test_ellipsoids_jam_denser_than_spheres_with_as_many_contacts_as_hold_them()
     # Donev et al. 2004: up to 0.735 in the bulk
     assert 0.70 < packing.solid_fraction < 0.74
     assert told["isostatic"] == 12
+    assert 0.0 < told["contact_gap"] < 1e-3
     assert 10.0 < told["coordination_without_rattlers"] <= 12.0
     # contacts counted by the search for contacts of packings
     found = packing.contacts(told["contact_gap"])
