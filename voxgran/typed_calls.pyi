@@ -44,7 +44,7 @@ class PackKeywords(TypedDict, total=False):
     settle: bool | Mapping[str, Any] | Settling | None
 
 class VoronoiFillKeywords(PackKeywords, total=False):
-    fill: Literal['shapes', 'cells']
+    fill: Literal["shapes", "cells"]
     smoothing: Whole
     orientations: Whole
     rounds: Whole
@@ -57,14 +57,14 @@ class TetrahedralKeywords(PackKeywords, total=False):
     mesh: str | None
 
 class RsaKeywords(PackKeywords, total=False):
-    scheme: Literal['classic', '1', '2', '3', '4a', '4b', '4c', '4d']
-    until: Literal['tries', 'saturated'] | None
+    scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"]
+    until: Literal["tries", "saturated"] | None
     tries: Whole
-    retry: Literal['scan', 'next']
+    retry: Literal["scan", "next"]
     corrections: Whole
-    order: Literal['given', 'largest', 'random']
-    along: Literal['x', 'y', 'z']
-    numbers: Literal['philox', 'lcg']
+    order: Literal["given", "largest", "random"]
+    along: Literal["x", "y", "z"]
+    numbers: Literal["philox", "lcg"]
     aligned: bool
 
 class RandomApollonianKeywords(PackKeywords, total=False):
@@ -78,10 +78,10 @@ class MultilayerKeywords(PackKeywords, total=False):
     undercompaction: Number
 
 class JamKeywords(PackKeywords, total=False):
-    keep: Literal['container', 'sizes']
+    keep: Literal["container", "sizes"]
 
 class GrowthKeywords(PackKeywords, total=False):
-    arrival: Literal['together', 'continuous']
+    arrival: Literal["together", "continuous"]
     slowest: Number
     speed: Number
 
@@ -92,50 +92,50 @@ class GravityKeywords(PackKeywords, total=False):
     lid: Lid | None
     fall_time: Number | None
     rest: Number
-    parts: Literal['exact', 'hulls']
-    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z'] | (Sequence[Number] | NDArray[Any]) | None
+    parts: Literal["exact", "hulls"]
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | (Sequence[Number] | NDArray[Any]) | None
     fill: Number
     height: Number | None
 
-class ExpandKeywords(PackKeywords, total=False):
-    ...
+class ExpandKeywords(PackKeywords, total=False): ...
+
 class DigitalRsaKeywords(PackKeywords, total=False):
     voxel_size: Number | None
-    cover: Literal['touch', 'center']
+    cover: Literal["touch", "center"]
     turned: bool
     orientations: Whole
 
 class DigitalFillKeywords(PackKeywords, total=False):
     voxel_size: Number | None
-    cover: Literal['touch', 'center']
+    cover: Literal["touch", "center"]
     turned: bool
     orientations: Whole
-    place: Literal['lowest', 'contact', 'wall']
-    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | None
-    order: Literal['random', 'largest']
+    place: Literal["lowest", "contact", "wall"]
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | None
+    order: Literal["random", "largest"]
 
 class DigitalKeywords(PackKeywords, total=False):
     sweeps: Whole
     cycles: Whole | None
     period: Whole | None
     decay: Number | None
-    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | (Sequence[Number] | NDArray[Any]) | None
-    feed: Literal['rain', 'layers', 'at_once']
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | (Sequence[Number] | NDArray[Any]) | None
+    feed: Literal["rain", "layers", "at_once"]
     rate: Number
     layer_sweeps: Whole
     lid: bool
     voxel_size: Number | None
-    cover: Literal['touch', 'center']
+    cover: Literal["touch", "center"]
     downward_share: Number
     vibration_up: Number
     rotation_share: Number
     orientations: Whole
     guided: Number
-    schedule: Literal['random', 'sorted', 'sleeping']
+    schedule: Literal["random", "sorted", "sleeping"]
 
 class DepositionKeywords(PackKeywords, total=False):
     sticking: Number
-    toward: Literal['floor', 'center']
+    toward: Literal["floor", "center"]
     drops: Whole
 
 class ControlPointKeywords(PackKeywords, total=False):
@@ -143,15 +143,15 @@ class ControlPointKeywords(PackKeywords, total=False):
     cycles: Whole | None
     period: Whole | None
     decay: Number | None
-    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | (Sequence[Number] | NDArray[Any]) | None
-    feed: Literal['rain', 'layers', 'at_once']
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | (Sequence[Number] | NDArray[Any]) | None
+    feed: Literal["rain", "layers", "at_once"]
     rate: Number
     layer_sweeps: Whole
     lid: bool
     spacing: Number
-    contact: Literal['sdf', 'kdtree']
-    points: Literal['surface', 'all']
-    tested_points: Literal['both', 'one']
+    contact: Literal["sdf", "kdtree"]
+    points: Literal["surface", "all"]
+    tested_points: Literal["both", "one"]
     distance: Number
     overlap: Number
     gravity_bias: Number
@@ -163,45 +163,116 @@ class ApollonianKeywords(PackKeywords, total=False):
     smallest: Number | None
 
 class AdvancingFrontKeywords(PackKeywords, total=False):
-    mode: Literal['loose', 'dense']
-    order: Literal['random', 'nearest', 'lowest']
+    mode: Literal["loose", "dense"]
+    order: Literal["random", "nearest", "lowest"]
     tries: Whole
     grow: Number
 
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["advancing_front"], **keywords: Unpack[AdvancingFrontKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["advancing_front"],
+    **keywords: Unpack[AdvancingFrontKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["apollonian"], **keywords: Unpack[ApollonianKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["apollonian"],
+    **keywords: Unpack[ApollonianKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["control_point"], **keywords: Unpack[ControlPointKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["control_point"],
+    **keywords: Unpack[ControlPointKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["deposition"], **keywords: Unpack[DepositionKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["deposition"],
+    **keywords: Unpack[DepositionKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital"], **keywords: Unpack[DigitalKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["digital"],
+    **keywords: Unpack[DigitalKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital_fill"], **keywords: Unpack[DigitalFillKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["digital_fill"],
+    **keywords: Unpack[DigitalFillKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital_rsa"], **keywords: Unpack[DigitalRsaKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["digital_rsa"],
+    **keywords: Unpack[DigitalRsaKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["expand"], **keywords: Unpack[ExpandKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["expand"], **keywords: Unpack[ExpandKeywords]
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["gravity"], **keywords: Unpack[GravityKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["gravity"],
+    **keywords: Unpack[GravityKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["growth"], **keywords: Unpack[GrowthKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["growth"], **keywords: Unpack[GrowthKeywords]
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["jam"], **keywords: Unpack[JamKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["jam"], **keywords: Unpack[JamKeywords]
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["multilayer"], **keywords: Unpack[MultilayerKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["multilayer"],
+    **keywords: Unpack[MultilayerKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["random_apollonian"], **keywords: Unpack[RandomApollonianKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["random_apollonian"],
+    **keywords: Unpack[RandomApollonianKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["rsa"], **keywords: Unpack[RsaKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["rsa"], **keywords: Unpack[RsaKeywords]
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["tetrahedral"], **keywords: Unpack[TetrahedralKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["tetrahedral"],
+    **keywords: Unpack[TetrahedralKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["voronoi_fill"], **keywords: Unpack[VoronoiFillKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["voronoi_fill"],
+    **keywords: Unpack[VoronoiFillKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: str | Parameters, **keywords: Unpack[PackKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: str | Parameters, **keywords: Unpack[PackKeywords]
+) -> Packing: ...
+
 class MakeShapeKeywords(TypedDict, total=False):
     seed: Whole
 
@@ -239,7 +310,7 @@ class PolygonKeywords(MakeShapeKeywords, total=False):
     vertices: Sequence[Sequence[Number] | NDArray[Any]] | NDArray[Any] | None
 
 class PlatonicKeywords(MakeShapeKeywords, total=False):
-    solid: Literal['tetrahedron', 'cube', 'octahedron', 'dodecahedron', 'icosahedron']
+    solid: Literal["tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"]
     diameter: Number | None
 
 class EllipsoidKeywords(MakeShapeKeywords, total=False):
@@ -301,6 +372,7 @@ def make_shape(family: Literal["solid_union"], **keywords: Unpack[SolidUnionKeyw
 def make_shape(family: Literal["sphere"], **keywords: Unpack[SphereKeywords]) -> Shape: ...
 @overload
 def make_shape(family: str | Parameters, **keywords: Unpack[MakeShapeKeywords]) -> Shape: ...
+
 class FitClumpKeywords(TypedDict, total=False):
     max_spheres: Whole | None
     target: str | None
@@ -308,7 +380,7 @@ class FitClumpKeywords(TypedDict, total=False):
     seed: Whole
 
 class OptimalKeywords(FitClumpKeywords, total=False):
-    mode: Literal['balanced', 'inscribed', 'bounding']
+    mode: Literal["balanced", "inscribed", "bounding"]
     overlap: bool
     uniform: bool
     min_radius: Number
@@ -322,7 +394,7 @@ class InscribedKeywords(FitClumpKeywords, total=False):
 class InnerNormalKeywords(FitClumpKeywords, total=False):
     min_radius: Number | None
     distance: Number | None
-    order: Literal['largest', 'random']
+    order: Literal["largest", "random"]
 
 class FourPointKeywords(FitClumpKeywords, total=False):
     tolerance: Number | None
@@ -336,22 +408,36 @@ class DynamicKeywords(FitClumpKeywords, total=False):
 
 class ClusterKeywords(FitClumpKeywords, total=False):
     radius: Number | None
-    lattice: Literal['cubic', 'hexagonal']
+    lattice: Literal["cubic", "hexagonal"]
     spacing: Number | None
     inside: Number | None
     merge: bool
 
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["cluster"] = ..., **keywords: Unpack[ClusterKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["cluster"] = ..., **keywords: Unpack[ClusterKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["dynamic"] = ..., **keywords: Unpack[DynamicKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["dynamic"] = ..., **keywords: Unpack[DynamicKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["four_point"] = ..., **keywords: Unpack[FourPointKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["four_point"] = ..., **keywords: Unpack[FourPointKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["inner_normal"] = ..., **keywords: Unpack[InnerNormalKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["inner_normal"] = ..., **keywords: Unpack[InnerNormalKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["inscribed"] = ..., **keywords: Unpack[InscribedKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["inscribed"] = ..., **keywords: Unpack[InscribedKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["optimal"] = ..., **keywords: Unpack[OptimalKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["optimal"] = ..., **keywords: Unpack[OptimalKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: str | Parameters = ..., **keywords: Unpack[FitClumpKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: str | Parameters = ..., **keywords: Unpack[FitClumpKeywords]
+) -> Clump: ...
