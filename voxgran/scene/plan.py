@@ -54,6 +54,8 @@ class Plan:
         Steps, each with its reason.
     libraries : tuple of str
         Libraries that will be loaded.
+    makes_sizes : bool
+        Whether the method makes the sizes; there are then at most so many grains, of a volume that is not known.
     """
 
     grains: int
@@ -65,11 +67,15 @@ class Plan:
     computed: tuple[str, ...]
     skipped: tuple[str, ...]
     libraries: tuple[str, ...]
+    makes_sizes: bool = False
 
     def __str__(self) -> str:
         """Return the plan as a person reads it."""
+        grains = f"{self.grains} drawn; if all find room: {self.solid_fraction:.3f} of the container"
+        if self.makes_sizes:
+            grains = f"at most {self.grains}, of sizes that the method makes"
         lines = [
-            f"grains          {self.grains} drawn; if all find room: {self.solid_fraction:.3f} of the container",
+            f"grains          {grains}",
             f"memory          {self.memory / 2**20:.0f} MiB at the peak, estimated",
             f"attempts        {self.attempts:,} at the most",
             f"solids          {self.voxelized_shapes:,} turned into voxels, {self.sampled_shapes:,} into points",
@@ -111,6 +117,7 @@ def make_plan(scene: SceneDescription) -> Plan:
         voxelized_shapes=cost.voxelized_shapes,
         sampled_shapes=cost.sampled_shapes,
         **_steps(scene, task),
+        makes_sizes=task.method.sizing == "made",
     )
 
 
@@ -189,7 +196,8 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     clumps = [entry.clump for entry in scene.shapes if entry.clump is not None]
     most = max(map(_spheres_of, clumps), default=0)
     computed = [f"fit clumps of up to {most} spheres to {len(clumps)} of the shapes"] if clumps else []
-    computed += [f"pack {task.problem.count} grains by {scene.method}"]
+    most = "at most " if task.method.sizing == "made" else ""
+    computed += [f"pack {most}{task.problem.count} grains by {scene.method}"]
     if (settling := _settling_of(task)) is not None:
         share, shapes = (
             f"until at least {settling.rest:.1%} of them rest",
@@ -226,6 +234,6 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
         skipped.append("anything in three dimensions: the container is flat")
     if scene.settle is False:
         skipped.append("settling: [settle] says enabled = false")
-    if scene.sizes is None:
+    if scene.sizes is None and task.method.sizing != "made":
         skipped.append("drawing sizes: each shape keeps its own")
     return {"computed": tuple(computed), "skipped": tuple(skipped), "libraries": tuple(sorted(libraries))}

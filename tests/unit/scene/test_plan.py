@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -195,3 +196,13 @@ def test_an_open_surface_that_is_not_asked_for_is_refused_as_in_the_run(tmp_path
             use()
     path.write_text(text.replace('"sheet.stl"', '"sheet.stl"\nsurface = true'))
     assert vg.Scene.from_toml(path).plan().grains == 3
+
+
+def test_a_method_that_makes_the_sizes_has_a_plan_of_at_most_so_many_grains():
+    plan = vg.Scene.from_toml(Path(__file__).parents[3] / "examples" / "gaps_in_rectangle.toml").plan()
+    text = str(plan)
+    assert plan.makes_sizes
+    assert f"at most {plan.grains}, of sizes that the method makes" in text
+    assert "of the container" not in text
+    assert f"pack at most {plan.grains} grains by random_apollonian" in text
+    assert not any("drawing sizes" in step for step in plan.skipped)
