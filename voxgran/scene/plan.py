@@ -196,8 +196,8 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     clumps = [entry.clump for entry in scene.shapes if entry.clump is not None]
     most = max(map(_spheres_of, clumps), default=0)
     computed = [f"fit clumps of up to {most} spheres to {len(clumps)} of the shapes"] if clumps else []
-    most = "at most " if task.method.sizing == "made" else ""
-    computed += [f"pack {most}{task.problem.count} grains by {scene.method}"]
+    bound = "at most " if task.method.sizing == "made" else ""
+    computed += [f"pack {bound}{task.problem.count} grains by {scene.method}"]
     if (settling := _settling_of(task)) is not None:
         share, shapes = (
             f"until at least {settling.rest:.1%} of them rest",
