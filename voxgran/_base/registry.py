@@ -102,7 +102,8 @@ def unknown(kind: str, name: object, known: Iterable[str], *, beside: Iterable[s
     names = sorted(known)
     meant = nearest(name, (*names, *beside))
     hint = f"did you mean {meant!r}? " if meant else ""
-    return f"{kind} {shown(name)} is unknown: {hint}known are {', '.join(names) or 'none'}"
+    listed = f"known are {', '.join(names)}" if names else "there are no others" if meant else "there are none"
+    return f"{kind} {shown(name)} is unknown: {hint}{listed}"
 
 
 def nearest(name: object, known: Iterable[str]) -> str | None:

@@ -39,6 +39,11 @@ from voxgran.shapes.sizes import SizeDistribution, size_distance
 FEWER = "make the container larger, the grains fewer, or give the method more attempts"
 LESS = "ask for less, give the method more attempts or choose a method that packs denser"
 NO_ROOM = "no grain finds room any more; ask for less, take smaller grains or choose a method that packs denser"
+MADE = "the method makes the sizes; ask for less, or change its parameters"
+#: what to do where nothing was packed although nothing was asked for
+EMPTY = (
+    "no grain finds room with these parameters: no grain is packed; change the limits of the sizes, or the container"
+)
 JAMMED = "these grains jam there; ask for less, for a wider gradation or for a periodic container"
 
 #: voxels in median diameters beyond which grains are so enlarged that this is why they find no room
@@ -397,7 +402,7 @@ def _misses(task: Task, packing: Packing) -> dict[str, float]:
     count, solid_fraction = task.asked["count"], task.asked["solid_fraction"]
     drawn = task.problem.count - started
     wanted = drawn if count is None else max(drawn, count - int(task.removed["count"]))
-    if task.method.sizing == "made" and count is None:
+    if task.method.sizing != "drawn" and count is None and task.problem.start is None:
         wanted = packing.count - started
     missed: dict[str, float] = {"count": wanted - (packing.count - started)}
     if solid_fraction is not None:
@@ -425,6 +430,8 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
     """Warn where neither the count nor the solid fraction that was asked for is reached."""
     missed, asked, reason = packing.provenance["missed"], task.asked, packing.stop_reason
     parts = []
+    if not packing.count and task.problem.count and not task.problem.target and reason != "interrupted":
+        warnings.warn(EMPTY, PackingWarning, stacklevel=4)
     if asked["count"] is not None and missed["count"] > 0:
         placed = packing.count - task.problem.started
         parts.append(f"{placed} of {asked['count']} grains were placed before the method stopped ({reason})")
@@ -434,7 +441,7 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
         if len(parts) == 1:
             parts[0] += f" where the method stopped ({reason})"
     if parts and reason != "interrupted":
-        full = JAMMED if task.method.sizing == "scaled" else NO_ROOM
+        full = {"scaled": JAMMED, "made": MADE}.get(task.method.sizing, NO_ROOM)
         remedy = full if reason in ("saturated", "full") else FEWER if missed["count"] and asked["count"] else LESS
         text = f"{' and '.join(parts)}: {_too_coarse(task.problem) or remedy}"
         warnings.warn(text, PackingWarning, stacklevel=4)

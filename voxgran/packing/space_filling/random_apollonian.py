@@ -46,6 +46,8 @@ PATIENCE = 5_000
 #: shares of the shortest edge of the container: the smallest diameter if neither count nor solid fraction is asked for,
 #: and the largest one of spheres that shift
 SMALLEST, SHIFTED = 0.02, 0.25
+#: largest smallest diameter that is a default, in largest ones
+BELOW = 0.1
 #: what is counted: spheres placed, attempts in a row without a place
 PLACED, MISSED = 0, 1
 #: how a part of a run ends: attempts made or container full, solid fraction reached, no room for entries
@@ -68,7 +70,7 @@ class RandomApollonian:
     smallest: float | None = parameter(
         None,
         doc="smallest diameter; default: none if a count or a solid fraction is asked for, otherwise 2 % of the"
-        " shortest edge of the container",
+        " shortest edge of the container, and at most a tenth of the largest diameter",
         unit="length",
         at_least=0.0,
     )
@@ -152,13 +154,15 @@ def _precomputed(problem: Problem, state: State) -> Precomputed:
     bounding = np.array([shape.bounding_radius for shape in problem.shapes])
     volume = np.array([shape.volume for shape in problem.shapes]) / bounding**problem.dimension
     edges = (problem.container.bounds[1] - problem.container.bounds[0])[: problem.dimension]
-    smallest = 0.0 if problem.target else SMALLEST * float(edges.min())
-    if settings.smallest is not None:
-        smallest = problem.length(settings.smallest)
     # in a round container a sphere that shifts goes to the middle, and would fill it all
     largest = SHIFTED * float(edges.min()) if settings.shift else math.inf
     if settings.largest is not None:
         largest = problem.length(settings.largest)
+    smallest = 0.0
+    if settings.smallest is not None:
+        smallest = problem.length(settings.smallest)
+    elif not problem.target:
+        smallest = min(SMALLEST * float(edges.min()), BELOW * largest)
     asked = math.inf if problem.asked_fraction is None else problem.asked_fraction * problem.container.volume
     limits = np.array([0.5 * smallest, 0.5 * largest, 1.0 - settings.shrink, asked])
     return Precomputed(walls, cells, volume[problem.shape_id], limits)

@@ -80,7 +80,8 @@ def remove_grains(packing: Packing, *, solid_fraction: float, seed: int = 0) -> 
         "seed": int(seed),
     }
     _warn_of_loss(packing, kept)
-    record = {**packing.provenance, "removal": report}
+    # what was missed was said of all grains
+    record = {key: value for key, value in packing.provenance.items() if key != "missed"} | {"removal": report}
     return replace(kept, provenance=record, stop_reason="solid_fraction", asked_sizes=packing.asked_sizes)
 
 

@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from scipy.spatial.distance import cdist
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, PackingWarning
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 L_SHAPE = vg.Polygon([(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)])
@@ -100,6 +100,17 @@ def test_diameters_stay_in_their_limits():
     assert (room > 0.1).mean() < 2e-3
     with pytest.raises(InputError, match="smallest is 2 and largest is 1"):
         vg.pack(SPHERE, vg.Box((4, 4, 4)), method="random_apollonian", smallest=2.0, largest=1.0)
+
+
+def test_a_largest_diameter_alone_packs_smaller_ones_too():
+    packing = filled(vg.Box((0.5, 0.5, 0.5)), largest=0.06)
+    assert packing.count > 100
+    assert 0.006 <= packing.diameter.min() < packing.diameter.max() <= 0.06
+
+
+def test_an_empty_packing_is_told():
+    with pytest.warns(PackingWarning, match="no grain is packed"):
+        assert not vg.pack(SPHERE, vg.Box((4, 4, 4)), method="random_apollonian", smallest=100.0).count
 
 
 def dimension_of(diameter, first=50):
