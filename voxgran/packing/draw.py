@@ -56,13 +56,15 @@ def draw_grains(
     seed: int,
     surplus: bool = False,
     sizing: Literal["drawn", "scaled", "made"] = "drawn",
+    own_shapes: bool = False,
 ) -> DrawnGrains:
     """Draw the grains of a packing, for arguments of :func:`voxgran.packing.pack.pack`.
 
     Without a count and a solid fraction as many grains are drawn as fill the container completely; `surplus` allows
     grains of more volume than the container, of which the method places those that fit. `sizing` is that of the method:
     sizes that are scaled later may be given with a count and a solid fraction; for sizes that the method makes, all
-    grains get the diameter at which they have the volume of the container together.
+    grains get the diameter at which they have the volume of the container together. With `own_shapes` the method makes
+    the shapes, and those that are given tell the volumes only: spheres are then as dense as any.
 
     Raises
     ------
@@ -92,7 +94,7 @@ def draw_grains(
     if solid_fraction is not None and wanted is not None and sizing == "drawn":
         keep = np.cumsum(volumes) - volumes < target
         shape_id, diameter, volumes = shape_id[keep], diameter[keep], volumes[keep]
-    if solid_fraction is not None and (sizing == "drawn" or wanted is None):
+    if solid_fraction is not None and not own_shapes and (sizing == "drawn" or wanted is None):
         _refuse_denser_than_lattice(shapes, container, shape_id, diameter, wanted=solid_fraction)
     fits = can_fit(shapes, container, shape_id, diameter)
     if len(fits) and not fits.any():

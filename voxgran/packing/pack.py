@@ -27,7 +27,7 @@ from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.gravity import gravity_vector, proposed_axis
 from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
 from voxgran.packing.model import Packing, check_packing
-from voxgran.packing.problem import Problem, normalized_problem, warn_of_units
+from voxgran.packing.problem import Problem, normalized_problem, too_coarse, warn_of_units
 from voxgran.packing.settle import as_settling, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
 from voxgran.packing.start import check_start
@@ -40,14 +40,8 @@ FEWER = "make the container larger, the grains fewer, or give the method more at
 LESS = "ask for less, give the method more attempts or choose a method that packs denser"
 NO_ROOM = "no grain finds room any more; ask for less, take smaller grains or choose a method that packs denser"
 MADE = "the method makes the sizes; ask for less, or change its parameters"
-#: what to do where nothing was packed although nothing was asked for
-EMPTY = (
-    "no grain finds room with these parameters: no grain is packed; change the limits of the sizes, or the container"
-)
+EMPTY = "no grain is packed: none finds room; change the limits of the sizes, or the container"
 JAMMED = "these grains jam there; ask for less, for a wider gradation or for a periodic container"
-
-#: voxels in median diameters beyond which grains are so enlarged that this is why they find no room
-COARSEST = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,6 +256,7 @@ def prepare_task(
         seed=seed,
         surplus=entry.selects,
         sizing=entry.sizing,
+        own_shapes=getattr(settings, "own_shapes", False),
     )
     asked: dict[str, Any] = {"count": whole_number_of(count), "solid_fraction": number_of(solid_fraction)}
     asked["sizes"] = None if sizes is None else sizes.to_mapping()
@@ -441,16 +436,12 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
         if len(parts) == 1:
             parts[0] += f" where the method stopped ({reason})"
     if parts and reason != "interrupted":
-        full = {"scaled": JAMMED, "made": MADE}.get(task.method.sizing, NO_ROOM)
-        remedy = full if reason in ("saturated", "full") else FEWER if missed["count"] and asked["count"] else LESS
-        text = f"{' and '.join(parts)}: {_too_coarse(task.problem) or remedy}"
+        remedy = (
+            {"scaled": JAMMED, "made": MADE}.get(task.method.sizing, NO_ROOM)
+            if reason in ("saturated", "full")
+            else FEWER
+            if missed["count"] and asked["count"]
+            else LESS
+        )
+        text = f"{' and '.join(parts)}: {too_coarse(task.problem) or remedy}"
         warnings.warn(text, PackingWarning, stacklevel=4)
-
-
-def _too_coarse(problem: Problem) -> str:
-    """Return that voxels are too coarse, and how coarse they may be; empty where they are not."""
-    settings, coarsest = problem.parameters, COARSEST * problem.unit_length
-    voxel = getattr(settings, "voxel_size", None)
-    if voxel is None or voxel <= coarsest or settings.cover != "touch":
-        return ""
-    return f"a grain takes all voxels that it touches, and voxel_size is {voxel:.4g}; make it at most {coarsest:.4g}"

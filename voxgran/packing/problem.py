@@ -38,6 +38,9 @@ TINY, NOTHING = 1e-3, 1e-6
 #: random points drawn at a time, per point that is wanted
 TRIES = 2
 
+#: voxels in median diameters beyond which grains are so enlarged that this is why they find no room
+COARSEST = 0.1
+
 
 @dataclass(eq=False)
 class Problem:
@@ -311,3 +314,12 @@ def random_turns(problem: Problem, grains: Integers) -> Floats | None:
     if problem.start is not None:
         turns[:n] = problem.start.orientation
     return normalized(turns[grains])
+
+
+def too_coarse(problem: Problem) -> str:
+    """Return that voxels are too coarse, and how coarse they may be; empty where they are not."""
+    settings, coarsest = problem.parameters, COARSEST * problem.unit_length
+    voxel = getattr(settings, "voxel_size", None)
+    if voxel is None or voxel <= coarsest or settings.cover != "touch":
+        return ""
+    return f"a grain takes all voxels that it touches, and voxel_size is {voxel:.4g}; make it at most {coarsest:.4g}"

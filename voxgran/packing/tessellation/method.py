@@ -122,9 +122,6 @@ def limits_of(problem: Problem) -> Limits:
         if problem.asked_count is not None:
             wanted = max(FEWEST, int(problem.asked_count / PER_CELL[dimension]))
         edge = (problem.container.volume / (wanted * CELL_VOLUME[dimension])) ** (1.0 / dimension)
-        # cells are no larger than the container is thick
-        bounds = problem.container.bounds
-        edge = min(edge, float((bounds[1] - bounds[0])[:dimension].min()))
     smallest = SMALLEST * edge if settings.smallest is None else problem.length(settings.smallest)
     return Limits(edge, 0.5 * min(smallest, largest), 0.5 * largest)
 

@@ -89,6 +89,11 @@ class VoronoiFill:
         """Check the ranges."""
         check_bounds(self)
 
+    @property
+    def own_shapes(self) -> bool:
+        """Whether the grains have shapes of their own, so that those that are given tell the volumes only."""
+        return self.fill == "cells"
+
 
 def prepare(problem: Problem) -> State:
     """Return the state in which seeds are at random points.

@@ -382,9 +382,3 @@ def test_what_is_refused():
     first = vg.Packing.of([SPHERE], box, position=[(1, 1, 1), (1.5, 1, 1)])
     with pytest.raises(InputError, match="grain 1 of start"):
         vg.pack(SPHERE, box, "tetrahedral", start=first, count=3)
-
-
-def test_a_flat_box_is_filled_by_default():
-    packing = vg.pack(vg.make_shape("sphere"), vg.Box((6, 6, 0.1)), "tetrahedral", count=200)
-    assert packing.count == 200
-    assert vg.verify(packing).ok

@@ -151,3 +151,11 @@ def test_what_is_refused():
     for name, value in (("smoothing", -1), ("orientations", 0), ("rounds", -1), ("fill", "air")):
         with pytest.raises(InputError, match=name):
             vg.pack(vg.make_shape("sphere"), vg.Box((5, 5, 5)), method="voronoi_fill", count=5, **{name: value})
+
+
+def test_cells_of_spheres_are_denser_than_any_spheres():
+    sphere = vg.make_shape("sphere")
+    packing = vg.pack(sphere, vg.Box((4, 4, 4)), "voronoi_fill", fill="cells", solid_fraction=0.9)
+    assert packing.solid_fraction == pytest.approx(0.9, abs=1e-9)
+    with pytest.raises(InputError, match="densest lattice"):
+        vg.pack(sphere, vg.Box((4, 4, 4)), "voronoi_fill", solid_fraction=0.9)
