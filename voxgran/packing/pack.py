@@ -235,8 +235,7 @@ def prepare_task(
     _, entry, settings = chosen(method_registry(), method, parameters, where="method", beside=_arguments())
     settings, solid_fraction = with_target(settings, solid_fraction)
     given = check_asked(shapes, container, sizes, start)
-    if as_unit(unit) == NO_UNIT and start is not None:
-        unit = start.unit
+    unit = start.unit if start is not None and as_unit(unit) == NO_UNIT else unit
     given, container, unit = in_one_unit(given, container, unit)
     if start is not None:
         check_start(start, container.dimension)
