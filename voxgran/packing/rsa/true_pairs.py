@@ -41,7 +41,7 @@ def shapes_meet(
         if shapes.box[a, 0] > 0.0:
             return not _boxes_apart(shapes.box[a], shapes.box[b], shapes.work.relative, x, y, z, stretch)
         if a == len(shapes.turns):
-            return _is_ball_at_box(shapes.box[b], shapes.work.relative, x, y, z, stretch)
+            return _is_sphere_at_box(shapes.box[b], shapes.work.relative, x, y, z, stretch)
     if shapes.hull[a] >= 0 and shapes.hull[b] >= 0:
         if not _parts_meet(shapes, a, b, shapes.hull[a], shapes.hull[b], x, y, z, stretch, rows):
             return False
@@ -83,7 +83,7 @@ def _boxes_apart(mine, other, turn, x, y, z, stretch):  # type: ignore[no-untype
 
 
 @bare_kernel
-def _is_ball_at_box(half, turn, x, y, z, stretch):  # type: ignore[no-untyped-def]
+def _is_sphere_at_box(half, turn, x, y, z, stretch):  # type: ignore[no-untyped-def]
     """Return whether the sphere of radius 1 about the origin meets a box."""
     square = 0.0
     for j in range(3):
@@ -105,7 +105,7 @@ def _placed(turn, stretch, x, y, z, px, py, pz):  # type: ignore[no-untyped-def]
 @bare_kernel
 def _parts_meet(shapes, a, b, p, q, x, y, z, stretch, rows):  # type: ignore[no-untyped-def]
     """Return whether part p of shape a and part q of shape b have a point in common, or rounding may hide one."""
-    work, mine, other = shapes.work, shapes.part_ball[p], shapes.part_ball[q]
+    work, mine, other = shapes.work, shapes.part_sphere[p], shapes.part_sphere[q]
     turn = work.relative
     dx, dy, dz = _placed(turn, stretch, x, y, z, other[0], other[1], other[2])
     dx, dy, dz = dx - mine[0], dy - mine[1], dz - mine[2]
@@ -144,7 +144,7 @@ def surfaces_meet(
     while depth > 0:
         depth -= 1
         i, j = stack[depth, 0], stack[depth, 1]
-        mine, other = shapes.ball[box + i], shapes.ball[other_box + j]
+        mine, other = shapes.sphere[box + i], shapes.sphere[other_box + j]
         dx, dy, dz = _placed(turn, stretch, x, y, z, other[0], other[1], other[2])
         reach = mine[3] + stretch * other[3]
         if (dx - mine[0]) ** 2 + (dy - mine[1]) ** 2 + (dz - mine[2]) ** 2 >= reach * reach:
@@ -194,7 +194,7 @@ def point_of(shapes: TrueShapes, p: int) -> tuple[float, float, float]:
     if shapes.part[p, 2] > shapes.part[p, 1]:
         corner = shapes.work.corner[shapes.part[p, 1]]
         return corner[0], corner[1], corner[2]
-    return shapes.part_ball[p, 0], shapes.part_ball[p, 1], shapes.part_ball[p, 2]
+    return shapes.part_sphere[p, 0], shapes.part_sphere[p, 1], shapes.part_sphere[p, 2]
 
 
 @bare_kernel

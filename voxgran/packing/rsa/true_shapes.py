@@ -32,7 +32,7 @@ WAITING = 256
 #: share of an inner radius that is left out for rounding
 ROUNDING = 1e-12
 #: a sphere of radius 1, the shape after those of the grains
-BALL = Shape(Spheres(np.zeros((1, 3)), np.ones(1)), "sphere")
+UNIT_SPHERE = Shape(Spheres(np.zeros((1, 3)), np.ones(1)), "sphere")
 
 
 class PairWork(NamedTuple):
@@ -74,8 +74,8 @@ class TrueShapes(NamedTuple):
     the axes of the shape, 0 for others.
     first: (s + 1, 3) first part, first box and first triangle of each shape.
     part: (p, 4) kind, first corner, end of corners, first corner in the tables.  margin: (p,) distance of the surface
-    from the core.  part_ball: (p, 4) bounding spheres.  ball: (k, 4) and rows: (k, 2) bounding spheres and parts of the
-    boxes of the trees.
+    from the core.  part_sphere: (p, 4) bounding spheres.  sphere: (k, 4) and rows: (k, 2) bounding spheres and parts of
+    the boxes of the trees.
     low, high, start, triangle, pseudo: boxes and triangles of closed meshes as those of `TriangleTree`.
     outer: (c, 3) one corner of each component of the walls of a container that is a mesh, the last shape.
     """
@@ -92,8 +92,8 @@ class TrueShapes(NamedTuple):
     first: Integers
     part: Integers
     margin: Floats
-    part_ball: Floats
-    ball: Floats
+    part_sphere: Floats
+    sphere: Floats
     rows: Integers
     low: Floats
     high: Floats
@@ -111,8 +111,8 @@ class _Body(NamedTuple):
     hull: int
     part: Integers
     margin: Floats
-    part_ball: Floats
-    ball: Floats
+    part_sphere: Floats
+    sphere: Floats
     rows: Integers
     tree: TriangleTree | None
     corner: Floats  # of triangles, beyond those of the tables of convex shapes
@@ -125,7 +125,7 @@ def true_shapes(
 
     The orientations are those of no grain; the caller replaces them.
     """
-    solids, wall = [*(_solid_of(shape) for shape in shapes), BALL], boundary_of(container).solid
+    solids, wall = [*(_solid_of(shape) for shape in shapes), UNIT_SPHERE], boundary_of(container).solid
     if wall is not None:
         solids.append(wall)
     bodies = convex_bodies(solids, hulls=True)
@@ -138,9 +138,9 @@ def true_shapes(
         body = _body_of(solid, bodies, k, corners, walls=k > len(shapes))
         corners += len(body.corner)
         made.append(body)
-    counts = [(len(body.part), len(body.ball), 0 if body.tree is None else len(body.tree.corners)) for body in made]
+    counts = [(len(body.part), len(body.sphere), 0 if body.tree is None else len(body.tree.corners)) for body in made]
     first = np.concatenate([np.zeros((1, 3), dtype=np.int64), np.cumsum(counts, axis=0, dtype=np.int64)])
-    trees = [body.tree if body.tree is not None else _no_tree(len(body.ball)) for body in made]
+    trees = [body.tree if body.tree is not None else _no_tree(len(body.sphere)) for body in made]
     return TrueShapes(
         *(shape_id.astype(np.int64), diameter, inner, np.zeros((0, 4))),
         turns=np.array([not shape.is_sphere for shape in shapes], dtype=np.int64),
@@ -151,8 +151,8 @@ def true_shapes(
         first=first,
         part=np.concatenate([body.part for body in made]),
         margin=np.concatenate([body.margin for body in made]),
-        part_ball=np.concatenate([body.part_ball for body in made]),
-        ball=np.concatenate([body.ball for body in made]),
+        part_sphere=np.concatenate([body.part_sphere for body in made]),
+        sphere=np.concatenate([body.sphere for body in made]),
         rows=np.concatenate([body.rows + at for body, at in zip(made, first[:, 0], strict=False)]),
         low=np.concatenate([tree.low for tree in trees]),
         high=np.concatenate([tree.high for tree in trees]),
@@ -209,22 +209,22 @@ def _body_of(solid: Shape, bodies: ConvexBodies, k: int, corners: int, *, walls:
         tree = grow_tree(centers, np.repeat(np.arange(hi - lo)[:, None], 3, axis=1))
         own = lo + tree.face
         part = np.column_stack([np.full(hi - lo, POINT), own, own + 1, own]).astype(np.int64)
-        balls = np.column_stack([bodies.corner[own], bodies.radius[own]])
-        around = _balls_around(tree, balls[:, 3])
-        return _Body(0 if len(radii) == 1 else -1, part, bodies.radius[own], balls, around, tree.start, None, none)
+        spheres = np.column_stack([bodies.corner[own], bodies.radius[own]])
+        around = _spheres_around(tree, spheres[:, 3])
+        return _Body(0 if len(radii) == 1 else -1, part, bodies.radius[own], spheres, around, tree.start, None, none)
     assert isinstance(geometry, Mesh)
     tree = geometry.tree
     many = len(tree.corners)
     at = corners + 3 * np.arange(many)
     part = np.column_stack([np.full(many, BOX), at, at + 3, np.full(many, lo)])
     middle = tree.corners.mean(axis=1)
-    balls = np.column_stack([middle, np.linalg.norm(tree.corners - middle[:, None], axis=2).max(axis=1)])
-    ball, hull = _balls_around(tree, np.zeros(many)), -1
+    spheres = np.column_stack([middle, np.linalg.norm(tree.corners - middle[:, None], axis=2).max(axis=1)])
+    sphere, hull = _spheres_around(tree, np.zeros(many)), -1
     if not walls:
         # the hull is the part after the triangles, which is in no box
         hull, part = many, np.vstack([part, [[BOX, lo, hi, lo]]])
-        balls = np.vstack([balls, [[0.0, 0.0, 0.0, solid.bounding_radius]]])
-    return _Body(hull, part, np.zeros(len(part)), balls, ball, tree.start, tree, tree.corners.reshape(-1, 3))
+        spheres = np.vstack([spheres, [[0.0, 0.0, 0.0, solid.bounding_radius]]])
+    return _Body(hull, part, np.zeros(len(part)), spheres, sphere, tree.start, tree, tree.corners.reshape(-1, 3))
 
 
 def _fills_hull(solid: Shape) -> bool:
@@ -234,7 +234,7 @@ def _fills_hull(solid: Shape) -> bool:
     return bool(hull.volume - solid.volume <= ROUNDING * hull.volume)
 
 
-def _balls_around(tree: TriangleTree, margins: Floats) -> Floats:
+def _spheres_around(tree: TriangleTree, margins: Floats) -> Floats:
     """Return the bounding spheres of the contents of the boxes of a tree, (k, 4)."""
     center = (tree.low + tree.high) / 2
     found = np.zeros((len(center), 4))

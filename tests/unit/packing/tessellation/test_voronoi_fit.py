@@ -67,15 +67,15 @@ def random_places(container, count, seed=0):
 
 
 def test_the_largest_sphere_touches_the_nearest_walls():
-    ball, disk = vg.make_shape("sphere"), vg.make_shape("disk")
-    assert one(vg.Box((3, 2, 5)), ball) == pytest.approx(2)
+    sphere, disk = vg.make_shape("sphere"), vg.make_shape("disk")
+    assert one(vg.Box((3, 2, 5)), sphere) == pytest.approx(2)
     assert one(vg.Rectangle((3, 2)), disk) == pytest.approx(2)
-    assert one(vg.Cylinder(1, 5), ball) == pytest.approx(2, rel=1e-6)
-    assert one(vg.Sphere(1.5), ball) == pytest.approx(3, rel=1e-6)
+    assert one(vg.Cylinder(1, 5), sphere) == pytest.approx(2, rel=1e-6)
+    assert one(vg.Sphere(1.5), sphere) == pytest.approx(3, rel=1e-6)
     assert one(vg.Disk(1), disk) == pytest.approx(2, rel=1e-6)
     # the radius of the circle in a triangle with sides 3, 4, 5 is 1
     assert one(vg.Polygon([(0, 0), (4, 0), (0, 3)]), disk) == pytest.approx(2)
-    assert one(vg.Box((3, 2, 5)), ball, most=0.7) == pytest.approx(0.7)
+    assert one(vg.Box((3, 2, 5)), sphere, most=0.7) == pytest.approx(0.7)
 
 
 def test_the_largest_cube_in_a_cube_a_sphere_and_a_cylinder():
