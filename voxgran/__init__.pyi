@@ -67,6 +67,7 @@ from voxgran.settling.parameters import Lid as Lid
 from voxgran.settling.parameters import Shaking as Shaking
 from voxgran.shapes import families as families
 from voxgran.shapes import sizes as sizes
+from voxgran.shapes.family import seeds_of_shapes as seeds_of_shapes
 from voxgran.shapes.family import shape_families as shape_families
 from voxgran.shapes.files import load_shape as load_shape
 from voxgran.shapes.files import save_shape as save_shape
@@ -79,6 +80,7 @@ from voxgran.shapes.repairing.diagnose import diagnose as diagnose
 from voxgran.shapes.repairing.repair import repair as repair
 from voxgran.typed_calls import fit_clump as fit_clump  # voxgran.clumps.fit
 from voxgran.typed_calls import make_shape as make_shape  # voxgran.shapes.family
+from voxgran.typed_calls import make_shapes as make_shapes  # voxgran.shapes.family
 from voxgran.typed_calls import pack as pack  # voxgran.packing.pack
 from voxgran.voxels.occupy import voxelize as voxelize
 from voxgran.voxels.open_mesh import voxelize_mesh as voxelize_mesh

@@ -18,13 +18,15 @@ from voxgran.containers.model import Container
 from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Lid, Settling, Shaking
-from voxgran.shapes.families.solid_union import Kind
+from voxgran.shapes.families.random.solid_union import Kind
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws import SizeDistribution
 from voxgran.voxels.model import Voxels
 
 Whole = int | np.integer[Any]
 Number = float | np.floating[Any] | np.integer[Any]
+WholeRange = Whole | Sequence[Whole]
+NumberRange = Number | Sequence[Number]
 
 class PackKeywords(TypedDict, total=False):
     count: Whole | None
@@ -277,71 +279,71 @@ class MakeShapeKeywords(TypedDict, total=False):
     seed: Whole
 
 class SphereKeywords(MakeShapeKeywords, total=False):
-    diameter: Number | None
-    radius: Number | None
+    diameter: NumberRange | None
+    radius: NumberRange | None
 
 class SolidUnionKeywords(MakeShapeKeywords, total=False):
-    solids: Whole | (Sequence[Whole] | NDArray[Any])
+    solids: WholeRange | (Sequence[Whole] | NDArray[Any])
     kinds: Sequence[Kind] | NDArray[Any]
     lengths: Sequence[Number] | NDArray[Any]
-    diameter: Number | None
+    diameter: NumberRange | None
 
 class ShellKeywords(MakeShapeKeywords, total=False):
-    opening: Number
-    diameter: Number | None
+    opening: NumberRange
+    diameter: NumberRange | None
 
 class SheetKeywords(MakeShapeKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any] | None
-    roll: Number
-    diameter: Number | None
+    roll: NumberRange
+    diameter: NumberRange | None
     lengths: Sequence[Number] | NDArray[Any] | None
 
 class RandomSurfaceKeywords(MakeShapeKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any]
-    height: Number
-    waves: Whole
-    max_frequency: Number
-    diameter: Number | None
+    height: NumberRange
+    waves: WholeRange
+    max_frequency: NumberRange
+    diameter: NumberRange | None
 
 class PolygonKeywords(MakeShapeKeywords, total=False):
-    corners: Whole | None
-    stretch: Number | None
-    diameter: Number | None
+    corners: WholeRange | None
+    stretch: NumberRange | None
+    diameter: NumberRange | None
     vertices: Sequence[Sequence[Number] | NDArray[Any]] | NDArray[Any] | None
 
 class PlatonicKeywords(MakeShapeKeywords, total=False):
     solid: Literal["tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"]
-    diameter: Number | None
+    diameter: NumberRange | None
 
 class EllipsoidKeywords(MakeShapeKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any] | None
-    diameter: Number | None
+    diameter: NumberRange | None
     semi_axes: Sequence[Number] | NDArray[Any] | None
 
 class DiskKeywords(MakeShapeKeywords, total=False):
-    diameter: Number | None
-    radius: Number | None
+    diameter: NumberRange | None
+    radius: NumberRange | None
 
 class CylinderKeywords(MakeShapeKeywords, total=False):
-    aspect: Number | None
-    diameter: Number | None
-    radius: Number | None
-    height: Number | None
+    aspect: NumberRange | None
+    diameter: NumberRange | None
+    radius: NumberRange | None
+    height: NumberRange | None
 
 class ConvexPolyhedronKeywords(MakeShapeKeywords, total=False):
-    points: Whole
+    points: WholeRange
     aspect: Sequence[Number] | NDArray[Any]
-    diameter: Number | None
+    diameter: NumberRange | None
 
 class ConeKeywords(MakeShapeKeywords, total=False):
-    aspect: Number | None
-    diameter: Number | None
-    radius: Number | None
-    height: Number | None
+    aspect: NumberRange | None
+    diameter: NumberRange | None
+    radius: NumberRange | None
+    height: NumberRange | None
 
 class BoxKeywords(MakeShapeKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any] | None
-    diameter: Number | None
+    diameter: NumberRange | None
     lengths: Sequence[Number] | NDArray[Any] | None
 
 @overload
@@ -372,6 +374,42 @@ def make_shape(family: Literal["solid_union"], **keywords: Unpack[SolidUnionKeyw
 def make_shape(family: Literal["sphere"], **keywords: Unpack[SphereKeywords]) -> Shape: ...
 @overload
 def make_shape(family: str | Parameters, **keywords: Unpack[MakeShapeKeywords]) -> Shape: ...
+@overload
+def make_shapes(family: Literal["box"], *, count: Whole, **keywords: Unpack[BoxKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["cone"], *, count: Whole, **keywords: Unpack[ConeKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["convex_polyhedron"], *, count: Whole, **keywords: Unpack[ConvexPolyhedronKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["cylinder"], *, count: Whole, **keywords: Unpack[CylinderKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["disk"], *, count: Whole, **keywords: Unpack[DiskKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["ellipsoid"], *, count: Whole, **keywords: Unpack[EllipsoidKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["platonic"], *, count: Whole, **keywords: Unpack[PlatonicKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["polygon"], *, count: Whole, **keywords: Unpack[PolygonKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["random_surface"], *, count: Whole, **keywords: Unpack[RandomSurfaceKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["sheet"], *, count: Whole, **keywords: Unpack[SheetKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["shell"], *, count: Whole, **keywords: Unpack[ShellKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["solid_union"], *, count: Whole, **keywords: Unpack[SolidUnionKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["sphere"], *, count: Whole, **keywords: Unpack[SphereKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(family: str | Parameters, *, count: Whole, **keywords: Unpack[MakeShapeKeywords]) -> list[Shape]: ...
 
 class FitClumpKeywords(TypedDict, total=False):
     max_spheres: Whole | None

@@ -11,7 +11,7 @@ import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint
 from voxgran._base.errors import CheckpointError, FileFormatError
 from voxgran._base.lazy import load
-from voxgran.shapes import mesh_files
+from voxgran.shapes.formats import mesh_files
 from voxgran.shapes.repairing import diagnose
 from voxgran.shapes.tessellate import unit_box
 

@@ -3,6 +3,7 @@
 import ast
 import dataclasses
 import inspect
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -26,9 +27,9 @@ from typing import Any, Literal
 
 from numpy.typing import NDArray
 
-from voxgran.shapes.families.solid_union import Kind
+from voxgran.shapes.families.random.solid_union import Kind
 from voxgran.shapes.model import Shape as Shape
-from voxgran.typed_calls import Number, Whole
+from voxgran.typed_calls import Number, NumberRange, Whole, WholeRange
 
 '''
 CALLS_HEAD = '''"""Types of the functions that take a name with keywords: one overload for each name.
@@ -51,13 +52,15 @@ from voxgran.containers.model import Container
 from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Lid, Settling, Shaking
-from voxgran.shapes.families.solid_union import Kind
+from voxgran.shapes.families.random.solid_union import Kind
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws import SizeDistribution
 from voxgran.voxels.model import Voxels
 
 Whole = int | np.integer[Any]
 Number = float | np.floating[Any] | np.integer[Any]
+WholeRange = Whole | Sequence[Whole]
+NumberRange = Number | Sequence[Number]
 
 '''
 #: function, registry, its arguments but the keywords with a place for the choice, and what it returns
@@ -85,9 +88,12 @@ class WhatIsAccepted(ast.NodeTransformer):
         return ast.parse(f"Sequence[{entry}] | NDArray[Any]", mode="eval").body
 
 
-def accepted(key, kind):
-    """Return the text of the type that a call accepts for a parameter, without former values."""
-    return ast.unparse(WhatIsAccepted().visit(kind)).replace(FORMER_VALUES.get(key, "no former value"), "")
+def accepted(key, kind, *, ranges=False):
+    """Return the text of the type that a call accepts for a parameter, without former values; with `ranges`, also pairs
+    in place of numbers.
+    """
+    text = ast.unparse(WhatIsAccepted().visit(kind)).replace(FORMER_VALUES.get(key, "no former value"), "")
+    return re.sub(r"^(Whole|Number)\b", r"\1Range", text) if ranges else text
 
 
 def default_of(value):
@@ -109,9 +115,9 @@ def fields_of(cls):
     return {field.name: found[field.name] for field in dataclasses.fields(cls) if field.init}
 
 
-def keywords_class(name, parent, annotations):
+def keywords_class(name, parent, annotations, *, ranges=False):
     """Return the text of a class of keywords."""
-    lines = [f"    {key}: {accepted(key, kind)}\n" for key, kind in annotations.items()]
+    lines = [f"    {key}: {accepted(key, kind, ranges=ranges)}\n" for key, kind in annotations.items()]
     return f"class {name}({parent}, total=False):\n{''.join(lines) or '    ...'}\n"
 
 
@@ -129,11 +135,15 @@ def calls_stub():
         for name in reversed(registry.names()):
             cls = registry.get(name).parameters
             own = {key: kind for key, (kind, _) in fields_of(cls).items() if key not in shared}
-            text += keywords_class(f"{cls.__name__}Keywords", base, own)
+            text += keywords_class(f"{cls.__name__}Keywords", base, own, ranges=called == "make_shape")
             overloads.insert(0, (f"{cls.__name__}Keywords", f'Literal["{name}"]'))
         for keywords, choice in overloads:
             head = f"{called}({arguments.format(choice)}, **keywords: Unpack[{keywords}])"
             text += f"@overload\ndef {head} -> {result}: ...\n"
+        if called == "make_shape":
+            for keywords, choice in overloads:
+                head = f"make_shapes(family: {choice}, *, count: Whole, **keywords: Unpack[{keywords}])"
+                text += f"@overload\ndef {head} -> list[Shape]: ...\n"
     return text
 
 
@@ -143,7 +153,9 @@ def shapes_stub():
     for name in families().names():
         entry = families().get(name)
         fields = fields_of(entry.parameters).items()
-        words = [f"{key}: {accepted(key, kind)} = {ast.unparse(default)}" for key, (kind, default) in fields]
+        words = [
+            f"{key}: {accepted(key, kind, ranges=True)} = {ast.unparse(default)}" for key, (kind, default) in fields
+        ]
         words += ["seed: Whole = 0"] if entry.random else []
         text += f"def {name}(*, {', '.join(words)}) -> Shape: ...\n"
     return text
@@ -242,6 +254,7 @@ brick = vg.shapes.box(lengths=[1, 2, 3]), vg.shapes.sphere(radius=np.float64(2))
 blobs = vg.shapes.ellipsoid(semi_axes=np.ones(3)), vg.make_shape("ellipsoid", semi_axes=np.ones(3))
 tile = vg.shapes.polygon(vertices=[[0, 0], [1, 0], [0, 1]]), vg.shapes.polygon(vertices=np.eye(3)[:, :2])
 rock = vg.make_shape("solid_union", solids=[3, 6], seed=2)
+rocks: list[vg.Shape] = vg.make_shapes("convex_polyhedron", count=3, points=(8, 20), seed=1)
 bed = vg.pack([grain], box, vg.methods.Digital(voxel_size=0.1), count=20, seed=1)
 again = vg.pack(grain, box, "digital", count=20, voxel_size=0.1)
 names, counts = ["digital", "rsa"], np.arange(3)

@@ -46,7 +46,7 @@ class Parameter:
     def type_text(self) -> str:
         """The type and its bounds, such as ``a number in [0, 1]`` or ``one of 'a', 'b'``, without ``left out``."""
         bounds = self.bounds
-        text = " or ".join(_describe(kind) for kind in _kinds(self.type))
+        text = " or ".join(_describe(kind) for kind in kinds_of(self.type))
         if "at_most" in bounds and len(bounds) == 2:
             low = f"[{bounds['at_least']:g}" if "at_least" in bounds else f"({bounds['above']:g}"
             return f"{text} in {low}, {bounds['at_most']:g}]"
@@ -92,7 +92,7 @@ def check_bounds(instance: Any, *, of: str = "") -> None:
         value = getattr(instance, entry.name)
         if value is None or not entry.bounds:
             continue
-        whole, name = int in _kinds(entry.type) and float not in _kinds(entry.type), f"{of} {entry.name}".lstrip()
+        whole, name = int in kinds_of(entry.type) and float not in kinds_of(entry.type), f"{of} {entry.name}".lstrip()
         for item in value if isinstance(value, tuple | list) else (value,):
             if whole:
                 as_count(item, name, **{rule: int(bound) for rule, bound in entry.bounds.items()})
@@ -216,7 +216,7 @@ def _plain_value(value: Any, wanted: Any) -> Any:
     return value if isinstance(wanted, type) and isinstance(value, wanted) else None
 
 
-def _kinds(wanted: Any) -> tuple[Any, ...]:
+def kinds_of(wanted: Any) -> tuple[Any, ...]:
     """Return the alternatives of a type annotation, without None."""
     union = typing.get_origin(wanted) in (typing.Union, types.UnionType)
     return tuple(kind for kind in (typing.get_args(wanted) if union else (wanted,)) if kind is not type(None))

@@ -1,8 +1,8 @@
 """Registries that find what they hold: one file, one entry.
 
-A registry looks in one package: the file ``digital.py`` that holds a module-level `registration` is the entry
-``"digital"``. Files are imported when they are asked for, never before. Third parties add entries through an
-entry-point group, whose values point at such a registration.
+A registry looks in one package and in the packages inside it: the file ``digital.py`` that holds a module-level
+`registration` is the entry ``"digital"``. Files are imported when they are asked for, never before. Third parties add
+entries through an entry-point group, whose values point at such a registration.
 """
 
 import difflib
@@ -46,7 +46,7 @@ class Registry(Generic[T]):
         if not isinstance(name, str):
             raise UnknownNameError(unknown(self.kind, name, self.names()))
         if name in self._files():
-            module = importlib.import_module(f"{self.package}.{name}")
+            module = importlib.import_module(self._files()[name])
             found = getattr(module, "registration", None)
         elif name in self._foreign():
             found = self._foreign()[name].load()
@@ -59,10 +59,18 @@ class Registry(Generic[T]):
             )
         return found
 
-    def _files(self) -> tuple[str, ...]:
-        """Return the names of the package's public modules."""
-        paths = importlib.import_module(self.package).__path__
-        return tuple(m.name for m in pkgutil.iter_modules(paths) if not m.name.startswith("_"))
+    def _files(self) -> dict[str, str]:
+        """Return the public modules of the package and of those inside it: names of files, and of modules."""
+        found: dict[str, str] = {}
+        for package in (self.package, *self._groups()):
+            modules = pkgutil.iter_modules(importlib.import_module(package).__path__)
+            found |= {m.name: f"{package}.{m.name}" for m in modules if not m.ispkg and not m.name.startswith("_")}
+        return found
+
+    def _groups(self) -> tuple[str, ...]:
+        """Return the names of the packages inside the package."""
+        modules = pkgutil.iter_modules(importlib.import_module(self.package).__path__)
+        return tuple(f"{self.package}.{m.name}" for m in modules if m.ispkg)
 
     def _foreign(self) -> dict[str, importlib.metadata.EntryPoint]:
         """Return the entry points of third parties."""

@@ -8,7 +8,7 @@ from voxgran._base.files import refuse_to_replace
 from voxgran.cli.terminal import show
 from voxgran.clumps.method import clump_registry
 from voxgran.report.clumps import check_picture_path
-from voxgran.shapes.sphere_files import clump_suffix
+from voxgran.shapes.formats.sphere_files import clump_suffix
 
 
 def clump(options: argparse.Namespace) -> None:

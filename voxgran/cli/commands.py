@@ -193,7 +193,7 @@ def shape(options: argparse.Namespace) -> None:
 
 def repair(options: argparse.Namespace) -> None:
     """Mend a mesh file and say what was done."""
-    from voxgran.shapes.mesh_files import read_surface
+    from voxgran.shapes.formats.mesh_files import read_surface
     from voxgran.shapes.repairing.diagnose import Remedies
     from voxgran.shapes.repairing.repair import repaired
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
+from voxgran.shapes.formats.sphere_files import write_spheres
 from voxgran.shapes.model import Shape
-from voxgran.shapes.sphere_files import write_spheres
 from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.thumbnail import card, picture
 

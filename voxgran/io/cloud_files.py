@@ -21,7 +21,7 @@ from voxgran.io.pcd_format import pcd_columns
 from voxgran.io.point_tables import read_point_table
 from voxgran.packing.model import Packing
 from voxgran.points.cloud import Cloud
-from voxgran.shapes.mesh_formats import ply_columns, ply_elements
+from voxgran.shapes.formats.mesh_formats import ply_columns, ply_elements
 
 Columns: TypeAlias = tuple[Any, Any, Any]
 

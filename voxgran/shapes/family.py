@@ -1,13 +1,13 @@
-"""Type and registry of shape families: one file each in `families`."""
+"""Type and registry of shape families: one file each in `families`; shapes made of them, one or many."""
 
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import as_positive, check_lengths
+from voxgran._base.arrays import as_count, as_positive, check_lengths
 from voxgran._base.calls import Parameters, chosen, document
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
@@ -16,6 +16,7 @@ from voxgran._base.seeds import stream
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.primitive import Kind, Primitive
+from voxgran.shapes.ranges import drawn
 from voxgran.shapes.surface import Surface
 
 
@@ -93,11 +94,13 @@ def make_shape(family: str | Parameters, *, seed: int = 0, **parameters: Any) ->
     Parameters
     ----------
     family : str or parameter object
-        One of :func:`shape_families`, or its parameters, such as ``vg.families.SolidUnion(bodies=5)``.
+        One of :func:`shape_families`, or its parameters, such as ``vg.families.SolidUnion(solids=5)``.
     seed : int
-        Seed of random families; the same seed gives the same bits.
+        Seed of random families, and of values that are drawn; the same seed gives the same bits.
     **parameters
-        Parameters of the family, with its name; `voxgran methods` lists them.
+        Parameters of the family, with its name; `voxgran methods` lists them. In place of a number, a range such as
+        ``points=(8, 20)`` may be given, from which it is drawn: a whole number with equal probabilities, another one
+        uniformly.
 
     Returns
     -------
@@ -116,11 +119,72 @@ def make_shape(family: str | Parameters, *, seed: int = 0, **parameters: Any) ->
     >>> vg.make_shape("box", aspect=(1, 1, 2))
     Shape('box', primitive, diameter=1)
     """
+    family, parameters = _with_drawn_values(family, parameters, seed)
     name, entry, values = chosen(families(), family, parameters, where="", beside=("seed",))
     for key, value in to_mapping(values).items():
         if isinstance(value, int | float | list | tuple) and not isinstance(value, bool):
             _check_numbers(value, f"{name} {key}")
     return entry.make(values, stream(seed, f"shape {name}"))
+
+
+def make_shapes(family: str | Parameters, *, count: int, seed: int = 0, **parameters: Any) -> list[Shape]:
+    """Make many shapes of a family, each with random numbers of its own.
+
+    Parameters
+    ----------
+    family : str or parameter object
+        As for :func:`make_shape`.
+    count : int
+        Number of shapes.
+    seed : int
+        Seed of all shapes; shape k is ``make_shape(family, seed=seeds_of_shapes(seed, count)[k], ...)``.
+    **parameters
+        Parameters of the family. Where a number is replaced by a range, each shape gets a value of its own.
+
+    Returns
+    -------
+    list of Shape
+
+    Raises
+    ------
+    UnknownNameError
+        If the family or a parameter is not known.
+    InputError
+        If a parameter is out of range or `count` is negative; the message is about the first shape that cannot be made.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> [len(shape.vertices) for shape in vg.make_shapes("convex_polyhedron", count=4, points=(8, 20))]
+    [10, 17, 8, 12]
+    """
+    return [make_shape(family, seed=own, **parameters) for own in seeds_of_shapes(seed, count)]
+
+
+def seeds_of_shapes(seed: int, count: int) -> list[int]:
+    """Return the seeds of the shapes that :func:`make_shapes` makes with one seed; a larger count adds to them.
+
+    Raises
+    ------
+    InputError
+        If one of the two is no whole number of at least 0.
+    """
+    generator = stream(seed, "shapes")
+    return [int(value) for value in generator.integers(2**53, size=as_count(count, "count"))]
+
+
+def _with_drawn_values(
+    family: str | Parameters, parameters: Mapping[str, Any], seed: int
+) -> tuple[str | Parameters, dict[str, Any]]:
+    """Return the family and its parameters with a value drawn for each range."""
+    name, given = family, dict(parameters)
+    if not isinstance(family, str):
+        name = next((key for key in families().names() if type(family) is families().get(key).parameters), "")
+        given = to_mapping(family) if name and not parameters else {}
+    if not given or not isinstance(name, str):
+        return family, dict(parameters)
+    values = drawn(families().get(name).parameters, given, stream(seed, f"shape {name} values"), where=name)
+    return (family, dict(parameters)) if values == given else (name, values)
 
 
 def _check_numbers(value: Any, name: str) -> None:

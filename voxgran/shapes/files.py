@@ -7,12 +7,12 @@ from pathlib import Path
 from voxgran._base.arrays import check_type
 from voxgran._base.errors import FileFormatError, InputError, shown
 from voxgran._base.files import as_path, written_whole
+from voxgran.shapes.formats.mesh_files import WRITERS, read_surface
+from voxgran.shapes.formats.sphere_files import SUFFIXES, read_spheres, write_spheres
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.mesh_files import WRITERS, read_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Remedies, merged, refuse_dirty
 from voxgran.shapes.repairing.repair import repaired
-from voxgran.shapes.sphere_files import SUFFIXES, read_spheres, write_spheres
 from voxgran.shapes.surface import Surface, refuse_unfit
 
 #: of `load_shape`

@@ -11,7 +11,7 @@ from voxgran._base.rotation import random_rotations
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.walls import escape_depths
-from voxgran.shapes.families.sheet import lattice_faces
+from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.spheres import Spheres
 
 TURN = [math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0]  # a quarter about y

@@ -8,7 +8,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputExistsError, PackingWarning
 from voxgran.clumps.model import Clump, ClumpErrors
-from voxgran.shapes.sphere_files import SUFFIXES
+from voxgran.shapes.formats.sphere_files import SUFFIXES
 
 NAMES = ("iou", "iou_uncertainty", "volume", "centroid", "inertia", "surface_mean", "surface_max")
 ROWS = "-0.5,0,0,1\n0.5,0,0,1\n"

@@ -6,8 +6,9 @@ import pytest
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.seeds import stream
-from voxgran.shapes.families.solid_union import CORE, SolidUnion, _base_solid
-from voxgran.shapes.family import families, make_shape, shape_families
+from voxgran.shapes.families.random.convex_polyhedron import ConvexPolyhedron
+from voxgran.shapes.families.random.solid_union import CORE, SolidUnion, _base_solid
+from voxgran.shapes.family import families, make_shape, make_shapes, seeds_of_shapes, shape_families
 from voxgran.shapes.repairing.diagnose import diagnose, refuse_dirty
 from voxgran.shapes.surface import refuse_unfit
 from voxgran.shapes.winding import winding_numbers
@@ -175,3 +176,43 @@ def test_unknown_names_give_the_nearest():
         make_shape("box", length=(1, 1, 1))
     with pytest.raises(InputError, match="seed is -1"):
         make_shape("solid_union", seed=-1)
+
+
+def test_many_shapes_have_seeds_of_their_own():
+    shapes = make_shapes("convex_polyhedron", count=5, seed=3, points=(8, 20))
+    seeds = seeds_of_shapes(3, 5)
+    assert seeds_of_shapes(3, 3) == seeds[:3]
+    assert len(set(seeds)) == len({shape.key for shape in shapes}) == 5
+    assert make_shape("convex_polyhedron", seed=seeds[4], points=(8, 20)) == shapes[4]
+    assert make_shapes("sphere", count=0) == []
+
+
+def test_ranges_are_drawn_for_each_shape():
+    corners = [len(shape.vertices) for shape in make_shapes("convex_polyhedron", count=60, points=[4, 6])]
+    assert set(corners) == {4, 5, 6}
+    lengths = [
+        shape.geometry.dimensions for shape in make_shapes("box", count=40, lengths=(1, (2, 3), np.array([4, 5])))
+    ]
+    x, y, z = np.transpose(lengths)
+    assert (x == 1).all()
+    assert 2 <= y.min() < 2.2 < 2.8 < y.max() <= 3
+    assert np.corrcoef(y, z)[0, 1] < 0.9
+    by_object = make_shape(ConvexPolyhedron(points=(4, 300)), seed=2)
+    assert by_object == make_shape("convex_polyhedron", points=(4, 300), seed=2)
+    # a family that takes a range itself draws it with its own numbers
+    assert make_shape("solid_union", solids=(2, 2), seed=1) == make_shape("solid_union", solids=[2, 2], seed=1)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"points": (20, 8)}, r"points is \(20, 8\): a range goes from the smaller to the larger number; swap them"),
+        ({"points": (1, 3)}, "points is [123]: it must be a whole number, at least 4"),
+        ({"points": (8, 9, 10)}, "it must be a whole number"),
+        ({"points": (8.5, 9)}, "it must be a whole number"),
+        ({"aspect": (1, 1, (2, 1))}, r"aspect is \(2, 1\): a range goes"),
+    ],
+)
+def test_wrong_ranges_are_refused(parameters, message):
+    with pytest.raises(InputError, match=message):
+        make_shapes("convex_polyhedron", count=3, **parameters)

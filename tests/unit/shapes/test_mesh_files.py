@@ -7,7 +7,7 @@ import pytest
 from voxgran._base.errors import DirtyMeshError, FileFormatError, MissingFileError, OutputExistsError
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape, save_shape
-from voxgran.shapes.mesh_files import READERS, WRITERS
+from voxgran.shapes.formats.mesh_files import READERS, WRITERS
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.repair import repair
 from voxgran.shapes.tessellate import unit_box

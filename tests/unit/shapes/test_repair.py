@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.seeds import stream
-from voxgran.shapes.mesh_files import read_surface
+from voxgran.shapes.formats.mesh_files import read_surface
 from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.repairing.holes import closed_loop, hole_loops
 from voxgran.shapes.repairing.repair import repair

@@ -32,7 +32,7 @@ from voxgran.decks.lammps_states import (
 from voxgran.decks.material import CHOSEN_OVERLAP
 from voxgran.decks.simulation import OUTPUT, SETTLING, Simulation
 from voxgran.decks.walls import Walls
-from voxgran.shapes.sphere_files import PLACES, text_of_spheres
+from voxgran.shapes.formats.sphere_files import PLACES, text_of_spheres
 
 #: types of atoms: spheres that are grains, and spheres of clumps
 SPHERE, CLUMP = 1, 2

@@ -1,4 +1,4 @@
-"""One family of shapes per file; the file name is the name of the family."""
+"""One family of shapes per file, in folders by kind; the file name is the name of the family."""
 
 from voxgran._base import lazy_names
 

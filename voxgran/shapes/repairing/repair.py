@@ -19,7 +19,7 @@ from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_numbe
 from voxgran._base.calls import renamed
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.shapes.boolean import united
-from voxgran.shapes.mesh_files import read_surface
+from voxgran.shapes.formats.mesh_files import read_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.bodies import outward, shells_of, split, without_flat
 from voxgran.shapes.repairing.crossing import crossing_faces

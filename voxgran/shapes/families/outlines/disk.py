@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran.shapes.families.sphere import Sphere
+from voxgran.shapes.families.regular.sphere import Sphere
 from voxgran.shapes.family import ShapeFamily, round_radius
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline

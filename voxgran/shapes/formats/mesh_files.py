@@ -1,7 +1,7 @@
 """Points and triangles of mesh files, read and written.
 
-STL, OBJ, OFF and PLY are read by :mod:`voxgran.shapes.mesh_formats`, VTK files by VTK and Gmsh files by meshio, in a
-process of its own.
+STL, OBJ, OFF and PLY are read by :mod:`voxgran.shapes.formats.mesh_formats`, VTK files by VTK and Gmsh files by meshio,
+in a process of its own.
 """
 
 import os
@@ -19,7 +19,7 @@ from voxgran._base.guarded import Content, read_guarded
 from voxgran._base.lazy import load
 from voxgran._base.vtk_data import poly_data, write_data
 from voxgran._base.vtk_readers import vtk_triangles
-from voxgran.shapes.mesh_formats import Polygons, gmsh_polygons, read_obj, read_off, read_ply, read_stl
+from voxgran.shapes.formats.mesh_formats import Polygons, gmsh_polygons, read_obj, read_off, read_ply, read_stl
 
 #: largest number of corners of a polygon that is clipped: the time grows with its square and the recursion is deep
 MOST_CORNERS = 5000

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran.shapes.families.cylinder import Cylinder, round_solid
+from voxgran.shapes.families.regular.cylinder import Cylinder, round_solid
 from voxgran.shapes.family import ShapeFamily
 from voxgran.shapes.model import Shape
 

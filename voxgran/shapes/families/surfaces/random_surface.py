@@ -10,7 +10,7 @@ import numpy as np
 
 from voxgran._base.arrays import as_positive
 from voxgran._base.config import check_bounds, parameter
-from voxgran.shapes.families.sheet import lattice_faces
+from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.surface import Surface

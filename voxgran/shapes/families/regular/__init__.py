@@ -1,0 +1,1 @@
+"""Solids in closed form."""

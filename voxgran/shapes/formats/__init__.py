@@ -1,0 +1,1 @@
+"""Files of meshes and of spheres: bytes to arrays and back."""
