@@ -223,11 +223,12 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
             libraries.update(needs)
         else:
             skipped.append(f"{step}: not asked for in [output]")
-    # random solids of this family are joined by boolean operations
-    unions = any(entry.source == "family" and entry.name == "solid_union" for entry in scene.shapes)
-    # and polygons as containers are cut into triangles by the same library
+    for entry in scene.shapes:
+        if entry.source == "family":
+            libraries.update(families().get(entry.name).libraries)
+    # polygons as containers are cut into triangles by this library, too
     polygon = bool(boundary_of(task.problem.container).loops)
-    if unions or polygon or any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes):
+    if polygon or any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes):
         libraries.add("manifold3d")
     if task.problem.dimension == 2:
         libraries.discard("open3d")

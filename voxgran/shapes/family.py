@@ -40,6 +40,8 @@ class ShapeFamily:
         Whether shapes with the same parameters depend on the seed.
     is_open : bool
         Whether the shapes are open surfaces.
+    libraries : tuple of str
+        Libraries that making a shape loads beside NumPy and SciPy.
     """
 
     name: str
@@ -50,6 +52,7 @@ class ShapeFamily:
     dimension: int = 3
     random: bool = False
     is_open: bool = False
+    libraries: tuple[str, ...] = ()
 
 
 def families() -> Registry[ShapeFamily]:

@@ -147,4 +147,5 @@ registration = ShapeFamily(
     source="Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for Discrete Element "
     "Analysis of Discontinuous Materials",
     random=True,
+    libraries=("manifold3d",),
 )
