@@ -2,21 +2,18 @@
 
 import os
 import tomllib
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, check_type
+from voxgran._base.arrays import as_count, as_number, as_positive, check_type
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
-from voxgran._base.registry import nearest, unknown
+from voxgran._base.registry import unknown
 from voxgran._base.units import as_unit
-from voxgran.clumps.fit import TARGETS, fit_clump
-from voxgran.clumps.method import clump_registry
-from voxgran.clumps.stand_in import record_of
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
 from voxgran.decks.engine import engine_registry
@@ -27,54 +24,13 @@ from voxgran.packing.gravity import proposed_axis
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.sections import General, Output
+from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries
 from voxgran.settling.parameters import Settling
-from voxgran.shapes.family import families, make_shape
-from voxgran.shapes.files import shape_of_file
-from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.diagnose import Remedies
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
-#: keys of a [[shape]] from a file, and of any
-FILE_KEYS = ("file", "share", "repair", "surface", "unit", "clump")
-SHAPE_KEYS = (*FILE_KEYS, "family", "seed")
-#: remedies for a mesh that is not one closed solid
-REMEDIES = Remedies(
-    mend="set repair = true in its [[shape]]",
-    keep_open="set surface = true",
-    choose="choose with 'voxgran repair --bodies largest'",
-    hole="close it with 'voxgran repair' and a larger --max-hole",
-)
-#: keys of a clump beside the parameters of its method
-CLUMP_KEYS = ("max_spheres", "method", "target", "value", "seed")
 SECTIONS = ("scene", "shape", "sizes", "container", "packing", "settle", "material", "measure", "output")
 #: where a scene says whether and how its grains settle
 SETTLE_KEYS = "a section [settle] says how grains settle; with enabled = false in it they do not"
-
-
-@dataclass(frozen=True, slots=True)
-class ShapeEntry:
-    """One [[shape]]: a file or a family with parameters, its share, and how a clump is fitted that is packed in its
-    place; None for the shape itself.
-    """
-
-    source: Literal["file", "family"]
-    name: str
-    share: float = 1.0
-    parameters: Mapping[str, Any] = field(default_factory=dict)
-    clump: Mapping[str, Any] | None = None
-
-    def make(self) -> Shape:
-        """Return the shape, before a clump takes its place."""
-        if self.source == "file":
-            return shape_of_file(self.name, remedies=REMEDIES, **self.parameters)
-        return make_shape(self.name, **self.parameters)
-
-    def grain(self) -> tuple[Shape, dict[str, Any] | None]:
-        """Return what is packed, and what provenance says of the clump; None where there is none."""
-        if self.clump is None:
-            return self.make(), None
-        clump = fit_clump(self.make(), **self.clump)
-        return clump.to_shape(), record_of(clump)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,13 +163,13 @@ class SceneDescription:
         output: Output = from_mapping(Output, mapping.get("output", {}), "[output]")
         material: Material = from_mapping(Material, mapping.get("material", {}), "[material]")
         parameters = method_registry().get(method).parameters
-        packing = _present(parameters, packing, "[packing]", beside=beside)
+        packing = given_values(parameters, packing, "[packing]", beside=beside)
         container = make_container(_with_file(mapping["container"], place))
         for engine in output.dem:
             refuse_unheld(engine_registry().get(engine), material, container)
         return cls(
             general=_general(mapping.get("scene", {})),
-            shapes=_shape_entries(mapping["shape"], place),
+            shapes=shape_entries(mapping["shape"], place),
             sizes=make_sizes(sizes) if sizes else None,
             share_by=_share_by(share_by),
             container=container,
@@ -230,11 +186,7 @@ class SceneDescription:
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the scene as nested JSON-able values, from which :meth:`from_mapping` makes it again."""
-        shapes = [
-            {entry.source: entry.name, "share": entry.share, **entry.parameters}
-            | ({} if entry.clump is None else {"clump": dict(entry.clump)})
-            for entry in self.shapes
-        ]
+        shapes = [entry.to_mapping() for entry in self.shapes]
         packing = {name: getattr(self, name) for name in ("method", "count", "solid_fraction", "start")}
         made = {
             "scene": to_mapping(self.general),
@@ -262,7 +214,7 @@ class SceneDescription:
             "count": self.count,
             "solid_fraction": self.solid_fraction,
             "sizes": self.sizes,
-            "weights": [entry.share for entry in self.shapes],
+            "weights": [share for entry in self.shapes for share in entry.shares()],
             "weights_by": self.share_by,
             "seed": self.general.seed,
             "start": self.begin(),
@@ -280,16 +232,6 @@ class SceneDescription:
             If the file is no packing.
         """
         return None if self.start is None else load(self.start)
-
-
-def _present(cls: type[Any], mapping: Mapping[str, Any], where: str, *, beside: Iterable[str] = ()) -> dict[str, Any]:
-    """Return checked parameters as given, with present names and words in place of former ones, so that they are not
-    warned of again.
-    """
-    made: Any = from_mapping(cls, mapping, where, beside=beside)
-    present = {item.former: item.name for item in parameters_of(cls) if item.former}
-    found = {present.get(key, key): value for key, value in mapping.items()}
-    return {key: getattr(made, key) if isinstance(value, str) else value for key, value in found.items()}
 
 
 def _settle(
@@ -355,61 +297,3 @@ def _with_file(mapping: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if "file" in made:
         made["file"] = str(folder / str(made["file"]))
     return made
-
-
-def _shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
-    """Return the checked [[shape]] entries."""
-    if not isinstance(entries, list) or not entries:
-        kind = "one table" if isinstance(entries, Mapping) else shown(entries)
-        raise InputError(f"[shape] is {kind}: write [[shape]], once per shape")
-    made = []
-    for entry in entries:
-        check_type(entry, Mapping, "[[shape]]", "a section; write [[shape]] above its keys")
-        rest = dict(entry)
-        share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
-        clump = _clump(rest.pop("clump")) if "clump" in rest else None
-        if ("file" in rest) == ("family" in rest):
-            meant = next((key for key in entry if key not in SHAPE_KEYS and nearest(key, ("file", "family"))), None)
-            if meant is not None:
-                raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
-            raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
-        if "file" in rest:
-            path = folder / str(rest.pop("file"))
-            for key, value in rest.items():
-                if key not in FILE_KEYS:
-                    raise UnknownNameError(unknown("[[shape]] key", key, FILE_KEYS))
-                if key == "unit":
-                    as_unit(value, "[[shape]] unit")
-                elif not isinstance(value, bool):
-                    raise InputError(f"[[shape]] {key} is {shown(value)}: it must be true or false")
-            if clump is not None and rest.get("surface"):
-                raise InputError("[[shape]] has surface = true and clump: an open surface has no clump; leave one out")
-            made.append(ShapeEntry("file", str(existing_file(path)), share, rest, clump))
-            continue
-        family = rest.pop("family")
-        seed = {key: rest.pop(key) for key in ("seed",) if key in rest}
-        settings = _present(families().get(family).parameters, rest, f"[[shape]] {family}", beside=("clump",))
-        made.append(ShapeEntry("family", family, share, settings | seed, clump))
-    return tuple(made)
-
-
-def _clump(given: Any) -> dict[str, Any]:
-    """Return the checked keywords of `fit_clump` that the key clump of a [[shape]] holds: a number of spheres, or a
-    table.
-    """
-    where = "[[shape]] clump"
-    if not isinstance(given, Mapping):
-        return {"max_spheres": as_count(given, where, at_least=1)}
-    rest = dict(given)
-    beside = {key: rest.pop(key) for key in CLUMP_KEYS if key in rest}
-    parameters = clump_registry().get(beside.get("method", "optimal")).parameters
-    for key, least in (("max_spheres", 1), ("seed", 0)):
-        if key in beside:
-            as_count(beside[key], f"{where} {key}", at_least=least)
-    if ("target" in beside) != ("value" in beside):
-        missing = "value" if "target" in beside else "target"
-        raise InputError(f"{where} has no {missing}: target and value belong together; give both, or max_spheres alone")
-    if "target" in beside:
-        as_choice(beside["target"], f"{where} target", TARGETS)
-        as_number(beside["value"], f"{where} value", above=0.0, at_most=1.0)
-    return beside | _present(parameters, rest, where, beside=CLUMP_KEYS)

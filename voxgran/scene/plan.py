@@ -13,7 +13,8 @@ from voxgran._base.errors import InputError
 from voxgran.containers.model import boundary_of
 from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
-from voxgran.scene.description import REMEDIES, SceneDescription, ShapeEntry
+from voxgran.scene.description import SceneDescription
+from voxgran.scene.shape_entries import REMEDIES, ShapeEntry
 from voxgran.settling.parameters import Settling
 from voxgran.settling.search import MOST_TRIES
 from voxgran.shapes.family import families
@@ -104,7 +105,7 @@ def make_plan(scene: SceneDescription) -> Plan:
     TooLargeError
         If it does not fit in memory.
     """
-    task = task_of(scene, tuple(_stand_in(entry) for entry in scene.shapes))
+    task = task_of(scene, tuple(shape for entry in scene.shapes for shape in _stand_ins(entry)))
     cost = task.method.cost(task.problem)
     finishing = FINISHING_BYTES + (DRAWING_BYTES if scene.output.report else 0)
     memory = max(packing_memory(task.method, task.problem), finishing)
@@ -132,7 +133,14 @@ def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:
     return prepare_task(shapes, scene.container, **scene.asked(), parameters=dict(scene.parameters))
 
 
-def _stand_in(entry: ShapeEntry) -> Shape:
+def _stand_ins(entry: ShapeEntry) -> list[Shape]:
+    """Return shapes that cost as much as those that are packed."""
+    first = _stand_in(entry, _solid(entry))
+    # shapes that differ, if only by rounding, are different work for methods that keep one result per shape
+    return [first, *(first.scaled(1.0 + 1e-9 * k) for k in range(1, len(entry.shares())))]
+
+
+def _stand_in(entry: ShapeEntry, solid: Shape) -> Shape:
     """Return a shape that costs as much as the one that is packed; for a clump, spheres in the bounds of its solid.
 
     Raises
@@ -140,7 +148,6 @@ def _stand_in(entry: ShapeEntry) -> Shape:
     InputError
         If the solid of a clump is flat.
     """
-    solid = _solid(entry)
     if entry.clump is None or isinstance(solid.geometry, Spheres) or solid.is_sphere:
         return solid
     if solid.dimension == 2:
@@ -165,7 +172,7 @@ def _spheres_of(clump: Mapping[str, Any]) -> int:
 def _solid(entry: ShapeEntry) -> Shape:
     """Return a shape that costs as much as the real one: meshes checked for holes, random solids as an ellipsoid."""
     if entry.source == "file" and Path(entry.name).suffix.lower() in SUFFIXES:
-        return entry.make()
+        return entry.make()[0]
     if entry.source == "file":
         points, faces = read_surface(entry.name)
         known: dict[str, Any] = {"name": entry.name, "unit": entry.parameters.get("unit")}
@@ -176,13 +183,13 @@ def _solid(entry: ShapeEntry) -> Shape:
             refuse_open(points, faces, Path(entry.name).name, remedies=REMEDIES)
         mesh = Mesh(points, faces)
         # what is wound in any way may enclose nothing until it is mended
-        return Shape.of(mesh, **known) if mesh.volume > 0 else entry.make()
+        return Shape.of(mesh, **known) if mesh.volume > 0 else entry.make()[0]
     family = families().get(entry.name)
     if family.random and not family.is_open:
         axes = np.array([1.5, 1.0, 0.8]) / 2
         axes /= np.cbrt(np.prod(2 * axes))
         return Shape.of(Primitive("ellipsoid", tuple(axes.tolist())), name=entry.name)
-    return entry.make()
+    return entry.make()[0]
 
 
 def _settling_of(task: Task) -> Settling | None:
@@ -193,7 +200,7 @@ def _settling_of(task: Task) -> Settling | None:
 
 def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
-    clumps = [entry.clump for entry in scene.shapes if entry.clump is not None]
+    clumps = [entry.clump for entry in scene.shapes if entry.clump is not None for _ in entry.shares()]
     most = max(map(_spheres_of, clumps), default=0)
     computed = [f"fit clumps of up to {most} spheres to {len(clumps)} of the shapes"] if clumps else []
     bound = "at most " if task.method.sizing == "made" else ""

@@ -88,7 +88,7 @@ def run_one(
     place = as_path(folder)
     if resume and is_complete(place) and not (place / FOLDER_LOCK).exists():
         return read_folder(scene, place)
-    plan, grains = make_plan(scene), tuple(entry.grain() for entry in scene.shapes)
+    plan, grains = make_plan(scene), tuple(grain for entry in scene.shapes for grain in entry.grains())
     with opened_folder(folder, resume=resume, overwrite=overwrite) as target:
         if resume and is_complete(target):
             return read_folder(scene, target)

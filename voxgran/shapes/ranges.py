@@ -37,7 +37,7 @@ def _drawn(value: Any, kind: Any, generator: np.random.Generator, name: str) -> 
     lists = [get_args(one) for one in kinds if get_origin(one) is tuple and Ellipsis not in get_args(one)]
     fitting = next((entries for entries in lists if len(entries) == len(value)), None)
     if fitting is not None:
-        return tuple(_drawn(item, one, generator, name) for item, one in zip(value, fitting, strict=True))
+        return type(value)(_drawn(item, one, generator, name) for item, one in zip(value, fitting, strict=True))
     if len(value) != 2 or not {int, float} & set(kinds):
         return value
     whole = float not in kinds

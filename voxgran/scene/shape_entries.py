@@ -1,0 +1,174 @@
+"""The [[shape]] entries of a scene: files and families, how many shapes each stands for, and their shares."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from voxgran._base.arrays import as_choice, as_count, as_number, check_type
+from voxgran._base.config import from_mapping, parameters_of
+from voxgran._base.errors import InputError, UnknownNameError, shown
+from voxgran._base.files import existing_file
+from voxgran._base.registry import nearest, unknown
+from voxgran._base.seeds import stream
+from voxgran._base.units import as_unit
+from voxgran.clumps.fit import TARGETS, fit_clump
+from voxgran.clumps.method import clump_registry
+from voxgran.clumps.stand_in import record_of
+from voxgran.shapes.family import families, make_shape, make_shapes
+from voxgran.shapes.files import shape_of_file
+from voxgran.shapes.model import Shape
+from voxgran.shapes.ranges import drawn
+from voxgran.shapes.repairing.diagnose import Remedies
+
+#: keys of a [[shape]] from a file, and of any
+FILE_KEYS = ("file", "share", "repair", "surface", "unit", "clump")
+SHAPE_KEYS = (*FILE_KEYS, "family", "seed", "count")
+#: remedies for a mesh that is not one closed solid
+REMEDIES = Remedies(
+    mend="set repair = true in its [[shape]]",
+    keep_open="set surface = true",
+    choose="choose with 'voxgran repair --bodies largest'",
+    hole="close it with 'voxgran repair' and a larger --max-hole",
+)
+#: keys of a clump beside the parameters of its method
+CLUMP_KEYS = ("max_spheres", "method", "target", "value", "seed")
+
+
+@dataclass(frozen=True, slots=True)
+class ShapeEntry:
+    """One [[shape]]: a file or a family with parameters, its share, how a clump is fitted that is packed in its
+    place (None for the shape itself), and how many different shapes of a family it stands for.
+    """
+
+    source: Literal["file", "family"]
+    name: str
+    share: float = 1.0
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    clump: Mapping[str, Any] | None = None
+    count: int | None = None
+
+    def make(self) -> list[Shape]:
+        """Return the shapes, before clumps take their place."""
+        if self.source == "file":
+            return [shape_of_file(self.name, remedies=REMEDIES, **self.parameters)]
+        if self.count is not None:
+            return make_shapes(self.name, count=self.count, **self.parameters)
+        return [make_shape(self.name, **self.parameters)]
+
+    def grains(self) -> list[tuple[Shape, dict[str, Any] | None]]:
+        """Return what is packed, and what provenance says of each clump; None where there is none."""
+        if self.clump is None:
+            return [(shape, None) for shape in self.make()]
+        clumps = [fit_clump(shape, **self.clump) for shape in self.make()]
+        return [(clump.to_shape(), record_of(clump)) for clump in clumps]
+
+    def shares(self) -> list[float]:
+        """Return the share of each shape: equal parts of that of the entry."""
+        number = 1 if self.count is None else self.count
+        return [self.share / number] * number
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the entry as nested JSON-able values, as the scene file has it."""
+        more = {"count": self.count, "clump": None if self.clump is None else dict(self.clump)}
+        rest = {key: value for key, value in more.items() if value is not None}
+        return {self.source: self.name, "share": self.share, **self.parameters, **rest}
+
+
+def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
+    """Return the checked [[shape]] entries of a scene; files are relative to the folder.
+
+    Raises
+    ------
+    UnknownNameError
+        If a key or a family is unknown; the message gives the nearest name.
+    InputError
+        If a value breaks a rule.
+    """
+    if not isinstance(entries, list) or not entries:
+        kind = "one table" if isinstance(entries, Mapping) else shown(entries)
+        raise InputError(f"[shape] is {kind}: write [[shape]], once per shape")
+    made = []
+    for entry in entries:
+        check_type(entry, Mapping, "[[shape]]", "a section; write [[shape]] above its keys")
+        rest = dict(entry)
+        share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
+        clump = _clump(rest.pop("clump")) if "clump" in rest else None
+        if ("file" in rest) == ("family" in rest):
+            meant = next((key for key in entry if key not in SHAPE_KEYS and nearest(key, ("file", "family"))), None)
+            if meant is not None:
+                raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
+            raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
+        made.append(_of_file(rest, folder, share, clump) if "file" in rest else _of_family(rest, share, clump))
+    return tuple(made)
+
+
+def _of_file(rest: dict[str, Any], folder: Path, share: float, clump: dict[str, Any] | None) -> ShapeEntry:
+    """Return the checked entry of a file."""
+    path = folder / str(rest.pop("file"))
+    for key, value in rest.items():
+        if key == "count":
+            raise InputError("[[shape]] has a file and count: a file is one shape; say in [packing] how many grains")
+        if key not in FILE_KEYS:
+            raise UnknownNameError(unknown("[[shape]] key", key, FILE_KEYS))
+        if key == "unit":
+            as_unit(value, "[[shape]] unit")
+        elif not isinstance(value, bool):
+            raise InputError(f"[[shape]] {key} is {shown(value)}: it must be true or false")
+    if clump is not None and rest.get("surface"):
+        raise InputError("[[shape]] has surface = true and clump: an open surface has no clump; leave one out")
+    return ShapeEntry("file", str(existing_file(path)), share, rest, clump)
+
+
+def _of_family(rest: dict[str, Any], share: float, clump: dict[str, Any] | None) -> ShapeEntry:
+    """Return the checked entry of a family."""
+    family = rest.pop("family")
+    entry, where = families().get(family), f"[[shape]] {family}"
+    seed = {key: rest.pop(key) for key in ("seed",) if key in rest}
+    count = rest.pop("count") if "count" in rest else None
+    # values that are drawn differ between shapes, so that the ranges are kept and one draw is checked
+    values = drawn(entry.parameters, rest, stream(0, "check"), where=where)
+    settings = given_values(entry.parameters, values, where, beside=("clump", "count", "seed"))
+    settings |= {key: value for key, value in rest.items() if key in settings and values[key] != value}
+    if count is not None:
+        as_count(count, "[[shape]] count", at_least=1)
+        if not entry.random and values == rest and count > 1:
+            raise InputError(
+                f"[[shape]] has count = {count} and family {family!r}: its shapes would all be equal; say in [packing] "
+                "how many grains, or give a range in place of a number"
+            )
+    return ShapeEntry("family", family, share, settings | seed, clump, count)
+
+
+def given_values(
+    cls: type[Any], mapping: Mapping[str, Any], where: str, *, beside: Iterable[str] = ()
+) -> dict[str, Any]:
+    """Return checked parameters of a class as given, with present names and words in place of former ones, so that they
+    are not warned of again.
+    """
+    made: Any = from_mapping(cls, mapping, where, beside=beside)
+    present = {item.former: item.name for item in parameters_of(cls) if item.former}
+    found = {present.get(key, key): value for key, value in mapping.items()}
+    return {key: getattr(made, key) if isinstance(value, str) else value for key, value in found.items()}
+
+
+def _clump(given: Any) -> dict[str, Any]:
+    """Return the checked keywords of `fit_clump` that the key clump of a [[shape]] holds: a number of spheres, or a
+    table.
+    """
+    where = "[[shape]] clump"
+    if not isinstance(given, Mapping):
+        return {"max_spheres": as_count(given, where, at_least=1)}
+    rest = dict(given)
+    beside = {key: rest.pop(key) for key in CLUMP_KEYS if key in rest}
+    parameters = clump_registry().get(beside.get("method", "optimal")).parameters
+    for key, least in (("max_spheres", 1), ("seed", 0)):
+        if key in beside:
+            as_count(beside[key], f"{where} {key}", at_least=least)
+    if ("target" in beside) != ("value" in beside):
+        missing = "value" if "target" in beside else "target"
+        raise InputError(f"{where} has no {missing}: target and value belong together; give both, or max_spheres alone")
+    if "target" in beside:
+        as_choice(beside["target"], f"{where} target", TARGETS)
+        as_number(beside["value"], f"{where} value", above=0.0, at_most=1.0)
+    return beside | given_values(parameters, rest, where, beside=CLUMP_KEYS)
