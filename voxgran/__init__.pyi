@@ -41,6 +41,7 @@ from voxgran.lattice.resample import resample as resample
 from voxgran.lattice.segment import segment as segment
 from voxgran.lattice.surface import iso_surface as iso_surface
 from voxgran.lattice.thickness import local_thickness as local_thickness
+from voxgran.measures.describe import describe as describe
 from voxgran.measures.model import measure as measure
 from voxgran.measures.registered.density import window_solid_fraction as window_solid_fraction
 from voxgran.packing import methods as methods
@@ -58,6 +59,7 @@ from voxgran.points.register import register_clouds as register_clouds
 from voxgran.points.sample import sample_surface as sample_surface
 from voxgran.report.clumps import save_clump_picture as save_clump_picture
 from voxgran.report.compare import save_comparison as save_comparison
+from voxgran.report.gallery import save_gallery as save_gallery
 from voxgran.report.page import save_report as save_report
 from voxgran.report.plot import plot as plot
 from voxgran.report.turntable import save_turntable as save_turntable

@@ -1,5 +1,6 @@
 """The command line: one line per mistake, the right exit status, nothing lost."""
 
+import csv
 import json
 import os
 import signal
@@ -65,6 +66,26 @@ def test_the_whole_way(scene, tmp_path, capsys):
     assert status == 2
     assert "not empty" in line
     assert main(["run", str(scene), "-o", str(out), "--overwrite", "-q"]) == 0
+
+
+def test_many_shapes_with_a_table_and_a_gallery(tmp_path, capsys):
+    folder, picture = tmp_path / "grains", tmp_path / "grains.png"
+    words = ["shape", "convex_polyhedron", "--count", "11", "--points", "8,20", "-o", str(folder), "--format", "ply"]
+    assert main([*words, "--gallery", str(picture), "--json"]) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert numbers["shapes"] == 11
+    assert len(list(folder.glob("*.ply"))) == 11
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    with open(folder / "shapes.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["file"] for row in rows] == sorted(path.name for path in folder.glob("*.ply"))
+    again = vg.make_shape("convex_polyhedron", seed=int(rows[10]["seed"]), points=(8, 20))
+    assert vg.load_shape(folder / rows[10]["file"]).volume == pytest.approx(again.volume)
+    assert float(rows[10]["sphericity"]) == vg.describe(again, "sphericity").sphericity.item()
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    assert main(words) == 2
+    assert "is not empty: name another folder, or ask with --overwrite" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
 def test_shapes_and_clumps(tmp_path, capsys):
@@ -211,6 +232,9 @@ def test_doctor_is_content(capsys):
         (["shape", "sphere", "--diameter", "-1"], "diameter"),
         (["shape", "sphere", "--diametre", "1"], "did you mean '--diameter'"),
         (["shape", "sphere", "more"], "'more' is one argument too many"),
+        (["shape", "sphere", "--count", "-1"], "count is -1: it must be a whole number, at least 0"),
+        (["shape", "sphere", "--count", "3", "-o", "a.stl"], "many shapes are written to a folder; name one, and"),
+        (["shape", "sphere", "--gallery", "a.jpg"], "pictures are written as .png"),
         (["pack", "scene.toml"], "did you mean 'run'"),
         (["bench", "voxelise"], "did you mean 'voxelize'"),
         (["plan", "scene.toml", "--jsn"], "did you mean '--json'"),

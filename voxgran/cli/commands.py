@@ -15,6 +15,7 @@ from voxgran._base.registry import unknown
 from voxgran.cli.clumps import clump
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
+from voxgran.cli.shapes import shape
 from voxgran.cli.terminal import complain, entry_line, progress, show, table
 
 
@@ -179,18 +180,6 @@ def labels(options: argparse.Namespace) -> None:
     show({**numbers, "largest_volume_error": packing.provenance["largest_volume_error"]}, options)
 
 
-def shape(options: argparse.Namespace) -> None:
-    """Make a shape of a family and write it."""
-    from voxgran.shapes.family import families
-
-    names = [name for item in parameters_of(families().get(options.family).parameters) for name in item.names]
-    given = {name: value for name, value in _fields(options, *names).items() if value is not None}
-    made = voxgran.make_shape(options.family, seed=options.seed, **given)
-    if options.output:
-        voxgran.save_shape(made, options.output, overwrite=options.overwrite)
-    show({**_fields(made, "name", "volume", "surface_area", "diameter"), "faces": len(made.faces)}, options)
-
-
 def repair(options: argparse.Namespace) -> None:
     """Mend a mesh file and say what was done."""
     from voxgran.shapes.formats.mesh_files import read_surface
@@ -242,8 +231,8 @@ def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[st
     """Write each solid to the output, several with a number each."""
     target = Path(options.output)
     names = [target] if len(shapes) == 1 else [target.with_stem(f"{target.stem}_{k}") for k in range(len(shapes))]
-    for shape, path in zip(shapes, names, strict=True):
-        voxgran.save_shape(shape, path, overwrite=options.overwrite)
+    for body, path in zip(shapes, names, strict=True):
+        voxgran.save_shape(body, path, overwrite=options.overwrite)
     return [str(path) for path in names]
 
 

@@ -228,7 +228,8 @@ EXAMPLES: dict[str, str] = {
     "report": "voxgran report out/packing.vtp -o report.html",
     "compare": "voxgran compare digital=out/digital points=out/points -o comparison.html",
     "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp",
-    "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl",
+    "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl\n"
+    "  voxgran shape convex_polyhedron --count 300 --points 8,20 -o grains --gallery grains.png",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --max-hole 0.1",
     "cloud": "voxgran cloud scan.ply --outliers 2 -o rock.stl",
     "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv --picture rock.png\n"
@@ -343,7 +344,11 @@ def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
 
     sub.add_argument("family", help=", ".join(families().names()))
     sub.add_argument("--seed", type=int, default=0, help="seed of a random family")
-    sub.add_argument("-o", "--output", help="mesh file: STL, OBJ, PLY, OFF or VTP")
+    sub.add_argument("-o", "--output", help="mesh file: STL, OBJ, PLY, OFF or VTP; with --count, a folder")
+    sub.add_argument("--count", type=int, help="make so many shapes, each with random numbers of its own")
+    kinds = ("stl", "obj", "ply", "off", "vtp")
+    sub.add_argument("--format", choices=kinds, default="stl", help="kind of the files of many shapes")
+    sub.add_argument("--gallery", help="picture of the shapes in rows (.png)")
     if len(named) > 1 and named[0] == "shape":
         for item in parameters_of(families().get(named[1]).parameters):
             for name in item.names:

@@ -8,7 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container, boundary_of
-from voxgran.shapes.descriptors import principal_extents
+from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres

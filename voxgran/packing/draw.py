@@ -15,7 +15,7 @@ from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning,
 from voxgran._base.seeds import stream
 from voxgran.containers.model import Container, boundary_of
 from voxgran.containers.size_limits import can_fit
-from voxgran.shapes.descriptors import principal_extents
+from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import SizeDistribution
 

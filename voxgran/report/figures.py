@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran._base.lazy import load
+from voxgran.measures.describe import describe
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.registered.gradation import gradation
@@ -17,6 +18,9 @@ from voxgran.report.wall_law import law_applies, wall_law
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
+
+#: descriptors of the form of grains that are drawn
+FORM = ("elongation", "flatness", "sphericity", "roundness")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +42,8 @@ def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
     if packing.count:
         found.append(_gradation(packing))
     found += _curves(packing, statistics)
-    if packing.count and packing.dimension == 3:
-        found.append(_zingg(packing))
+    if packing.count:
+        found += _forms(packing)
     last = (_rose(packing, statistics), _forces(statistics))
     return [*found, *(figure for figure in last if figure is not None)]
 
@@ -130,16 +134,25 @@ def _draw_curve(axes: Any, *, data: "Dataset", name: str, levels: Any, published
     )
 
 
-def _zingg(packing: Packing) -> Figure:
-    """Return the plot of flatness and elongation of the grains."""
-    svg = plots.svg_of(lambda axes: shape_plots.plot_zingg(axes, packing), "zingg", size=(5.2, 4.2))
-    across, up = shape_plots.flatness_and_elongation(packing)
-    caption = "Form after Zingg 1935: extents along the axes of inertia; larger dots represent more grains."
-    numbers = {
-        "mean_intermediate_over_longest": float(across.mean()),
-        "mean_shortest_over_intermediate": float(up.mean()),
-    }
-    return Figure("zingg", svg, "Zingg plot", caption, numbers)
+def _forms(packing: Packing) -> Iterator[Figure]:
+    """Give the plots of the form of the grains: in 3D after Zingg; sphericity against roundness of closed shapes."""
+    form = {str(name): values.values for name, values in describe(packing, FORM).items()}
+    means = {f"mean_{name}": float(values.mean()) for name, values in form.items()}
+    more = "Larger dots represent more grains."
+    if packing.dimension == 3:
+        svg = plots.svg_of(
+            lambda axes: shape_plots.plot_zingg(axes, form["elongation"], form["flatness"]), "zingg", size=(5.2, 4.2)
+        )
+        caption = f"Form after Zingg 1935: edges of the smallest box around each grain. {more}"
+        yield Figure("zingg", svg, "Zingg plot", caption, dict(list(means.items())[:2]))
+    if np.isfinite(form["roundness"]).all():
+        svg = plots.svg_of(
+            lambda axes: shape_plots.plot_roundness(axes, form["sphericity"], form["roundness"]),
+            "roundness",
+            size=(5.2, 4.2),
+        )
+        caption = f"Sphericity and roundness of the grains after Wadell 1932. {more}"
+        yield Figure("roundness", svg, "Sphericity and roundness", caption, dict(list(means.items())[2:]))
 
 
 def _rose(packing: Packing, statistics: "DataTree | None") -> Figure | None:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, as_floats
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
-from voxgran.shapes.descriptors import principal_extents
+from voxgran.shapes.describing.extents import principal_extents
 
 #: placeholder for the text colour of the page
 _INK = "#0a0b0c"

@@ -113,7 +113,7 @@ def _picture(
     with stage_of(window) as stage:
         if len(as_meshes):
             most = picture_faces(packing)
-            bodies = [_body(shape, most) for shape in packing.shapes]
+            bodies = [drawn_surface(shape, most) for shape in packing.shapes]
             merged = merged_surfaces(packing, grains=as_meshes, bodies=bodies)
             mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
             mesh.cell_data["value"] = values[merged.grain]
@@ -127,7 +127,7 @@ def _picture(
         return shot(stage)
 
 
-def _body(shape: Shape, most: int) -> tuple[Floats, Integers]:
+def drawn_surface(shape: Shape, most: int) -> tuple[Floats, Integers]:
     """Return the surface of a shape with at most so many triangles.
 
     Vertices are clustered with quadric error metrics (Lindstrom 2000, doi:10.1145/344779.344912), which takes a tenth

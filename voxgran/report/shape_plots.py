@@ -6,9 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats
-from voxgran.packing.model import Packing
 from voxgran.report.plots import ASKED, PLACED
-from voxgran.shapes.descriptors import principal_extents
 
 #: number of sectors of a rose over half a turn
 SECTORS = 18
@@ -16,23 +14,13 @@ SECTORS = 18
 ZINGG = 2 / 3
 
 
-def flatness_and_elongation(packing: Packing) -> tuple[Floats, Floats]:
-    """Return intermediate over longest and shortest over intermediate extent along the axes of inertia, (n,), of all
-    grains of a packing in three dimensions.
-    """
-    extents = np.array([principal_extents(shape) for shape in packing.shapes]).reshape(-1, 3)[packing.shape_id]
-    return extents[:, 1] / extents[:, 0], extents[:, 2] / extents[:, 1]
-
-
-def plot_zingg(axes: Any, packing: Packing) -> Any:
-    """Draw each grain of a packing in three dimensions by the ratios of its extents.
+def plot_zingg(axes: Any, elongation: ArrayLike, flatness: ArrayLike) -> Any:
+    """Draw grains (n,) by the ratios of the edges of their smallest boxes.
 
     References
     ----------
     Zingg 1935, Beitrag zur Schotteranalyse, doi:10.3929/ethz-a-000103455
     """
-    across, up = flatness_and_elongation(packing)
-    points, counts = np.unique(np.round(np.column_stack([up, across]), 6), axis=0, return_counts=True)
     for line in (axes.axhline, axes.axvline):
         line(ZINGG, color="#808a90", linewidth=1.0, linestyle=(0, (4, 2)))
     for x, y, word in (
@@ -42,10 +30,23 @@ def plot_zingg(axes: Any, packing: Packing) -> Any:
         (0.85, 0.32, "long"),
     ):
         axes.text(x, y, word, ha="center", va="top", fontsize=10, alpha=0.7)
-    size = 16 + 220 * counts / counts.sum() if len(counts) <= 50 else 10
-    axes.scatter(points[:, 0], points[:, 1], s=size, color=PLACED, alpha=0.75, linewidth=0)
+    _dots(axes, flatness, elongation)
     axes.set(xlim=(0.0, 1.03), ylim=(0.0, 1.03), xlabel="shortest / intermediate", ylabel="intermediate / longest")
     return axes
+
+
+def plot_roundness(axes: Any, sphericity: ArrayLike, roundness: ArrayLike) -> Any:
+    """Draw grains (n,) by sphericity and roundness."""
+    _dots(axes, roundness, sphericity)
+    axes.set(xlim=(-0.03, 1.03), ylim=(0.0, 1.03), xlabel="roundness", ylabel="sphericity")
+    return axes
+
+
+def _dots(axes: Any, x: ArrayLike, y: ArrayLike) -> None:
+    """Draw pairs of numbers (n,), equal ones as larger dots where there are few different ones."""
+    points, counts = np.unique(np.round(np.column_stack([x, y]), 6), axis=0, return_counts=True)
+    size = 16 + 220 * counts / counts.sum() if len(counts) <= 50 else 10
+    axes.scatter(points[:, 0], points[:, 1], s=size, color=PLACED, alpha=0.75, linewidth=0)
 
 
 def normal_rose(normals: ArrayLike, *, dimension: int, down: int | None) -> tuple[Floats, Floats]:

@@ -63,14 +63,8 @@ def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0
 
     The camera is turned around the vertical axis by an angle in degrees, of which its distance is independent.
     """
-    toward = np.array((0.0, 0.0, 1.0) if flat else _VIEW)
-    if turn and not flat:
-        cosine, sine = np.cos(np.radians(turn)), np.sin(np.radians(turn))
-        toward = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ toward
-    toward /= np.linalg.norm(toward)
-    right = np.cross((0.0, 1.0, 0.0) if flat else (0.0, 0.0, 1.0), toward)
-    right /= np.linalg.norm(right)
-    axes = np.array([right, np.cross(toward, right), toward])
+    axes = view_axes(flat=flat, turn=turn)
+    toward = axes[2]
     low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
     middle, (wide, tall, deep) = (low + high) / 2 @ axes, (high - low) / 2
     width, height = stage.window_size
@@ -81,6 +75,18 @@ def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0
     stage.camera.up = tuple(axes[1])
     stage.camera.parallel_scale = scale
     stage.camera_set = True
+
+
+def view_axes(*, flat: bool = False, turn: float = 0.0) -> Floats:
+    """Return the directions to the right, upward and to the camera as rows, (3, 3); the angle is in degrees."""
+    toward = np.array((0.0, 0.0, 1.0) if flat else _VIEW)
+    if turn and not flat:
+        cosine, sine = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+        toward = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]]) @ toward
+    toward /= np.linalg.norm(toward)
+    right = np.cross((0.0, 1.0, 0.0) if flat else (0.0, 0.0, 1.0), toward)
+    right /= np.linalg.norm(right)
+    return np.array([right, np.cross(toward, right), toward])
 
 
 def shot(stage: Any) -> Picture:

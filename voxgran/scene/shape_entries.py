@@ -129,10 +129,10 @@ def _of_family(rest: dict[str, Any], share: float, clump: dict[str, Any] | None)
     # values that are drawn differ between shapes, so that the ranges are kept and one draw is checked
     values = drawn(entry.parameters, rest, stream(0, "check"), where=where)
     settings = given_values(entry.parameters, values, where, beside=("clump", "count", "seed"))
-    settings |= {key: value for key, value in rest.items() if key in settings and values[key] != value}
+    settings |= {key: value for key, value in rest.items() if key in settings and values[key] is not value}
     if count is not None:
         as_count(count, "[[shape]] count", at_least=1)
-        if not entry.random and values == rest and count > 1:
+        if not entry.random and count > 1 and all(values[key] is value for key, value in rest.items()):
             raise InputError(
                 f"[[shape]] has count = {count} and family {family!r}: its shapes would all be equal; say in [packing] "
                 "how many grains, or give a range in place of a number"

@@ -187,7 +187,8 @@ def _with_drawn_values(
     if not given or not isinstance(name, str):
         return family, dict(parameters)
     values = drawn(families().get(name).parameters, given, stream(seed, f"shape {name} values"), where=name)
-    return (family, dict(parameters)) if values == given else (name, values)
+    changed = any(values[key] is not given[key] for key in given)
+    return (name, values) if changed else (family, dict(parameters))
 
 
 def _check_numbers(value: Any, name: str) -> None:

@@ -1,6 +1,7 @@
 """Figures and the numbers behind them: sizes asked against placed, the wall, normals, form."""
 
 import json
+import math
 import shutil
 import subprocess
 
@@ -12,7 +13,7 @@ import voxgran as vg
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.report.figures import figures_of, size_test
-from voxgran.report.shape_plots import flatness_and_elongation, normal_rose
+from voxgran.report.shape_plots import normal_rose
 from voxgran.report.wall_law import law_applies, wall_law
 
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
@@ -81,13 +82,16 @@ def test_upright_normals_point_up_and_down():
     assert np.flatnonzero(flat).tolist() in ([8], [9])
 
 
-def test_form_is_that_of_the_extents():
+def test_form_is_that_of_the_smallest_box():
     box = vg.make_shape("box", lengths=(4, 2, 1))
     turned = random_rotations(stream(1, "form"), 1)[0]
     packing = vg.Packing.of([box.rotated(turned)], vg.Box((9, 9, 9)), position=[(4, 4, 4)])
-    across, up = flatness_and_elongation(packing)
-    assert across[0] == pytest.approx(0.5, rel=1e-6)
-    assert up[0] == pytest.approx(0.5, rel=1e-6)
+    numbers = {figure.name: figure.numbers for figure in figures_of(packing, None)}
+    assert numbers["zingg"] == pytest.approx({"mean_elongation": 0.5, "mean_flatness": 0.5})
+    ratio = math.pi ** (1 / 3) * 48 ** (2 / 3) / 28
+    assert numbers["roundness"] == pytest.approx({"mean_sphericity": ratio, "mean_roundness": 0.0})
+    flat = vg.Packing.of([vg.make_shape("disk")], vg.Rectangle((9, 9)), position=[(4, 4, 0)])
+    assert {"zingg", "roundness"} & {figure.name for figure in figures_of(flat, None)} == {"roundness"}
 
 
 def lattice():

@@ -6,7 +6,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran.deformation.deform import deform
-from voxgran.shapes.descriptors import principal_extents
+from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.surface import Surface
 

@@ -5,7 +5,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.packing.model import Packing
-from voxgran.shapes.descriptors import principal_extents
+from voxgran.shapes.describing.extents import principal_extents
 
 
 def intermediate_axes(packing: Packing) -> Floats:

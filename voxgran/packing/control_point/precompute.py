@@ -37,7 +37,7 @@ from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.problem import Problem
 from voxgran.points.control import inner_count, inner_points, sample_controls
 from voxgran.points.sample import SurfacePoints
-from voxgran.shapes.descriptors import largest_curvature
+from voxgran.shapes.describing.curvature import largest_curvature
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.surface import Surface

@@ -23,7 +23,7 @@ from voxgran.packing.control_point.records import GrainPoses
 from voxgran.packing.control_point.sdf_contact import overlaps_by_sdf
 from voxgran.packing.driver import Drive, drive
 from voxgran.points.control import inner_points
-from voxgran.shapes.descriptors import largest_curvature
+from voxgran.shapes.describing.curvature import largest_curvature
 
 task_of = partial(kit.task_of, "control_point", count=8)
 

@@ -1,10 +1,9 @@
-"""Descriptors of the form of a shape."""
+"""Extents of a shape along its principal axes of inertia."""
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.shapes.model import Geometry, Shape
-from voxgran.shapes.outline import Outline
+from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface
@@ -35,19 +34,3 @@ def principal_extents(shape: Shape) -> Floats:
     extents = np.zeros(3)
     extents[: len(axes)] = np.sort(high - low)[::-1]
     return extents
-
-
-def largest_curvature(geometry: Geometry) -> float | None:
-    """Return the largest curvature with which a surface bulges outward, or None where it has sharp edges.
-
-    A union of several spheres has creases and counts as having edges.
-    """
-    if isinstance(geometry, Spheres) and len(geometry.radii) == 1:
-        return 1.0 / float(geometry.radii[0])
-    if isinstance(geometry, Outline) and geometry.kind == "disk":
-        return 1.0 / geometry.radius
-    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
-        return 1.0 / geometry.dimensions[0]
-    if isinstance(geometry, Primitive) and geometry.kind == "ellipsoid":
-        return max(geometry.dimensions) / min(geometry.dimensions) ** 2
-    return None

@@ -1,0 +1,219 @@
+"""Descriptors of the form, against closed formulas and plain twins."""
+
+import math
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.rotation import random_rotations, rotation_matrices
+from voxgran._base.seeds import stream
+from voxgran.shapes.describing.curvature import roundness
+from voxgran.shapes.describing.inscribed import inscribed_radius
+from voxgran.shapes.describing.minimal_box import principal_lengths
+from voxgran.shapes.primitive import Primitive
+
+
+def as_mesh(shape):
+    return vg.Shape.from_mesh(shape.vertices, shape.faces)
+
+
+def turned(shape, seed=0):
+    return shape.rotated(random_rotations(stream(seed, "turn"), 1)[0])
+
+
+def rounded_square(radius, sides=32):
+    """Return a square of edge 1 whose corners are arcs."""
+    turns = np.pi / 2 * (np.arange(4)[:, None] + np.arange(sides + 1) / sides)
+    middles = (0.5 - radius) * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    arcs = middles[:, None] + radius * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    return vg.make_shape("polygon", vertices=arcs.reshape(-1, 2))
+
+
+@pytest.mark.parametrize(
+    ("family", "parameters", "lengths"),
+    [
+        ("sphere", {"radius": 2.0}, (4, 4, 4)),
+        ("box", {"lengths": (2, 1, 3)}, (3, 2, 1)),
+        ("ellipsoid", {"semi_axes": (1, 3, 2)}, (6, 4, 2)),
+        ("cylinder", {"radius": 1.0, "height": 3.0}, (3, 2, 2)),
+    ],
+)
+def test_principal_lengths_of_solids_in_closed_form(family, parameters, lengths):
+    shape = turned(vg.make_shape(family, **parameters))
+    assert principal_lengths(shape) == pytest.approx(lengths)
+    # the search finds them as well
+    assert principal_lengths(as_mesh(shape)) == pytest.approx(lengths, rel=0.02)
+
+
+def test_a_regular_tetrahedron_lies_in_a_cube_of_three_times_its_volume():
+    shape = turned(vg.make_shape("platonic", solid="tetrahedron"), seed=3)
+    assert principal_lengths(shape) == pytest.approx([(3 * shape.volume) ** (1 / 3)] * 3, rel=1e-5)
+
+
+def test_lengths_in_the_plane_are_those_of_the_smallest_rectangle():
+    kite = vg.make_shape("polygon", vertices=[[0, 0], [4, 0], [4, 1.5], [1, 2]])
+    assert principal_lengths(turned_in_plane(kite, 0.7)) == pytest.approx([4, 2, 0])
+    sheet = turned(vg.make_shape("sheet", lengths=(3, 2)))
+    assert principal_lengths(sheet) == pytest.approx([3, 2, 0], abs=1e-9)
+
+
+def turned_in_plane(shape, angle):
+    return shape.rotated([math.cos(angle / 2), 0, 0, math.sin(angle / 2)])
+
+
+def test_no_box_of_many_is_smaller():
+    turns = rotation_matrices(random_rotations(stream(1, "turns"), 20_000))
+    for seed in range(4):
+        shape = vg.make_shape("convex_polyhedron", seed=seed, points=12, aspect=(1, 1.2, 2))
+        along = turns @ shape.vertices.T
+        assert principal_lengths(shape).prod() <= 1.0005 * (along.max(axis=2) - along.min(axis=2)).prod(axis=1).min()
+
+
+@pytest.mark.parametrize(
+    ("family", "parameters", "radius"),
+    [
+        ("box", {"lengths": (2, 1, 3)}, 0.5),
+        ("cylinder", {"radius": 1.0, "height": 1.0}, 0.5),
+        ("cone", {"radius": 3.0, "height": 4.0}, 1.5),
+        ("ellipsoid", {"semi_axes": (1, 3, 2)}, 1.0),
+    ],
+)
+def test_inscribed_spheres(family, parameters, radius):
+    shape = vg.make_shape(family, **parameters)
+    assert inscribed_radius(shape) == pytest.approx(radius)
+    assert inscribed_radius(as_mesh(turned(shape))) == pytest.approx(radius, rel=0.01)
+
+
+def test_inscribed_sphere_of_a_solid_that_is_not_convex():
+    # two bars of a cross share a cube of edge 1
+    bars = vg.Shape.from_mesh(*cross())
+    assert inscribed_radius(turned(bars)) == pytest.approx(math.sqrt(0.5), rel=1e-3)
+    notched = vg.make_shape("polygon", vertices=[[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]])
+    # of a corner of two strips of width 1: the circle touches two outer sides and the inner corner
+    assert inscribed_radius(notched) == pytest.approx(1 / (1 + math.sqrt(0.5)), rel=1e-4)
+
+
+def cross():
+    """Return a cross of two bars 3 x 1 x 5, so high that only its plan counts."""
+    from voxgran.shapes.boolean import united
+    from voxgran.shapes.tessellate import unit_box
+
+    vertices, faces, _ = unit_box()
+    return united([(vertices * [3, 1, 5], faces), (vertices * [1, 3, 5], faces)])
+
+
+def test_roundness_of_rounded_corners_is_their_radius_over_that_of_the_inscribed_circle():
+    for radius in (0.05, 0.2, 0.4):
+        assert roundness(rounded_square(radius)) == pytest.approx(radius / 0.5, rel=2e-3)
+    assert roundness(vg.make_shape("polygon", corners=4)) == 0.0
+    assert roundness(vg.make_shape("disk")) == 1.0
+
+
+def test_roundness_of_an_ellipse_is_the_mean_over_its_narrow_ends():
+    ellipse = vg.make_shape("polygon", corners=2000, stretch=2.0)
+    a, b = principal_lengths(ellipse)[:2] / 2
+    t = (np.arange(200_000) + 0.5) * np.pi / 100_000
+    speed = np.hypot(a * np.sin(t), b * np.cos(t))
+    curvature = a * b / speed**3
+    corner = curvature * b * 0.98 > 1
+    expected = speed[corner].sum() / (b * (curvature * speed)[corner].sum())
+    assert roundness(ellipse) == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.parametrize("family", ["box", "cylinder", "cone"])
+def test_solids_with_sharp_edges_only_have_no_roundness(family):
+    assert roundness(as_mesh(turned(vg.make_shape(family)))) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_roundness_of_a_spheroid_is_the_mean_over_its_poles():
+    # semi-axes 1, 1, 2: of its principal curvatures the one along the meridian is the larger one near the poles
+    shape = vg.make_shape("ellipsoid", semi_axes=(1, 1, 2))
+    t = (np.arange(100_000) + 0.5) * np.pi / 100_000
+    meridian = np.hypot(np.cos(t), 2 * np.sin(t))
+    along, around = 2 / meridian**3, 2 / meridian
+    area, larger = np.sin(t) * meridian, np.maximum(along, around)
+    corner = larger * 0.98 > 1
+    expected = area[corner].sum() / (area * larger)[corner].sum()
+    assert roundness(shape) == pytest.approx(expected, rel=0.02)
+    assert roundness(as_mesh(turned(shape))) == pytest.approx(roundness(shape), rel=1e-3)
+
+
+def test_dents_are_no_corners():
+    # the inner corner of the cross turns inward; those outside are sharp
+    assert roundness(vg.Shape.from_mesh(*cross())) == 0.0
+    wavy = rounded_square(0.3).vertices[:, :2]
+    dented = vg.make_shape("polygon", vertices=np.vstack([wavy, [[0.0, -0.45]]]))
+    assert 0.3 < roundness(dented) < 0.65
+
+
+def test_numbers_do_not_depend_on_pose_and_size():
+    shape = vg.make_shape("solid_union", seed=4)
+    other = turned(shape).scaled(7.0)
+    assert principal_lengths(other) == pytest.approx(7 * principal_lengths(shape), rel=2e-3)
+    assert inscribed_radius(other) == pytest.approx(7 * inscribed_radius(shape), rel=1e-3)
+    assert roundness(other) == pytest.approx(roundness(shape), abs=2e-3)
+
+
+def test_table_of_shapes():
+    box = vg.make_shape("box", lengths=(4, 2, 1))
+    table = vg.describe([box, vg.make_shape("sphere", radius=2.0)])
+    assert table.sizes == {"shape": 2}
+    assert table["name"].values.tolist() == ["box", "sphere"]
+    assert table.elongation.values == pytest.approx([0.5, 1.0])
+    assert table.flatness.values == pytest.approx([0.5, 1.0])
+    assert table.krumbein_sphericity.values == pytest.approx([(2 / 16) ** (1 / 3), 1.0])
+    assert table.corey_shape_factor.values == pytest.approx([1 / math.sqrt(8), 1.0])
+    assert table.sphericity.values == pytest.approx([math.pi ** (1 / 3) * 48 ** (2 / 3) / 28, 1.0])
+    assert table.convexity.values == pytest.approx([1.0, 1.0])
+    assert table.roundness.values == pytest.approx([0.0, 1.0])
+    assert table.volume.attrs["units"] == "1"
+    assert "Wadell 1932" in table.sphericity.attrs["source"]
+
+
+def test_convexity_of_a_cross():
+    shape = vg.Shape.from_mesh(*cross())
+    assert vg.describe(shape, "convexity").convexity.item() == pytest.approx(5 / 7)
+    corner = vg.make_shape("polygon", vertices=[[0, 0], [4, 0], [4, 1], [1, 1], [1, 3], [0, 3]])
+    assert vg.describe(corner, "convexity").convexity.item() == pytest.approx(6 / 9)
+
+
+def test_table_of_a_packing_has_its_grains_at_their_sizes():
+    box = vg.Shape.of(Primitive("box", (4.0, 2.0, 1.0)), name="brick", unit="mm")
+    packing = vg.Packing.of(
+        [box, vg.make_shape("sphere", diameter=1.0)],
+        vg.Box((30, 30, 30)),
+        position=[[5, 5, 5], [15, 15, 15], [25, 25, 25]],
+        shape_id=[0, 1, 0],
+        scale=[1.0, 2.0, 3.0],
+        unit="mm",
+    )
+    table = vg.describe(packing, ["volume", "surface_area", "longest_length", "elongation"])
+    assert set(table.data_vars) == {"volume", "surface_area", "longest_length", "elongation"}
+    assert table.sizes == {"grain": 3}
+    assert table["name"].values.tolist() == ["brick", "sphere", "brick"]
+    assert table.volume.values == pytest.approx([8, 4 / 3 * math.pi, 216])
+    assert table.surface_area.values == pytest.approx([28, 4 * math.pi, 252])
+    assert table.longest_length.values == pytest.approx([4, 2, 12])
+    assert [table[name].attrs["units"] for name in table.data_vars] == ["mm^3", "mm^2", "mm", "1"]
+
+
+def test_flat_and_open_shapes_have_what_is_defined():
+    flat = vg.describe(vg.make_shape("polygon", corners=4))
+    assert flat.sphericity.item() == pytest.approx(math.sqrt(math.pi) / 2)
+    assert flat.volume.attrs["units"] == flat.surface_area.attrs["units"] == "1"
+    assert math.isnan(flat.flatness.item())
+    sheet = vg.describe(vg.make_shape("sheet"))
+    assert all(math.isnan(sheet[name].item()) for name in ("sphericity", "convexity", "roundness"))
+    assert vg.describe([]).sizes == {"shape": 0}
+
+
+def test_wrong_calls_are_explained():
+    with pytest.raises(InputError, match="what is 3: it must be a packing, a shape"):
+        vg.describe(3)
+    with pytest.raises(UnknownNameError, match="did you mean 'sphericity'"):
+        vg.describe(vg.make_shape("box"), "sphericty")
+    shapes = [vg.make_shape("sphere").to_unit("mm"), vg.make_shape("sphere").to_unit("m")]
+    with pytest.raises(InputError, match="the shapes have the units m, mm"):
+        vg.describe(shapes)

@@ -1,0 +1,97 @@
+"""Command that makes shapes of a family: one into a file, or many into a folder with a table of their form."""
+
+import argparse
+import csv
+import io
+from pathlib import Path
+from typing import Any
+
+import voxgran
+from voxgran._base.config import parameters_of
+from voxgran._base.errors import InputError, OutputExistsError
+from voxgran._base.files import write_text
+from voxgran._base.progress import Step
+from voxgran.cli.terminal import progress, show
+from voxgran.report.clumps import check_picture_path
+from voxgran.shapes.formats.mesh_files import WRITERS
+
+#: name of the table in a folder of shapes
+TABLE = "shapes.csv"
+
+
+def shape(options: argparse.Namespace) -> None:
+    """Make one shape of a family, or many, and write them."""
+    from voxgran.shapes.family import families
+
+    names = [name for item in parameters_of(families().get(options.family).parameters) for name in item.names]
+    given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+    if options.gallery:
+        check_picture_path(options.gallery, overwrite=options.overwrite)
+    if options.count is not None:
+        _many(options, given)
+        return
+    made = voxgran.make_shape(options.family, seed=options.seed, **given)
+    if options.output:
+        voxgran.save_shape(made, options.output, overwrite=options.overwrite)
+    if options.gallery:
+        voxgran.save_gallery([made], options.gallery, overwrite=options.overwrite)
+    numbers = {name: getattr(made, name) for name in ("name", "volume", "surface_area", "diameter")}
+    show({**numbers, "faces": len(made.faces)}, options)
+
+
+def _many(options: argparse.Namespace, given: dict[str, Any]) -> None:
+    """Make many shapes; write each to a file of the folder, and the table of all."""
+    folder = None if options.output is None else _folder(options)
+    seeds = voxgran.seeds_of_shapes(options.seed, options.count)
+    shapes = []
+    with progress(options) as on_step:
+        for k, seed in enumerate(seeds):
+            if on_step is not None:
+                on_step(Step(stage="shapes", done=k, total=len(seeds), text=""))
+            shapes.append(voxgran.make_shape(options.family, seed=seed, **given))
+    form = voxgran.describe(shapes)
+    written = []
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        digits = len(str(options.count - 1))
+        files = [f"{options.family}_{k:0{digits}}.{options.format}" for k in range(len(shapes))]
+        for made, file in zip(shapes, files, strict=True):
+            voxgran.save_shape(made, folder / file, overwrite=options.overwrite)
+        columns = {"file": files, "seed": seeds, **{str(name): values.values for name, values in form.items()}}
+        write_text(folder / TABLE, _csv(columns), overwrite=options.overwrite)
+        written = [str(folder)]
+    if options.gallery and shapes:
+        voxgran.save_gallery(shapes, options.gallery, overwrite=options.overwrite)
+        written.append(str(options.gallery))
+    means = {f"mean_{name}": float(values.mean()) for name, values in form.items() if len(shapes)}
+    show({"shapes": len(shapes), **means}, options, ", ".join(written))
+
+
+def _folder(options: argparse.Namespace) -> Path:
+    """Return the folder for many shapes.
+
+    Raises
+    ------
+    InputError
+        If a file is named in its place.
+    OutputExistsError
+        If it holds something that is not to be replaced.
+    """
+    folder = Path(options.output)
+    if folder.suffix.lower() in WRITERS or folder.is_file():
+        raise InputError(
+            f"--output is {folder} and --count is {options.count}: many shapes are written to a folder; name one, and "
+            "the kind of files with --format"
+        )
+    if not options.overwrite and folder.is_dir() and any(folder.iterdir()):
+        raise OutputExistsError(f"{folder} is not empty: name another folder, or ask with --overwrite")
+    return folder
+
+
+def _csv(columns: dict[str, Any]) -> str:
+    """Return a table as text; numbers keep all digits."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(zip(*(map(str, values) for values in columns.values()), strict=True))
+    return text.getvalue()
