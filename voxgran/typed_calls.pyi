@@ -285,7 +285,14 @@ class SphereKeywords(MakeShapeKeywords, total=False):
 class SolidUnionKeywords(MakeShapeKeywords, total=False):
     solids: WholeRange | (Sequence[Whole] | NDArray[Any])
     kinds: Sequence[Kind] | NDArray[Any]
+    counts: Sequence[Whole | (Sequence[Whole] | NDArray[Any])] | NDArray[Any] | None
     lengths: Sequence[Number] | NDArray[Any]
+    box: Sequence[Number | (Sequence[Number] | NDArray[Any])] | NDArray[Any] | None
+    cylinder: Sequence[Number | (Sequence[Number] | NDArray[Any])] | NDArray[Any] | None
+    cone: Sequence[Number | (Sequence[Number] | NDArray[Any])] | NDArray[Any] | None
+    ellipsoid: Sequence[Number | (Sequence[Number] | NDArray[Any])] | NDArray[Any] | None
+    sphere: NumberRange | (Sequence[Number] | NDArray[Any]) | None
+    chord_error: NumberRange
     diameter: NumberRange | None
 
 class ShellKeywords(MakeShapeKeywords, total=False):

@@ -18,6 +18,40 @@ def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
 
     Four subdivisions of each triangle into four give 2562 vertices and 5120 faces.
     """
+    vertices, faces = _icosahedron()
+    for _ in range(subdivisions):
+        vertices, faces = _split(vertices, faces)
+    middles = vertices[faces].mean(axis=1)
+    return vertices, faces, float(1 - np.linalg.norm(middles, axis=1).min())
+
+
+def geodesic(frequency: int) -> tuple[Floats, Integers]:
+    """Return vertices and faces of an icosahedron whose edges are divided into `frequency` parts, on the unit sphere.
+
+    There are 20 frequency**2 faces. The points on an edge are equally spaced on its great circle; those inside a face
+    are interpolated likewise (spherical linear interpolation), which makes the faces nearly equal.
+    """
+    corners, triangles = _icosahedron()
+    i, j = np.nonzero(np.add.outer(np.arange(frequency + 1), np.arange(frequency + 1)) <= frequency)
+    weights = np.stack([frequency - i - j, i, j], axis=1)
+    angle = math.acos(1 / math.sqrt(5)) / frequency
+    points = np.einsum("pw,fwx->fpx", np.sin(weights * angle), corners[triangles]).reshape(-1, 3)
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    # a point has the same corners and weights in all faces that share it
+    code = np.where(weights > 0, triangles[:, None] * (frequency + 1) + weights, 0)
+    code = np.sort(code.reshape(-1, 3), axis=1) @ np.array([1, 13 * (frequency + 1), (13 * (frequency + 1)) ** 2])
+    _, first, index = np.unique(code, return_index=True, return_inverse=True)
+    number = np.full((frequency + 2, frequency + 2), -1)
+    number[i, j] = np.arange(len(i))
+    a, b, c, d = number[:-1, :-1], number[1:, :-1], number[:-1, 1:], number[1:, 1:]
+    parts = [np.stack(corner, axis=-1).reshape(-1, 3) for corner in ((a, b, c), (b, d, c))]
+    local = np.concatenate([part[(part >= 0).all(axis=1)] for part in parts])
+    faces = index.reshape(len(triangles), -1)[:, local].reshape(-1, 3)
+    return points[first], np.ascontiguousarray(faces, dtype=np.int64)
+
+
+def _icosahedron() -> tuple[Floats, Integers]:
+    """Return vertices (12, 3) and faces (20, 3) of the icosahedron in the unit sphere."""
     golden = (1 + math.sqrt(5)) / 2
     corners = [(-1, golden, 0), (1, golden, 0), (-1, -golden, 0), (1, -golden, 0)]
     vertices = np.array([np.roll(corner, shift) for shift in range(3) for corner in corners], dtype=float)
@@ -30,10 +64,7 @@ def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
     triangles = vertices[faces]
     inward = np.einsum("fi,fi->f", normals_of(triangles), triangles[:, 0]) < 0
     faces[inward] = faces[inward][:, ::-1]
-    for _ in range(subdivisions):
-        vertices, faces = _split(vertices, faces)
-    middles = vertices[faces].mean(axis=1)
-    return vertices, faces, float(1 - np.linalg.norm(middles, axis=1).min())
+    return vertices, faces
 
 
 def _split(vertices: Floats, faces: Integers) -> tuple[Floats, Integers]:

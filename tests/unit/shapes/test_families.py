@@ -5,13 +5,10 @@ import pytest
 
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError
-from voxgran._base.seeds import stream
 from voxgran.shapes.families.random.convex_polyhedron import ConvexPolyhedron
-from voxgran.shapes.families.random.solid_union import CORE, SolidUnion, _base_solid
 from voxgran.shapes.family import families, make_shape, make_shapes, seeds_of_shapes, shape_families
-from voxgran.shapes.repairing.diagnose import diagnose, refuse_dirty
+from voxgran.shapes.repairing.diagnose import refuse_dirty
 from voxgran.shapes.surface import refuse_unfit
-from voxgran.shapes.winding import winding_numbers
 
 NAMES = shape_families()
 
@@ -85,43 +82,6 @@ def test_convex_polyhedra_are_convex():
     assert len(make_shape("convex_polyhedron", points=4).faces) == 4
 
 
-@pytest.mark.parametrize("kind", ["box", "cylinder", "cone", "ellipsoid", "sphere"])
-def test_base_solids_hold_a_sphere_around_the_origin(kind):
-    generator = stream(7, kind)
-    parameters = SolidUnion(kinds=(kind,), lengths=(0.36, 1.0))
-    for _ in range(20):
-        vertices, faces = _base_solid(parameters, generator)
-        triangles = vertices[faces]
-        assert winding_numbers(triangles, np.zeros((1, 3)))[0] == pytest.approx(1.0)
-        a, b, c = np.moveaxis(triangles, 1, 0)
-        normals = np.cross(b - a, c - a)
-        depth = (np.einsum("fi,fi->f", normals, a) / np.linalg.norm(normals, axis=1)).min()
-        size = 0.36  # at least; the tessellation lies a little deeper
-        assert depth > 0.9 * CORE * size
-
-
-def test_unions_are_one_clean_solid():
-    for seed in range(25):
-        shape = make_shape("solid_union", seed=seed, solids=5)
-        found = diagnose(shape)
-        assert found.ok, (seed, found.sentences())
-        assert len(shape.faces) <= 3000
-        assert found.cavities == 0 or found.bodies == 1
-
-
-@pytest.mark.slow
-def test_many_unions_are_one_clean_solid():
-    for seed in range(200):
-        shape = make_shape("solid_union", seed=seed)
-        refuse_dirty(shape.vertices, shape.faces, f"seed {seed}")
-
-
-def test_union_of_one_box_is_a_box():
-    shape = make_shape("solid_union", seed=2, solids=1, kinds=["box"])
-    assert len(shape.faces) == 12
-    assert len(make_shape("solid_union", seed=2, solids=[2, 2], kinds=["sphere", "cone"]).faces) > 100
-
-
 BAD = [
     ("sphere", {"diameter": 0.0}, "diameter is 0.0"),
     ("sphere", {"diameter": "large"}, "it must be a number"),
@@ -150,7 +110,17 @@ BAD = [
     ("solid_union", {"solids": (4, 2)}, "solids is 2"),
     ("solid_union", {"kinds": []}, "kinds is empty"),
     ("solid_union", {"kinds": ["torus"]}, "torus"),
-    ("solid_union", {"lengths": (0.1, 1.0)}, "0.35 of the largest"),
+    ("solid_union", {"lengths": (0.01, 1.0)}, "lengths gives dimensions from 0.01 to 1.0: the smallest .* 0.02 of the"),
+    ("solid_union", {"box": (1.0, (0.01, 0.5), 1.0)}, "box gives dimensions from 0.01 to 1.0"),
+    ("solid_union", {"box": (1.0, 1.0)}, "list of 3"),
+    ("solid_union", {"cone": ((0.5, 0.4), 1.0)}, "cone is 0.5: it must be .* at most 0.4"),
+    ("solid_union", {"sphere": -1.0}, "sphere is -1.0"),
+    ("solid_union", {"chord_error": 0.0}, "chord_error is 0.0: it must be finite and at least 1e-05"),
+    ("solid_union", {"chord_error": 0.5}, "chord_error is 0.5: .* at most 0.1"),
+    ("solid_union", {"counts": (1, 2)}, "counts has 2 entries and kinds has 5"),
+    ("solid_union", {"counts": (0, 0, (0, 2), 0, 0)}, "counts may all be 0"),
+    ("solid_union", {"counts": (600, 0, 500, 0, 0)}, "sum of counts is 1100: it must be at most 1000"),
+    ("solid_union", {"counts": (1, 1, (2, 1), 0, 0)}, "counts is 1"),
     ("solid_union", {"lengths": (2.0, 1.0)}, "at most 1"),
     ("sheet", {"lengths": (1, 1), "aspect": (2, 1)}, "aspect and lengths are both given"),
     ("sheet", {"lengths": (1, 1), "diameter": 1.0}, "leave one out"),

@@ -2,7 +2,10 @@
 
 Each grain is the union of a few boxes, cylinders, cones, ellipsoids and spheres of random dimensions. Each base solid
 lies on a work plane of random orientation through the origin, with a random shift limited so that the solid contains a
-sphere of a tenth of its size around the origin. The union is therefore connected, and no two solids merely touch.
+sphere around the origin, of a quarter of the radius of its inscribed sphere. Each ray from the origin therefore leaves
+the union once: it is of one piece, without cavities, and no two solids merely touch.
+
+Round base solids have flat facets, as much outside as inside, so that their volume is exact.
 
 References
 ----------
@@ -10,29 +13,44 @@ Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes 
 Discontinuous Materials: random shapes as unions of base solids on work planes of random orientation
 """
 
+import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
-from voxgran._base.config import parameter
+from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import random_rotations, rotation_matrices
+from voxgran._base.rotation import random_rotations
 from voxgran.shapes.boolean import united
-from voxgran.shapes.family import ShapeFamily
+from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.generating.facets import faceted
+from voxgran.shapes.generating.star import is_star_shaped
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.tessellate import revolved, sphere, unit_box
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.repairing.diagnose import merged, refuse_dirty
 
+N = TypeVar("N", int, float)
 Kind = Literal["box", "cylinder", "cone", "ellipsoid", "sphere"]
 
-#: radius of the sphere around the origin that each base solid contains, as a fraction of its size
-CORE = 0.1
+#: radius of the sphere around the origin that each base solid contains, in radii of its inscribed sphere
+CORE = 0.25
 #: largest number of base solids of a grain
 MOST_SOLIDS = 1000
-#: number of subdivisions of the icosahedron, and number of sides of cylinders and cones
-SUBDIVISIONS, SIDES = 2, 48
+#: smallest ratio of two dimensions of a base solid
+THINNEST = 0.02
+#: largest error of the facets of a base solid, however small it is
+COARSEST = 0.1
+#: names of the dimensions that are drawn for each kind
+DRAWN: dict[Kind, tuple[str, ...]] = {
+    "box": ("length x", "length y", "length z"),
+    "cylinder": ("diameter", "height"),
+    "cone": ("diameter", "height"),
+    "ellipsoid": ("axis x", "axis y", "axis z"),
+    "sphere": ("diameter",),
+}
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -42,7 +60,7 @@ class SolidUnion:
     Raises
     ------
     InputError
-        If a number is out of range.
+        If a number is out of range, or `counts` does not fit `kinds` or is given beside `solids`.
     """
 
     solids: int | tuple[int, int] = parameter(
@@ -51,92 +69,171 @@ class SolidUnion:
     kinds: tuple[Kind, ...] = parameter(
         ("box", "cylinder", "cone", "ellipsoid", "sphere"), doc="kinds of base solids to draw from"
     )
+    counts: tuple[int | tuple[int, int], ...] | None = parameter(
+        None, doc="numbers of base solids of each of `kinds`, or ranges to draw them from; in place of `solids`"
+    )
     lengths: tuple[float, float] = parameter(
         (0.4, 1.0), doc="range of each dimension of a base solid, before scaling to diameter"
     )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
+    box: tuple[float | tuple[float, float], float | tuple[float, float], float | tuple[float, float]] | None = (
+        parameter(None, doc="edges of boxes, each a number or a range; default: lengths")
+    )
+    cylinder: tuple[float | tuple[float, float], float | tuple[float, float]] | None = parameter(
+        None, doc="diameter and height of cylinders, each a number or a range; default: lengths"
+    )
+    cone: tuple[float | tuple[float, float], float | tuple[float, float]] | None = parameter(
+        None, doc="diameter and height of cones, each a number or a range; default: lengths"
+    )
+    ellipsoid: tuple[float | tuple[float, float], float | tuple[float, float], float | tuple[float, float]] | None = (
+        parameter(None, doc="axes of ellipsoids from end to end, each a number or a range; default: lengths")
+    )
+    sphere: float | tuple[float, float] | None = parameter(
+        None, doc="diameter of spheres, a number or a range; default: lengths"
+    )
+    chord_error: float = parameter(
+        2e-3,
+        doc="volume between round base solids and their flat facets, relative to their volume",
+        at_least=1e-5,
+        at_most=COARSEST,
+    )
+    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        low, high = self.solids if isinstance(self.solids, tuple) else (self.solids, self.solids)
-        as_count(high, "solids", at_least=as_count(low, "solids", at_least=1), at_most=MOST_SOLIDS)
+        check_bounds(self)
         if not self.kinds:
             raise InputError("kinds is empty: at least one kind of base solid is needed; name one")
-        least, most = self.lengths
-        as_number(least, "lengths", above=0.0, at_most=as_positive(most, "lengths"))
-        if least < 0.35 * most:
+        low, high = _ends(self.solids)
+        as_count(high, "solids", at_least=as_count(low, "solids", at_least=1), at_most=MOST_SOLIDS)
+        if self.counts is not None:
+            self._check_counts(self.counts)
+        for kind in self.kinds:
+            self._check_ranges(kind)
+
+    def ranges(self, kind: Kind) -> list[tuple[float, float]]:
+        """Return the ranges of the dimensions that are drawn for a kind."""
+        given = getattr(self, kind)
+        if given is None:
+            return [self.lengths] * len(DRAWN[kind])
+        return [_ends(item) for item in ((given,) if kind == "sphere" else given)]
+
+    def _check_counts(self, counts: tuple[int | tuple[int, int], ...]) -> None:
+        """Check the numbers of solids of each kind."""
+        if self.solids != type(self).__dataclass_fields__["solids"].default:
+            raise InputError("counts and solids are both given: each is the number of base solids; leave one out")
+        if len(counts) != len(self.kinds):
             raise InputError(
-                f"lengths are {least} to {most}: the smallest must be at least 0.35 of the largest, so that each solid "
-                "holds a sphere around the origin; move them together"
+                f"counts has {len(counts)} entries and kinds has {len(self.kinds)}: give a number for each of "
+                f"{', '.join(self.kinds)}"
             )
-        if self.diameter is not None:
-            as_positive(self.diameter, "diameter")
+        ends = [_ends(item) for item in counts]
+        for low, high in ends:
+            as_count(high, "counts", at_least=as_count(low, "counts"), at_most=MOST_SOLIDS)
+        if not sum(low for low, _ in ends):
+            raise InputError("counts may all be 0: a union needs at least one base solid; raise one of them")
+        as_count(sum(high for _, high in ends), "sum of counts", at_most=MOST_SOLIDS)
+
+    def _check_ranges(self, kind: Kind) -> None:
+        """Check the ranges of the dimensions of a kind."""
+        name = "lengths" if getattr(self, kind) is None else kind
+        ranges = self.ranges(kind)
+        for least, most in ranges:
+            as_number(least, name, above=0.0, at_most=as_positive(most, name))
+        least, most = min(low for low, _ in ranges), max(high for _, high in ranges)
+        if len(ranges) > 1 and least < THINNEST * most:
+            raise InputError(
+                f"{name} gives dimensions from {least} to {most}: the smallest must be at least {THINNEST} of the "
+                "largest; move them together"
+            )
+
+
+@dataclass(frozen=True)
+class BaseSolid:
+    """A base solid of a union, and the (3,) position of its centroid; it contains the origin."""
+
+    solid: Primitive
+    position: Floats
 
 
 def make(parameters: SolidUnion, generator: np.random.Generator) -> Shape:
     """Return a random union."""
-    solids = parameters.solids
-    low, high = solids if isinstance(solids, tuple) else (solids, solids)
-    count = int(generator.integers(low, high, endpoint=True))
-    vertices, faces = united([_base_solid(parameters, generator) for _ in range(count)])
-    raw = Shape.from_mesh(vertices, faces, name="solid_union")
-    factor = (parameters.diameter or 1.0) / raw.diameter
-    return Shape.of(Mesh(raw.vertices * factor, raw.faces.copy()), name="solid_union")
+    vertices, faces = union_of(base_solids(parameters, generator), parameters.chord_error)
+    return sized(Mesh(vertices, faces), parameters.diameter, name="solid_union")
 
 
-def _base_solid(parameters: SolidUnion, generator: np.random.Generator) -> tuple[Floats, Integers]:
-    """Return vertices and faces of one random base solid that contains the origin."""
-    kind = parameters.kinds[int(generator.integers(len(parameters.kinds)))]
-    least, most = parameters.lengths
-    x, y, z = (float(value) for value in least + (most - least) * generator.random(3))
-    lengths = {
-        "box": (x, y, z),
-        "ellipsoid": (x, y, z),
-        "sphere": (x, x, x),
-        "cylinder": (x, x, z),
-        "cone": (x, x, z),
-    }[kind]
-    extents = np.array(lengths)
-    vertices, faces = _unit_solid(kind)
-    shift = _origin(kind, extents, generator)
-    turn = rotation_matrices(random_rotations(generator, 1))[0]
-    return (vertices * extents - shift) @ turn.T, faces
-
-
-def _unit_solid(kind: Kind) -> tuple[Floats, Integers]:
-    """Return a base solid of unit extents, centered at the middle of its bounding box."""
-    if kind == "box":
-        vertices, faces, _ = unit_box()
-    elif kind == "cylinder":
-        vertices, faces, _ = revolved([(-0.5, 0.5), (0.5, 0.5)], sides=SIDES)
-    elif kind == "cone":
-        vertices, faces, _ = revolved([(-0.5, 0.5), (0.5, 0.0)], sides=SIDES)
-    else:
-        vertices, faces, _ = sphere(SUBDIVISIONS)
-        vertices = vertices / 2
+def union_of(solids: list[BaseSolid], error: float) -> tuple[Floats, Integers]:
+    """Return vertices and faces of the union, whose surface is about as near to the true one everywhere."""
+    largest = max(base.solid.volume for base in solids)
+    meshes = []
+    for base in solids:
+        own = error * math.cbrt(largest / base.solid.volume)
+        vertices, faces = faceted(base.solid, min(own, COARSEST))
+        meshes.append((vertices + base.position, faces))
+    vertices, faces = merged(*united(meshes))
+    if not is_star_shaped(vertices, faces, np.zeros(3)):
+        refuse_dirty(vertices, faces, "solid_union")
     return vertices, faces
 
 
-def _origin(kind: Kind, extents: Floats, generator: np.random.Generator) -> Floats:
-    """Return a random point of a base solid at a depth of at least CORE times its size."""
-    while True:
-        point = (generator.random(3) - 0.5) * extents
-        if _depth(kind, point, extents) >= CORE * extents.max():
-            return point
+def base_solids(parameters: SolidUnion, generator: np.random.Generator) -> list[BaseSolid]:
+    """Draw the base solids of a union."""
+    kinds: list[Kind]
+    if parameters.counts is None:
+        number = int(generator.integers(*_ends(parameters.solids), endpoint=True))
+        kinds = [parameters.kinds[k] for k in generator.integers(len(parameters.kinds), size=number)]
+    else:
+        numbers = [int(generator.integers(*_ends(item), endpoint=True)) for item in parameters.counts]
+        kinds = [kind for kind, number in zip(parameters.kinds, numbers, strict=True) for _ in range(number)]
+    return [_base_solid(kind, parameters.ranges(kind), generator) for kind in kinds]
 
 
-def _depth(kind: Kind, point: Floats, extents: Floats) -> float:
-    """Return a lower bound of the depth of a point below the surface of a base solid."""
-    half = extents / 2
-    flat = float(np.hypot(point[0], point[1]))
-    if kind == "box":
-        return float((half - np.abs(point)).min())
-    if kind == "cylinder":
-        return float(min(half[0] - flat, half[2] - abs(point[2])))
-    if kind == "cone":
-        side = (half[0] * (half[2] - point[2]) - extents[2] * flat) / np.hypot(half[0], extents[2])
-        return float(min(side, point[2] + half[2]))
-    return float(half.min() * (1.0 - np.linalg.norm(point / half)))
+def _base_solid(kind: Kind, ranges: list[tuple[float, float]], generator: np.random.Generator) -> BaseSolid:
+    """Draw dimensions, orientation and position of one base solid."""
+    lengths = [float(low + (high - low) * generator.random()) for low, high in ranges]
+    halves = tuple(length / 2 for length in lengths)
+    dimensions = {
+        "box": tuple(lengths),
+        "cylinder": (halves[0], lengths[-1]),
+        "cone": (halves[0], lengths[-1]),
+        "ellipsoid": halves,
+        "sphere": halves,
+    }[kind]
+    w, x, y, z = (float(value) for value in random_rotations(generator, 1)[0])
+    solid = Primitive(kind, dimensions, (w, x, y, z))
+    # by convexity the point is at least as deep as the core
+    point = CORE * _deepest(solid) + (1.0 - CORE) * _inside(solid, generator)
+    return BaseSolid(solid, -(solid.matrix @ point))
+
+
+def _deepest(solid: Primitive) -> Floats:
+    """Return the center of an inscribed sphere, in the frame of the solid before rotation."""
+    if solid.kind != "cone":
+        return np.zeros(3)
+    radius, height = solid.dimensions
+    return np.array([0.0, 0.0, radius * height / (radius + math.hypot(radius, height)) - height / 4])
+
+
+def _inside(solid: Primitive, generator: np.random.Generator) -> Floats:
+    """Return a random point of a solid, uniform in its volume, in its frame before rotation."""
+    d = solid.dimensions
+    u, v, w = (float(value) for value in generator.random(3))
+    if solid.kind == "box":
+        return (np.array([u, v, w]) - 0.5) * d
+    turn = 2 * math.pi * w
+    if solid.kind in ("sphere", "ellipsoid"):
+        z, far = 2 * u - 1, math.cbrt(v)
+        flat = math.sqrt(1 - z * z)
+        return far * np.array([flat * math.cos(turn), flat * math.sin(turn), z]) * d
+    flat, z = d[0] * math.sqrt(u), (v - 0.5) * d[1]
+    if solid.kind == "cone":
+        below = math.cbrt(v)
+        flat, z = flat * below, (0.75 - below) * d[1]
+    return np.array([flat * math.cos(turn), flat * math.sin(turn), z])
+
+
+def _ends(value: N | tuple[N, N]) -> tuple[N, N]:
+    """Return the ends of a range; those of a number are equal to it."""
+    return value if isinstance(value, tuple) else (value, value)
 
 
 registration = ShapeFamily(
