@@ -12,7 +12,7 @@ from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodie
 from voxgran.shapes.formats.sphere_files import write_spheres
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import MassProperties, Spheres
-from voxgran.shapes.thumbnail import card, picture
+from voxgran.shapes.thumbnail import card, portrait
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -254,14 +254,6 @@ class Clump:
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""
         solid = self.to_shape()
-        image = picture(
-            [solid.vertices[solid.faces]],
-            np.zeros(1, int),
-            np.eye(3)[None],
-            np.zeros((1, 3)),
-            np.array([2 * solid.bounding_radius]),
-            flat=False,
-        )
         errors = self.errors
         rows = {
             "clump": f"{self.count} spheres of {self.shape.name} ({self.method or 'given'})",
@@ -270,4 +262,4 @@ class Clump:
             "error of the inertia tensor": f"{errors.inertia:.2%}",
             "largest distance of the surfaces": f"{errors.surface_max:.3g} equivalent diameters",
         }
-        return card(image, rows)
+        return card(portrait(solid.vertices[solid.faces], solid.bounding_radius), rows)

@@ -17,8 +17,8 @@ from voxgran.clumps.method import clump_registry
 from voxgran.clumps.stand_in import record_of
 from voxgran.shapes.family import families, make_shape, make_shapes
 from voxgran.shapes.files import shape_of_file
+from voxgran.shapes.generating.ranges import drawn
 from voxgran.shapes.model import Shape
-from voxgran.shapes.ranges import drawn
 from voxgran.shapes.repairing.diagnose import Remedies
 
 #: keys of a [[shape]] from a file, and of any

@@ -13,10 +13,10 @@ from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.registry import Registry
 from voxgran._base.seeds import stream
+from voxgran.shapes.generating.ranges import drawn
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Geometry, Shape
 from voxgran.shapes.primitive import Kind, Primitive
-from voxgran.shapes.ranges import drawn
 from voxgran.shapes.surface import Surface
 
 
@@ -199,8 +199,8 @@ def _check_numbers(value: Any, name: str) -> None:
         check_lengths(value, name)
 
 
-def sized(geometry: Geometry, diameter: float | None, *, name: str) -> Shape:
-    """Return the shape of a geometry scaled to an equivalent diameter; None stands for 1.
+def sized(geometry: Geometry, diameter: float | None, *, name: str, record: Mapping[str, Any] | None = None) -> Shape:
+    """Return the shape of a geometry scaled to an equivalent diameter; None stands for 1. The record is kept as it is.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def sized(geometry: Geometry, diameter: float | None, *, name: str) -> Shape:
     if diameter is not None:
         as_positive(diameter, "diameter")
     raw = Shape.of(geometry, name=name)
-    shape = Shape.of(geometry.scaled((diameter or 1.0) / raw.diameter), name=name)
+    shape = Shape.of(geometry.scaled((diameter or 1.0) / raw.diameter), name=name, record=record)
     # a second step removes the rounding error of the first, if possible
     exact = (diameter or 1.0) / shape.diameter
     return shape if isinstance(geometry, Mesh | Surface) or exact == 1.0 else shape.scaled(exact)

@@ -2,8 +2,8 @@
 
 import hashlib
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -18,13 +18,14 @@ from voxgran._base.rotation import rotation_matrices
 from voxgran._base.scalars import cube_root
 from voxgran._base.tree import TriangleTree, grow_tree
 from voxgran._base.units import as_unit, stated_unit, unit_factor
+from voxgran.shapes.generating.record import Record
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_dirty
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface, refuse_unfit
-from voxgran.shapes.thumbnail import card, picture
+from voxgran.shapes.thumbnail import card, portrait
 
 Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline | Surface
 
@@ -43,24 +44,33 @@ class Shape:
         Centroid in the coordinates that the shape was made from.
     unit : str or None
         Unit of lengths, if known.
+    record : mapping
+        What the generator notes about the shape, such as the dimension of a sponge: plain values and arrays by name. It
+        is no part of equality and `key`, and shapes that are rotated or scaled keep it as it is.
 
     Raises
     ------
     UnknownNameError
         If the unit is unknown; the message gives the nearest one.
+    InputError
+        If the record holds something else.
     """
 
     geometry: Geometry
     name: str = "shape"
     offset: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0))
     unit: str | None = None
+    record: Mapping[str, Any] = field(default_factory=Record, kw_only=True)
 
     def __post_init__(self) -> None:
-        """Normalize the unit."""
+        """Normalize the unit and copy the record."""
         object.__setattr__(self, "unit", stated_unit(self.unit))
+        object.__setattr__(self, "record", Record(self.record))
 
     @classmethod
-    def of(cls, geometry: Geometry, *, name: str, unit: str | None = None) -> "Shape":
+    def of(
+        cls, geometry: Geometry, *, name: str, unit: str | None = None, record: Mapping[str, Any] | None = None
+    ) -> "Shape":
         """Return the shape of a geometry in any frame, translated to its centroid.
 
         Parameters
@@ -71,12 +81,14 @@ class Shape:
             Name in reports.
         unit : str, optional
             Unit of lengths.
+        record : mapping, optional
+            What its generator notes about it.
         """
         center = np.asarray(geometry.centroid, dtype=np.float64)
         if not isinstance(geometry, Primitive) and center.any():
             geometry = geometry.moved(-center)
         x, y, z = (float(value) for value in center)
-        return cls(geometry, name, (x, y, z), unit)
+        return cls(geometry, name, (x, y, z), unit, record=record or {})
 
     @classmethod
     def from_mesh(
@@ -169,9 +181,6 @@ class Shape:
         """Small picture and numbers, for notebooks."""
         kind = str(getattr(self.geometry, "kind", type(self.geometry).__name__.lower()))
         flat, unit = self.dimension == 2, f" {self.unit}" if self.unit else ""
-        size = np.array([2 * self.bounding_radius])
-        triangles = [self.vertices[self.faces]]
-        image = picture(triangles, np.zeros(1, int), np.eye(3)[None], np.zeros((1, 3)), size, flat=flat)
         rows = {
             "shape": f"{self.name} ({kind})",
             "equivalent diameter": f"{self.diameter:.6g}{unit}",
@@ -179,7 +188,7 @@ class Shape:
             "perimeter" if flat else "surface area": f"{self.surface_area:.6g}",
             "faces": f"{len(self.faces)}, at most {self.tessellation_error:.2g} from the true surface",
         }
-        return card(image, rows)
+        return card(portrait(self.vertices[self.faces], self.bounding_radius, flat=flat), rows)
 
     @property
     def dimension(self) -> int:
@@ -247,18 +256,7 @@ class Shape:
     @cached_property
     def bounds(self) -> Floats:
         """Lower and upper corner of the true shape in its body frame, (2, 3)."""
-        geometry = self.geometry
-        if isinstance(geometry, Primitive):
-            ends = geometry.support(np.vstack([-np.eye(3), np.eye(3)]))
-            return read_only(np.array([ends[:3].diagonal(), ends[3:].diagonal()]))
-        low = high = self.vertices
-        if isinstance(geometry, Spheres):
-            low, high = (geometry.centers + side * geometry.radii[:, None] for side in (-1, 1))
-        elif isinstance(geometry, Outline) and geometry.kind == "disk":
-            low, high = (
-                np.array([[*geometry.center, 0.0]]) + side * geometry.radius * np.array([1, 1, 0]) for side in (-1, 1)
-            )
-        return read_only(np.array([low.min(axis=0), high.max(axis=0)]))
+        return read_only(np.array(self.geometry.bounds))
 
     @cached_property
     def bounding_radius(self) -> float:
@@ -366,7 +364,7 @@ class Shape:
             If `quaternion` is not a unit quaternion.
         """
         matrix = rotation_matrices(as_quaternions(np.asarray(quaternion)[None], "quaternion"))[0]
-        return Shape(self.geometry.rotated(matrix), self.name, self.offset, self.unit)
+        return replace(self, geometry=self.geometry.rotated(matrix))
 
     def scaled(self, factor: float) -> "Shape":
         """Return the shape with all lengths multiplied by a factor above 0.
@@ -376,7 +374,7 @@ class Shape:
         InputError
             If the factor is not a finite number above 0.
         """
-        return Shape(self.geometry.scaled(as_positive(factor, "factor")), self.name, self.offset, self.unit)
+        return replace(self, geometry=self.geometry.scaled(as_positive(factor, "factor")))
 
     def to_unit(self, unit: str) -> "Shape":
         """Return the same shape with its lengths in another unit; lengths without a unit are not converted.
@@ -397,7 +395,7 @@ class Shape:
         factor = 1.0 if self.unit is None else unit_factor(self.unit, target)
         geometry = self.geometry if factor == 1.0 else self.geometry.scaled(factor)
         x, y, z = (value * factor for value in self.offset)
-        return Shape(geometry, self.name, (x, y, z), target)
+        return replace(self, geometry=geometry, offset=(x, y, z), unit=target)
 
     def to_pyvista(self) -> Any:
         """Return the tessellation as a `pyvista.PolyData`.

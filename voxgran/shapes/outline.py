@@ -69,6 +69,13 @@ class Outline(Moments):
             return math.hypot(*self.center) + self.radius
         return float(np.linalg.norm(self.vertices, axis=1).max())
 
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner, in the plane z = 0."""
+        corners, radius = (np.array([self.center]), self.radius) if self.kind == "disk" else (self.vertices, 0.0)
+        low, high = corners.min(axis=0) - radius, corners.max(axis=0) + radius
+        return np.append(low, 0.0), np.append(high, 0.0)
+
     @cached_property
     def _moments(self) -> tuple[float, Floats, Floats]:
         """Area, centroid and inertia; a polygon is a sum of triangles with one of its corners (Green's theorem)."""

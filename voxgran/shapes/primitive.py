@@ -122,6 +122,12 @@ class Primitive:
             return math.hypot(d[0], d[1] / 2)
         return max(0.75 * d[1], math.hypot(d[0], d[1] / 4))
 
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner."""
+        ends = self.support(np.vstack([-np.eye(3), np.eye(3)]))
+        return ends[:3].diagonal(), ends[3:].diagonal()
+
     def support(self, directions: Floats) -> Floats:
         """Return the (n, 3) support points of the solid along (n, 3) directions."""
         return self._body_support(directions @ self.matrix) @ self.matrix.T

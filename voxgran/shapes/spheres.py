@@ -165,6 +165,12 @@ class Spheres(Moments):
         """Largest distance of a point of the union from the origin of the frame."""
         return float((np.linalg.norm(self.centers, axis=1) + self.radii).max())
 
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner."""
+        reach = self.radii[:, None]
+        return (self.centers - reach).min(axis=0), (self.centers + reach).max(axis=0)
+
     @cached_property
     def _union(self) -> tuple[float, Floats, Floats, float]:
         """Volume, centroid, inertia and area of the union; a central point preserves digits far from the origin."""

@@ -74,6 +74,12 @@ def picture(
     return _drawn(np.concatenate(points), np.concatenate(normals), colors[np.concatenate(owner)], flat=flat)
 
 
+def portrait(triangles: Floats, radius: float, *, flat: bool = False) -> Image:
+    """Draw one body, the triangles (m, 3, 3) of which lie within a radius of the origin."""
+    size = np.array([2 * radius])
+    return picture([triangles], np.zeros(1, int), np.eye(3)[None], np.zeros((1, 3)), size, flat=flat)
+
+
 def _icosahedron() -> Floats:
     """Return the triangles of a regular icosahedron of diameter 1, (20, 3, 3)."""
     golden = (1 + np.sqrt(5)) / 2

@@ -59,6 +59,11 @@ class Triangles:
         """Largest distance of a vertex from the origin of the frame."""
         return float(np.sqrt((self.vertices**2).sum(axis=1).max()))
 
+    @property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Lower and upper corner."""
+        return self.vertices.min(axis=0), self.vertices.max(axis=0)
+
     @cached_property
     def areas(self) -> Floats:
         """Areas of the triangles, (m,)."""

@@ -1,10 +1,13 @@
 """What a shape answers itself: points inside, distances, bounds, voxels and pictures."""
 
+import pickle
+
 import numpy as np
 import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError
+from voxgran.shapes.family import sized
 
 SOLIDS = ["sphere", "ellipsoid", "box", "cylinder", "cone", "platonic", "solid_union"]
 
@@ -59,3 +62,33 @@ def test_it_gives_voxels_and_a_picture(monkeypatch):
     picture = np.asarray(shape.plot())
     assert picture.shape == (900, 900, 3)
     assert len(np.unique(picture)) > 20
+
+
+def test_a_shape_keeps_its_record():
+    record = {"dimension": 2.7268, "heights": np.arange(4), "seeds": [1, 2]}
+    shape = vg.Shape.of(vg.make_shape("box").geometry, name="box", unit="m", record=record)
+    record["heights"][0] = 9
+    assert shape == vg.make_shape("box")
+    assert hash(shape) == hash(vg.make_shape("box"))
+    quarter = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
+    for kept in (
+        shape,
+        shape.rotated(quarter),
+        shape.scaled(2.0),
+        shape.to_unit("mm"),
+        pickle.loads(pickle.dumps(shape)),
+    ):
+        assert len(kept.record) == 3
+        assert list(kept.record) == ["dimension", "heights", "seeds"]
+        assert kept.record["heights"].tolist() == [0, 1, 2, 3]
+        assert kept.record["seeds"] == (1, 2)
+        assert not kept.record["heights"].flags.writeable
+    assert sized(shape.geometry, 2.0, name="box", record=record).record["dimension"] == 2.7268
+    assert not vg.make_shape("box").record
+    assert "dimension=2.7268" in repr(shape.record)
+
+
+@pytest.mark.parametrize("record", [{1: 2.0}, {"a": object()}, {"a": np.array(["b"])}])
+def test_a_record_holds_plain_values_and_arrays(record):
+    with pytest.raises(InputError, match="record"):
+        vg.Shape.of(vg.make_shape("box").geometry, name="box", record=record)

@@ -1,1 +1,1 @@
-"""What several families of shapes share."""
+"""What several families of shapes share, and what a generator notes about a shape."""
