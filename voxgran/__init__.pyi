@@ -73,6 +73,7 @@ from voxgran.shapes.family import seeds_of_shapes as seeds_of_shapes
 from voxgran.shapes.family import shape_families as shape_families
 from voxgran.shapes.files import load_shape as load_shape
 from voxgran.shapes.files import save_shape as save_shape
+from voxgran.shapes.generating.inflation import spherize as spherize
 from voxgran.shapes.images.image_files import load_image as load_image
 from voxgran.shapes.images.labels import label_table as label_table
 from voxgran.shapes.images.labels import load_labels as load_labels

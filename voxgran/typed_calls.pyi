@@ -278,6 +278,26 @@ def pack(
 class MakeShapeKeywords(TypedDict, total=False):
     seed: Whole
 
+class SuperspherizeKeywords(MakeShapeKeywords, total=False):
+    base: str | Shape | Mapping[str, Any]
+    inflations: WholeRange
+    amounts: NumberRange | (Sequence[Number] | NDArray[Any])
+    radii: NumberRange | (Sequence[Number] | NDArray[Any])
+    half_angles: NumberRange | (Sequence[Number] | NDArray[Any])
+    spread: NumberRange
+    longest_edge: NumberRange
+    diameter: NumberRange | None
+
+class SphereAssemblyKeywords(MakeShapeKeywords, total=False):
+    base: str | Shape | Mapping[str, Any]
+    arrangement: Literal["voxels", "tetrahedra"]
+    spacing: NumberRange
+    probability: NumberRange
+    radii: NumberRange | (Sequence[Number] | NDArray[Any])
+    overlap: NumberRange
+    isolated: Literal["connect", "remove"]
+    diameter: NumberRange | None
+
 class SphereKeywords(MakeShapeKeywords, total=False):
     diameter: NumberRange | None
     radius: NumberRange | None
@@ -380,6 +400,10 @@ def make_shape(family: Literal["solid_union"], **keywords: Unpack[SolidUnionKeyw
 @overload
 def make_shape(family: Literal["sphere"], **keywords: Unpack[SphereKeywords]) -> Shape: ...
 @overload
+def make_shape(family: Literal["sphere_assembly"], **keywords: Unpack[SphereAssemblyKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["superspherize"], **keywords: Unpack[SuperspherizeKeywords]) -> Shape: ...
+@overload
 def make_shape(family: str | Parameters, **keywords: Unpack[MakeShapeKeywords]) -> Shape: ...
 @overload
 def make_shapes(family: Literal["box"], *, count: Whole, **keywords: Unpack[BoxKeywords]) -> list[Shape]: ...
@@ -415,6 +439,14 @@ def make_shapes(
 ) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["sphere"], *, count: Whole, **keywords: Unpack[SphereKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["sphere_assembly"], *, count: Whole, **keywords: Unpack[SphereAssemblyKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["superspherize"], *, count: Whole, **keywords: Unpack[SuperspherizeKeywords]
+) -> list[Shape]: ...
 @overload
 def make_shapes(family: str | Parameters, *, count: Whole, **keywords: Unpack[MakeShapeKeywords]) -> list[Shape]: ...
 

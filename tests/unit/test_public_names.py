@@ -22,7 +22,7 @@ PACKAGE = Path(vg.__file__).parent
 NAMESPACES = [vg.containers, vg.clumps, vg.methods, vg.families]
 SHAPES_HEAD = '''"""Functions that make shapes, one for each family of `voxgran.shapes.families`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from numpy.typing import NDArray

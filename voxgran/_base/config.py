@@ -83,6 +83,12 @@ def parameters_of(cls: type) -> tuple[Parameter, ...]:
     )
 
 
+def is_parameter_class(kind: Any) -> bool:
+    """Return whether a type is a parameter class: a dataclass whose fields are made by :func:`parameter`."""
+    fields = dataclasses.fields(kind) if isinstance(kind, type) and dataclasses.is_dataclass(kind) else ()
+    return any("doc" in field.metadata for field in fields)
+
+
 def check_bounds(instance: Any, *, of: str = "") -> None:
     """Check the parameters of an object against their bounds, in the ``__post_init__`` of its class.
 
@@ -154,8 +160,8 @@ def to_mapping(instance: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Turn tuples into lists and nested parameter objects into dicts."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+    """Turn tuples into lists and nested parameter objects into dicts; objects of other classes stay as they are."""
+    if is_parameter_class(type(value)):
         return to_mapping(value)
     if isinstance(value, tuple | list):
         return [_plain(item) for item in value]
@@ -181,11 +187,13 @@ def _convert(value: Any, wanted: Any, where: str) -> Any:
             return tuple(_convert(item, arguments[0], where) for item in value)
         if len(value) == len(arguments):
             return tuple(_convert(item, kind, where) for item, kind in zip(value, arguments, strict=True))
-    if dataclasses.is_dataclass(wanted) and isinstance(wanted, type):
+    if is_parameter_class(wanted):
         if isinstance(value, wanted):
             return value
         if isinstance(value, Mapping):
             return from_mapping(wanted, value, where)
+    if origin is Mapping and isinstance(value, Mapping):
+        return dict(value)
     if origin is None and (found := _plain_value(value, wanted)) is not None:
         return found
     raise InputError(f"{where} is {shown(value)}: it must be {_describe(wanted)}")
@@ -193,7 +201,7 @@ def _convert(value: Any, wanted: Any, where: str) -> Any:
 
 def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
     """Return the value as the first kind that takes it; a mapping as the parameter class among them."""
-    classes = [kind for kind in kinds if dataclasses.is_dataclass(kind)]
+    classes = [kind for kind in kinds if is_parameter_class(kind)]
     if isinstance(value, Mapping) and len(classes) == 1:
         return _convert(value, classes[0], where)
     for kind in kinds:
@@ -236,7 +244,9 @@ def _describe(wanted: Any) -> str:
         if arguments[-1] is Ellipsis:
             return f"a list, each entry {_describe(arguments[0])}"
         return f"a list of {len(arguments)}, each entry {_describe(arguments[0])}"
-    if dataclasses.is_dataclass(wanted):
+    if origin is Mapping:
+        return "a table"
+    if is_parameter_class(wanted):
         entries = dataclasses.fields(wanted)
         example = {field.name: field.default for field in entries if field.default is not MISSING}
         return f"a table of {' and '.join(field.name for field in entries)}" + (

@@ -1,6 +1,6 @@
 """Functions that make shapes, one for each family of `voxgran.shapes.families`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 from numpy.typing import NDArray
@@ -88,3 +88,27 @@ def solid_union(
     seed: Whole = 0,
 ) -> Shape: ...
 def sphere(*, diameter: NumberRange | None = None, radius: NumberRange | None = None) -> Shape: ...
+def sphere_assembly(
+    *,
+    base: str | Shape | Mapping[str, Any] = "solid_union",
+    arrangement: Literal["voxels", "tetrahedra"] = "voxels",
+    spacing: NumberRange = 0.15,
+    probability: NumberRange = 0.7,
+    radii: NumberRange | (Sequence[Number] | NDArray[Any]) = (0.6, 0.9),
+    overlap: NumberRange = 0.2,
+    isolated: Literal["connect", "remove"] = "connect",
+    diameter: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
+def superspherize(
+    *,
+    base: str | Shape | Mapping[str, Any] = "convex_polyhedron",
+    inflations: WholeRange = 4,
+    amounts: NumberRange | (Sequence[Number] | NDArray[Any]) = (0.5, 1.0),
+    radii: NumberRange | (Sequence[Number] | NDArray[Any]) = (0.4, 0.65),
+    half_angles: NumberRange | (Sequence[Number] | NDArray[Any]) = (40.0, 110.0),
+    spread: NumberRange = 0.5,
+    longest_edge: NumberRange = 0.08,
+    diameter: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...

@@ -2,6 +2,8 @@ from voxgran.shapes.families.outlines.disk import Disk as Disk
 from voxgran.shapes.families.outlines.polygon import Polygon as Polygon
 from voxgran.shapes.families.random.convex_polyhedron import ConvexPolyhedron as ConvexPolyhedron
 from voxgran.shapes.families.random.solid_union import SolidUnion as SolidUnion
+from voxgran.shapes.families.random.sphere_assembly import SphereAssembly as SphereAssembly
+from voxgran.shapes.families.random.superspherize import Superspherize as Superspherize
 from voxgran.shapes.families.regular.box import Box as Box
 from voxgran.shapes.families.regular.cone import Cone as Cone
 from voxgran.shapes.families.regular.cylinder import Cylinder as Cylinder
