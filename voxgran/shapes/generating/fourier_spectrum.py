@@ -1,7 +1,7 @@
 """Spectra of Fourier descriptors of outlines of grains, from a few key descriptors.
 
-A radius ``r(t) = r0 (1 + sum of A_n cos(n t) + B_n sin(n t))`` has the descriptors ``D_n = sqrt(A_n^2 + B_n^2)``. D_2 is
-the elongation, D_3 to D_7 make the main irregularities, and D_8 and above the roughness. D_1 is 0.
+A radius ``r(t) = r0 (1 + sum of A_n cos(n t) + B_n sin(n t))`` has the descriptors ``D_n = sqrt(A_n^2 + B_n^2)``. D_2
+is the elongation, D_3 to D_7 make the main irregularities, and D_8 and above the roughness. D_1 is 0.
 """
 
 from dataclasses import dataclass

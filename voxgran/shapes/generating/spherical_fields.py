@@ -1,7 +1,7 @@
 """Fields on the sphere as sums of real spherical harmonics, and random ones of given section spectra.
 
-The harmonics are Schmidt semi-normalized: those of degree l add up to ``sum of S_lm(u) S_lm(v) = P_l(u . v)``, so that a
-field whose coefficients of degree l are independent with variance c_l has the covariance ``sum c_l P_l(u . v)``.
+The harmonics are Schmidt semi-normalized: those of degree l add up to ``sum of S_lm(u) S_lm(v) = P_l(u . v)``, so that
+a field whose coefficients of degree l are independent with variance c_l has the covariance ``sum c_l P_l(u . v)``.
 """
 
 import numpy as np

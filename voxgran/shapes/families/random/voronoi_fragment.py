@@ -70,7 +70,7 @@ class VoronoiFragment:
         refuse_both(self.diameter, (("lengths", self.lengths),), aspect=self.aspect)
         if self.cell is not None:
             as_count(self.cell, "cell", at_most=self.seeds - 1)
-        side = round(self.seeds ** (1 / 3))
+        side = max(2, round(self.seeds ** (1 / 3)))
         if self.process == "jittered" and side**3 != self.seeds:
             raise InputError(
                 f"seeds is {self.seeds}: jittered seeds lie about the points of a cubic lattice; give {side**3}"
