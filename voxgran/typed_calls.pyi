@@ -18,7 +18,9 @@ from voxgran.containers.model import Container
 from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Lid, Settling, Shaking
+from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind
+from voxgran.shapes.generating.regular_solids import PlatonicSolid
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws import SizeDistribution
 from voxgran.voxels.model import Voxels
@@ -278,6 +280,23 @@ def pack(
 class MakeShapeKeywords(TypedDict, total=False):
     seed: Whole
 
+class VoronoiFragmentKeywords(MakeShapeKeywords, total=False):
+    seeds: WholeRange
+    process: Literal["random", "jittered"]
+    jitter: NumberRange
+    boundary: Literal["periodic", "reflected"]
+    aspect: Sequence[Number] | NDArray[Any] | None
+    cell: WholeRange | None
+    diameter: NumberRange | None
+    lengths: Sequence[Number] | NDArray[Any] | None
+
+class TorusKeywords(MakeShapeKeywords, total=False):
+    aspect: NumberRange | None
+    diameter: NumberRange | None
+    major_radius: NumberRange | None
+    minor_radius: NumberRange | None
+    tolerance: NumberRange
+
 class SuperspherizeKeywords(MakeShapeKeywords, total=False):
     base: str | Shape | Mapping[str, Any]
     inflations: WholeRange
@@ -287,6 +306,21 @@ class SuperspherizeKeywords(MakeShapeKeywords, total=False):
     spread: NumberRange
     longest_edge: NumberRange
     diameter: NumberRange | None
+
+class SuperquadricKeywords(MakeShapeKeywords, total=False):
+    e1: NumberRange
+    e2: NumberRange
+    aspect: Sequence[Number] | NDArray[Any] | None
+    diameter: NumberRange | None
+    semi_axes: Sequence[Number] | NDArray[Any] | None
+    tolerance: NumberRange
+
+class SpherocylinderKeywords(MakeShapeKeywords, total=False):
+    aspect: NumberRange | None
+    diameter: NumberRange | None
+    radius: NumberRange | None
+    height: NumberRange | None
+    tolerance: NumberRange
 
 class SphereAssemblyKeywords(MakeShapeKeywords, total=False):
     base: str | Shape | Mapping[str, Any]
@@ -332,6 +366,15 @@ class RandomSurfaceKeywords(MakeShapeKeywords, total=False):
     max_frequency: NumberRange
     diameter: NumberRange | None
 
+class PolyhedronKeywords(MakeShapeKeywords, total=False):
+    solid: Solid
+    points: WholeRange | (Sequence[Whole] | NDArray[Any]) | None
+    aspect: Sequence[Number] | NDArray[Any]
+    mirror: bool
+    rounding: NumberRange
+    tolerance: NumberRange
+    diameter: NumberRange | None
+
 class PolygonKeywords(MakeShapeKeywords, total=False):
     corners: WholeRange | None
     stretch: NumberRange | None
@@ -339,7 +382,26 @@ class PolygonKeywords(MakeShapeKeywords, total=False):
     vertices: Sequence[Sequence[Number] | NDArray[Any]] | NDArray[Any] | None
 
 class PlatonicKeywords(MakeShapeKeywords, total=False):
-    solid: Literal["tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"]
+    solid: PlatonicSolid
+    diameter: NumberRange | None
+
+class MollonZhao2dKeywords(MakeShapeKeywords, total=False):
+    d_2: NumberRange
+    d_3: NumberRange
+    d_8: NumberRange
+    alpha: NumberRange
+    beta: NumberRange
+    harmonics: WholeRange
+    diameter: NumberRange | None
+
+class MollonZhaoKeywords(MakeShapeKeywords, total=False):
+    d_2: NumberRange
+    d_3: NumberRange
+    d_8: NumberRange
+    alpha: NumberRange
+    beta: NumberRange
+    harmonics: WholeRange
+    subdivisions: WholeRange
     diameter: NumberRange | None
 
 class EllipsoidKeywords(MakeShapeKeywords, total=False):
@@ -386,9 +448,15 @@ def make_shape(family: Literal["disk"], **keywords: Unpack[DiskKeywords]) -> Sha
 @overload
 def make_shape(family: Literal["ellipsoid"], **keywords: Unpack[EllipsoidKeywords]) -> Shape: ...
 @overload
+def make_shape(family: Literal["mollon_zhao"], **keywords: Unpack[MollonZhaoKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["mollon_zhao_2d"], **keywords: Unpack[MollonZhao2dKeywords]) -> Shape: ...
+@overload
 def make_shape(family: Literal["platonic"], **keywords: Unpack[PlatonicKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["polygon"], **keywords: Unpack[PolygonKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["polyhedron"], **keywords: Unpack[PolyhedronKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["random_surface"], **keywords: Unpack[RandomSurfaceKeywords]) -> Shape: ...
 @overload
@@ -402,7 +470,15 @@ def make_shape(family: Literal["sphere"], **keywords: Unpack[SphereKeywords]) ->
 @overload
 def make_shape(family: Literal["sphere_assembly"], **keywords: Unpack[SphereAssemblyKeywords]) -> Shape: ...
 @overload
+def make_shape(family: Literal["spherocylinder"], **keywords: Unpack[SpherocylinderKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["superquadric"], **keywords: Unpack[SuperquadricKeywords]) -> Shape: ...
+@overload
 def make_shape(family: Literal["superspherize"], **keywords: Unpack[SuperspherizeKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["torus"], **keywords: Unpack[TorusKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["voronoi_fragment"], **keywords: Unpack[VoronoiFragmentKeywords]) -> Shape: ...
 @overload
 def make_shape(family: str | Parameters, **keywords: Unpack[MakeShapeKeywords]) -> Shape: ...
 @overload
@@ -422,9 +498,21 @@ def make_shapes(
     family: Literal["ellipsoid"], *, count: Whole, **keywords: Unpack[EllipsoidKeywords]
 ) -> list[Shape]: ...
 @overload
+def make_shapes(
+    family: Literal["mollon_zhao"], *, count: Whole, **keywords: Unpack[MollonZhaoKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["mollon_zhao_2d"], *, count: Whole, **keywords: Unpack[MollonZhao2dKeywords]
+) -> list[Shape]: ...
+@overload
 def make_shapes(family: Literal["platonic"], *, count: Whole, **keywords: Unpack[PlatonicKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["polygon"], *, count: Whole, **keywords: Unpack[PolygonKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["polyhedron"], *, count: Whole, **keywords: Unpack[PolyhedronKeywords]
+) -> list[Shape]: ...
 @overload
 def make_shapes(
     family: Literal["random_surface"], *, count: Whole, **keywords: Unpack[RandomSurfaceKeywords]
@@ -445,7 +533,21 @@ def make_shapes(
 ) -> list[Shape]: ...
 @overload
 def make_shapes(
+    family: Literal["spherocylinder"], *, count: Whole, **keywords: Unpack[SpherocylinderKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["superquadric"], *, count: Whole, **keywords: Unpack[SuperquadricKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(
     family: Literal["superspherize"], *, count: Whole, **keywords: Unpack[SuperspherizeKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["torus"], *, count: Whole, **keywords: Unpack[TorusKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["voronoi_fragment"], *, count: Whole, **keywords: Unpack[VoronoiFragmentKeywords]
 ) -> list[Shape]: ...
 @overload
 def make_shapes(family: str | Parameters, *, count: Whole, **keywords: Unpack[MakeShapeKeywords]) -> list[Shape]: ...

@@ -27,7 +27,9 @@ from typing import Any, Literal
 
 from numpy.typing import NDArray
 
+from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind
+from voxgran.shapes.generating.regular_solids import PlatonicSolid
 from voxgran.shapes.model import Shape as Shape
 from voxgran.typed_calls import Number, NumberRange, Whole, WholeRange
 
@@ -52,7 +54,9 @@ from voxgran.containers.model import Container
 from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Lid, Settling, Shaking
+from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind
+from voxgran.shapes.generating.regular_solids import PlatonicSolid
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws import SizeDistribution
 from voxgran.voxels.model import Voxels

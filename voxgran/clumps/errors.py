@@ -12,6 +12,7 @@ from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.tessellate import sphere_points
 from voxgran.voxels.closed_form import spheres_bits
 from voxgran.voxels.occupy import occupied
 
@@ -111,18 +112,11 @@ def _exposed_points(spheres: Spheres) -> Floats:
     # so many that about as many remain as there are on the solid
     count = min(SURFACE_POINTS * float(areas.sum()) / spheres.surface_area, MOST_POINTS)
     counts = np.ceil(count * areas / areas.sum()).astype(np.int64)
-    rim = np.concatenate([c + r * _spiral(n) for c, r, n in zip(spheres.centers, spheres.radii, counts, strict=True)])
+    each = zip(spheres.centers, spheres.radii, counts, strict=True)
+    rim = np.concatenate([center + radius * sphere_points(number) for center, radius, number in each])
     return rim[_bare(rim, spheres)]
 
 
 def _bare(points: Floats, spheres: Spheres) -> Booleans:
     """Return which points on the spheres lie in no other sphere."""
     return union_gaps(points, spheres.centers, spheres.radii)[0] >= -1e-9 * float(spheres.radii.max())
-
-
-def _spiral(count: int) -> Floats:
-    """Return points spread evenly over the unit sphere along a Fibonacci spiral."""
-    k = np.arange(count) + 0.5
-    z, angle = 1 - 2 * k / count, np.pi * (1 + np.sqrt(5)) * k
-    flat = np.sqrt(1 - z * z)
-    return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])

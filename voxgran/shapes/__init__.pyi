@@ -5,7 +5,9 @@ from typing import Any, Literal
 
 from numpy.typing import NDArray
 
+from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind
+from voxgran.shapes.generating.regular_solids import PlatonicSolid
 from voxgran.shapes.model import Shape as Shape
 from voxgran.typed_calls import Number, NumberRange, Whole, WholeRange
 
@@ -43,17 +45,47 @@ def ellipsoid(
     diameter: NumberRange | None = None,
     semi_axes: Sequence[Number] | NDArray[Any] | None = None,
 ) -> Shape: ...
-def platonic(
+def mollon_zhao(
     *,
-    solid: Literal["tetrahedron", "cube", "octahedron", "dodecahedron", "icosahedron"] = "icosahedron",
+    d_2: NumberRange = 0.1,
+    d_3: NumberRange = 0.1,
+    d_8: NumberRange = 0.015,
+    alpha: NumberRange = -2.0,
+    beta: NumberRange = -2.0,
+    harmonics: WholeRange = 32,
+    subdivisions: WholeRange = 4,
     diameter: NumberRange | None = None,
+    seed: Whole = 0,
 ) -> Shape: ...
+def mollon_zhao_2d(
+    *,
+    d_2: NumberRange = 0.1,
+    d_3: NumberRange = 0.1,
+    d_8: NumberRange = 0.015,
+    alpha: NumberRange = -2.0,
+    beta: NumberRange = -2.0,
+    harmonics: WholeRange = 32,
+    diameter: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
+def platonic(*, solid: PlatonicSolid = "icosahedron", diameter: NumberRange | None = None) -> Shape: ...
 def polygon(
     *,
     corners: WholeRange | None = None,
     stretch: NumberRange | None = None,
     diameter: NumberRange | None = None,
     vertices: Sequence[Sequence[Number] | NDArray[Any]] | NDArray[Any] | None = None,
+) -> Shape: ...
+def polyhedron(
+    *,
+    solid: Solid = "random",
+    points: WholeRange | (Sequence[Whole] | NDArray[Any]) | None = None,
+    aspect: Sequence[Number] | NDArray[Any] = (1.0, 1.0, 1.0),
+    mirror: bool = False,
+    rounding: NumberRange = 0.0,
+    tolerance: NumberRange = 0.002,
+    diameter: NumberRange | None = None,
+    seed: Whole = 0,
 ) -> Shape: ...
 def random_surface(
     *,
@@ -100,6 +132,23 @@ def sphere_assembly(
     diameter: NumberRange | None = None,
     seed: Whole = 0,
 ) -> Shape: ...
+def spherocylinder(
+    *,
+    aspect: NumberRange | None = None,
+    diameter: NumberRange | None = None,
+    radius: NumberRange | None = None,
+    height: NumberRange | None = None,
+    tolerance: NumberRange = 0.002,
+) -> Shape: ...
+def superquadric(
+    *,
+    e1: NumberRange = 0.5,
+    e2: NumberRange = 0.5,
+    aspect: Sequence[Number] | NDArray[Any] | None = None,
+    diameter: NumberRange | None = None,
+    semi_axes: Sequence[Number] | NDArray[Any] | None = None,
+    tolerance: NumberRange = 0.002,
+) -> Shape: ...
 def superspherize(
     *,
     base: str | Shape | Mapping[str, Any] = "convex_polyhedron",
@@ -110,5 +159,25 @@ def superspherize(
     spread: NumberRange = 0.5,
     longest_edge: NumberRange = 0.08,
     diameter: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
+def torus(
+    *,
+    aspect: NumberRange | None = None,
+    diameter: NumberRange | None = None,
+    major_radius: NumberRange | None = None,
+    minor_radius: NumberRange | None = None,
+    tolerance: NumberRange = 0.002,
+) -> Shape: ...
+def voronoi_fragment(
+    *,
+    seeds: WholeRange = 64,
+    process: Literal["random", "jittered"] = "random",
+    jitter: NumberRange = 1.0,
+    boundary: Literal["periodic", "reflected"] = "periodic",
+    aspect: Sequence[Number] | NDArray[Any] | None = None,
+    cell: WholeRange | None = None,
+    diameter: NumberRange | None = None,
+    lengths: Sequence[Number] | NDArray[Any] | None = None,
     seed: Whole = 0,
 ) -> Shape: ...

@@ -67,6 +67,14 @@ def _icosahedron() -> tuple[Floats, Integers]:
     return vertices, faces
 
 
+def sphere_points(count: int) -> Floats:
+    """Return points (count, 3) spread evenly over the unit sphere along a Fibonacci spiral."""
+    k = np.arange(count) + 0.5
+    z, angle = 1 - 2 * k / count, np.pi * (1 + np.sqrt(5)) * k
+    flat = np.sqrt(1 - z * z)
+    return np.column_stack([flat * np.cos(angle), flat * np.sin(angle), z])
+
+
 def _split(vertices: Floats, faces: Integers) -> tuple[Floats, Integers]:
     """Divide each triangle into four and project the new vertices onto the unit sphere."""
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
@@ -93,12 +101,25 @@ def revolved(profile: Sequence[tuple[float, float]], *, sides: int = SIDES) -> t
     The profile is a list of z and radius from bottom to top; radius 0 is a point on the axis.
     """
     angles = 2 * np.pi * np.arange(sides) / sides
+    vertices, faces = spherical_product(profile, [(math.cos(angle), math.sin(angle)) for angle in angles])
+    return vertices, faces, max(radius for _, radius in profile) * (1 - math.cos(math.pi / sides))
+
+
+def spherical_product(
+    profile: Sequence[tuple[float, float]], section: Sequence[tuple[float, float]]
+) -> tuple[Floats, Integers]:
+    """Return vertices and faces of the solid whose section at the height z is a polygon about the axis, scaled.
+
+    The profile is a list of z and scale from bottom to top; scale 0 is a point on the axis. All quadrilaterals between
+    two levels are plane, and the solid is convex where the polygon and the profile are.
+    """
+    sides = len(section)
     rings: list[Integers] = []
     vertices: list[tuple[float, float, float]] = []
     for z, radius in profile:
         count = sides if radius > 0 else 1
         rings.append(np.arange(count) + len(vertices))
-        vertices += [(radius * math.cos(angle), radius * math.sin(angle), z) for angle in angles[:count]]
+        vertices += [(radius * x, radius * y, z) for x, y in section[:count]]
     faces: list[tuple[int, int, int]] = []
     for below, above in itertools.pairwise(rings):
         for k in range(sides):
@@ -108,5 +129,4 @@ def revolved(profile: Sequence[tuple[float, float]], *, sides: int = SIDES) -> t
     for ring, upward in ((rings[0], False), (rings[-1], True)):
         for k in range(1, len(ring) - 1):
             faces.append((ring[0], ring[k], ring[k + 1]) if upward else (ring[0], ring[k + 1], ring[k]))
-    error = max(radius for _, radius in profile) * (1 - math.cos(math.pi / sides))
-    return np.array(vertices, dtype=float), np.array(faces, dtype=np.int64), error
+    return np.array(vertices, dtype=float), np.array(faces, dtype=np.int64)

@@ -1,20 +1,19 @@
 """Convex polyhedra: convex hulls of random points on a sphere, the simplest model of crushed rock.
 
 Few points give angular grains, many points give nearly round ones. Stretching along the axes gives plates and needles.
+The family `polyhedron` has rounded ones, and regular polyhedra, beside them.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_count, as_positive
+from voxgran._base.arrays import as_count, as_positive
 from voxgran._base.config import parameter
 from voxgran.shapes.family import ShapeFamily, sized
+from voxgran.shapes.generating.hulls import MOST_POINTS, points_on_sphere
 from voxgran.shapes.mesh import hull_of
 from voxgran.shapes.model import Shape
-
-#: largest number of points of a hull
-MOST_POINTS = 100_000
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -32,15 +31,7 @@ def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:
     """Return a random polyhedron."""
     count = as_count(parameters.points, "points", at_least=4, at_most=MOST_POINTS)
     factors = np.array([as_positive(value, "aspect") for value in parameters.aspect])
-    return sized(hull_of(_on_sphere(count, generator) * factors), parameters.diameter, name="convex_polyhedron")
-
-
-def _on_sphere(count: int, generator: np.random.Generator) -> Floats:
-    """Return random points on the unit sphere, uniformly distributed over its area."""
-    z = 2.0 * generator.random(count) - 1.0
-    turn = 2.0 * np.pi * generator.random(count)
-    flat = np.sqrt(1.0 - z * z)
-    return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+    return sized(hull_of(points_on_sphere(count, generator) * factors), parameters.diameter, name="convex_polyhedron")
 
 
 registration = ShapeFamily(

@@ -1,0 +1,133 @@
+"""Superquadrics, spherocylinders and tori against their closed formulas."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+import voxgran as vg
+from voxgran.shapes.families.regular.spherocylinder import volume_of as capsule_volume
+from voxgran.shapes.families.regular.superquadric import volume_of
+from voxgran.shapes.repairing.diagnose import diagnose, refuse_dirty
+
+AXES = (1.0, 2.0, 0.4)
+EXPONENTS = [(1, 1), (0.5, 0.5), (0.02, 0.02), (0.1, 1), (1, 0.1), (2, 2), (0.1, 2), (2, 0.1), (3, 1), (1, 3), (4, 4)]
+
+
+def _crowded(share, e):
+    """Return angles whose points have coordinates in equal steps near the axes."""
+    with np.errstate(over="ignore"):
+        return np.arctan(np.tan(share * np.pi / 2) ** (1 / e))
+
+
+def on_superquadric(e1, e2, count):
+    """Return points on a superquadric by the two angles of Barr, crowded where the surface bends."""
+    u, v = (share.ravel() for share in np.meshgrid(np.linspace(0, 1, count), np.linspace(0, 1, count)))
+    powers = []
+    for share, e in ((u, e1), (v, e2)):
+        # half of the points in equal steps of the angle, half in steps of the coordinate
+        angle = np.where(np.arange(len(share)) % 2, share * np.pi / 2, _crowded(share, e))
+        powers.append((np.cos(angle) ** e, np.sin(angle) ** e))
+    (c1, s1), (c2, s2) = powers
+    return np.column_stack([c1 * c2, c1 * s2, s1]) * AXES
+
+
+def test_volume_of_superquadrics():
+    one = np.ones(3)
+    assert volume_of(1, 1, one) == pytest.approx(4 / 3 * math.pi)
+    assert volume_of(2, 2, one) == pytest.approx(4 / 3)  # octahedron
+    assert volume_of(2, 1, one) == pytest.approx(2 / 3 * math.pi)  # double cone
+    assert volume_of(1e-6, 1, one) == pytest.approx(2 * math.pi, rel=1e-5)  # cylinder
+    assert volume_of(1e-6, 1e-6, one) == pytest.approx(8, rel=1e-5)  # box
+    assert volume_of(0.7, 1.6, np.array(AXES)) == pytest.approx(0.8 * volume_of(0.7, 1.6, one))
+    # by counting points of a fine lattice in the first octant
+    x = (np.arange(200) + 0.5) / 200
+    flat = (x[:, None] ** (2 / 1.6) + x ** (2 / 1.6)) ** (1.6 / 0.7)
+    inside = (flat[:, :, None] + x ** (2 / 0.7) <= 1).mean()
+    assert volume_of(0.7, 1.6, one) == pytest.approx(8 * inside, rel=2e-3)
+
+
+@pytest.mark.parametrize(("e1", "e2"), EXPONENTS)
+def test_superquadric_meshes_are_within_the_tolerance(e1, e2):
+    true = volume_of(e1, e2, np.array(AXES))
+    misses = []
+    for tolerance in (0.02, 0.005):
+        shape = vg.make_shape("superquadric", e1=e1, e2=e2, semi_axes=AXES, tolerance=tolerance)
+        refuse_dirty(shape.vertices, shape.faces, str((e1, e2)))
+        x, y, z = np.where(np.abs(shape.vertices) < 1e-12, 0.0, np.abs(shape.vertices / AXES)).T
+        gauge = ((x ** (2 / e2) + y ** (2 / e2)) ** (e2 / e1) + z ** (2 / e1)) ** (e1 / 2)
+        assert gauge == pytest.approx(1, abs=1e-13)
+        size = (6 / math.pi * true) ** (1 / 3)
+        away = np.abs(shape.signed_distance(on_superquadric(e1, e2, 30)))
+        assert away.max() < tolerance * size
+        if max(e1, e2) <= 2:
+            assert ConvexHull(shape.vertices).volume == pytest.approx(shape.volume, rel=1e-12)
+            assert shape.volume < true * (1 + 1e-14)
+        misses.append(abs(shape.volume / true - 1))
+        assert misses[-1] < tolerance * size * shape.surface_area / true
+    assert (e1, e2) in ((2, 2), (0.02, 0.02)) or misses[1] < 0.6 * misses[0]
+
+
+def test_superquadrics_between_known_solids():
+    ball = vg.make_shape("superquadric", e1=1, e2=1, diameter=2)
+    assert np.linalg.norm(ball.vertices, axis=1) == pytest.approx(1, rel=2e-3)
+    box = vg.make_shape("superquadric", e1=0.02, e2=0.02, semi_axes=(1, 2, 3), tolerance=1e-3)
+    assert box.volume == pytest.approx(48, rel=5e-3)
+    octahedron = vg.make_shape("superquadric", e1=2, e2=2, semi_axes=(1, 2, 3))
+    assert octahedron.volume == pytest.approx(8, rel=1e-14)
+    assert np.ptp(vg.make_shape("superquadric", aspect=(1, 2, 3)).vertices, axis=0) @ [6, -3, 0] == pytest.approx(0)
+
+
+def test_spherocylinders():
+    misses = []
+    for tolerance in (0.01, 0.0025):
+        shape = vg.make_shape("spherocylinder", radius=0.5, height=3, tolerance=tolerance)
+        true = capsule_volume(0.5, 3)
+        assert true == pytest.approx(math.pi * 0.25 * 2 + math.pi / 6)
+        axis = np.clip(shape.vertices[:, 2], -1, 1)[:, None] * [0, 0, 1]
+        assert np.linalg.norm(shape.vertices - axis, axis=1) == pytest.approx(0.5, rel=1e-14)
+        middles = shape.vertices[shape.faces].mean(axis=1)
+        middles -= np.clip(middles[:, 2], -1, 1)[:, None] * [0, 0, 1]
+        assert np.linalg.norm(middles, axis=1).min() > 0.5 - tolerance * shape.diameter
+        assert ConvexHull(shape.vertices).volume == pytest.approx(shape.volume, rel=1e-12)
+        refuse_dirty(shape.vertices, shape.faces, "spherocylinder")
+        misses.append(1 - shape.volume / true)
+    assert 0 < misses[1] < 0.4 * misses[0]
+    assert shape.surface_area == pytest.approx(2 * math.pi * 0.5 * 3, rel=5e-3)
+    assert np.ptp(shape.vertices, axis=0) == pytest.approx([1, 1, 3])
+
+
+def test_spherocylinders_of_a_ratio():
+    shape = vg.make_shape("spherocylinder", aspect=4)
+    assert np.ptp(shape.vertices, axis=0)[2] / np.ptp(shape.vertices, axis=0)[0] == pytest.approx(4)
+    ball = vg.make_shape("spherocylinder", aspect=1)
+    assert np.linalg.norm(ball.vertices, axis=1) == pytest.approx(0.5, rel=3e-3)
+    assert np.ptp(np.linalg.norm(ball.vertices, axis=1)) < 1e-14
+
+
+@pytest.mark.parametrize(("major", "minor"), [(1.0, 0.4), (2.0, 0.1), (1.0, 0.99)])
+def test_tori(major, minor):
+    volume, area = 2 * math.pi**2 * major * minor**2, 4 * math.pi**2 * major * minor
+    misses = []
+    for tolerance in (0.01, 0.0025):
+        shape = vg.make_shape("torus", major_radius=major, minor_radius=minor, tolerance=tolerance)
+        x, y, z = shape.vertices.T
+        assert np.hypot(np.hypot(x, y) - major, z) == pytest.approx(minor, rel=1e-13)
+        x, y, z = shape.vertices[shape.faces].mean(axis=1).T
+        inside = np.hypot(np.hypot(x, y) - major, z)
+        assert np.abs(inside - minor).max() < tolerance * shape.diameter
+        # a ring of n sides whose section is a polygon of m sides, exactly
+        m = np.count_nonzero(np.abs(np.arctan2(shape.vertices[:, 1], shape.vertices[:, 0])) < 1e-12)
+        n = len(shape.vertices) // m
+        section = m / 2 * minor**2 * math.sin(2 * math.pi / m)
+        assert shape.volume == pytest.approx(n * math.sin(2 * math.pi / n) * major * section, rel=1e-12)
+        misses.append([1 - shape.volume / volume, 1 - shape.surface_area / area])
+    assert (np.array(misses) > 0).all()
+    assert (np.array(misses[1]) < 0.4 * np.array(misses[0])).all()
+    # one closed surface with one hole
+    edges = len(shape.faces) * 3 // 2
+    assert len(shape.vertices) - edges + len(shape.faces) == 0
+    assert diagnose(shape).ok
+    assert not shape.contains([[0.0, 0.0, 0.0]])[0]
+    assert shape.contains([[major, 0.0, 0.0]])[0]

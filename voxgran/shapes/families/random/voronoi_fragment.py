@@ -1,0 +1,109 @@
+"""Fragments of crushed rock: cells of the Voronoi tessellation of random seeds in a box.
+
+All cells of one tessellation fill the box. With `lengths` a fragment keeps its size, so that ``cell=0`` to
+``cell=seeds - 1`` of one seed are the pieces of one rock; `offset` of each shape is its place in the box.
+
+References
+----------
+Okabe, Boots, Sugihara & Chiu 2000, Spatial Tessellations, doi:10.1002/9780470317013: Voronoi cells of random seeds
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_choice, as_count
+from voxgran._base.config import check_bounds, parameter
+from voxgran._base.errors import InputError
+from voxgran.shapes.family import ShapeFamily, refuse_both, sized
+from voxgran.shapes.generating.voronoi import voronoi_cell
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+
+#: largest number of seeds
+MOST_SEEDS = 100_000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VoronoiFragment:
+    """Parameters of a Voronoi fragment.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, a choice is not known, or the size is given twice.
+    """
+
+    seeds: int = parameter(
+        64, doc="number of seeds in the box, which is that of the cells", at_least=2, at_most=MOST_SEEDS
+    )
+    process: Literal["random", "jittered"] = parameter(
+        "random", doc="seeds at independent random points, as in a Poisson process, or jittered about a cubic lattice"
+    )
+    jitter: float = parameter(
+        1.0,
+        doc="edge of the cube in which each seed of a jittered lattice lies, in lattice spacings; 0 makes cubes",
+        at_least=0.0,
+        at_most=1.0,
+    )
+    boundary: Literal["periodic", "reflected"] = parameter(
+        "periodic", doc="whether the box is periodic, or its faces bound the cells"
+    )
+    aspect: tuple[float, float, float] | None = parameter(
+        None, doc="factors by which the cells are stretched along x, y and z; default: (1, 1, 1)", above=0.0
+    )
+    cell: int | None = parameter(None, doc="which cell, from 0; default: a random one", at_least=0)
+    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
+    lengths: tuple[float, float, float] | None = parameter(
+        None,
+        doc="edge lengths of the box, in which the fragment keeps its size; replace diameter and aspect",
+        unit="length",
+        above=0.0,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        check_bounds(self)
+        as_choice(self.process, "process", ("random", "jittered"))
+        as_choice(self.boundary, "boundary", ("periodic", "reflected"))
+        refuse_both(self.diameter, (("lengths", self.lengths),), aspect=self.aspect)
+        if self.cell is not None:
+            as_count(self.cell, "cell", at_most=self.seeds - 1)
+        side = max(2, round(self.seeds ** (1 / 3)))
+        if self.process == "jittered" and side**3 != self.seeds:
+            raise InputError(
+                f"seeds is {self.seeds}: jittered seeds lie about the points of a cubic lattice; give {side**3}"
+            )
+
+
+def make(parameters: VoronoiFragment, generator: np.random.Generator) -> Shape:
+    """Return one cell of the tessellation."""
+    lengths = np.array(parameters.lengths or (1.0, 1.0, 1.0))
+    seeds = _seeds(parameters, generator) * lengths
+    drawn = int(generator.integers(parameters.seeds))
+    solid = voronoi_cell(seeds, drawn if parameters.cell is None else parameters.cell, lengths, parameters.boundary)
+    if parameters.lengths is not None:
+        return Shape.of(solid, name="voronoi_fragment")
+    stretched = Mesh(solid.vertices * np.array(parameters.aspect or (1.0, 1.0, 1.0)), solid.faces)
+    return sized(stretched, parameters.diameter, name="voronoi_fragment")
+
+
+def _seeds(parameters: VoronoiFragment, generator: np.random.Generator) -> Floats:
+    """Return the seeds (n, 3) in the unit cube."""
+    places = generator.random((parameters.seeds, 3))
+    if parameters.process == "random":
+        return places
+    side = round(parameters.seeds ** (1 / 3))
+    lattice = np.indices((side, side, side)).reshape(3, -1).T
+    return np.asarray((lattice + 0.5 + parameters.jitter * (places - 0.5)) / side)
+
+
+registration = ShapeFamily(
+    name="voronoi_fragment",
+    summary="fragment of crushed rock: cell of the Voronoi tessellation of random seeds",
+    parameters=VoronoiFragment,
+    make=make,
+    source="Okabe, Boots, Sugihara & Chiu 2000, Spatial Tessellations, doi:10.1002/9780470317013",
+    random=True,
+)

@@ -1,0 +1,69 @@
+"""Fields on the sphere as sums of real spherical harmonics, and random ones of given section spectra.
+
+The harmonics are Schmidt semi-normalized: those of degree l add up to ``sum of S_lm(u) S_lm(v) = P_l(u . v)``, so that
+a field whose coefficients of degree l are independent with variance c_l has the covariance ``sum c_l P_l(u . v)``.
+"""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+
+
+def field_values(cosines: Floats, sines: Floats, directions: Floats) -> Floats:
+    """Return the values (n,) of a field at (n, 3) unit vectors.
+
+    `cosines` and `sines` (degree, order) are the coefficients of the harmonics with the factors cos(m t) and sin(m t)
+    of the azimuth t; entries whose order is above the degree are not used, and sines of order 0 neither.
+    """
+    degrees = len(cosines)
+    x, y, z = directions.T
+    flat = np.hypot(x, y)
+    # cos(m t) and sin(m t) are the parts of the powers of x + i y on the unit circle; on the axis t is 0
+    unit = np.where(flat > 0, (x + 1j * y) / np.where(flat > 0, flat, 1.0), 1.0)
+    total, turn, first = np.zeros(len(z)), np.ones(len(z), dtype=np.complex128), np.ones(len(z))
+    for m in range(degrees):
+        if m:
+            turn = turn * unit
+            first = first * flat * (1.0 if m == 1 else np.sqrt((2 * m - 1) / (2 * m)))
+        older, old = np.zeros(len(z)), first
+        cosine, sine = cosines[m, m] * first, sines[m, m] * first
+        for degree in range(m + 1, degrees):
+            back = np.sqrt((degree - 1) ** 2 - m * m) if degree > m + 1 else 0.0
+            new = ((2 * degree - 1) * z * old - back * older) / np.sqrt(degree * degree - m * m)
+            cosine += cosines[degree, m] * new
+            sine += sines[degree, m] * new
+            older, old = old, new
+        total += cosine * turn.real + (sine * turn.imag if m else 0.0)
+    return total
+
+
+def random_coefficients(variances: Floats, generator: np.random.Generator) -> tuple[Floats, Floats]:
+    """Return normally distributed coefficients of a field, (degree, order) each, with a variance for each degree."""
+    cosines, sines = generator.standard_normal((2, len(variances), len(variances))) * np.sqrt(variances)[:, None]
+    return cosines, sines
+
+
+def section_table(degrees: int) -> Floats:
+    """Return the parts (n, l) of cos(n t) in ``P_l(cos t)``, for n and l below the number of degrees.
+
+    They are products of the coefficients of ``(1 - x)^(-1/2)`` (Laplace; DLMF 18.5.11 with lambda = 1/2).
+    """
+    factor = np.cumprod([1.0, *((2 * k - 1) / (2 * k) for k in range(1, degrees))])
+    table = np.zeros((degrees, degrees))
+    for degree in range(degrees):
+        for k in range(degree // 2 + 1):
+            order = degree - 2 * k
+            table[order, degree] = factor[k] * factor[degree - k] * (2.0 if order else 1.0)
+    return table
+
+
+def variances_of_sections(descriptors: Floats) -> Floats:
+    """Return the variance of each degree of the isotropic field whose sections have given descriptors, on average.
+
+    Along great circles the mean square of ``A_n^2 + B_n^2`` is that of descriptor n, for n of at least 2; a result
+    below 0 says that no isotropic field has these. A part of the order 0 and 1 follows from the higher ones.
+    """
+    table = section_table(len(descriptors))
+    found = np.zeros(len(descriptors))
+    found[2:] = np.linalg.solve(table[2:, 2:], descriptors[2:] ** 2 / 2)
+    return found
