@@ -63,6 +63,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/advancing_front/advancing_front.png docs/figures/advancing_front.png
 	$(BIN)/python examples/sphere_families.py out/sphere_families
 	cp out/sphere_families/sphere_families.png docs/figures/sphere_families.png
+	$(BIN)/python examples/shapes_harmonics.py out/shapes_harmonics
+	cp out/shapes_harmonics/shapes_harmonics.png docs/figures/shapes_harmonics.png
 	$(BIN)/python examples/open_surfaces.py out/open_surfaces
 	cp out/open_surfaces/open_surfaces.png docs/figures/open_surfaces.png
 	$(BIN)/python examples/deformed_grains.py out/deformed_grains

@@ -114,6 +114,12 @@ def test_sphere_families(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "expand_0.50.vtp").solid_fraction == pytest.approx(0.5, abs=1e-9)
 
 
+def test_shapes_harmonics(tmp_path, capsys, monkeypatch):
+    text = printed("shapes_harmonics.py", capsys, monkeypatch, str(tmp_path), "2")
+    assert "scan        elongation 0.460  flatness 0.983  sphericity 0.829" in text
+    assert (tmp_path / "shapes_harmonics.png").exists()
+
+
 def test_advancing_front(tmp_path, capsys, monkeypatch):
     text = printed("advancing_front.py", capsys, monkeypatch, str(tmp_path), "3000")
     assert text.count("verified True") == 5

@@ -322,6 +322,15 @@ class SpherocylinderKeywords(MakeShapeKeywords, total=False):
     height: NumberRange | None
     tolerance: NumberRange
 
+class SphericalHarmonicsKeywords(MakeShapeKeywords, total=False):
+    like: str | Shape | Mapping[str, Any] | None
+    degree: WholeRange
+    roughness: NumberRange | None
+    exponent: NumberRange | None
+    aspect: Sequence[Number] | NDArray[Any]
+    subdivisions: WholeRange
+    diameter: NumberRange | None
+
 class SphereAssemblyKeywords(MakeShapeKeywords, total=False):
     base: str | Shape | Mapping[str, Any]
     arrangement: Literal["voxels", "tetrahedra"]
@@ -383,6 +392,12 @@ class PolygonKeywords(MakeShapeKeywords, total=False):
 
 class PlatonicKeywords(MakeShapeKeywords, total=False):
     solid: PlatonicSolid
+    diameter: NumberRange | None
+
+class NoiseStarKeywords(MakeShapeKeywords, total=False):
+    deviation: NumberRange
+    correlation_angle: NumberRange
+    subdivisions: WholeRange
     diameter: NumberRange | None
 
 class MollonZhao2dKeywords(MakeShapeKeywords, total=False):
@@ -452,6 +467,8 @@ def make_shape(family: Literal["mollon_zhao"], **keywords: Unpack[MollonZhaoKeyw
 @overload
 def make_shape(family: Literal["mollon_zhao_2d"], **keywords: Unpack[MollonZhao2dKeywords]) -> Shape: ...
 @overload
+def make_shape(family: Literal["noise_star"], **keywords: Unpack[NoiseStarKeywords]) -> Shape: ...
+@overload
 def make_shape(family: Literal["platonic"], **keywords: Unpack[PlatonicKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["polygon"], **keywords: Unpack[PolygonKeywords]) -> Shape: ...
@@ -469,6 +486,8 @@ def make_shape(family: Literal["solid_union"], **keywords: Unpack[SolidUnionKeyw
 def make_shape(family: Literal["sphere"], **keywords: Unpack[SphereKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["sphere_assembly"], **keywords: Unpack[SphereAssemblyKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["spherical_harmonics"], **keywords: Unpack[SphericalHarmonicsKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["spherocylinder"], **keywords: Unpack[SpherocylinderKeywords]) -> Shape: ...
 @overload
@@ -506,6 +525,10 @@ def make_shapes(
     family: Literal["mollon_zhao_2d"], *, count: Whole, **keywords: Unpack[MollonZhao2dKeywords]
 ) -> list[Shape]: ...
 @overload
+def make_shapes(
+    family: Literal["noise_star"], *, count: Whole, **keywords: Unpack[NoiseStarKeywords]
+) -> list[Shape]: ...
+@overload
 def make_shapes(family: Literal["platonic"], *, count: Whole, **keywords: Unpack[PlatonicKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["polygon"], *, count: Whole, **keywords: Unpack[PolygonKeywords]) -> list[Shape]: ...
@@ -530,6 +553,10 @@ def make_shapes(family: Literal["sphere"], *, count: Whole, **keywords: Unpack[S
 @overload
 def make_shapes(
     family: Literal["sphere_assembly"], *, count: Whole, **keywords: Unpack[SphereAssemblyKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["spherical_harmonics"], *, count: Whole, **keywords: Unpack[SphericalHarmonicsKeywords]
 ) -> list[Shape]: ...
 @overload
 def make_shapes(

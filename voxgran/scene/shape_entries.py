@@ -99,7 +99,7 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
             if meant is not None:
                 raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
             raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
-        made.append(_of_file(rest, folder, share, clump) if "file" in rest else _of_family(rest, share, clump))
+        made.append(_of_file(rest, folder, share, clump) if "file" in rest else _of_family(rest, folder, share, clump))
     return tuple(made)
 
 
@@ -120,9 +120,13 @@ def _of_file(rest: dict[str, Any], folder: Path, share: float, clump: dict[str, 
     return ShapeEntry("file", str(existing_file(path)), share, rest, clump)
 
 
-def _of_family(rest: dict[str, Any], share: float, clump: dict[str, Any] | None) -> ShapeEntry:
+def _of_family(rest: dict[str, Any], folder: Path, share: float, clump: dict[str, Any] | None) -> ShapeEntry:
     """Return the checked entry of a family."""
     family = rest.pop("family")
+    like = rest.get("like")
+    if isinstance(like, str) and Path(like).suffix:
+        # a file, which a scene names relative to itself
+        rest["like"] = str(existing_file(folder / like))
     entry, where = families().get(family), f"[[shape]] {family}"
     seed = {key: rest.pop(key) for key in ("seed",) if key in rest}
     count = rest.pop("count") if "count" in rest else None

@@ -68,6 +68,14 @@ def mollon_zhao_2d(
     diameter: NumberRange | None = None,
     seed: Whole = 0,
 ) -> Shape: ...
+def noise_star(
+    *,
+    deviation: NumberRange = 0.2,
+    correlation_angle: NumberRange = 35.0,
+    subdivisions: WholeRange = 4,
+    diameter: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
 def platonic(*, solid: PlatonicSolid = "icosahedron", diameter: NumberRange | None = None) -> Shape: ...
 def polygon(
     *,
@@ -129,6 +137,17 @@ def sphere_assembly(
     radii: NumberRange | (Sequence[Number] | NDArray[Any]) = (0.6, 0.9),
     overlap: NumberRange = 0.2,
     isolated: Literal["connect", "remove"] = "connect",
+    diameter: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
+def spherical_harmonics(
+    *,
+    like: str | Shape | Mapping[str, Any] | None = None,
+    degree: WholeRange = 16,
+    roughness: NumberRange | None = None,
+    exponent: NumberRange | None = None,
+    aspect: Sequence[Number] | NDArray[Any] = (1.0, 1.0, 1.0),
+    subdivisions: WholeRange = 4,
     diameter: NumberRange | None = None,
     seed: Whole = 0,
 ) -> Shape: ...

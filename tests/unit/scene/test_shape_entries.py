@@ -38,6 +38,14 @@ def test_each_of_many_shapes_gets_a_clump():
     assert all(len(shape.geometry.radii) <= 5 for shape in clumps)
 
 
+def test_siblings_of_a_scan_are_named_by_its_file(tmp_path):
+    vg.save_shape(vg.make_shape("ellipsoid", aspect=(1, 1, 2)), tmp_path / "scan.ply")
+    given = scene(count=2) | {"shape": [{"family": "spherical_harmonics", "like": "scan.ply", "count": 2}]}
+    one, two = SceneDescription.from_mapping(given, folder=tmp_path).shapes[0].make()
+    assert one.record["powers"] == pytest.approx(two.record["powers"])
+    assert one != two
+
+
 @pytest.mark.parametrize(
     ("shape", "message"),
     [

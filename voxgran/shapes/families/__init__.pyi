@@ -3,9 +3,11 @@ from voxgran.shapes.families.outlines.mollon_zhao_2d import MollonZhao2d as Moll
 from voxgran.shapes.families.outlines.polygon import Polygon as Polygon
 from voxgran.shapes.families.random.convex_polyhedron import ConvexPolyhedron as ConvexPolyhedron
 from voxgran.shapes.families.random.mollon_zhao import MollonZhao as MollonZhao
+from voxgran.shapes.families.random.noise_star import NoiseStar as NoiseStar
 from voxgran.shapes.families.random.polyhedron import Polyhedron as Polyhedron
 from voxgran.shapes.families.random.solid_union import SolidUnion as SolidUnion
 from voxgran.shapes.families.random.sphere_assembly import SphereAssembly as SphereAssembly
+from voxgran.shapes.families.random.spherical_harmonics import SphericalHarmonics as SphericalHarmonics
 from voxgran.shapes.families.random.superspherize import Superspherize as Superspherize
 from voxgran.shapes.families.random.voronoi_fragment import VoronoiFragment as VoronoiFragment
 from voxgran.shapes.families.regular.box import Box as Box

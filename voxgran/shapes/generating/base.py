@@ -13,8 +13,8 @@ from voxgran.shapes.model import Shape
 DEEPEST = 4
 
 
-def check_base(base: str | Shape | Mapping[str, Any], depth: int = 0) -> None:
-    """Raise unless a base is a solid, or names a family of solids.
+def check_base(base: str | Shape | Mapping[str, Any], depth: int = 0, *, called: str = "base") -> None:
+    """Raise unless a base is a solid, or names a family of solids; `called` is its parameter, for messages.
 
     Raises
     ------
@@ -30,7 +30,9 @@ def check_base(base: str | Shape | Mapping[str, Any], depth: int = 0) -> None:
         name = _named(base)
         entry = families().get(name)
         if entry.is_open:
-            raise InputError(f"base is {name!r}: its surfaces are open and a base needs an inside; take another family")
+            raise InputError(
+                f"{called} is {name!r}: its surfaces are open and an inside is needed; take another family"
+            )
         flat = entry.dimension == 2
         if depth == DEEPEST:
             raise InputError(
@@ -39,7 +41,7 @@ def check_base(base: str | Shape | Mapping[str, Any], depth: int = 0) -> None:
         if isinstance(base, Mapping) and "base" in base:
             check_base(base["base"], depth + 1)
     if flat:
-        raise InputError(f"base is {name!r}, which is plane: a solid is needed; take another family")
+        raise InputError(f"{called} is {name!r}, which is plane: a solid is needed; take another family")
 
 
 def made_base(base: str | Shape | Mapping[str, Any], generator: np.random.Generator) -> Shape:

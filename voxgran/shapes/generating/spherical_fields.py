@@ -1,12 +1,37 @@
-"""Fields on the sphere as sums of real spherical harmonics, and random ones of given section spectra.
+"""Fields on the sphere as sums of real spherical harmonics, and random ones of given spectra.
 
 The harmonics are Schmidt semi-normalized: those of degree l add up to ``sum of S_lm(u) S_lm(v) = P_l(u . v)``, so that
 a field whose coefficients of degree l are independent with variance c_l has the covariance ``sum c_l P_l(u . v)``.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from voxgran._base.arrays import Floats
+
+
+def harmonics(degrees: int, directions: Floats) -> Iterator[tuple[int, int, Floats, Floats]]:
+    """Give degree, order, and the harmonics with cos(m t) and sin(m t) of the azimuth t at (n, 3) unit vectors.
+
+    All degrees below the number of degrees are given, order by order; the second part of order 0 is 0.
+    """
+    x, y, z = directions.T
+    flat = np.hypot(x, y)
+    # cos(m t) and sin(m t) are the parts of the powers of x + i y on the unit circle; on the axis t is 0
+    unit = np.where(flat > 0, (x + 1j * y) / np.where(flat > 0, flat, 1.0), 1.0)
+    turn, first = np.ones(len(z), dtype=np.complex128), np.ones(len(z))
+    for m in range(degrees):
+        if m:
+            turn = turn * unit
+            first = first * flat * (1.0 if m == 1 else np.sqrt((2 * m - 1) / (2 * m)))
+        older, old = np.zeros(len(z)), first
+        yield m, m, old * turn.real, old * turn.imag
+        for degree in range(m + 1, degrees):
+            back = np.sqrt((degree - 1) ** 2 - m * m) if degree > m + 1 else 0.0
+            new = ((2 * degree - 1) * z * old - back * older) / np.sqrt(degree * degree - m * m)
+            yield degree, m, new * turn.real, new * turn.imag
+            older, old = old, new
 
 
 def field_values(cosines: Floats, sines: Floats, directions: Floats) -> Floats:
@@ -15,26 +40,51 @@ def field_values(cosines: Floats, sines: Floats, directions: Floats) -> Floats:
     `cosines` and `sines` (degree, order) are the coefficients of the harmonics with the factors cos(m t) and sin(m t)
     of the azimuth t; entries whose order is above the degree are not used, and sines of order 0 neither.
     """
-    degrees = len(cosines)
-    x, y, z = directions.T
-    flat = np.hypot(x, y)
-    # cos(m t) and sin(m t) are the parts of the powers of x + i y on the unit circle; on the axis t is 0
-    unit = np.where(flat > 0, (x + 1j * y) / np.where(flat > 0, flat, 1.0), 1.0)
-    total, turn, first = np.zeros(len(z)), np.ones(len(z), dtype=np.complex128), np.ones(len(z))
-    for m in range(degrees):
-        if m:
-            turn = turn * unit
-            first = first * flat * (1.0 if m == 1 else np.sqrt((2 * m - 1) / (2 * m)))
-        older, old = np.zeros(len(z)), first
-        cosine, sine = cosines[m, m] * first, sines[m, m] * first
-        for degree in range(m + 1, degrees):
-            back = np.sqrt((degree - 1) ** 2 - m * m) if degree > m + 1 else 0.0
-            new = ((2 * degree - 1) * z * old - back * older) / np.sqrt(degree * degree - m * m)
-            cosine += cosines[degree, m] * new
-            sine += sines[degree, m] * new
-            older, old = old, new
-        total += cosine * turn.real + (sine * turn.imag if m else 0.0)
+    total = np.zeros(len(directions))
+    for degree, order, cosine, sine in harmonics(len(cosines), directions):
+        total += cosines[degree, order] * cosine
+        if order:
+            total += sines[degree, order] * sine
     return total
+
+
+def sphere_quadrature(degrees: int) -> tuple[Floats, Floats]:
+    """Return directions (n, 3) and weights (n,), of sum 1, that integrate products of harmonics below some degree.
+
+    They are Gauss-Legendre nodes along z and equal steps around it.
+    """
+    z, weights = np.polynomial.legendre.leggauss(degrees)
+    turns = np.pi * np.arange(2 * degrees) / degrees
+    flat = np.sqrt(1 - z * z)[:, None]
+    around = [flat * np.cos(turns), flat * np.sin(turns), np.broadcast_to(z[:, None], (degrees, 2 * degrees))]
+    return np.stack(around, axis=-1).reshape(-1, 3), np.repeat(weights, 2 * degrees) / (4 * degrees)
+
+
+def coefficients_of(degrees: int, directions: Floats, weights: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Return the coefficients (degree, order) of the field that has given values (n,) at the nodes of a quadrature."""
+    cosines, sines = np.zeros((2, degrees, degrees))
+    weighted = weights * values
+    for degree, order, cosine, sine in harmonics(degrees, directions):
+        cosines[degree, order] = (2 * degree + 1) * (weighted @ cosine)
+        sines[degree, order] = (2 * degree + 1) * (weighted @ sine)
+    return cosines, sines
+
+
+def powers_of(cosines: Floats, sines: Floats) -> Floats:
+    """Return the power (degree,) of each degree: the part of the mean square of the field that it makes."""
+    lower = np.tri(len(cosines))
+    squares = lower * (cosines**2 + sines**2)
+    return squares.sum(axis=1) / (2 * np.arange(len(cosines)) + 1)
+
+
+def coefficients_of_powers(powers: Floats, generator: np.random.Generator) -> tuple[Floats, Floats]:
+    """Return coefficients (degree, order) of which each degree has a given power and a random direction among all."""
+    cosines, sines = generator.standard_normal((2, len(powers), len(powers)))
+    sines[:, 0] = 0.0
+    lower = np.tri(len(powers))
+    cosines, sines = cosines * lower, sines * lower
+    factor = np.sqrt(powers / np.maximum(powers_of(cosines, sines), 1e-300))[:, None]
+    return cosines * factor, sines * factor
 
 
 def random_coefficients(variances: Floats, generator: np.random.Generator) -> tuple[Floats, Floats]:
