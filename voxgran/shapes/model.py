@@ -127,9 +127,9 @@ class Shape:
     def from_surface(
         cls, vertices: ArrayLike, faces: ArrayLike, *, name: str = "surface", unit: str | None = None
     ) -> "Shape":
-        """Make a shape from an open triangle mesh, a sheet or shell without thickness.
+        """Make a shape from an open triangle mesh, a sheet or shell without thickness, or from the skin of a solid.
 
-        It has an area but no volume; the centroid is that of the area, and the equivalent diameter is that of the disk
+        Whether the triangles are closed or not, it has an area but no volume; the centroid is that of the area, and the equivalent diameter is that of the disk
         of equal area. Functions that need an interior refuse it.
 
         Parameters
@@ -152,7 +152,7 @@ class Shape:
         InputError
             If an array has the wrong shape, an index is out of range or a coordinate is not finite.
         DirtyMeshError
-            If the triangles are not one open surface without self-intersections.
+            If the triangles are not one surface without self-intersections.
         """
         points = as_points(vertices, "vertices")
         corners, triangles = merged(points, as_faces(faces, len(points)))
@@ -197,7 +197,7 @@ class Shape:
 
     @property
     def is_open(self) -> bool:
-        """Whether the shape is an open surface, without thickness and interior."""
+        """Whether the shape is a surface without thickness and interior: a sheet, a shell or a skin."""
         return isinstance(self.geometry, Surface)
 
     @property
@@ -349,6 +349,21 @@ class Shape:
     def plot(self) -> Any:
         """Show the shape in a window, or return a picture of it, as :func:`voxgran.plot`."""
         return public("plot")(self)
+
+    def skin(self) -> "Shape":
+        """Return the tessellated surface of the solid as a shape of its own, a closed skin without interior.
+
+        Raises
+        ------
+        InputError
+            If the shape is flat.
+        """
+        if self.dimension == 2:
+            raise InputError(f"shape {self.name!r} is flat: skins are surfaces of solids; take a solid")
+        if self.is_open:
+            return self
+        surface = Surface(self.vertices.copy(), self.faces.copy())
+        return Shape.of(surface, name=self.name, unit=self.unit, record=self.record)
 
     def rotated(self, quaternion: ArrayLike) -> "Shape":
         """Return the shape rotated about its centroid.

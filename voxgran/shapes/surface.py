@@ -1,4 +1,4 @@
-"""An open surface of triangles as the true geometry of a grain: a sheet or a shell, without thickness and interior."""
+"""A surface of triangles as the true geometry of a grain: a sheet, a shell or a skin, without interior."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +10,6 @@ from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.tree import areas_of
 from voxgran.lattice.label import components
 from voxgran.shapes.repairing.crossing import count_crossings
-from voxgran.shapes.shells import edge_faults
 from voxgran.shapes.triangles import Triangles
 
 #: area, in squares of the longest edge, up to which a triangle counts as degenerate
@@ -19,7 +18,10 @@ NO_AREA = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Surface(Triangles):
-    """An open surface of triangles with equivalent sides; the orientation of the faces is irrelevant."""
+    """A surface of triangles with equivalent sides; the orientation of the faces is irrelevant.
+
+    It is called open, since it has no interior, also where it is closed.
+    """
 
     @property
     def volume(self) -> float:
@@ -59,12 +61,12 @@ class Surface(Triangles):
 
 
 def refuse_unfit(vertices: Floats, faces: Integers, name: str) -> None:
-    """Raise unless triangles of merged vertices make one open surface.
+    """Raise unless triangles of merged vertices make one surface, which may be closed.
 
     Raises
     ------
     DirtyMeshError
-        If there are no triangles, one is degenerate, they are not connected, intersect, or have no open edge.
+        If there are no triangles, one is degenerate, they are not connected or intersect.
     """
     if not len(faces):
         raise DirtyMeshError(f"{name} has no faces: a surface must have triangles; check the file")
@@ -73,11 +75,9 @@ def refuse_unfit(vertices: Floats, faces: Integers, name: str) -> None:
     flat = int((areas_of(triangles) <= NO_AREA * longest).sum())
     start, end = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     parts = len(np.unique(components(len(vertices), start, end)))
-    closed = int(edge_faults(faces, len(vertices))[0] == 0)
     rules = (
         (flat, f"{flat} faces without area", "each must be a triangle; leave them out"),
         (parts - 1, f"{parts} separate parts", "a grain must be one piece; save each in a file of its own"),
-        (closed, "no open edges", "an open surface has some; load what bounds a solid as a solid"),
     )
     for wrong, what, rule in rules:
         if wrong:

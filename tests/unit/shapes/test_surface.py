@@ -5,6 +5,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran._base.tree import areas_of
 from voxgran.deformation.deform import deform
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.repairing.diagnose import diagnose
@@ -93,10 +94,35 @@ def test_what_is_no_surface_is_refused(vertices, faces, message):
         vg.Shape.from_surface(np.array(vertices, dtype=float), faces, name="rag")
 
 
-def test_a_solid_is_no_open_surface():
-    box = vg.make_shape("box")
-    with pytest.raises(DirtyMeshError, match=r"has no open edges: .* load what bounds a solid as a solid"):
-        vg.Shape.from_surface(box.vertices, box.faces)
+@pytest.mark.parametrize("family", ["box", "solid_union", "sphere_assembly", "torus"])
+def test_the_skin_of_a_solid_is_its_closed_surface(family):
+    solid = vg.make_shape(family)
+    skin = solid.skin()
+    assert skin.is_open
+    assert skin.volume == 0.0
+    assert skin.surface_area == pytest.approx(areas_of(solid.vertices[solid.faces]).sum())
+    assert skin.diameter == pytest.approx(2 * math.sqrt(skin.surface_area / math.pi))
+    # of the centroid of the area, which is the origin
+    assert skin.vertices + np.array(skin.offset) == pytest.approx(solid.vertices, abs=1e-12)
+    assert skin.skin() == skin
+    assert vg.Shape.from_surface(solid.vertices, solid.faces).surface_area == pytest.approx(skin.surface_area)
+
+
+def test_flat_shapes_have_no_skin():
+    with pytest.raises(InputError, match="shape 'disk' is flat: skins are surfaces of solids"):
+        vg.make_shape("disk").skin()
+
+
+def test_skins_are_packed_saved_and_loaded(tmp_path):
+    skin = vg.make_shape("convex_polyhedron", seed=1, points=8).skin()
+    packing = vg.pack([skin], vg.Box((4, 4, 4)), "control_point", contact="kdtree", count=4, seed=1, sweeps=20)
+    assert packing.count == 4
+    assert packing.verify().ok
+    packing.save(tmp_path / "skins.vtp")
+    assert vg.load(tmp_path / "skins.vtp") == packing
+    vg.save_shape(skin, tmp_path / "skin.ply")
+    assert vg.load_shape(tmp_path / "skin.ply", surface=True).is_open
+    assert not vg.load_shape(tmp_path / "skin.ply").is_open
 
 
 def test_three_sheets_may_share_an_edge_and_faces_may_be_wound_in_any_way():
