@@ -129,7 +129,7 @@ class Shape:
     ) -> "Shape":
         """Make a shape from an open triangle mesh, a sheet or shell without thickness, or from the skin of a solid.
 
-        Whether the triangles are closed or not, it has an area but no volume; the centroid is that of the area, and the equivalent diameter is that of the disk
+        Closed or not, it has an area and no volume; the centroid is that of the area, the equivalent diameter of the disk
         of equal area. Functions that need an interior refuse it.
 
         Parameters

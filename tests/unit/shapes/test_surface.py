@@ -94,7 +94,7 @@ def test_what_is_no_surface_is_refused(vertices, faces, message):
         vg.Shape.from_surface(np.array(vertices, dtype=float), faces, name="rag")
 
 
-@pytest.mark.parametrize("family", ["box", "solid_union", "sphere_assembly", "torus"])
+@pytest.mark.parametrize("family", ["box", "solid_union", "sphere", "torus"])
 def test_the_skin_of_a_solid_is_its_closed_surface(family):
     solid = vg.make_shape(family)
     skin = solid.skin()
