@@ -129,8 +129,8 @@ class Shape:
     ) -> "Shape":
         """Make a shape from an open triangle mesh, a sheet or shell without thickness, or from the skin of a solid.
 
-        Closed or not, it has an area and no volume; the centroid is that of the area, the equivalent diameter of the disk
-        of equal area. Functions that need an interior refuse it.
+        Closed or not, it has an area and no volume; the centroid is that of the area, the equivalent diameter that of
+        the disk of equal area. Functions that need an interior refuse it.
 
         Parameters
         ----------

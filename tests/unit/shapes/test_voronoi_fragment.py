@@ -89,8 +89,13 @@ def test_fragments_of_a_size_are_stretched():
     one, two = (vg.make_shape("voronoi_fragment", seed=3, aspect=aspect) for aspect in ((1, 1, 1), (1, 1, 4)))
     ratio = np.ptp(two.vertices, axis=0) / np.ptp(one.vertices, axis=0)
     assert ratio == pytest.approx(np.array([1, 1, 4]) / 4 ** (1 / 3), rel=1e-12)
-    drawn = {vg.make_shape("voronoi_fragment", seed=seed, process="jittered", jitter=0).offset for seed in range(20)}
-    assert len(drawn) > 10  # without a number the cell is drawn
+
+
+def test_without_a_number_the_cell_is_drawn():
+    drawn = vg.make_shapes("voronoi_fragment", count=20, seeds=8)
+    assert {shape.record["cell"] for shape in drawn} > {0, 7}
+    one = vg.make_shape("voronoi_fragment", seed=4)
+    assert vg.make_shape("voronoi_fragment", seed=4, cell=one.record["cell"]) == one
 
 
 def test_some_seeds_are_one_clean_solid():

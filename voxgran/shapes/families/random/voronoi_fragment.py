@@ -1,7 +1,8 @@
 """Fragments of crushed rock: cells of the Voronoi tessellation of random seeds in a box.
 
 All cells of one tessellation fill the box. With `lengths` a fragment keeps its size, so that ``cell=0`` to
-``cell=seeds - 1`` of one seed are the pieces of one rock; `offset` of each shape is its place in the box.
+``cell=seeds - 1`` of one seed are the pieces of one rock; `offset` of each shape is its place in the box,
+and ``record["cell"]`` the number of the cell.
 
 References
 ----------
@@ -82,11 +83,12 @@ def make(parameters: VoronoiFragment, generator: np.random.Generator) -> Shape:
     lengths = np.array(parameters.lengths or (1.0, 1.0, 1.0))
     seeds = _seeds(parameters, generator) * lengths
     drawn = int(generator.integers(parameters.seeds))
-    solid = voronoi_cell(seeds, drawn if parameters.cell is None else parameters.cell, lengths, parameters.boundary)
+    cell = drawn if parameters.cell is None else parameters.cell
+    solid, record = voronoi_cell(seeds, cell, lengths, parameters.boundary), {"cell": cell}
     if parameters.lengths is not None:
-        return Shape.of(solid, name="voronoi_fragment")
+        return Shape.of(solid, name="voronoi_fragment", record=record)
     stretched = Mesh(solid.vertices * np.array(parameters.aspect or (1.0, 1.0, 1.0)), solid.faces)
-    return sized(stretched, parameters.diameter, name="voronoi_fragment")
+    return sized(stretched, parameters.diameter, name="voronoi_fragment", record=record)
 
 
 def _seeds(parameters: VoronoiFragment, generator: np.random.Generator) -> Floats:

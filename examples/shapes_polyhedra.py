@@ -1,0 +1,72 @@
+"""Polyhedra, smooth solids, fragments and grains from Fourier descriptors: numbers and a picture.
+
+The script prints, for solids with a closed formula, the triangles, the milliseconds of the processor and how far the
+volume of the mesh is from that of the true solid, and the sum of the cells of a box.
+"""
+
+import math
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from matplotlib.image import imsave
+
+import voxgran as vg
+from voxgran.report.gallery import picture_shapes
+from voxgran.shapes.families.regular.spherocylinder import volume_of as capsule_volume
+from voxgran.shapes.families.regular.superquadric import volume_of
+from voxgran.shapes.generating.regular_solids import corners_of
+from voxgran.shapes.generating.sphere_swept import sphere_swept, steiner_volume
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/shapes_polyhedra")
+folder.mkdir(parents=True, exist_ok=True)
+
+
+def show(name, volume, make):
+    """Print a line about a shape and how far its volume is from that of the true solid."""
+    times = []
+    for _ in range(5):
+        began = time.process_time()
+        solid = make()
+        times.append(time.process_time() - began)
+    error = abs(solid.volume / volume - 1)
+    print(f"{name:18s} triangles {len(solid.faces):5d}  {1e3 * min(times):5.1f} ms  error of the volume {error:.1e}")
+
+
+snub = corners_of("snub_cube")
+snub = snub / np.linalg.norm(snub[0])
+show("polyhedron", steiner_volume(snub, 0.2), lambda: sphere_swept(snub, 0.2, 0.004))
+semi_axes, e = (1.0, 2.0, 3.0), 0.5
+show(
+    "superquadric",
+    volume_of(e, e, np.array(semi_axes)),
+    lambda: vg.make_shape("superquadric", e1=e, e2=e, semi_axes=semi_axes),
+)
+show("spherocylinder", capsule_volume(1, 4), lambda: vg.make_shape("spherocylinder", radius=1, height=4))
+show("torus", 2 * math.pi**2 * 0.16, lambda: vg.make_shape("torus", major_radius=1, minor_radius=0.4))
+cells = [vg.make_shape("voronoi_fragment", seed=1, cell=k, lengths=(1, 1, 1)) for k in range(64)]
+print(f"voronoi_fragment   cells of one box, their sum: 1 {sum(cell.volume for cell in cells) - 1:+.0e}")
+
+archimedean = ["truncated_tetrahedron", "cuboctahedron", "truncated_octahedron", "rhombicuboctahedron"]
+archimedean += ["truncated_icosahedron", "icosidodecahedron"]
+rows = [
+    *vg.make_shapes("polyhedron", count=4, seed=4),
+    *vg.make_shapes("polyhedron", count=4, seed=4, rounding=(0.05, 0.2)),
+    *(vg.make_shape("polyhedron", solid=solid) for solid in archimedean),
+    *(vg.make_shape("polyhedron", solid="snub_cube", mirror=mirror, rounding=0.05) for mirror in (False, True)),
+    *(vg.make_shape("superquadric", e1=e, e2=e) for e in (0.1, 0.5, 1.0, 1.5, 2.0, 3.0)),
+    *(vg.make_shape("superquadric", e1=e1, e2=e2) for e1, e2 in ((0.1, 1.0), (1.0, 3.0))),
+    *(vg.make_shape("spherocylinder", aspect=aspect) for aspect in (1.2, 1.5, 2.0, 3.0)),
+    *(vg.make_shape("torus", aspect=aspect) for aspect in (0.2, 0.4, 0.6, 0.9)),
+    *vg.make_shapes("voronoi_fragment", count=4, seed=2),
+    *vg.make_shapes("voronoi_fragment", count=2, seed=2, process="jittered", jitter=0.5),
+    *vg.make_shapes("voronoi_fragment", count=2, seed=2, aspect=(1, 1, 0.4)),
+    *vg.make_shapes("mollon_zhao", count=4, seed=3, d_2=(0.05, 0.2), d_8=0.01),
+    *vg.make_shapes("mollon_zhao", count=4, seed=3, d_3=0.08, d_8=0.022),
+]
+picture = picture_shapes(rows, columns=8)
+# half the size, each pixel the mean of four
+height, width = (length // 2 * 2 for length in picture.shape[:2])
+small = picture[:height, :width].reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
+imsave(folder / "shapes_polyhedra.png", small.round().astype(np.uint8))
