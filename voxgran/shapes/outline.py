@@ -168,6 +168,11 @@ class Outline(Moments):
         return vertices, np.array(faces, dtype=np.int64), error
 
 
+def is_simple(corners: Floats) -> bool:
+    """Return whether a polygon neither intersects nor touches itself."""
+    return _first_crossing(corners) is None
+
+
 def _refuse_crooked(corners: Floats) -> None:
     """Check that the polygon is simple and counterclockwise."""
     n = len(corners)

@@ -1,0 +1,218 @@
+"""Shapes with rough skins: surfaces displaced along their normals by a random field."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, check_type
+from voxgran._base.config import from_mapping
+from voxgran._base.errors import InputError, TooLargeError
+from voxgran._base.seeds import stream
+from voxgran.shapes.finer import vertex_normals
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.outline import SIDES, Outline, is_simple
+from voxgran.shapes.repairing.crossing import count_crossings
+from voxgran.shapes.roughness.fields import draw_field
+from voxgran.shapes.roughness.measuring import moments_of, scattered_statistics, vertex_weights
+from voxgran.shapes.roughness.parameters import Method, RoughField, Roughness
+from voxgran.shapes.roughness.refining import diffused, refined
+from voxgran.shapes.shells import edge_faults
+from voxgran.shapes.surface import Surface
+
+#: corners of a rough outline at the most
+MOST_CORNERS = 5_000
+#: distances, in RMS heights, over which normals are smoothed where the surface would meet itself near edges
+WIDTHS = (6.0, 12.0, 24.0)
+#: halvings of the interval of heights in search of the largest one
+SEARCHED = 12
+
+
+def roughen(
+    shape: Shape,
+    *,
+    method: Method = "spectral",
+    rms: float | None = None,
+    correlation_length: float | Sequence[float] | None = None,
+    shortest: float | None = None,
+    hurst: float | None = None,
+    autocorrelation: Literal["exponential", "gaussian", "linear"] | None = None,
+    skewness: float = 0.0,
+    kurtosis: float = 3.0,
+    seed: int = 0,
+) -> Shape:
+    """Give a shape a rough skin.
+
+    The surface is refined and its vertices are displaced along their normals by a random field, whose mean over the
+    surface is 0 and whose root mean square is exactly `rms`. A curved surface takes the values of a field in space.
+
+    Parameters
+    ----------
+    shape : Shape
+        Solid, open surface or outline; it is triangles, or a polygon, afterwards.
+    method : {"spectral", "patir", "whitehouse", "midpoint"}
+        Random field: self-affine with a Hurst exponent; of a given autocorrelation function (Patir 1978,
+        doi:10.1016/0043-1648(78)90157-6); by recursion along each axis (Whitehouse & Archard 1970,
+        doi:10.1098/rspa.1970.0068); by midpoint displacement (Fournier, Fussell & Carpenter 1982,
+        doi:10.1145/358523.358553).
+    rms : float, optional
+        Root mean square height, in the unit of lengths; default: 0.02 equivalent diameters.
+    correlation_length : float or sequence of float, optional
+        Distance at which the autocorrelation falls to 1/e, in the unit of lengths, or one for each axis of the body
+        frame; default: 0.25 equivalent diameters.
+    shortest : float, optional
+        Shortest wavelength, in the unit of lengths, along which the mesh has four edges; the spectral field ends there.
+        Default: 0.75 of the least correlation length.
+    hurst : float, optional
+        Hurst exponent of `spectral` and `midpoint`, in [0.05, 1]; default: 0.8.
+    autocorrelation : {"exponential", "gaussian", "linear"}, optional
+        Autocorrelation function of `patir`; default: exponential.
+    skewness, kurtosis : float
+        Expected moments of the heights, of `spectral` and `patir`; 0 and 3 for Gaussian heights.
+    seed : int
+        Seed of the field; the same seed gives the same bits.
+
+    Returns
+    -------
+    Shape
+        Closed if the shape is closed, without self-intersections. Its record has what is measured as by
+        :func:`surface_statistics`, under names such as ``"roughness_rms"``, in the unit of lengths.
+
+    Raises
+    ------
+    InputError
+        If a parameter is out of range, or the surface would intersect itself; the message gives the largest height with
+        which it does not.
+    TooLargeError
+        If the shortest wavelength needs more than 400,000 faces or too large a field.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> stone = vg.roughen(vg.make_shape("sphere"), rms=0.01, seed=3)
+    >>> round(stone.record["roughness_rms"], 12)
+    0.01
+    """
+    check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
+    given = {key: value for key, value in locals().items() if key not in ("shape", "seed")}
+    return roughened(shape, from_mapping(Roughness, given, "roughen"), stream(seed, "roughen"))
+
+
+def roughened(shape: Shape, roughness: Roughness, generator: np.random.Generator) -> Shape:
+    """Return a shape with a rough skin.
+
+    Raises
+    ------
+    InputError, TooLargeError
+        As :func:`roughen`.
+    """
+    field = roughness.on(shape.diameter, shape.dimension)
+    geometry: Geometry
+    if isinstance(shape.geometry, Outline):
+        geometry, told = _rough_outline(shape.geometry, field, generator)
+    else:
+        geometry, told = _rough_surface(shape, field, generator)
+    made = Shape.of(geometry, name=shape.name, unit=shape.unit)
+    x, y, z = (float(a + b) for a, b in zip(shape.offset, made.offset, strict=True))
+    return Shape(made.geometry, shape.name, (x, y, z), shape.unit, record={**shape.record, **told})
+
+
+def _rough_surface(shape: Shape, field: RoughField, generator: np.random.Generator) -> tuple[Geometry, dict[str, Any]]:
+    """Return the displaced triangles of a shape in its body frame, and what is measured on them."""
+    if shape.is_open and edge_faults(shape.faces, len(shape.vertices))[1:].any():
+        raise InputError(
+            f"shape {shape.name!r} has edges of faces that are not oriented alike, or of more than two faces: a rough "
+            "surface has two sides; repair it"
+        )
+    vertices, faces = refined(shape, field.edge)
+    weights = vertex_weights(vertices, faces)
+    heights = random_heights(vertices, weights, field, generator)
+    normals = vertex_normals(vertices, faces)
+    displacement = heights[:, None] * normals
+    # near edges, points must move in directions that change gradually, or those on both sides would pass each other
+    for width in WIDTHS:
+        if count_crossings(vertices + displacement, faces) == 0:
+            break
+        displacement = heights[:, None] * diffused(normals, vertices, faces, width * field.rms)
+    refuse_crossing(field.rms, lambda factor: count_crossings(vertices + factor * displacement, faces) == 0)
+    moved = vertices + displacement
+    told = record_of(field, vertices, heights, weights, 2 if shape.is_open else 3)
+    return (Surface if shape.is_open else Mesh)(moved, faces), told
+
+
+def _rough_outline(
+    outline: Outline, field: RoughField, generator: np.random.Generator
+) -> tuple[Outline, dict[str, Any]]:
+    """Return the displaced polygon of an outline, and what is measured on it."""
+    if outline.kind == "disk":
+        sides = max(SIDES, math.ceil(2 * math.pi * outline.radius / field.edge))
+        angles = 2 * np.pi * np.arange(min(sides, MOST_CORNERS + 1)) / sides
+        corners = outline.radius * np.column_stack([np.cos(angles), np.sin(angles)]) + np.array(outline.center)
+    else:
+        corners = outline.vertices
+    along = np.roll(corners, -1, axis=0) - corners
+    lengths = np.linalg.norm(along, axis=1)
+    number = np.maximum(np.ceil(lengths / field.edge * (1 - 1e-9)), 1.0)
+    if number.sum() > MOST_CORNERS:
+        least = field.shortest * number.sum() / MOST_CORNERS
+        raise TooLargeError(
+            f"shortest is {field.shortest:.4g}: the outline would have {number.sum():.3g} corners, at most "
+            f"{MOST_CORNERS} are made; give at least {least:.2g}"
+        )
+    parts = [a + np.arange(n)[:, None] / n * t for a, t, n in zip(corners, along, number, strict=True)]
+    points = np.concatenate(parts)
+    after, before = np.roll(points, -1, axis=0) - points, points - np.roll(points, 1, axis=0)
+    weights = np.linalg.norm(after, axis=1) + np.linalg.norm(before, axis=1)
+    weights /= weights.sum()
+    heights = random_heights(points, weights, field, generator)
+    total = after + before
+    normals = np.column_stack([total[:, 1], -total[:, 0]]) / np.linalg.norm(total, axis=1, keepdims=True)
+    displacement = heights[:, None] * normals
+    refuse_crossing(field.rms, lambda factor: is_simple(points + factor * displacement))
+    moved = points + displacement
+    told = record_of(field, points, heights, weights, 2)
+    return Outline("polygon", vertices=moved), told
+
+
+def random_heights(points: Floats, weights: Floats, field: RoughField, generator: np.random.Generator) -> Floats:
+    """Return heights (n,) at points (n, d), of weighted mean 0 and exactly the root mean square of a field."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    spacing = np.full(points.shape[1], field.edge)
+    raw = draw_field(field, low, high, spacing, generator).at(points)
+    return np.asarray(field.rms * moments_of(raw, weights)[0])
+
+
+def refuse_crossing(rms: float, is_good: Callable[[float], bool]) -> None:
+    """Raise unless a surface does not meet itself with heights times the factor 1.
+
+    Raises
+    ------
+    InputError
+        If it does; the message gives the largest height, found by bisection, with which it does not.
+    """
+    if is_good(1.0):
+        return
+    low, high = 0.0, 1.0
+    for _ in range(SEARCHED):
+        middle = (low + high) / 2
+        # what is proposed is what is tested, with three digits
+        middle = float(f"{middle * rms:.3g}") / rms
+        if not low < middle < high:
+            break
+        low, high = (middle, high) if is_good(middle) else (low, middle)
+    remedy = f"give at most {low * rms:.3g}" if low else "refine or repair the shape"
+    raise InputError(f"rms is {rms:.4g}: with these heights the rough surface cuts through itself; {remedy}")
+
+
+def record_of(field: RoughField, points: Floats, heights: Floats, weights: Floats, dimension: int) -> dict[str, Any]:
+    """Return what was drawn and what is measured at points of the smooth surface, for the record of a shape."""
+    told: dict[str, Any] = {"method": field.method, "shortest": field.shortest}
+    if field.rms:
+        ends = (field.shortest,) if field.method == "spectral" else (0.0,)
+        found = scattered_statistics(points, heights, weights, field.edge, ends, dimension)
+        told |= {key: value for key, value in found.to_mapping().items() if key != "correlation_lengths"}
+    else:
+        told["rms"] = 0.0
+    return {f"roughness_{key}": value for key, value in told.items()}
