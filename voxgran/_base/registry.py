@@ -45,8 +45,9 @@ class Registry(Generic[T]):
         """
         if not isinstance(name, str):
             raise UnknownNameError(unknown(self.kind, name, self.names()))
-        if name in self._files():
-            module = importlib.import_module(self._files()[name])
+        files = self._files()
+        if name in files:
+            module = importlib.import_module(files[name])
             found = getattr(module, "registration", None)
         elif name in self._foreign():
             found = self._foreign()[name].load()

@@ -80,8 +80,8 @@ def surface_statistics(
     spacing : float or (2,) sequence of float
         Spacing of the lattice.
     shortest : float, optional
-        Wavelength at which the spectrum ends, 0 where it does not; default: 0, or four spacings or mean edges, whichever
-        fits better.
+        Wavelength at which the spectrum ends, 0 where it does not; default: 0, or four spacings or mean edges,
+        whichever fits better.
 
     Returns
     -------
