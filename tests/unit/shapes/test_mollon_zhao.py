@@ -108,6 +108,15 @@ def test_grains_are_star_shaped_with_the_field_as_radius():
     assert len(vg.make_shape("mollon_zhao", subdivisions=2).faces) == 320
 
 
+def test_fields_that_come_near_the_center_are_drawn_again():
+    given = {"d_2": 0.21, "d_3": 0.165, "d_8": 0.03, "subdivisions": 3}
+    for seed in (22, 30, 69):  # of 300 seeds nine have a first field that goes below a tenth of the mean radius
+        shape = vg.make_shape("mollon_zhao", seed=seed, **given)
+        radii = np.linalg.norm(shape.vertices + shape.offset, axis=1)
+        assert radii.min() > 0.09 * radii.mean()
+        refuse_dirty(shape.vertices, shape.faces, f"seed {seed}")
+
+
 PROPOSALS = [
     ("mollon_zhao", {"d_8": 0.05}, "d_8", r"d_8 of at most ([\d.]+)"),
     ("mollon_zhao", {"d_2": 0.01}, "d_2", r"d_2 of at least ([\d.]+)"),
