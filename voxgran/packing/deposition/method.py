@@ -26,8 +26,8 @@ from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
 from voxgran.containers.model import boundary_of
-from voxgran.packing.deposition.moves import ROWS, WIDTH, Field
-from voxgran.packing.deposition.rain import MISSED, PATIENCE, PLACED, Tops, drop_spheres, put_again
+from voxgran.packing.deposition.field import ROWS, WIDTH, Field
+from voxgran.packing.deposition.rain import LOST, MISSED, PATIENCE, PLACED, TALLIES, Tops, drop_spheres, put_again
 from voxgran.packing.gravity import as_down, usual_axis
 from voxgran.packing.level_grid import level_cells
 from voxgran.packing.method import Cost, PackingMethod, State
@@ -36,6 +36,8 @@ from voxgran.packing.problem import Problem, random_turns, spheres_of_start
 
 #: bytes of a grain (measured), and attempts per grain, of which most find a place
 GRAIN_BYTES, ATTEMPTS = 200, 20
+#: length up to which a grain may reach beyond a wall, in lengths of the container
+ROUNDING = 1e-13
 #: places along each axis among which the target is found
 LATTICE = 20
 
@@ -74,18 +76,21 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If grains fall to the floor of a container without a plane floor and plane walls, or toward the center of one
-        with periodic axes, or a grain of the start overlaps another or reaches beyond a wall.
+        If grains fall to the floor of a closed mesh or a polygon, or along a periodic axis, or toward the center of a
+        container with periodic axes, or a grain of the start overlaps another or reaches beyond a wall.
     """
     settings: Deposition = problem.parameters
     container, central = problem.container, settings.toward == "center"
-    boundary = boundary_of(container)
-    plane = boundary.solid is None and not boundary.round_axes
-    if not central and (not plane or container.periodic[problem.dimension - 1]):
+    if not central and container.periodic[problem.dimension - 1]:
+        axis = "xyz"[problem.dimension - 1]
         raise InputError(
-            f"container is {container.kind!r} with periodic {_axes(container.periodic)}: grains roll to a plane floor "
-            "between plane walls, of a box or a rectangle with walls below and above; give toward='center' or "
-            "method='gravity'"
+            f"periodic is {_axes(container.periodic)}: grains fall along {axis}, to a floor; give a container with "
+            f"walls along {axis}, or toward='center'"
+        )
+    if not central and boundary_of(container).solid is not None:
+        raise InputError(
+            f"container is {container.kind!r}: grains roll between plane walls and in cylinders, spheres and disks; "
+            "give one of these, toward='center', or method='gravity'"
         )
     if central and any(container.periodic):
         raise InputError(
@@ -94,7 +99,7 @@ def prepare(problem: Problem) -> State:
         )
     spheres = np.zeros((problem.count, 4))
     spheres[: problem.started] = spheres_of_start(problem)
-    arrays = {"spheres": spheres, "tally": np.array([problem.started, 0], dtype=np.int64)}
+    arrays = {"spheres": spheres, "tally": np.array([problem.started, *[0] * (TALLIES - 1)])}
     state = State(arrays, {}, 0, ATTEMPTS * (problem.count - problem.started) + PATIENCE)
     _look(problem, state)
     return state
@@ -110,7 +115,6 @@ class Precomputed:
     """What follows from the problem and the placed spheres."""
 
     field: Field
-    walls: KernelContainer
     radius: Floats
     level: Any
     tops: Tops
@@ -128,7 +132,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     last = min(state.done + attempts, state.total)
     state.done = int(
         drop_spheres(
-            *(made.field, made.walls, made.radius, made.level, made.tops, made.extent),
+            *(made.field, made.radius, made.level, made.tops, made.extent),
             *(settings.drops, settings.sticking, philox_key(problem.seed, "deposition")),
             *(state.arrays["tally"], state.done, last),
         )
@@ -139,7 +143,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 
 def _precomputed(problem: Problem, state: State) -> Precomputed:
     """Return cells, columns and work space, with the placed spheres in them."""
-    walls = kernel_container(problem.container, from_corner=True)
+    walls = _walls(problem)
     radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
     reach = radius if len(radius) else np.ones(1)
     cells, level = level_cells(walls.lengths, walls.periodic, reach, problem.dimension)
@@ -150,10 +154,17 @@ def _precomputed(problem: Problem, state: State) -> Precomputed:
     tops = Tops(count, width, np.zeros(int(count.prod())))
     work = np.zeros((3, WIDTH)), np.zeros((ROWS, 3))
     central = problem.parameters.toward == "center"
-    field = Field(state.arrays["spheres"], cells, lengths, walls.walled, up, central, _widest(problem), *work)
-    made = Precomputed(field, walls, radius, level, tops, np.zeros(1))
+    flat = np.array(boundary_of(problem.container).flat, dtype=np.int64)
+    field = Field(state.arrays["spheres"], cells, lengths, flat, up, central, _widest(problem), *work, walls)
+    made = Precomputed(field, radius, level, tops, np.zeros(1))
     put_again(field, level, tops, made.extent, int(state.arrays["tally"][PLACED]))
     return made
+
+
+def _walls(problem: Problem) -> KernelContainer:
+    """Return the walls, from the lower corner."""
+    lower, upper = problem.container.bounds
+    return kernel_container(problem.container, from_corner=True, slack=ROUNDING * float((upper - lower).max()))
 
 
 def _widest(problem: Problem) -> Floats:
@@ -188,6 +199,7 @@ def finish(problem: Problem, state: State) -> Packing:
         position=state.arrays["spheres"][:many, :3] + problem.container.bounds[0],
         orientation=random_turns(problem, grains),
         stop_reason=state.stop_reason,
+        provenance={"lost": int(state.arrays["tally"][LOST])},
         gravity=as_down(usual_axis(problem.container), problem.container) if down else None,
     )
 

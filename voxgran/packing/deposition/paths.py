@@ -2,8 +2,9 @@
 
 A sphere falls along a line until it touches another or a wall. It then follows the steepest descent, by lines along
 walls, great circles on one sphere and circles about two, until it touches something else, leaves what it rolls on, or
-rests on contacts that leave no way down. Each event is a root of ``a cos(t) + b sin(t) = c``, so that paths are exact
-to rounding. The pull points down an axis, or to a point.
+rests on contacts that leave no way down. Each event is a root in closed form, so that paths are exact to rounding. A
+round wall is a sphere that is touched from inside; along the wall of a cylinder the way is no circle (`tube`). The pull
+points down an axis, or to a point.
 
 References
 ----------
@@ -15,19 +16,20 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.packing.deposition.moves import (
+from voxgran.packing.deposition.field import (
+    KIND,
     PULL,
     REACH,
     SECOND,
     SLIGHT,
+    TUBE,
     WAY,
     WIDTH,
     Field,
     copy_row,
-    move_round,
-    move_straight,
     pull_from,
 )
+from voxgran.packing.deposition.moves import move_along_tube, move_round, move_straight
 
 #: largest number of events on a path
 MOST_EVENTS = 400
@@ -36,26 +38,38 @@ TINY = 1e-14
 
 
 @bare_kernel
-def fall(field: Field, place: Floats, r: float, sticks: bool, flies: bool) -> bool:
+def fall(field: Field, place: Floats, r: float, sticks: bool, flies: bool) -> int:
     """Move a sphere of radius r from `place`, (3,), to where it rests, or first touches something if it `sticks`.
 
-    flies: whether it first moves along ``vectors[WAY]`` instead of along the pull. Return whether it touches anything.
+    flies: whether it first moves along ``vectors[WAY]`` instead of along the pull. Return 1 where it stays, 0 where it
+    touches nothing, and -1 where it has found no place to rest after so many events.
     """
-    contacts, touching = field.contacts, 0
+    touching = 0
     for event in range(MOST_EVENTS):
         kept = 0
         if event > 0 or not flies:
             kept = _choose_way(field, place, touching)
         if kept < 0:
-            return True
-        on_spheres = (kept > 0 and contacts[0, REACH] > 0.0) or (kept > 1 and contacts[1, REACH] > 0.0)
-        found = move_round(field, place, r, kept) if on_spheres else move_straight(field, place, r, kept)
+            return 1
+        found = _move(field, place, r, kept)
         if found < 0:
-            return False
+            return 0
         touching = kept + found
         if sticks and touching > 0:
-            return True
-    return True
+            return 1
+    return -1
+
+
+@bare_kernel
+def _move(field, place, r, kept):  # type: ignore[no-untyped-def]
+    """Move to the next event; return 1 where that is a contact, 0 else, and -1 where nothing ends the line."""
+    contacts = field.contacts
+    on_spheres = (kept > 0 and contacts[0, REACH] != 0.0) or (kept > 1 and contacts[1, REACH] != 0.0)
+    if not on_spheres:
+        return move_straight(field, place, r, kept)
+    if kept == 2 and (contacts[0, KIND] == TUBE or contacts[1, KIND] == TUBE):
+        return move_along_tube(field, place, r)
+    return move_round(field, place, r, kept)
 
 
 @bare_kernel

@@ -9,15 +9,16 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
-from voxgran.containers.kernel_container import KernelContainer, is_held
-from voxgran.packing.deposition.moves import WAY, Field
+from voxgran.containers.kernel_container import ROUND, UPRIGHT, is_held
+from voxgran.packing.deposition.field import WAY, Field
+from voxgran.packing.deposition.meetings import STILL, first_sphere
 from voxgran.packing.deposition.paths import fall
 from voxgran.packing.level_grid import link_at
 
 #: attempts in a row that find no place, after which the container is full
 PATIENCE = 200
-#: what is counted: spheres placed, attempts in a row without a place
-PLACED, MISSED = 0, 1
+#: what is counted: spheres placed, attempts in a row without a place, and drops that came to no rest
+PLACED, MISSED, LOST, TALLIES = range(4)
 #: number of a draw beyond those of all drops
 APART = 2**32
 
@@ -36,7 +37,6 @@ class Tops(NamedTuple):
 @kernel
 def drop_spheres(
     field: Field,
-    walls: KernelContainer,
     radius: Floats,
     level: Integers,
     tops: Tops,
@@ -62,15 +62,14 @@ def drop_spheres(
             words = philox_block(key[0], key[1], np.uint64(done), np.uint64(k))
             u, v, w = unit_float(words[0]), unit_float(words[1]), unit_float(words[2])
             if field.central:
-                met = n == 0
                 _aim(field, extent[0], r, u, v, w, unit_float(words[3]), place)
-                if n > 0:
-                    met = fall(field, place, r, sticks, True)
-                flown = flown or not met
+                met = fall(field, place, r, sticks, True) if n > 0 else 1
+                flown = flown or met == 0
             else:
-                _lift(field, tops, r, u, v, place)
-                met = fall(field, place, r, sticks, False)
-            if met and _fits(field, walls, place, r):
+                met = fall(field, place, r, sticks, False) if _lift(field, tops, r, u, v, place) else 0
+            if met < 0:
+                tally[LOST] += 1
+            if met > 0 and _fits(field, place, r):
                 depth = _depth(field, place)
                 if depth < best:
                     best = depth
@@ -87,21 +86,49 @@ def drop_spheres(
 
 @bare_kernel
 def _lift(field, tops, r, u, v, place):  # type: ignore[no-untyped-def]
-    """Write a random place above all spheres that may be in the way."""
+    """Write a random place above all spheres that may be in the way, and return whether it is free.
+
+    Under a round wall it may be lower, and taken.
+    """
     across = 3 - field.up
     place[0], place[1], place[2] = 0.0, 0.0, 0.0
-    for axis, share in ((0, u), (across, v)):
-        if field.lengths[axis] > 0.0:
-            inset = r if field.walled[axis] == 1 else 0.0
-            place[axis] = inset + share * (field.lengths[axis] - 2.0 * inset)
-    highest = 0.0
+    highest, ceiling = 0.0, math.inf
+    if field.walls.kind == UPRIGHT or field.walls.kind == ROUND:
+        highest, ceiling = _within_round(field, r, u, v, place)
+    else:
+        for axis, share in ((0, u), (across, v)):
+            if field.lengths[axis] > 0.0:
+                inset = r if field.flat[axis] == 1 else 0.0
+                place[axis] = inset + share * (field.lengths[axis] - 2.0 * inset)
     i, j = int(place[0] / tops.width[0]), int(place[across] / tops.width[1])
     for di in range(-1, 2):
         for dj in range(-1, 2):
             # beyond a wall there is another column of this container, which does no harm
             column = (i + di) % tops.count[0] * tops.count[1] + (j + dj) % tops.count[1]
             highest = max(highest, tops.height[column])
-    place[field.up] = highest + 1.001 * r
+    place[field.up] = min(highest + 1.001 * r, ceiling)
+    if place[field.up] < ceiling:
+        return True
+    x, y, z = place[0], place[1], place[2]
+    return first_sphere(field, STILL, place, r, 0, 0.0, x, y, z, r, 0.0)[4] == 0.0
+
+
+@bare_kernel
+def _within_round(field, r, u, v, place):  # type: ignore[no-untyped-def]
+    """Write a random place across the pull within a round wall, and return two heights: one that is inside at any such
+    place, and the greatest one of a center there.
+    """
+    walls = field.walls
+    room, middle = walls.radius - r, walls.middle
+    if field.up == 1:
+        offset = room * (2.0 * v - 1.0)
+        place[0] = middle[0] + offset
+    else:
+        offset, turn = room * math.sqrt(v), 2.0 * math.pi * u
+        place[0], place[1] = middle[0] + offset * math.cos(turn), middle[1] + offset * math.sin(turn)
+        if walls.kind == UPRIGHT:
+            return 0.0, math.inf
+    return middle[field.up], middle[field.up] + math.sqrt(max(room * room - offset * offset, 0.0))
 
 
 @bare_kernel
@@ -133,13 +160,13 @@ def _aim(field, extent, r, u, v, w, t, place):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _fits(field, walls, place, r):  # type: ignore[no-untyped-def]
+def _fits(field, place, r):  # type: ignore[no-untyped-def]
     """Bring a place into the periodic lengths, and return whether the container holds a sphere there."""
     for axis in range(3):
         span = field.cells.span[axis]
         if span > 0.0:
             place[axis] -= math.floor(place[axis] / span) * span
-    return is_held(walls, place[0], place[1], place[2], r, r, r)
+    return is_held(field.walls, place[0], place[1], place[2], r, r, r)
 
 
 @bare_kernel

@@ -9,7 +9,7 @@ from voxgran._base.errors import InputError
 from voxgran.measures.registered.density import bulk_solid_fraction
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
-GRADED = vg.sizes.uniform(0.6, 1.4)
+GRADED, WIDE = vg.sizes.uniform(0.6, 1.4), vg.sizes.uniform(0.3, 1.7)
 
 
 def deposited(shape, container, **options):
@@ -19,23 +19,38 @@ def deposited(shape, container, **options):
     return packing
 
 
+def walls_near(container, point):
+    """Return the distances of a point from the walls, and the unit vectors toward them; in closed form, as a twin."""
+    lower, upper = container.bounds
+    flat = {"cylinder": (2,), "sphere": (), "disk": ()}.get(container.kind, range(container.dimension))
+    found = []
+    for axis in flat:
+        if not container.periodic[axis]:
+            found.append((point[axis] - lower[axis], -np.eye(3)[axis]))
+            found.append((upper[axis] - point[axis], np.eye(3)[axis]))
+    if container.kind in ("cylinder", "sphere", "disk"):
+        away = point - (lower + upper) / 2
+        away[2] *= container.kind == "sphere"
+        far = np.linalg.norm(away)
+        found.append((container.radius - far, away / max(far, 1e-300)))
+    return found
+
+
 def contacts_below(packing):
     """Return for each grain the unit vectors from it to what touches it, walls included, within 1e-9."""
-    lengths, up = np.array([*packing.container.lengths, 1.0])[:3], packing.dimension - 1
-    periodic = np.array([*packing.container.periodic, False, False])[:3]
+    container, up = packing.container, packing.dimension - 1
+    lower, upper = container.bounds
+    lengths = np.where(container.periodic, upper - lower, np.inf)
     centers, radii = packing.position, packing.diameters / 2
     vectors = [[] for _ in centers]
     for i in range(len(centers)):
         step = centers - centers[i]
-        step -= np.where(periodic, np.round(step / lengths) * lengths, 0)
+        step -= np.where(np.isfinite(lengths), np.round(step / lengths), 0) * np.where(np.isfinite(lengths), lengths, 0)
         away = np.linalg.norm(step, axis=1)
         near = np.flatnonzero((away < radii + radii[i] + 1e-9) & (away > 0))
         vectors[i] += [step[j] / away[j] for j in near if j < i]
-        for axis in range(packing.dimension):
-            if not periodic[axis]:
-                for side, gap in ((-1, centers[i, axis]), (1, lengths[axis] - centers[i, axis])):
-                    if gap < radii[i] + 1e-9 and (axis != up or side < 0):
-                        vectors[i].append(np.eye(3)[axis] * side)
+        # a lid carries nothing
+        vectors[i] += [n for gap, n in walls_near(container, centers[i]) if gap < radii[i] + 1e-9 and n[up] < 0.999]
     return vectors
 
 
@@ -54,21 +69,55 @@ def has_way_down(vectors, up):
         (vg.Box((6, 6, 9), periodic="xy"), None),
         (vg.Box((6, 5, 9)), GRADED),
         (vg.Box((5, 6, 9), periodic="y"), GRADED),
+        (vg.Cylinder(2.6, 12), None),
+        (vg.Cylinder(2.6, 22, origin=(3, -2, 1)), WIDE),
+        # grains rest on one other and the wall
+        (vg.Cylinder(0.8, 200), GRADED),
+        (vg.Sphere(3.6), None),
+        (vg.Sphere(5.2, origin=(-1, 5, 2)), WIDE),
     ],
 )
 def test_no_sphere_has_a_way_down(container, sizes):
     packing = deposited(SPHERE, container, count=150, sizes=sizes)
+    assert packing.count > 100
     for vectors in contacts_below(packing):
         assert vectors
         assert not has_way_down(vectors, 2)
 
 
-def test_disks_rest_on_two_others_or_walls():
-    packing = deposited(DISK, vg.Rectangle((12, 30)), count=200, sizes=GRADED)
+@pytest.mark.parametrize("container", [vg.Rectangle((12, 30)), vg.Disk(9), vg.Disk(9, origin=(3, -4))])
+def test_disks_rest_on_two_others_or_walls(container):
+    packing = deposited(DISK, container, count=150, sizes=GRADED)
+    assert packing.count == 150
     assert np.ptp(packing.position[:, 2]) == 0
     for vectors in contacts_below(packing):
         flat = [*vectors, (0, 0, 1.0), (0, 0, -1.0)]
         assert not has_way_down(flat, 1)
+
+
+@pytest.mark.parametrize("container", [vg.Box((10, 10, 30)), vg.Cylinder(6, 30), vg.Sphere(9)])
+def test_no_path_ends_without_rest(container):
+    packing = deposited(SPHERE, container, count=2000, sizes=GRADED)
+    assert packing.provenance["lost"] == 0
+    assert packing.count > 1500
+
+
+def test_grains_fall_evenly_over_the_section_of_a_cylinder():
+    """Half of the grains that stick to the floor are beyond the radius of half of the area."""
+    packing = deposited(SPHERE, vg.Cylinder(31, 4), count=400, sticking=1)
+    low = packing.position[packing.position[:, 2] < 0.5 + 1e-9]
+    far = np.linalg.norm(low[:, :2], axis=1) / 30.5
+    assert len(low) > 200
+    assert (far**2).mean() == pytest.approx(0.5, abs=3 * np.sqrt(1 / 12 / len(low)))
+
+
+def test_spheres_that_stick_stay_at_what_they_touch_first():
+    packing = deposited(SPHERE, vg.Sphere(5), sticking=1)
+    for i, vectors in enumerate(contacts_below(packing)):
+        # the lowest sphere or the wall is straight below, or beside
+        assert vectors, i
+        assert min(vector[2] for vector in vectors) < 1e-6
+    assert packing.solid_fraction < 0.25
 
 
 def test_densities_are_the_published_ones():
@@ -163,10 +212,10 @@ def test_units_change_no_bit():
 
 
 def test_wrong_calls_are_refused_in_one_sentence():
-    with pytest.raises(InputError, match="container is 'cylinder' with periodic none: grains roll to a plane floor"):
-        vg.pack(SPHERE, vg.Cylinder(3, 5), method="deposition", count=5)
-    with pytest.raises(InputError, match="container is 'box' with periodic xyz: grains roll to a plane floor"):
+    with pytest.raises(InputError, match="periodic is xyz: grains fall along z, to a floor; give a container"):
         vg.pack(SPHERE, vg.Box((3, 3, 5), "xyz"), method="deposition", count=5)
+    with pytest.raises(InputError, match="periodic is y: grains fall along y, to a floor"):
+        vg.pack(DISK, vg.Rectangle((3, 5), "y"), method="deposition", count=5)
     with pytest.raises(InputError, match="periodic is x: grains that fall toward the center have no periodic images"):
         vg.pack(SPHERE, vg.Box((3, 3, 5), "x"), method="deposition", count=5, toward="center")
     with pytest.raises(InputError, match=r"sticking is 1\.5: "):
