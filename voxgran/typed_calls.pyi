@@ -82,6 +82,7 @@ class MultilayerKeywords(PackKeywords, total=False):
     undercompaction: Number
 
 class JamKeywords(PackKeywords, total=False):
+    growth_rate: Number
     keep: Literal["container", "sizes"]
 
 class GrowthKeywords(PackKeywords, total=False):
@@ -101,7 +102,8 @@ class GravityKeywords(PackKeywords, total=False):
     fill: Number
     height: Number | None
 
-class ExpandKeywords(PackKeywords, total=False): ...
+class ExpandKeywords(PackKeywords, total=False):
+    growth_rate: Number
 
 class DigitalRsaKeywords(PackKeywords, total=False):
     voxel_size: Number | None
