@@ -49,6 +49,7 @@ bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, dist
 	$(BIN)/voxgran bench rsa -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
 	$(BIN)/voxgran bench spheres -o docs/figures
+	$(BIN)/voxgran bench jamming -o docs/figures
 	$(BIN)/voxgran bench exponents -o docs/figures
 	$(BIN)/voxgran bench shapes -o docs/figures
 	$(BIN)/voxgran bench settle -o docs/figures

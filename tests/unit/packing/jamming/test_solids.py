@@ -44,7 +44,8 @@ def test_ellipsoids_jam_denser_than_spheres_with_as_many_contacts_as_hold_them()
 def test_dice_jam_about_as_dense_as_shaken_ones(shape, least, most):
     packing = jammed(shape, 60, growth_rate=0.1)
     assert vg.verify(packing, tolerance=0).ok
-    # few cubes may order, up to a share of 1 of the space; Baker & Kudrolli 2010: 0.67 for cubes and 0.64 for octahedra that are shaken; Jiao & Torquato 2011: 0.697
+    # few cubes may order;
+    # Baker & Kudrolli 2010: 0.67 for cubes and 0.64 for octahedra that are shaken; Jiao & Torquato 2011: 0.697
     assert least < packing.solid_fraction < most
 
 
