@@ -228,6 +228,7 @@ def test_fit_clump(capsys, monkeypatch):
         ("level_column", 1037, 0.5799, 0.5801),
         ("loose_deposit", 1000, 0.14, 0.16),
         ("gaps_in_rectangle", 1029, 0.91, 0.93),
+        ("fragments_in_rectangle", 671, 0.87, 0.89),
         ("spheres_in_rock", 3000, 0.57, 0.60),
     ],
 )

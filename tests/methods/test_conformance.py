@@ -14,6 +14,7 @@ from voxgran.testing.packing_methods import bits_of
 
 #: methods, and what else of a method has to keep it all, by name
 VARIANTS = {
+    "random_apollonian, rotated": {"rotate": 4, "shift": 1},
     "control_point, kdtree": {"contact": "kdtree"},
     "control_point, one way": {"tested_points": "one"},
     "control_point, open surfaces": {"contact": "kdtree"},

@@ -5,12 +5,15 @@ a size follows: with a slope -s of the logarithms in d dimensions it is d / (1 +
 numbers of spheres, a mean over several packings with its standard error. Nuclei keep arriving at one rate per volume
 and time, so that more spheres stand for a longer time. Exponents of gaskets are fitted to the number of spheres up to a
 curvature.
+
+Squares show what the shape and its rotation change.
 """
 
 import math
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +28,15 @@ from voxgran.shapes.family import make_shape
 
 #: numbers of spheres, and packings of each
 COUNTS, SEEDS = (1_000, 3_000, 10_000, 30_000, 100_000, 300_000), 6
+#: squares in the plane, in random orientations or rotated to where they can grow further: options of the method, and
+#: how many of the numbers of grains
+SQUARES: dict[str, dict[str, Any]] = {
+    "random_apollonian, squares": {},
+    "random_apollonian, rotated squares": {"rotate": 20},
+}
+FEWER = 4
+#: largest diameter of squares, in edges of the container, so that none fills a periodic square
+LARGEST = 0.25
 #: growth of radii while the smallest number of nuclei arrives, in diameters of equal spheres that fill the container
 SPEED = 5.0
 #: published exponents by dimension: of random packings (Dodds & Weitz 2002, doi:10.1103/PhysRevE.65.056108), and of
@@ -43,7 +55,7 @@ class Row:
     spheres: int
     exponent: float
     error: float  # standard error; 0 for gaskets
-    published: float
+    published: float | None
     seconds: float
 
 
@@ -51,13 +63,14 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure all exponents, and write rows as CSV and a figure as SVG."""
     rows: list[Row] = []
     for dimension in (2, 3):
-        for method in ("growth", "random_apollonian"):
+        for method in ("growth", "random_apollonian", *(SQUARES if dimension == 2 else ())):
             rows += random_rows(method, dimension)
         rows.append(gasket_row(dimension))
     head = "dimension,method,spheres,exponent,standard_error,published,processor_seconds,calibration_seconds"
     loop = calibration()
     lines = [
-        f"{row.dimension},{row.method},{row.spheres},{row.exponent:.5f},{row.error:.5f},{row.published:g},"
+        f'{row.dimension},"{row.method}",{row.spheres},{row.exponent:.5f},{row.error:.5f},'
+        f"{'' if row.published is None else format(row.published, 'g')},"
         f"{row.seconds:.3f},{loop:.5f}"
         for row in rows
     ]
@@ -68,24 +81,25 @@ def run(folder: Path) -> tuple[Path, ...]:
 
 def random_rows(method: str, dimension: int) -> list[Row]:
     """Return the exponents between successive numbers of spheres; seconds are those of the larger packings."""
-    pores = np.zeros((SEEDS, len(COUNTS)))
-    seconds = np.zeros(len(COUNTS))
+    counts = COUNTS[:FEWER] if method in SQUARES else COUNTS
+    pores = np.zeros((SEEDS, len(counts)))
+    seconds = np.zeros(len(counts))
     for seed in range(SEEDS):
-        for k, count in enumerate(COUNTS):
+        for k, count in enumerate(counts):
             began = time.process_time()
             pores[seed, k] = _pores(method, dimension, count, seed)
             seconds[k] += (time.process_time() - began) / SEEDS
-    slopes = -np.diff(np.log(pores), axis=1) / np.diff(np.log(COUNTS))
+    slopes = -np.diff(np.log(pores), axis=1) / np.diff(np.log(counts))
     found = dimension / (1.0 + slopes)
     means, errors = found.mean(axis=0), found.std(axis=0, ddof=1) / math.sqrt(SEEDS)
     return [
         Row(
             dimension,
             method,
-            COUNTS[k + 1],
+            counts[k + 1],
             float(means[k]),
             float(errors[k]),
-            RANDOM[dimension],
+            None if method in SQUARES else RANDOM[dimension],
             float(seconds[k + 1]),
         )
         for k in range(len(means))
@@ -96,12 +110,14 @@ def _pores(method: str, dimension: int, count: int, seed: int) -> float:
     """Return the porosity of a periodic packing."""
     shape = make_shape("disk" if dimension == 2 else "sphere")
     room: Container = Rectangle((10, 10), "xy") if dimension == 2 else Box((10, 10, 10), "xyz")
-    options = {}
+    options: dict[str, Any] = {}
+    if method in SQUARES:
+        shape, options = make_shape("polygon", corners=4), {"largest": LARGEST * 10, **SQUARES[method]}
     if method == "growth":
         # arrivals and growth per time and volume do not depend on the number
         speed = SPEED * (count / COUNTS[0]) ** ((dimension + 1) / dimension)
         options = {"arrival": "continuous", "speed": speed}
-    return 1.0 - pack(shape, room, method=method, count=count, seed=seed, **options).solid_fraction
+    return 1.0 - pack(shape, room, method=method.partition(",")[0], count=count, seed=seed, **options).solid_fraction
 
 
 def gasket_row(dimension: int) -> Row:
@@ -122,6 +138,7 @@ def exponent_of(curvature: Floats, low: float, high: float) -> float:
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw the exponents of random packings against the number of spheres."""
     labels = {"growth": "growth, nuclei keep arriving", "random_apollonian": "random Apollonian"}
+    labels |= {method: method.replace("random_apollonian", "random Apollonian") for method in SQUARES}
     with panels_of(path, 2, width=10.0, height=4.0) as panels:
         for panel, dimension in zip(panels, (2, 3), strict=True):
             for method, label in labels.items():

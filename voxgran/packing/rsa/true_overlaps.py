@@ -52,13 +52,13 @@ def place_true(
         return False
     work.quaternion[0], work.quaternion[1], work.quaternion[2], work.quaternion[3] = 1.0, 0.0, 0.0, 0.0
     if shapes.turns[s]:
-        _draw_quaternion(walls.dimension, key, number, work.quaternion)
+        draw_quaternion(walls.dimension, key, number, work.quaternion)
     write_matrix(work.quaternion, work.turn)
     if _meets_near(shapes, s, f, many, rows, trees):
         return False
     if not is_within_walls(walls, shapes, s, f, x, y, z, rows, trees):
         return False
-    if _meets_itself(cells, shapes, s, f, grains.half[g, 0], rows, trees):
+    if meets_itself(cells.span, shapes, s, f, grains.half[g, 0], rows, trees):
         return False
     for c in range(4):
         shapes.orientation[g, c] = work.quaternion[c]
@@ -161,7 +161,7 @@ def _meets_near(shapes, s, f, many, rows, trees):  # type: ignore[no-untyped-def
         g = grain[best]
         write_matrix(shapes.orientation[g], work.other)
         place_relative(shapes)
-        x, y, z = _in_frame(work.turn, f, place[best, 0], place[best, 1], place[best, 2])
+        x, y, z = in_frame(work.turn, f, place[best, 0], place[best, 1], place[best, 2])
         if shapes_meet(shapes, s, shapes.shape[g], x, y, z, shapes.scale[g] / f, rows, trees):
             return True
         for c in range(4):
@@ -171,9 +171,11 @@ def _meets_near(shapes, s, f, many, rows, trees):  # type: ignore[no-untyped-def
 
 
 @bare_kernel
-def _meets_itself(cells, shapes, s, f, radius, rows, trees):  # type: ignore[no-untyped-def]
-    """Return whether the new grain meets one of its own periodic images."""
-    work, span = shapes.work, cells.span
+def meets_itself(
+    span: Floats, shapes: TrueShapes, s: int, f: float, radius: float, rows: object, trees: object
+) -> bool:  # fmt: skip
+    """Return whether the new grain meets one of its own periodic images; span: periodic lengths, 0 without."""
+    work = shapes.work
     mx = math.floor(2.0 * radius / span[0]) if span[0] > 0.0 else 0
     my = math.floor(2.0 * radius / span[1]) if span[1] > 0.0 else 0
     mz = math.floor(2.0 * radius / span[2]) if span[2] > 0.0 else 0
@@ -188,14 +190,14 @@ def _meets_itself(cells, shapes, s, f, radius, rows, trees):  # type: ignore[no-
             for kz in range(1 if kx == 0 and ky == 0 else -mz, mz + 1):
                 dx, dy, dz = kx * span[0], ky * span[1], kz * span[2]
                 if dx * dx + dy * dy + dz * dz < 4.0 * radius * radius:
-                    x, y, z = _in_frame(work.turn, f, dx, dy, dz)
+                    x, y, z = in_frame(work.turn, f, dx, dy, dz)
                     if shapes_meet(shapes, s, s, x, y, z, 1.0, rows, trees):
                         return True
     return False
 
 
 @bare_kernel
-def _in_frame(turn: Floats, f: float, x: float, y: float, z: float) -> tuple[float, float, float]:
+def in_frame(turn: Floats, f: float, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return a vector in the frame and unit of the new grain."""
     return (
         (turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z) / f,
@@ -205,7 +207,7 @@ def _in_frame(turn: Floats, f: float, x: float, y: float, z: float) -> tuple[flo
 
 
 @bare_kernel
-def _draw_quaternion(dimension, key, number, quaternion):  # type: ignore[no-untyped-def]
+def draw_quaternion(dimension: int, key: Words, number: int, quaternion: Floats) -> None:
     """Write a random rotation, uniform over all (Shoemake 1992, doi:10.1016/B978-0-08-050755-2.50036-1)."""
     a, b, c, _ = philox_block(key[0], key[1], np.uint64(number), np.uint64(1))
     u, first, second = unit_float(a), 2.0 * math.pi * unit_float(b), 2.0 * math.pi * unit_float(c)

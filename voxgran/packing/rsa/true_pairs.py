@@ -7,11 +7,12 @@ what is accepted is apart. Of shapes of many parts, the pairs whose bounding sph
 Two meshes whose triangles do not meet overlap only if one lies inside the other.
 """
 
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.tree import is_behind, search_triangles
 from voxgran.packing.rsa.true_shapes import TrueShapes
 from voxgran.settling.finding.convex_contacts import place_row
-from voxgran.settling.finding.convex_distance import distance_along
+from voxgran.settling.finding.convex_distance import Part, distance_along
 
 #: distance, in diameters, up to which parts count as meeting, and the difference of bounds at which the search ends
 TOUCHING, CLOSE = 1e-12, 1e-13
@@ -93,7 +94,9 @@ def _is_sphere_at_box(half, turn, x, y, z, stretch):  # type: ignore[no-untyped-
 
 
 @bare_kernel
-def _placed(turn, stretch, x, y, z, px, py, pz):  # type: ignore[no-untyped-def]
+def placed(
+    turn: Floats, stretch: float, x: float, y: float, z: float, px: float, py: float, pz: float
+) -> tuple[float, float, float]:
     """Return a point of the frame of b in the frame of a."""
     return (
         x + stretch * (turn[0, 0] * px + turn[0, 1] * py + turn[0, 2] * pz),
@@ -107,29 +110,35 @@ def _parts_meet(shapes, a, b, p, q, x, y, z, stretch, rows):  # type: ignore[no-
     """Return whether part p of shape a and part q of shape b have a point in common, or rounding may hide one."""
     work, mine, other = shapes.work, shapes.part_sphere[p], shapes.part_sphere[q]
     turn = work.relative
-    dx, dy, dz = _placed(turn, stretch, x, y, z, other[0], other[1], other[2])
+    dx, dy, dz = placed(turn, stretch, x, y, z, other[0], other[1], other[2])
     dx, dy, dz = dx - mine[0], dy - mine[1], dz - mine[2]
     square, reach = dx * dx + dy * dy + dz * dz, mine[3] + stretch * other[3]
     if square >= reach * reach:
         return False
-    kind, theirs = shapes.part[p, 0], shapes.part[q, 0]
-    if kind == 0 and theirs == 0:
+    if shapes.part[p, 0] == 0 and shapes.part[q, 0] == 0:
         return True
     if square == 0.0:
         dx = 1.0
+    two = place_part(shapes, b, q, stretch, rows)
+    margin = shapes.margin[p] + stretch * shapes.margin[q] + TOUCHING
+    one = (shapes.part[p, 0], a, shapes.part[p, 1], shapes.part[p, 2], shapes.part[p, 3], 0.0)
+    distance = distance_along(shapes.bodies, work, one, two, x, y, z, dx, dy, dz, margin, CLOSE, rows, rows)
+    return not distance > margin
+
+
+@bare_kernel
+def place_part(shapes: TrueShapes, b: int, q: int, stretch: float, rows: object) -> Part:
+    """Write part q of shape b, rotated by `work.relative` and scaled, and return it as a part for the distance."""
+    work, turn = shapes.work, shapes.work.relative
     begin, end = shapes.part[q, 1], shapes.part[q, 2]
     room = len(work.corner) - (end - begin)
     for k in range(end - begin):
         corner = work.corner[begin + k]
-        px, py, pz = _placed(turn, stretch, 0.0, 0.0, 0.0, corner[0], corner[1], corner[2])
+        px, py, pz = placed(turn, stretch, 0.0, 0.0, 0.0, corner[0], corner[1], corner[2])
         work.corner[room + k, 0], work.corner[room + k, 1], work.corner[room + k, 2] = px, py, pz
     if rows is not None and end == begin:
         place_row(work.row[b], turn, stretch, work.row[len(work.row) - 1])
-    margin = shapes.margin[p] + stretch * shapes.margin[q] + TOUCHING
-    one = (kind, a, shapes.part[p, 1], shapes.part[p, 2], shapes.part[p, 3], 0.0)
-    two = (theirs, len(work.row) - 1, room, len(work.corner), shapes.part[q, 3], 0.0)
-    distance = distance_along(shapes.bodies, work, one, two, x, y, z, dx, dy, dz, margin, CLOSE, rows, rows)
-    return not distance > margin
+    return shapes.part[q, 0], len(work.row) - 1, room, len(work.corner), shapes.part[q, 3], 0.0
 
 
 @bare_kernel
@@ -145,7 +154,7 @@ def surfaces_meet(
         depth -= 1
         i, j = stack[depth, 0], stack[depth, 1]
         mine, other = shapes.sphere[box + i], shapes.sphere[other_box + j]
-        dx, dy, dz = _placed(turn, stretch, x, y, z, other[0], other[1], other[2])
+        dx, dy, dz = placed(turn, stretch, x, y, z, other[0], other[1], other[2])
         reach = mine[3] + stretch * other[3]
         if (dx - mine[0]) ** 2 + (dy - mine[1]) ** 2 + (dz - mine[2]) ** 2 >= reach * reach:
             continue
@@ -173,7 +182,7 @@ def is_nested(shapes: TrueShapes, a: int, b: int, x: float, y: float, z: float, 
         # each sphere of a union is tested, one point of any other shape
         for q in range(first[b, 0], first[b + 1, 0] if shapes.part[first[b, 0], 0] == 0 else first[b, 0] + 1):
             px, py, pz = point_of(shapes, q)
-            px, py, pz = _placed(turn, stretch, x, y, z, px, py, pz)
+            px, py, pz = placed(turn, stretch, x, y, z, px, py, pz)
             if holds(shapes, a, px, py, pz):
                 return True
     if shapes.closed[b]:

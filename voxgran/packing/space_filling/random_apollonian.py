@@ -1,11 +1,13 @@
-"""Random Apollonian packing: a random point that is free gets the largest sphere that fits there.
+"""Random Apollonian packing: a random point that is free gets the largest sphere, or true shape, that fits there.
 
 Each sphere touches the nearest surface, of another sphere or a wall. The number of spheres larger than a diameter falls
 as a power of it. With `shift` the sphere then moves away from that surface as it grows, until another is equally near,
 so many times: the spheres touch two others, become larger, and fill more of the container. With `shrink` each is made
 smaller than fits, so that gaps stay between the spheres.
 
-Shapes that are no spheres are represented by their bounding spheres, in random orientations.
+Shapes that are no spheres have random orientations, and grow until they touch a grain or a wall with their true
+surfaces (:mod:`voxgran.packing.space_filling.largest_scale`). With `rotate`, each grain is rotated to where it can grow
+further, in so many tries: the rotational random Apollonian packing.
 
 References
 ----------
@@ -30,28 +32,34 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, random_turns, spheres_of_start
 from voxgran.packing.space_filling.reach_cells import (
     ReachCells,
+    cells_with,
     gap_at,
     is_covered,
     list_sphere,
-    reach_cells,
     with_room,
+    wrapped,
+)
+from voxgran.packing.space_filling.true_apollonian import (
+    MADE,
+    MISSED,
+    NO_ROOM,
+    PATIENCE,
+    PLACED,
+    REACHED,
+    PrecomputedShapes,
+    advance_shapes,
+    precompute_shapes,
 )
 
 #: bytes of a grain (measured), and estimate of the largest number of attempts per grain
-GRAIN_BYTES, ATTEMPTS = 300, 10_000
-#: cells per sphere
-CELLS = 0.4
-#: attempts in a row that find no place, after which the container is full
-PATIENCE = 5_000
+GRAIN_BYTES, ATTEMPTS = 400, 10_000
 #: shares of the shortest edge of the container: the smallest diameter if neither count nor solid fraction is asked for,
-#: and the largest one of spheres that shift
+#: and the largest one of grains that shift or are rotated
 SMALLEST, SHIFTED = 0.02, 0.25
 #: largest smallest diameter that is a default, in largest ones
 BELOW = 0.1
-#: what is counted: spheres placed, attempts in a row without a place
-PLACED, MISSED = 0, 1
-#: how a part of a run ends: attempts made or container full, solid fraction reached, no room for entries
-MADE, REACHED, NO_ROOM = 0, 1, 2
+#: orientation of a grain that is not rotated
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 #: steps by which the place of a shifted sphere is found, distances in radii that count as equal, and the way over which
 #: the direction from a wall is found
 HALVINGS, ROUNDING, DIFFERENCE = 60, 1e-10, 1e-6
@@ -76,12 +84,19 @@ class RandomApollonian:
     )
     largest: float | None = parameter(
         None,
-        doc="largest diameter; default: none without shift, otherwise a quarter of the shortest edge of the container",
+        doc="largest diameter; default: none without shift and rotate, otherwise a quarter of the shortest edge of the"
+        " container",
         unit="length",
         above=0.0,
     )
     shift: int = parameter(
-        0, doc="how often a sphere moves away from the nearest surface until another is equally near", at_least=0
+        0, doc="how often a grain moves away from the nearest surface until another is equally near", at_least=0
+    )
+    rotate: int = parameter(
+        0,
+        doc="rotations that are tried for each grain that is not a sphere, of which those are kept that let it grow"
+        " further; 0: random orientations",
+        at_least=0,
     )
     shrink: float = parameter(
         0.0, doc="share of the diameter by which each sphere is smaller than fits", at_least=0.0, at_most=0.99
@@ -107,6 +122,11 @@ def prepare(problem: Problem) -> State:
     spheres = np.zeros((problem.count, 4))
     spheres[: problem.started] = spheres_of_start(problem)
     arrays = {"spheres": spheres, "tally": np.array([problem.started, 0], dtype=np.int64), "volume": np.zeros(1)}
+    if not all_spheres(problem):
+        arrays["diameter"], arrays["orientation"] = np.zeros(problem.count), np.tile(UPRIGHT, (problem.count, 1))
+    if problem.start is not None and not all_spheres(problem):
+        arrays["diameter"][: problem.started] = problem.diameter[: problem.started]
+        arrays["orientation"][: problem.started] = problem.start.orientation
     state = State(arrays, {}, 0, ATTEMPTS * (problem.count - problem.started) + PATIENCE)
     _look(problem, state, MADE)
     return state
@@ -127,13 +147,19 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     if state.stop_reason:
         return state
     if "precomputed" not in state.derived:
-        state.derived["precomputed"] = _precomputed(problem, state)
-    made: Precomputed = state.derived["precomputed"]
-    last, end = min(state.done + attempts, state.total), NO_ROOM
+        limits = _limits(problem)
+        make = _precomputed if all_spheres(problem) else precompute_shapes
+        state.derived["precomputed"] = make(problem, state, limits)
+    made: Precomputed | PrecomputedShapes = state.derived["precomputed"]
+    key, last = philox_key(problem.seed, "apollonian"), min(state.done + attempts, state.total)
+    if isinstance(made, PrecomputedShapes):
+        _look(problem, state, advance_shapes(problem, state, made, key, last))
+        return state
+    end = NO_ROOM
     while end == NO_ROOM:
         done, end = put_spheres(
             *(made.walls, made.cells, state.arrays["spheres"], made.volume, made.limits),
-            *(problem.parameters.shift, philox_key(problem.seed, "apollonian")),
+            *(problem.parameters.shift, key),
             *(state.arrays["tally"], state.arrays["volume"], state.done, last),
         )
         state.done = int(done)
@@ -143,19 +169,18 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     return state
 
 
-def _precomputed(problem: Problem, state: State) -> Precomputed:
-    """Return cells with the placed spheres in them, volumes and limits."""
+def all_spheres(problem: Problem) -> bool:
+    """Return whether all shapes are spheres."""
+    return all(shape.is_sphere for shape in problem.shapes)
+
+
+def _limits(problem: Problem) -> Floats:
+    """Return the smallest and the largest diameter, the factor on the largest that fits, and the asked volume."""
     settings: RandomApollonian = problem.parameters
-    walls = kernel_container(problem.container, from_corner=True)
-    cells = reach_cells(walls, max(problem.count, 1), CELLS)
-    for sphere, (x, y, z, radius) in enumerate(state.arrays["spheres"][: state.arrays["tally"][PLACED]]):
-        while not list_sphere(cells, sphere, x, y, z, radius, -1.0):
-            cells = with_room(cells)
-    bounding = np.array([shape.bounding_radius for shape in problem.shapes])
-    volume = np.array([shape.volume for shape in problem.shapes]) / bounding**problem.dimension
     edges = (problem.container.bounds[1] - problem.container.bounds[0])[: problem.dimension]
-    # in a round container a sphere that shifts goes to the middle, and would fill it all
-    largest = SHIFTED * float(edges.min()) if settings.shift else math.inf
+    # in a round container a sphere that shifts goes to the middle, and would fill it all; so does a box in a box
+    grows = settings.shift or (settings.rotate and not all_spheres(problem))
+    largest = SHIFTED * float(edges.min()) if grows else math.inf
     if settings.largest is not None:
         largest = problem.length(settings.largest)
     smallest = 0.0
@@ -164,8 +189,16 @@ def _precomputed(problem: Problem, state: State) -> Precomputed:
     elif not problem.target:
         smallest = min(SMALLEST * float(edges.min()), BELOW * largest)
     asked = math.inf if problem.asked_fraction is None else problem.asked_fraction * problem.container.volume
-    limits = np.array([0.5 * smallest, 0.5 * largest, 1.0 - settings.shrink, asked])
-    return Precomputed(walls, cells, volume[problem.shape_id], limits)
+    return np.array([smallest, largest, 1.0 - settings.shrink, asked])
+
+
+def _precomputed(problem: Problem, state: State, limits: Floats) -> Precomputed:
+    """Return cells with the placed spheres in them, volumes and limits."""
+    walls = kernel_container(problem.container, from_corner=True)
+    cells = cells_with(walls, problem.count, state.arrays["spheres"][: state.arrays["tally"][PLACED]])
+    bounding = np.array([shape.bounding_radius for shape in problem.shapes])
+    volume = np.array([shape.volume for shape in problem.shapes]) / bounding**problem.dimension
+    return Precomputed(walls, cells, volume[problem.shape_id], limits * np.array([0.5, 0.5, 1.0, 1.0]))
 
 
 def _look(problem: Problem, state: State, end: int) -> None:
@@ -185,8 +218,16 @@ def _look(problem: Problem, state: State, end: int) -> None:
 
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that were placed."""
-    many = int(state.arrays["tally"][PLACED])
-    return spheres_packing(problem, np.arange(many), state.arrays["spheres"][:many], state.stop_reason)
+    arrays, many = state.arrays, int(state.arrays["tally"][PLACED])
+    if all_spheres(problem):
+        return spheres_packing(problem, np.arange(many), arrays["spheres"][:many], state.stop_reason)
+    return problem.packing(
+        np.arange(many),
+        position=arrays["spheres"][:many, :3] + problem.container.bounds[0],
+        orientation=arrays["orientation"][:many],
+        diameter=arrays["diameter"][:many],
+        stop_reason=state.stop_reason,
+    )
 
 
 def spheres_packing(problem: Problem, grains: Integers, spheres: Floats, stop_reason: str) -> Packing:
@@ -211,7 +252,7 @@ def cost(problem: Problem) -> Cost:
 
 registration = PackingMethod(
     name="random_apollonian",
-    summary="random free points get the largest sphere that fits there: a power law of sizes that fills the gaps",
+    summary="random free points get the largest grain that fits there: a power law of sizes that fills the gaps",
     source="Manna 1992, doi:10.1016/0378-4371(92)90001-7; Delaney et al. 2008, doi:10.1103/PhysRevLett.101.120602",
     parameters=RandomApollonian,
     prepare=prepare,
@@ -299,9 +340,9 @@ def _shifted(walls, cells, spheres, place, largest):  # type: ignore[no-untyped-
     low, high, step = 0.0, math.inf, 0.5 * radius
     for _ in range(HALVINGS):
         px, py, pz = (
-            _wrapped(cells, 0, x + step * ux),
-            _wrapped(cells, 1, y + step * uy),
-            _wrapped(cells, 2, z + step * uz),
+            wrapped(cells, 0, x + step * ux),
+            wrapped(cells, 1, y + step * uy),
+            wrapped(cells, 2, z + step * uz),
         )
         grown = _radius_at(walls, cells, spheres, px, py, pz, largest)
         # while the first surface is the nearest, the radius grows as the sphere moves
@@ -342,10 +383,3 @@ def _nearest_image(cells, axis, step):  # type: ignore[no-untyped-def]
     """Return a difference of coordinates between nearest images."""
     span = cells.span[axis]
     return step - math.floor(step / span + 0.5) * span if span > 0.0 else step
-
-
-@bare_kernel
-def _wrapped(cells, axis, x):  # type: ignore[no-untyped-def]
-    """Return a coordinate within the periodic length."""
-    span = cells.span[axis]
-    return x - math.floor(x / span) * span if span > 0.0 else x

@@ -16,6 +16,8 @@ from voxgran.containers.kernel_container import KernelContainer
 
 #: entries of the lists per sphere at first
 ENTRIES = 16
+#: cells per sphere
+CELLS = 0.4
 
 
 class ReachCells(NamedTuple):
@@ -53,6 +55,15 @@ def with_room(cells: ReachCells) -> ReachCells:
     """Return the cells with room for twice as many entries."""
     more = np.zeros(len(cells.item), dtype=np.int32)
     return cells._replace(item=np.concatenate([cells.item, more]), after=np.concatenate([cells.after, more]))
+
+
+def cells_with(walls: KernelContainer, count: int, spheres: Floats) -> ReachCells:
+    """Return the cells for `count` spheres, in which the first ones, (m, 4), are listed."""
+    cells = reach_cells(walls, max(count, 1), CELLS)
+    for sphere, (x, y, z, radius) in enumerate(spheres):
+        while not list_sphere(cells, sphere, x, y, z, radius, -1.0):
+            cells = with_room(cells)
+    return cells
 
 
 @bare_kernel
@@ -105,6 +116,13 @@ def gap_to(cells: ReachCells, axis: int, index: int, x: float) -> float:
 
 
 @bare_kernel
+def wrapped(cells: ReachCells, axis: int, x: float) -> float:
+    """Return a coordinate within the periodic length."""
+    span = cells.span[axis]
+    return x - math.floor(x / span) * span if span > 0.0 else x
+
+
+@bare_kernel
 def cell_of(cells: ReachCells, i: int, j: int, k: int) -> int:
     """Return the number of a cell; indices may lie beyond the ends of a periodic axis."""
     count = cells.count
@@ -147,9 +165,9 @@ def gap_at(cells: ReachCells, spheres: Floats, x: float, y: float, z: float, mos
     at_x, at_y, at_z = near(cells, 0, x, 0.0)[0], near(cells, 1, y, 0.0)[0], near(cells, 2, z, 0.0)[0]
     while gap > (ring - 1) * step:
         inside = False
-        low_x, high_x = _ring(cells, 0, at_x, ring)
-        low_y, high_y = _ring(cells, 1, at_y, ring)
-        low_z, high_z = _ring(cells, 2, at_z, ring)
+        low_x, high_x = ring_range(cells, 0, at_x, ring)
+        low_y, high_y = ring_range(cells, 1, at_y, ring)
+        low_z, high_z = ring_range(cells, 2, at_z, ring)
         for i in range(low_x, high_x + 1):
             for j in range(low_y, high_y + 1):
                 for k in range(low_z, high_z + 1):
@@ -170,7 +188,7 @@ def gap_at(cells: ReachCells, spheres: Floats, x: float, y: float, z: float, mos
 
 
 @bare_kernel
-def _ring(cells, axis, at, ring):  # type: ignore[no-untyped-def]
+def ring_range(cells: ReachCells, axis: int, at: int, ring: int) -> tuple[int, int]:
     """Return the first and the last cell of a ring along an axis, each cell of a periodic axis once."""
     low, high, count = at - ring, at + ring, cells.count[axis]
     if cells.span[axis] == 0.0:

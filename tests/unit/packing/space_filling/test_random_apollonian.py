@@ -138,10 +138,3 @@ def test_the_exponent_of_spheres_is_the_published_one():
     box = vg.Box((9, 9, 9), periodic="xyz")
     found = [dimension_of(filled(box, count=300_000, seed=seed).diameter) for seed in range(4)]
     assert np.mean(found) == pytest.approx(2.733, abs=0.06)
-
-
-def test_other_shapes_lie_in_their_spheres():
-    cube = vg.make_shape("box")
-    packing = vg.pack(cube, vg.Box((4, 4, 4)), method="random_apollonian", count=100)
-    assert vg.verify(packing).ok
-    assert np.ptp(packing.orientation, axis=0).min() > 0.1

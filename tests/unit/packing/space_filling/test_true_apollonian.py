@@ -1,0 +1,161 @@
+"""Random points that get the largest copy of a true shape that fits, also rotated (random Apollonian packing)."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.rotation import rotation_matrices
+from voxgran.packing.driver import Drive, drive
+from voxgran.packing.pack import prepare_task
+from voxgran.shapes.model import Shape
+from voxgran.shapes.spheres import Spheres
+
+SQUARE = vg.make_shape("polygon", corners=4)
+ELL = [(0, 0), (4, 0), (4, 2), (2, 2), (2, 4), (0, 4)]
+CLUMP = Shape.of(Spheres(np.array([[0.0, 0, 0], [1.1, 0, 0], [0, 0.9, 0.3]]), np.array([0.8, 0.6, 0.5])), name="clump")
+UNION = vg.make_shape("solid_union", seed=1)
+
+
+def filled(shapes, container, **options):
+    """Return a packing that is proven to be free of overlap."""
+    packing = vg.pack(shapes, container, method="random_apollonian", **options)
+    assert vg.verify(packing).ok
+    return packing
+
+
+def enlarged(packing, grain, factor):
+    """Return the grains up to one, which is so many times as large."""
+    scale = packing.scale[: grain + 1].copy()
+    scale[grain] *= factor
+    return vg.Packing.of(
+        packing.shapes,
+        packing.container,
+        position=packing.position[: grain + 1],
+        scale=scale,
+        shape_id=packing.shape_id[: grain + 1],
+        orientation=packing.orientation[: grain + 1],
+    )
+
+
+CASES = {
+    "squares": (SQUARE, vg.Rectangle((5, 4), periodic="x"), {}),
+    "rotated squares": (SQUARE, vg.Rectangle((5, 4), periodic="xy"), {"rotate": 8, "shift": 1, "largest": 1.5}),
+    "L in L": (vg.make_shape("polygon", vertices=ELL), vg.Polygon(ELL), {"rotate": 3}),
+    "ellipsoids": (vg.make_shape("ellipsoid"), vg.Box((4, 4, 4), periodic="xy"), {"rotate": 3}),
+    "boxes and spheres": ([vg.make_shape("box"), vg.make_shape("sphere")], vg.Cylinder(2, 4), {}),
+    "cones in a mesh": (vg.make_shape("cone"), vg.ClosedMesh(UNION.scaled(4.0)), {}),
+    "polyhedra": (vg.make_shape("convex_polyhedron", seed=1), vg.Sphere(2), {"shift": 1, "largest": 1.5}),
+    "clumps": (CLUMP, vg.Box((4, 4, 4), periodic="z"), {"rotate": 3}),
+    "unions": (UNION, vg.Box((4, 4, 4), periodic="x"), {}),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_grain_touches_an_earlier_one_or_a_wall(name):
+    shapes, container, options = CASES[name]
+    packing = filled(shapes, container, count=40, **options)
+    # a quarter of the shortest edge, where grains are rotated or move
+    largest = 0.25 * np.ptp(container.bounds, axis=0)[: packing.dimension].min() if options else np.inf
+    largest = options.get("largest", largest)
+    periodic = np.ptp(container.bounds, axis=0)[np.array(container.periodic)].min(initial=np.inf)
+    for grain in range(0, 40, 3):
+        # of shapes that are not convex, the bounding sphere meets its image first
+        radius = packing.scale[grain] * packing.shapes[packing.shape_id[grain]].bounding_radius
+        free = packing.diameter[grain] >= largest * (1 - 1e-9) or 2 * radius > periodic * (1 - 1e-9)
+        assert free or not vg.verify(enlarged(packing, grain, 1 + 1e-6)).ok
+
+
+def support(corners, normals):
+    """Return how far a polygon reaches along normals (a plain twin)."""
+    return (corners @ normals.T).max(axis=0)
+
+
+def test_the_scales_of_squares_are_those_of_separating_lines():
+    packing = filled(SQUARE, vg.Rectangle((4, 4)), count=60, seed=3)
+    body = SQUARE.geometry.vertices - SQUARE.geometry.vertices.mean(axis=0)
+    turns, found = rotation_matrices(packing.orientation)[:, :2, :2], []
+    unit = [body @ turn.T for turn in turns]
+    axes = np.vstack([np.eye(2), -np.eye(2)])
+    for i, place in enumerate(packing.position[:, :2]):
+        walls = support(np.array([[4.0, 4], [0, 0]]), axes) - axes @ place
+        scales = [(walls / support(unit[i], axes)).min()]
+        for j in range(i):
+            # a normal of an edge of one of two convex polygons separates them
+            sides = np.vstack([np.roll(unit[k], -1, axis=0) - unit[k] for k in (i, j)])
+            normals = np.column_stack([sides[:, 1], -sides[:, 0]])
+            normals = np.vstack([normals, -normals])
+            other = packing.position[j, :2] - place + packing.scale[j] * unit[j]
+            scales.append((-support(-other, normals) / support(unit[i], normals)).max())
+        found.append(min(scales))
+    assert packing.scale == pytest.approx(found, rel=1e-8)
+
+
+def test_polygons_of_many_corners_are_packed_as_disks():
+    box = vg.Rectangle((6, 6), periodic="xy")
+    disks = filled(vg.make_shape("disk"), box, count=60, seed=2)
+    polygons = filled(vg.make_shape("polygon", corners=180), box, count=60, seed=2)
+    assert polygons.position == pytest.approx(disks.position, abs=1e-12)
+    assert polygons.diameter == pytest.approx(disks.diameter, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("shape", "container"),
+    [(SQUARE, vg.Rectangle((6, 6), periodic="xy")), (vg.make_shape("ellipsoid"), vg.Box((5, 5, 5), periodic="xyz"))],
+    ids=["squares", "ellipsoids"],
+)
+def test_grains_that_are_rotated_or_move_fill_more(shape, container):
+    options = [{}, {"rotate": 4}, {"rotate": 20}, {"rotate": 20, "shift": 1}]
+    fractions = [filled(shape, container, count=400, largest=1.5, **some).solid_fraction for some in options]
+    assert np.diff(fractions).min() > 0.01
+    assert fractions[2] > fractions[0] + 0.05
+
+
+def test_spheres_have_no_orientation():
+    packing = filled([SQUARE, vg.make_shape("disk")], vg.Rectangle((5, 5)), count=60, rotate=5)
+    turned = (packing.orientation != [1, 0, 0, 0]).any(axis=1)
+    assert (turned == (packing.shape_id == 0)).all()
+
+
+def test_the_first_square_in_a_periodic_one_fills_it():
+    packing = filled(SQUARE, vg.Rectangle((2, 2), periodic="xy"), count=1, rotate=60, largest=9.0)
+    assert packing.solid_fraction == pytest.approx(1.0, abs=1e-2)
+    assert filled(SQUARE, vg.Rectangle((2, 2), periodic="xy"), count=1, rotate=60).diameter == pytest.approx(0.5)
+
+
+def test_solid_fraction_sizes_and_gaps_are_met():
+    box = vg.Rectangle((5, 5))
+    packing = filled(SQUARE, box, solid_fraction=0.55)
+    assert packing.stop_reason == "solid_fraction"
+    assert packing.solid_fraction == pytest.approx(0.55, abs=1e-12)
+    packing = filled(SQUARE, box, smallest=0.1, largest=0.8)
+    assert packing.stop_reason == "full"
+    assert 0.1 <= packing.diameter.min() < packing.diameter.max() == pytest.approx(0.8, rel=1e-12)
+    packing = filled(SQUARE, box, count=30, shrink=0.2)
+    for grain in range(30):
+        assert vg.verify(enlarged(packing, grain, 1.25 * (1 - 1e-8))).ok
+        assert not vg.verify(enlarged(packing, grain, 1.25 * (1 + 1e-6))).ok
+
+
+def test_grains_of_a_start_stay_and_others_touch_them():
+    box = vg.Rectangle((5, 5), periodic="y")
+    start = filled(SQUARE, box, count=15, seed=1)
+    packing = filled(SQUARE, box, count=25, start=start, seed=2)
+    assert packing.scale[:15] == pytest.approx(start.scale, rel=1e-15)
+    assert packing.orientation[:15].tobytes() == start.orientation.tobytes()
+    assert not vg.verify(enlarged(packing, 20, 1 + 1e-6)).ok
+
+
+@pytest.mark.parametrize("attempts", [1, 7])
+def test_parts_of_a_run_give_the_same_bits(attempts):
+    box = vg.Rectangle((5, 5), periodic="xy")
+    asked = {"count": 30, "solid_fraction": None, "sizes": None, "weights": None, "weights_by": "number", "seed": 4}
+    task = prepare_task(SQUARE, box, method="random_apollonian", parameters={"rotate": 5, "shift": 1}, **asked)
+    whole = task.method.finish(task.problem, drive(task.method, task.problem, Drive()))
+    state = task.method.prepare(task.problem)
+    while not state.stop_reason:
+        state = task.method.advance(task.problem, state, attempts)
+        # a checkpoint holds arrays and counters
+        state.derived.clear()
+    again = task.method.finish(task.problem, state)
+    for name in ("position", "scale", "orientation"):
+        assert getattr(again, name).tobytes() == getattr(whole, name).tobytes()
