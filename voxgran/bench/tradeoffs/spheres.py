@@ -82,7 +82,8 @@ CASES: tuple[Case, ...] = (
         method="multilayer", options={"solid_fraction": 0.58}, room=0.58, expected=0.58, source="asked for", walled=True
     ),
     Case(room=0.5, expected=0.582, source="Visscher & Bolsterli 1972", **DEPOSITED),
-    Case(room=0.13, options={"sticking": 1.0}, expected=0.1465, source="Meakin & Jullien", **DEPOSITED),
+    # its floor is denser, by a power of the height: `voxgran bench deposits` compares with what is published
+    Case(room=0.13, options={"sticking": 1.0}, **DEPOSITED),
     Case(method="gravity", room=0.45, bed=True),
     Case(method="growth", room=0.2, made=True),
     Case(method="growth", options={"arrival": "continuous"}, room=0.35, made=True),
