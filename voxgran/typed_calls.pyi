@@ -75,6 +75,7 @@ class RandomApollonianKeywords(PackKeywords, total=False):
     smallest: Number | None
     largest: Number | None
     shift: Whole
+    rotate: Whole
     shrink: Number
 
 class MultilayerKeywords(PackKeywords, total=False):
@@ -282,6 +283,15 @@ def pack(
 class MakeShapeKeywords(TypedDict, total=False):
     seed: Whole
 
+class VoxelRainKeywords(MakeShapeKeywords, total=False):
+    cubes: WholeRange
+    width: Sequence[Whole] | NDArray[Any]
+    base: Literal["rectangle", "ellipse"]
+    plate: WholeRange
+    deposition: Literal["ballistic", "random", "relaxed"]
+    diameter: NumberRange | None
+    edge: NumberRange | None
+
 class VoronoiFragmentKeywords(MakeShapeKeywords, total=False):
     seeds: WholeRange
     process: Literal["random", "jittered"]
@@ -360,6 +370,17 @@ class SolidUnionKeywords(MakeShapeKeywords, total=False):
     chord_error: NumberRange
     diameter: NumberRange | None
 
+class SierpinskiSpongeKeywords(MakeShapeKeywords, total=False):
+    kind: Literal["random", "menger", "sierpinski", "carpet"]
+    divisions: WholeRange
+    levels: WholeRange
+    hole: WholeRange | None
+    removed: WholeRange | None
+    kept: NumberRange | None
+    piece: Literal["largest", "whole"]
+    diameter: NumberRange | None
+    edge: NumberRange | None
+
 class ShellKeywords(MakeShapeKeywords, total=False):
     opening: NumberRange
     diameter: NumberRange | None
@@ -376,6 +397,14 @@ class RandomSurfaceKeywords(MakeShapeKeywords, total=False):
     waves: WholeRange
     max_frequency: NumberRange
     diameter: NumberRange | None
+
+class RandomGrowthKeywords(MakeShapeKeywords, total=False):
+    cubes: WholeRange
+    power: NumberRange
+    rates: Sequence[Number] | NDArray[Any] | None
+    aspect: Sequence[Number] | NDArray[Any] | None
+    diameter: NumberRange | None
+    edge: NumberRange | None
 
 class PolyhedronKeywords(MakeShapeKeywords, total=False):
     solid: Solid
@@ -436,6 +465,13 @@ class CylinderKeywords(MakeShapeKeywords, total=False):
     radius: NumberRange | None
     height: NumberRange | None
 
+class CubeRainKeywords(MakeShapeKeywords, total=False):
+    cubes: WholeRange
+    edges: Sequence[Number] | NDArray[Any]
+    overlap: NumberRange
+    fall: Literal["around", "down"]
+    diameter: NumberRange | None
+
 class ConvexPolyhedronKeywords(MakeShapeKeywords, total=False):
     points: WholeRange
     aspect: Sequence[Number] | NDArray[Any]
@@ -459,6 +495,8 @@ def make_shape(family: Literal["cone"], **keywords: Unpack[ConeKeywords]) -> Sha
 @overload
 def make_shape(family: Literal["convex_polyhedron"], **keywords: Unpack[ConvexPolyhedronKeywords]) -> Shape: ...
 @overload
+def make_shape(family: Literal["cube_rain"], **keywords: Unpack[CubeRainKeywords]) -> Shape: ...
+@overload
 def make_shape(family: Literal["cylinder"], **keywords: Unpack[CylinderKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["disk"], **keywords: Unpack[DiskKeywords]) -> Shape: ...
@@ -477,11 +515,15 @@ def make_shape(family: Literal["polygon"], **keywords: Unpack[PolygonKeywords]) 
 @overload
 def make_shape(family: Literal["polyhedron"], **keywords: Unpack[PolyhedronKeywords]) -> Shape: ...
 @overload
+def make_shape(family: Literal["random_growth"], **keywords: Unpack[RandomGrowthKeywords]) -> Shape: ...
+@overload
 def make_shape(family: Literal["random_surface"], **keywords: Unpack[RandomSurfaceKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["sheet"], **keywords: Unpack[SheetKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["shell"], **keywords: Unpack[ShellKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["sierpinski_sponge"], **keywords: Unpack[SierpinskiSpongeKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["solid_union"], **keywords: Unpack[SolidUnionKeywords]) -> Shape: ...
 @overload
@@ -501,6 +543,8 @@ def make_shape(family: Literal["torus"], **keywords: Unpack[TorusKeywords]) -> S
 @overload
 def make_shape(family: Literal["voronoi_fragment"], **keywords: Unpack[VoronoiFragmentKeywords]) -> Shape: ...
 @overload
+def make_shape(family: Literal["voxel_rain"], **keywords: Unpack[VoxelRainKeywords]) -> Shape: ...
+@overload
 def make_shape(family: str | Parameters, **keywords: Unpack[MakeShapeKeywords]) -> Shape: ...
 @overload
 def make_shapes(family: Literal["box"], *, count: Whole, **keywords: Unpack[BoxKeywords]) -> list[Shape]: ...
@@ -510,6 +554,8 @@ def make_shapes(family: Literal["cone"], *, count: Whole, **keywords: Unpack[Con
 def make_shapes(
     family: Literal["convex_polyhedron"], *, count: Whole, **keywords: Unpack[ConvexPolyhedronKeywords]
 ) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["cube_rain"], *, count: Whole, **keywords: Unpack[CubeRainKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["cylinder"], *, count: Whole, **keywords: Unpack[CylinderKeywords]) -> list[Shape]: ...
 @overload
@@ -540,12 +586,20 @@ def make_shapes(
 ) -> list[Shape]: ...
 @overload
 def make_shapes(
+    family: Literal["random_growth"], *, count: Whole, **keywords: Unpack[RandomGrowthKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(
     family: Literal["random_surface"], *, count: Whole, **keywords: Unpack[RandomSurfaceKeywords]
 ) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["sheet"], *, count: Whole, **keywords: Unpack[SheetKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["shell"], *, count: Whole, **keywords: Unpack[ShellKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["sierpinski_sponge"], *, count: Whole, **keywords: Unpack[SierpinskiSpongeKeywords]
+) -> list[Shape]: ...
 @overload
 def make_shapes(
     family: Literal["solid_union"], *, count: Whole, **keywords: Unpack[SolidUnionKeywords]
@@ -577,6 +631,10 @@ def make_shapes(family: Literal["torus"], *, count: Whole, **keywords: Unpack[To
 @overload
 def make_shapes(
     family: Literal["voronoi_fragment"], *, count: Whole, **keywords: Unpack[VoronoiFragmentKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["voxel_rain"], *, count: Whole, **keywords: Unpack[VoxelRainKeywords]
 ) -> list[Shape]: ...
 @overload
 def make_shapes(family: str | Parameters, *, count: Whole, **keywords: Unpack[MakeShapeKeywords]) -> list[Shape]: ...

@@ -1,7 +1,8 @@
 """Voxel surface: the outer faces of voxels, each as two triangles (cuberille, Herman & Liu 1979).
 
 Voxels that share only an edge or a corner would give edges with four faces. The surface is split there, so that each
-voxel keeps its own faces: vertices on such edges and corners are displaced slightly into their voxels.
+voxel keeps its own faces: vertices on such edges and corners are doubled, and displaced slightly into their voxels
+unless the volume is to be exactly that of the voxels.
 
 References
 ----------
@@ -18,29 +19,31 @@ from voxgran.lattice.label import components
 APART = 2.0**-10
 
 
-def voxel_surface(mask: Booleans) -> tuple[Floats, Integers]:
+def voxel_surface(mask: Booleans, *, apart: float = APART) -> tuple[Floats, Integers]:
     """Return vertices (n, 3) and triangles (m, 3) of the surface of an (nx, ny, nz) mask with at least one occupied
     voxel.
 
     Voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1); vertices are whole numbers, except where voxels
-    share only an edge or a corner. Triangles are outward, those of cavities inward. Each edge has two faces, and voxels
-    without a common face are not connected.
+    share only an edge or a corner and `apart` is above 0. Triangles are outward, those of cavities inward. Each edge
+    has two faces, and voxels without a common face are not connected.
     """
     faces, owner = _outer_faces(mask)
     corner = np.unique(faces)
     at = np.column_stack(np.unravel_index(corner, np.array(mask.shape) + 1)).astype(np.float64)
     faces = np.searchsorted(corner, faces)
-    at, faces, owner, middle = _with_middles(at, faces, owner)
-    vertex = _fans(faces)
+    at, faces, owner, middle = with_middles(at, faces, owner)
+    vertex = fans(faces, *_sides(faces))
     original = np.zeros(int(vertex.max()) + 1, dtype=np.int64)
     original[vertex] = faces.ravel()
     vertices = at[original]
+    if not apart:
+        return vertices, vertex.reshape(-1, 3)
     # one of several copies, or the middle of an edge that has two
-    apart = (np.bincount(original)[original] > 1) | (original >= middle)
+    split = (np.bincount(original)[original] > 1) | (original >= middle)
     centers = np.repeat(np.column_stack(np.unravel_index(owner, mask.shape)) + 0.5, 3, axis=0)
     total = np.column_stack([np.bincount(vertex, weights=centers[:, k]) for k in range(3)])
     inward = total / np.bincount(vertex)[:, None] - vertices
-    return vertices + APART * apart[:, None] * inward, vertex.reshape(-1, 3)
+    return vertices + apart * split[:, None] * inward, vertex.reshape(-1, 3)
 
 
 def _outer_faces(mask: Booleans) -> tuple[Integers, Integers]:
@@ -63,15 +66,15 @@ def _outer_faces(mask: Booleans) -> tuple[Integers, Integers]:
     return np.concatenate(faces).astype(np.int64), np.concatenate(owners).astype(np.int64)
 
 
-def _with_middles(at: Floats, faces: Integers, owner: Integers) -> tuple[Floats, Integers, Integers, int]:
-    """Return vertices, faces and owners with a vertex of each of the two voxels on every edge of four faces.
+def with_middles(at: Floats, faces: Integers, owner: Integers) -> tuple[Floats, Integers, Integers, int]:
+    """Return vertices, faces and owners with a vertex of each owner of its faces on every edge of more than two faces.
 
     Also the number of the first of these vertices.
     """
     many = len(at)
     ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
     edges, count = np.unique(ends[..., 0] * many + ends[..., 1], return_counts=True)
-    crowded = edges[count == 4]
+    crowded = edges[count > 2]
     keys = np.zeros(0, dtype=np.int64)
     for _ in range(3 if len(crowded) else 0):
         # at most three edges of a triangle, one at a time
@@ -98,13 +101,20 @@ def _with_middles(at: Floats, faces: Integers, owner: Integers) -> tuple[Floats,
     return np.concatenate([at, middles]), faces, owner, many
 
 
-def _fans(faces: Integers) -> Integers:
-    """Return a vertex for each corner of each face: one for those that go around a point over common edges."""
-    many, item = int(faces.max()) + 1, np.arange(faces.size).reshape(-1, 3)
-    begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+def fans(faces: Integers, one: Integers, two: Integers) -> Integers:
+    """Return a vertex for each corner of each face: one for those that go around a point over common edges.
+
+    A common edge joins two half-edges, `one` and `two` (n,), of which one goes along it and the other back; half-edge
+    3 f + k goes from corner k of face f to the next.
+    """
+    item = np.arange(faces.size).reshape(-1, 3)
     first, second = item.ravel(), np.roll(item, -1, axis=1).ravel()
-    order = np.argsort(np.minimum(begin, end) * many + np.maximum(begin, end), kind="stable")
-    one, two = order[0::2], order[1::2]
-    # of the two faces of an edge one goes along it and the other back
     pairs = np.concatenate([np.stack([first[one], second[two]]), np.stack([second[one], first[two]])], axis=1)
     return components(faces.size, *pairs)
+
+
+def _sides(faces: Integers) -> tuple[Integers, Integers]:
+    """Return the two half-edges of each edge, of which each has two."""
+    begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    order = np.argsort(np.minimum(begin, end) * (int(faces.max()) + 1) + np.maximum(begin, end), kind="stable")
+    return order[0::2], order[1::2]

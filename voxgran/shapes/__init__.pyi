@@ -31,6 +31,15 @@ def convex_polyhedron(
     diameter: NumberRange | None = None,
     seed: Whole = 0,
 ) -> Shape: ...
+def cube_rain(
+    *,
+    cubes: WholeRange = 12,
+    edges: Sequence[Number] | NDArray[Any] = (0.5, 1.0),
+    overlap: NumberRange = 0.3,
+    fall: Literal["around", "down"] = "around",
+    diameter: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
 def cylinder(
     *,
     aspect: NumberRange | None = None,
@@ -95,6 +104,16 @@ def polyhedron(
     diameter: NumberRange | None = None,
     seed: Whole = 0,
 ) -> Shape: ...
+def random_growth(
+    *,
+    cubes: WholeRange = 500,
+    power: NumberRange = 1.0,
+    rates: Sequence[Number] | NDArray[Any] | None = None,
+    aspect: Sequence[Number] | NDArray[Any] | None = None,
+    diameter: NumberRange | None = None,
+    edge: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
 def random_surface(
     *,
     aspect: Sequence[Number] | NDArray[Any] = (1.0, 1.0),
@@ -112,6 +131,19 @@ def sheet(
     lengths: Sequence[Number] | NDArray[Any] | None = None,
 ) -> Shape: ...
 def shell(*, opening: NumberRange = 180.0, diameter: NumberRange | None = None) -> Shape: ...
+def sierpinski_sponge(
+    *,
+    kind: Literal["random", "menger", "sierpinski", "carpet"] = "random",
+    divisions: WholeRange = 3,
+    levels: WholeRange = 2,
+    hole: WholeRange | None = None,
+    removed: WholeRange | None = None,
+    kept: NumberRange | None = None,
+    piece: Literal["largest", "whole"] = "largest",
+    diameter: NumberRange | None = None,
+    edge: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
 def solid_union(
     *,
     solids: WholeRange | (Sequence[Whole] | NDArray[Any]) = (3, 6),
@@ -198,5 +230,16 @@ def voronoi_fragment(
     cell: WholeRange | None = None,
     diameter: NumberRange | None = None,
     lengths: Sequence[Number] | NDArray[Any] | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
+def voxel_rain(
+    *,
+    cubes: WholeRange = 400,
+    width: Sequence[Whole] | NDArray[Any] = (10, 10),
+    base: Literal["rectangle", "ellipse"] = "rectangle",
+    plate: WholeRange = 1,
+    deposition: Literal["ballistic", "random", "relaxed"] = "ballistic",
+    diameter: NumberRange | None = None,
+    edge: NumberRange | None = None,
     seed: Whole = 0,
 ) -> Shape: ...

@@ -11,7 +11,7 @@ from voxgran.shapes.formats.mesh_files import WRITERS, read_surface
 from voxgran.shapes.formats.sphere_files import SUFFIXES, read_spheres, write_spheres
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.diagnose import Remedies, merged, refuse_dirty
+from voxgran.shapes.repairing.diagnose import Remedies, as_solid, merged
 from voxgran.shapes.repairing.repair import repaired
 from voxgran.shapes.surface import Surface, refuse_unfit
 
@@ -105,11 +105,11 @@ def shape_of_file(
     found = Path(path)
     if repair:
         return repaired(points, faces, name=found.stem, unit=unit, remedies=remedies).shape
-    corners, triangles = merged(points, faces)
     if surface:
+        corners, triangles = merged(points, faces)
         refuse_unfit(corners, triangles, found.name)
     else:
-        refuse_dirty(corners, triangles, found.name, remedies=remedies)
+        corners, triangles = as_solid(points, faces, found.name, remedies=remedies)
     log.info("%s: %d triangles", found, len(triangles))
     return Shape.of((Surface if surface else Mesh)(corners, triangles), name=found.stem, unit=unit)
 

@@ -22,7 +22,7 @@ from voxgran.shapes.generating.record import Record
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.repairing.diagnose import merged, refuse_dirty
+from voxgran.shapes.repairing.diagnose import as_solid, merged
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface, refuse_unfit
 from voxgran.shapes.thumbnail import card, portrait
@@ -99,7 +99,8 @@ class Shape:
         Parameters
         ----------
         vertices : (n, 3) array_like of float
-            Corner points, in the unit of lengths; coincident ones are merged.
+            Corner points, in the unit of lengths; coincident ones are merged, unless they keep parts of the surface
+            apart that touch along an edge.
         faces : (m, 3) array_like of int
             Triangles, counterclockwise seen from outside.
         name : str
@@ -119,9 +120,7 @@ class Shape:
             If the surface does not bound exactly one solid; the message says where and why.
         """
         points = as_points(vertices, "vertices")
-        corners, triangles = merged(points, as_faces(faces, len(points)))
-        refuse_dirty(corners, triangles, name)
-        return cls.of(Mesh(corners, triangles), name=name, unit=unit)
+        return cls.of(Mesh(*as_solid(points, as_faces(faces, len(points)), name)), name=name, unit=unit)
 
     @classmethod
     def from_surface(

@@ -149,7 +149,27 @@ def diagnose(vertices: ArrayLike | Any, faces: ArrayLike | None = None) -> Diagn
     bad = int((~np.isfinite(points)).sum())
     if bad or not len(triangles):
         return Diagnosis(faces=len(triangles), not_finite=bad)
-    return _examine(*merged(points, triangles), whole=True)
+    return _examined(points, triangles, whole=True)[0]
+
+
+def as_solid(
+    vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON
+) -> tuple[Floats, Integers]:
+    """Return a triangle mesh that bounds one solid, with coincident vertices merged.
+
+    A surface that touches itself, so that edges would have more than two faces, keeps its vertices as they are if it
+    bounds one solid with them.
+
+    Raises
+    ------
+    DirtyMeshError
+        If it does not; the message names the gravest reason.
+    """
+    found, points, triangles = _examined(vertices, faces, whole=False)
+    wrong = found.sentences(name, remedies=remedies)
+    if wrong:
+        raise DirtyMeshError(wrong[0])
+    return points, triangles
 
 
 def refuse_dirty(vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON) -> None:
@@ -167,7 +187,7 @@ def refuse_dirty(vertices: Floats, faces: Integers, name: str, *, remedies: Reme
 
 def bounds_solid(vertices: Floats, faces: Integers) -> bool:
     """Return whether a triangle mesh of finite coordinates bounds one solid; coincident vertices count as one."""
-    return _examine(*merged(vertices, faces), whole=False).ok
+    return _examined(vertices, faces, whole=False)[0].ok
 
 
 def refuse_open(vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON) -> None:
@@ -231,6 +251,19 @@ def _near(points: Floats, weld: float) -> tuple[Integers, Integers] | None:
     place = np.empty(len(first), dtype=np.int64)
     place[order] = np.arange(len(first))
     return first[order], place[label]
+
+
+def _examined(vertices: Floats, faces: Integers, *, whole: bool) -> tuple[Diagnosis, Floats, Integers]:
+    """Diagnose a mesh of finite coordinates, merged or, where only that bounds one solid, as it is; return the mesh."""
+    points, triangles = merged(vertices, faces)
+    found = _examine(points, triangles, whole=whole)
+    if found.non_manifold_edges and not found.open_edges:
+        used, index = np.unique(faces, return_inverse=True)
+        given = vertices[used] + 0.0, index.reshape(-1, 3).astype(np.int64)
+        as_given = _examine(*given, whole=False) if len(used) > len(points) else found
+        if as_given.ok:
+            return as_given, *given
+    return found, points, triangles
 
 
 def _examine(vertices: Floats, faces: Integers, *, whole: bool) -> Diagnosis:

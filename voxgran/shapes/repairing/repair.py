@@ -1,6 +1,7 @@
 """Repair: mend what is certain in a triangle mesh, say what was done, and give up with the reason where it is not.
 
-The steps, in this order: vertices that coincide become one; faces without area, faces that stand twice and patches
+A surface that touches itself along edges and bounds one solid is parted there. The other steps, in this order: vertices
+that coincide become one; faces without area, faces that stand twice and patches
 that hang on edges with too many faces go; faces are wound alike; small holes are closed; shells without volume go and
 outer shells are turned outward; faces that cut through each other are cut out and the hole is closed; shells that
 overlap are joined by manifold3d; and one body is kept, or all, or several are refused. Every step that did something is
@@ -26,6 +27,7 @@ from voxgran.shapes.repairing.crossing import crossing_faces
 from voxgran.shapes.repairing.diagnose import IN_PYTHON, Remedies, bounds_solid, merged
 from voxgran.shapes.repairing.holes import closed_loop, extent, hole_loops
 from voxgran.shapes.repairing.patches import without_doubles, without_flaps, without_pinches, wound_alike
+from voxgran.shapes.repairing.touching import parted
 from voxgran.shapes.shells import edge_faults, shell_labels
 
 log = logging.getLogger(__name__)
@@ -173,6 +175,12 @@ def repaired(
     used = len(np.unique(triangles))
     corners, triangles = merged(given, triangles, weld=WELD)
     _say(done, used - len(corners), "merged {} vertices that coincide")
+    touching = int(edge_faults(triangles, len(corners))[1])
+    apart = parted(corners, triangles) if touching else None
+    if apart is not None and bounds_solid(*apart):
+        whole = Shape.from_mesh(*apart, name=name, unit=unit)
+        _say(done, touching, "parted the surface at {} edges along which it touches itself")
+        return Repair(shapes=(whole,), sentences=tuple(done), volume_before=whole.volume, volume=whole.volume)
     triangles = _cleared(corners, triangles, done)
     before = _enclosed(corners, triangles)
     rules = _Rules(name, limit, remedies)

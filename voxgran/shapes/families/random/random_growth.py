@@ -1,0 +1,197 @@
+"""Random growth: a cube grows by cubes at random free places beside it, as cells of a colony do.
+
+Each free place beside the cluster is taken with a probability that is proportional to a power of the number of its
+neighbours in the cluster: power 1 chooses the free faces of the cluster with equal probabilities, power 0 the free
+places themselves (the model of Eden 1961); larger powers make smooth, negative ones branched and porous clusters. The
+cluster may be stretched along the axes: by given rates along x, y and z, or by rates that are adjusted as it grows, so
+that its radii of gyration along the axes have a given ratio.
+
+References
+----------
+Chernyh 2013, as surveyed by Sajjadi & Khalili 2015, Generating, Reproducing and Packaging of Random Volumes for
+Discrete Element Analysis of Discontinuous Materials
+
+Paiva & Ferreira 2007, Universality class of isotropic on-lattice Eden clusters, arXiv:cond-mat/0611160: the power of
+the number of neighbours
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Integers, as_count, as_number, as_positive
+from voxgran._base.config import parameter
+from voxgran._base.errors import InputError
+from voxgran._base.kernels import inlined_kernel, kernel
+from voxgran.shapes.family import ShapeFamily
+from voxgran.shapes.generating.voxel_solid import mask_of_cubes, voxel_solid
+from voxgran.shapes.model import Shape
+
+MOST_CUBES = 2_000_000
+#: largest ratio of two axes, or of two rates
+MOST_STRETCHED = 10.0
+#: random numbers that are drawn at once
+DRAWN = 1 << 14
+#: how strongly rates follow the difference of the logarithms of the wanted and the present axes
+GAIN = 150.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RandomGrowth:
+    """Parameters of random growth.
+
+    Raises
+    ------
+    InputError
+        If a parameter is out of range, or rates and aspect are both given.
+    """
+
+    cubes: int = parameter(500, doc="number of cubes; from 1 to 2 000 000")
+    power: float = parameter(
+        1.0, doc="power of the number of neighbours of a free place; from -4 (branched) over 0 and 1 to 4 (smooth)"
+    )
+    rates: tuple[float, float, float] | None = parameter(
+        None, doc="rates of growth along x, y and z; default: equal; at most 10 times each other"
+    )
+    aspect: tuple[float, float, float] | None = parameter(
+        None, doc="ratio of the axes, met by rates that are adjusted; at most 10 times each other"
+    )
+    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
+    edge: float | None = parameter(None, doc="edge of a cube, in place of the diameter", unit="length")
+
+    def __post_init__(self) -> None:
+        """Check all parameters together."""
+        as_count(self.cubes, "cubes", at_least=1, at_most=MOST_CUBES)
+        as_number(self.power, "power", at_least=-4.0, at_most=4.0)
+        if self.rates is not None and self.aspect is not None:
+            raise InputError(
+                "rates and aspect are both given: each decides how far it grows along the axes; leave one out"
+            )
+        for name in ("rates", "aspect"):
+            values = getattr(self, name)
+            if values is not None:
+                least = min(as_positive(value, name) for value in values)
+                as_number(
+                    max(values) / least, f"the ratio of the largest to the smallest {name}", at_most=MOST_STRETCHED
+                )
+
+
+def make(parameters: RandomGrowth, generator: np.random.Generator) -> Shape:
+    """Return a cluster."""
+    cells = grown(parameters, generator)
+    places = cells - cells.mean(axis=0)
+    # a cube has a moment of its own
+    record = {"cubes": len(cells), "gyration_radii": np.sqrt((places**2).mean(axis=0) + 1 / 12)}
+    size = {"diameter": parameters.diameter, "edge": parameters.edge}
+    return voxel_solid(mask_of_cubes(cells), name="random_growth", record=record, **size)
+
+
+def grown(parameters: RandomGrowth, generator: np.random.Generator) -> Integers:
+    """Return the places of the cubes in the order of growth, (n, 3); the first is at 0."""
+    rates = np.ones(3) if parameters.rates is None else np.array(parameters.rates)
+    aspect = np.ones(3) if parameters.aspect is None else np.array(parameters.aspect)
+    rates, aspect = rates / rates.max(), aspect / np.prod(aspect) ** (1 / 3)
+    adjusted = parameters.aspect is not None and len(set(parameters.aspect)) > 1
+    cells = np.zeros((parameters.cubes, 3), dtype=np.int64)
+    # half widths of the box of the cluster, which is made wider whenever a cube reaches its border
+    half = np.ceil(3 + 0.8 * parameters.cubes ** (1 / 3) * (aspect if adjusted else 1.0)).astype(np.int64) * np.ones(
+        3, int
+    )
+    log_rates, bonds = np.log(rates), np.zeros(6 * parameters.cubes, dtype=np.int64)
+    count, power = 1, float(parameters.power)
+    while True:
+        grid, moments = np.zeros(2 * half + 3, dtype=np.bool_), np.zeros(6)
+        steps = np.array([grid.shape[1] * grid.shape[2], grid.shape[2], 1])
+        state, taken = np.array([count, 0, 0]), grid.ravel()
+        _begin(cells, half, steps, taken, bonds, state, moments)
+        while state[0] < len(cells) and not state[2]:
+            draws = generator.random(DRAWN)
+            _grow(cells, half, steps, taken, bonds, state, moments, draws, power, log_rates, np.log(aspect), adjusted)
+        count = int(state[0])
+        if count == len(cells):
+            return cells
+        reach = np.abs(cells[:count]).max(axis=0)
+        half = np.where(reach >= half, np.ceil(1.5 * half).astype(np.int64), half)
+
+
+@inlined_kernel
+def _take(place, index, steps, taken, bonds, state, moments):  # type: ignore[no-untyped-def]
+    """Take the place of a cube, at a (3,) place and an index in the grid, and note the free places beside it."""
+    taken[index] = True
+    for axis in range(3):
+        moments[axis] += place[axis]
+        moments[3 + axis] += place[axis] * place[axis]
+        for side in (-1, 1):
+            beside = index + side * steps[axis]
+            if not taken[beside]:
+                bonds[state[1]] = 3 * beside + axis
+                state[1] += 1
+
+
+@kernel
+def _begin(cells, half, steps, taken, bonds, state, moments):  # type: ignore[no-untyped-def]
+    """Put the first `state[0]` cubes in a grid."""
+    for k in range(state[0]):
+        index = 0
+        for axis in range(3):
+            index += (cells[k, axis] + half[axis] + 1) * steps[axis]
+        _take(cells[k], index, steps, taken, bonds, state, moments)
+
+
+@kernel
+def _grow(cells, half, steps, taken, bonds, state, moments, draws, power, log_rates, log_aspect, adjusted):  # type: ignore[no-untyped-def]
+    """Add cubes until all are there, a cube is at the border of the grid (`state[2]`), or the random numbers are used.
+
+    A bond is a free place and the axis along which the cluster touches it, so that places have one for each neighbour;
+    those of places that are taken meanwhile are removed when they are drawn.
+    """
+    used = 0
+    chance = np.empty(7)
+    chance[0] = 0.0
+    for many in range(1, 7):
+        chance[many] = (many / 6.0) ** (power - 1.0) if power > 1.0 else many ** (power - 1.0)
+    wanted = np.empty(3)
+    rate = np.exp(log_rates - log_rates.max())
+    while state[0] < len(cells) and not state[2] and used + 2 <= len(draws):
+        pick = int(draws[used] * state[1])
+        index, axis = bonds[pick] // 3, bonds[pick] % 3
+        used += 2
+        if taken[index]:
+            state[1] -= 1
+            bonds[pick] = bonds[state[1]]
+            continue
+        many = 0
+        for k in range(3):
+            many += int(taken[index - steps[k]]) + int(taken[index + steps[k]])
+        if draws[used - 1] >= rate[axis] * chance[many]:
+            continue
+        rest = index
+        for k in range(3):
+            cells[state[0], k] = rest // steps[k] - half[k] - 1
+            rest %= steps[k]
+            if abs(cells[state[0], k]) >= half[k]:
+                state[2] = 1
+        _take(cells[state[0]], index, steps, taken, bonds, state, moments)
+        state[0] += 1
+        if adjusted:
+            n = float(state[0])
+            for k in range(3):
+                # a cube has a moment of its own
+                square = moments[3 + k] / n - (moments[k] / n) ** 2 + 1.0 / 12.0
+                wanted[k] = log_aspect[k] - 0.5 * math.log(square)
+            middle = wanted.mean()
+            for k in range(3):
+                wanted[k] = GAIN * (wanted[k] - middle)
+            rate[:] = np.exp(wanted - wanted.max())
+
+
+registration = ShapeFamily(
+    name="random_growth",
+    summary="cluster of equal cubes that grows from one at random free places beside it",
+    parameters=RandomGrowth,
+    make=make,
+    source="Chernyh 2013, as surveyed by Sajjadi & Khalili 2015",
+    random=True,
+    libraries=("numba",),
+)
