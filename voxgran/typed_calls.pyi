@@ -370,6 +370,19 @@ class SheetKeywords(MakeShapeKeywords, total=False):
     diameter: NumberRange | None
     lengths: Sequence[Number] | NDArray[Any] | None
 
+class RoughSheetKeywords(MakeShapeKeywords, total=False):
+    method: Literal["spectral", "patir", "whitehouse", "midpoint"]
+    rms: NumberRange | None
+    correlation_length: NumberRange | (Sequence[Number] | NDArray[Any]) | (Sequence[Number] | NDArray[Any]) | None
+    shortest: NumberRange | None
+    hurst: NumberRange | None
+    autocorrelation: Literal["exponential", "gaussian", "linear"] | None
+    skewness: NumberRange
+    kurtosis: NumberRange
+    aspect: Sequence[Number] | NDArray[Any] | None
+    diameter: NumberRange | None
+    lengths: Sequence[Number] | NDArray[Any] | None
+
 class RandomSurfaceKeywords(MakeShapeKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any]
     height: NumberRange
@@ -436,6 +449,12 @@ class CylinderKeywords(MakeShapeKeywords, total=False):
     radius: NumberRange | None
     height: NumberRange | None
 
+class CrumpledKeywords(MakeShapeKeywords, total=False):
+    fold_length: NumberRange
+    angles: Sequence[Number] | NDArray[Any]
+    aspect: Sequence[Number] | NDArray[Any]
+    diameter: NumberRange | None
+
 class ConvexPolyhedronKeywords(MakeShapeKeywords, total=False):
     points: WholeRange
     aspect: Sequence[Number] | NDArray[Any]
@@ -459,6 +478,8 @@ def make_shape(family: Literal["cone"], **keywords: Unpack[ConeKeywords]) -> Sha
 @overload
 def make_shape(family: Literal["convex_polyhedron"], **keywords: Unpack[ConvexPolyhedronKeywords]) -> Shape: ...
 @overload
+def make_shape(family: Literal["crumpled"], **keywords: Unpack[CrumpledKeywords]) -> Shape: ...
+@overload
 def make_shape(family: Literal["cylinder"], **keywords: Unpack[CylinderKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["disk"], **keywords: Unpack[DiskKeywords]) -> Shape: ...
@@ -478,6 +499,8 @@ def make_shape(family: Literal["polygon"], **keywords: Unpack[PolygonKeywords]) 
 def make_shape(family: Literal["polyhedron"], **keywords: Unpack[PolyhedronKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["random_surface"], **keywords: Unpack[RandomSurfaceKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["rough_sheet"], **keywords: Unpack[RoughSheetKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["sheet"], **keywords: Unpack[SheetKeywords]) -> Shape: ...
 @overload
@@ -511,6 +534,8 @@ def make_shapes(
     family: Literal["convex_polyhedron"], *, count: Whole, **keywords: Unpack[ConvexPolyhedronKeywords]
 ) -> list[Shape]: ...
 @overload
+def make_shapes(family: Literal["crumpled"], *, count: Whole, **keywords: Unpack[CrumpledKeywords]) -> list[Shape]: ...
+@overload
 def make_shapes(family: Literal["cylinder"], *, count: Whole, **keywords: Unpack[CylinderKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["disk"], *, count: Whole, **keywords: Unpack[DiskKeywords]) -> list[Shape]: ...
@@ -541,6 +566,10 @@ def make_shapes(
 @overload
 def make_shapes(
     family: Literal["random_surface"], *, count: Whole, **keywords: Unpack[RandomSurfaceKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["rough_sheet"], *, count: Whole, **keywords: Unpack[RoughSheetKeywords]
 ) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["sheet"], *, count: Whole, **keywords: Unpack[SheetKeywords]) -> list[Shape]: ...
