@@ -13,6 +13,7 @@ from voxgran.containers.disk import Disk as Disk
 from voxgran.containers.make import make_container as make_container
 from voxgran.containers.polygon import Polygon as Polygon
 from voxgran.containers.rectangle import Rectangle as Rectangle
+from voxgran.containers.rough_walls import rough_walls as rough_walls
 from voxgran.containers.sphere import Sphere as Sphere
 from voxgran.decks.engine import engines as engines
 from voxgran.decks.material import Material as Material

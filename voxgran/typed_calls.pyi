@@ -391,6 +391,19 @@ class SheetKeywords(MakeShapeKeywords, total=False):
     diameter: NumberRange | None
     lengths: Sequence[Number] | NDArray[Any] | None
 
+class RoughSheetKeywords(MakeShapeKeywords, total=False):
+    method: Literal["spectral", "patir", "whitehouse", "midpoint"]
+    rms: NumberRange | None
+    correlation_length: NumberRange | (Sequence[Number] | NDArray[Any]) | (Sequence[Number] | NDArray[Any]) | None
+    shortest: NumberRange | None
+    hurst: NumberRange | None
+    autocorrelation: Literal["exponential", "gaussian", "linear"] | None
+    skewness: NumberRange
+    kurtosis: NumberRange
+    aspect: Sequence[Number] | NDArray[Any] | None
+    diameter: NumberRange | None
+    lengths: Sequence[Number] | NDArray[Any] | None
+
 class RandomSurfaceKeywords(MakeShapeKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any]
     height: NumberRange
@@ -472,6 +485,12 @@ class CubeRainKeywords(MakeShapeKeywords, total=False):
     fall: Literal["around", "down"]
     diameter: NumberRange | None
 
+class CrumpledKeywords(MakeShapeKeywords, total=False):
+    fold_length: NumberRange
+    angles: Sequence[Number] | NDArray[Any]
+    aspect: Sequence[Number] | NDArray[Any]
+    diameter: NumberRange | None
+
 class ConvexPolyhedronKeywords(MakeShapeKeywords, total=False):
     points: WholeRange
     aspect: Sequence[Number] | NDArray[Any]
@@ -494,6 +513,8 @@ def make_shape(family: Literal["box"], **keywords: Unpack[BoxKeywords]) -> Shape
 def make_shape(family: Literal["cone"], **keywords: Unpack[ConeKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["convex_polyhedron"], **keywords: Unpack[ConvexPolyhedronKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["crumpled"], **keywords: Unpack[CrumpledKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["cube_rain"], **keywords: Unpack[CubeRainKeywords]) -> Shape: ...
 @overload
@@ -518,6 +539,8 @@ def make_shape(family: Literal["polyhedron"], **keywords: Unpack[PolyhedronKeywo
 def make_shape(family: Literal["random_growth"], **keywords: Unpack[RandomGrowthKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["random_surface"], **keywords: Unpack[RandomSurfaceKeywords]) -> Shape: ...
+@overload
+def make_shape(family: Literal["rough_sheet"], **keywords: Unpack[RoughSheetKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["sheet"], **keywords: Unpack[SheetKeywords]) -> Shape: ...
 @overload
@@ -555,6 +578,8 @@ def make_shapes(
     family: Literal["convex_polyhedron"], *, count: Whole, **keywords: Unpack[ConvexPolyhedronKeywords]
 ) -> list[Shape]: ...
 @overload
+def make_shapes(family: Literal["crumpled"], *, count: Whole, **keywords: Unpack[CrumpledKeywords]) -> list[Shape]: ...
+@overload
 def make_shapes(family: Literal["cube_rain"], *, count: Whole, **keywords: Unpack[CubeRainKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["cylinder"], *, count: Whole, **keywords: Unpack[CylinderKeywords]) -> list[Shape]: ...
@@ -591,6 +616,10 @@ def make_shapes(
 @overload
 def make_shapes(
     family: Literal["random_surface"], *, count: Whole, **keywords: Unpack[RandomSurfaceKeywords]
+) -> list[Shape]: ...
+@overload
+def make_shapes(
+    family: Literal["rough_sheet"], *, count: Whole, **keywords: Unpack[RoughSheetKeywords]
 ) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["sheet"], *, count: Whole, **keywords: Unpack[SheetKeywords]) -> list[Shape]: ...

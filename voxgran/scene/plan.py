@@ -135,7 +135,11 @@ def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:
 
 def _stand_ins(entry: ShapeEntry) -> list[Shape]:
     """Return shapes that cost as much as those that are packed."""
-    first = _stand_in(entry, _solid(entry))
+    solid = _solid(entry)
+    if entry.roughness is not None and solid.dimension == 3 and not solid.is_open:
+        # a rough solid is triangles, whatever it was
+        solid = Shape.of(Mesh(solid.vertices.copy(), solid.faces.copy()), name=solid.name, unit=solid.unit)
+    first = _stand_in(entry, solid)
     # shapes that differ, if only by rounding, are different work for methods that keep one result per shape
     return [first, *(first.scaled(1.0 + 1e-9 * k) for k in range(1, len(entry.shares())))]
 
@@ -202,7 +206,9 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
     clumps = [entry.clump for entry in scene.shapes if entry.clump is not None for _ in entry.shares()]
     most = max(map(_spheres_of, clumps), default=0)
-    computed = [f"fit clumps of up to {most} spheres to {len(clumps)} of the shapes"] if clumps else []
+    rough = sum(len(entry.shares()) for entry in scene.shapes if entry.roughness is not None)
+    computed = [f"give {rough} of the shapes a rough skin"] if rough else []
+    computed += [f"fit clumps of up to {most} spheres to {len(clumps)} of the shapes"] if clumps else []
     bound = "at most " if task.method.sizing == "made" else ""
     computed += [f"pack {bound}{task.problem.count} grains by {scene.method}"]
     if (settling := _settling_of(task)) is not None:

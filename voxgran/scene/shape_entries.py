@@ -15,14 +15,16 @@ from voxgran._base.units import as_unit
 from voxgran.clumps.fit import TARGETS, fit_clump
 from voxgran.clumps.method import clump_registry
 from voxgran.clumps.stand_in import record_of
-from voxgran.shapes.family import families, make_shape, make_shapes
+from voxgran.shapes.family import families, make_shape, make_shapes, seeds_of_shapes
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.generating.ranges import drawn
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Remedies
+from voxgran.shapes.roughness.parameters import Roughness
+from voxgran.shapes.roughness.roughen import roughen
 
 #: keys of a [[shape]] from a file, and of any
-FILE_KEYS = ("file", "share", "repair", "surface", "unit", "clump")
+FILE_KEYS = ("file", "share", "repair", "surface", "unit", "clump", "roughen")
 SHAPE_KEYS = (*FILE_KEYS, "family", "seed", "count")
 #: remedies for a mesh that is not one closed solid
 REMEDIES = Remedies(
@@ -38,7 +40,7 @@ CLUMP_KEYS = ("max_spheres", "method", "target", "value", "seed")
 @dataclass(frozen=True, slots=True)
 class ShapeEntry:
     """One [[shape]]: a file or a family with parameters, its share, how a clump is fitted that is packed in its
-    place (None for the shape itself), and how many different shapes of a family it stands for.
+    place (None for the shape itself), how many different shapes of a family it stands for, and its roughness.
     """
 
     source: Literal["file", "family"]
@@ -47,9 +49,19 @@ class ShapeEntry:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     clump: Mapping[str, Any] | None = None
     count: int | None = None
+    roughness: Mapping[str, Any] | None = None
 
     def make(self) -> list[Shape]:
-        """Return the shapes, before clumps take their place."""
+        """Return the shapes, before clumps take their place; each has a roughness of its own."""
+        if self.roughness is None:
+            return self._smooth()
+        rest = {key: value for key, value in self.roughness.items() if key != "seed"}
+        shapes = self._smooth()
+        seeds = seeds_of_shapes(self.roughness.get("seed", 0), len(shapes))
+        return [roughen(shape, **rest, seed=seed) for shape, seed in zip(shapes, seeds, strict=True)]
+
+    def _smooth(self) -> list[Shape]:
+        """Return the shapes without roughness."""
         if self.source == "file":
             return [shape_of_file(self.name, remedies=REMEDIES, **self.parameters)]
         if self.count is not None:
@@ -70,7 +82,8 @@ class ShapeEntry:
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the entry as nested JSON-able values, as the scene file has it."""
-        more = {"count": self.count, "clump": None if self.clump is None else dict(self.clump)}
+        tables = {"clump": self.clump, "roughen": self.roughness}
+        more = {"count": self.count} | {key: None if table is None else dict(table) for key, table in tables.items()}
         rest = {key: value for key, value in more.items() if value is not None}
         return {self.source: self.name, "share": self.share, **self.parameters, **rest}
 
@@ -94,17 +107,19 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
         rest = dict(entry)
         share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
         clump = _clump(rest.pop("clump")) if "clump" in rest else None
+        roughness = _roughness(rest.pop("roughen")) if "roughen" in rest else None
         if ("file" in rest) == ("family" in rest):
             meant = next((key for key in entry if key not in SHAPE_KEYS and nearest(key, ("file", "family"))), None)
             if meant is not None:
                 raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
             raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
-        made.append(_of_file(rest, folder, share, clump) if "file" in rest else _of_family(rest, folder, share, clump))
+        common = {"share": share, "clump": clump, "roughness": roughness}
+        made.append(_of_file(rest, folder, common) if "file" in rest else _of_family(rest, folder, common))
     return tuple(made)
 
 
-def _of_file(rest: dict[str, Any], folder: Path, share: float, clump: dict[str, Any] | None) -> ShapeEntry:
-    """Return the checked entry of a file."""
+def _of_file(rest: dict[str, Any], folder: Path, common: Mapping[str, Any]) -> ShapeEntry:
+    """Return the checked entry of a file with what all entries have."""
     path = folder / str(rest.pop("file"))
     for key, value in rest.items():
         if key == "count":
@@ -115,13 +130,13 @@ def _of_file(rest: dict[str, Any], folder: Path, share: float, clump: dict[str, 
             as_unit(value, "[[shape]] unit")
         elif not isinstance(value, bool):
             raise InputError(f"[[shape]] {key} is {shown(value)}: it must be true or false")
-    if clump is not None and rest.get("surface"):
+    if common["clump"] is not None and rest.get("surface"):
         raise InputError("[[shape]] has surface = true and clump: an open surface has no clump; leave one out")
-    return ShapeEntry("file", str(existing_file(path)), share, rest, clump)
+    return ShapeEntry("file", str(existing_file(path)), parameters=rest, **common)
 
 
-def _of_family(rest: dict[str, Any], folder: Path, share: float, clump: dict[str, Any] | None) -> ShapeEntry:
-    """Return the checked entry of a family."""
+def _of_family(rest: dict[str, Any], folder: Path, common: Mapping[str, Any]) -> ShapeEntry:
+    """Return the checked entry of a family with what all entries have."""
     family = rest.pop("family")
     like = rest.get("like")
     if isinstance(like, str) and Path(like).suffix:
@@ -132,16 +147,21 @@ def _of_family(rest: dict[str, Any], folder: Path, share: float, clump: dict[str
     count = rest.pop("count") if "count" in rest else None
     # values that are drawn differ between shapes, so that the ranges are kept and one draw is checked
     values = drawn(entry.parameters, rest, stream(0, "check"), where=where)
-    settings = given_values(entry.parameters, values, where, beside=("clump", "count", "seed"))
+    settings = given_values(entry.parameters, values, where, beside=("clump", "count", "roughen", "seed"))
     settings |= {key: value for key, value in rest.items() if key in settings and values[key] is not value}
     if count is not None:
         as_count(count, "[[shape]] count", at_least=1)
-        if not entry.random and count > 1 and all(values[key] is value for key, value in rest.items()):
+        if (
+            common["roughness"] is None
+            and not entry.random
+            and count > 1
+            and all(values[key] is value for key, value in rest.items())
+        ):
             raise InputError(
                 f"[[shape]] has count = {count} and family {family!r}: its shapes would all be equal; say in [packing] "
                 "how many grains, or give a range in place of a number"
             )
-    return ShapeEntry("family", family, share, settings | seed, clump, count)
+    return ShapeEntry("family", family, parameters=settings | seed, count=count, **common)
 
 
 def given_values(
@@ -176,3 +196,12 @@ def _clump(given: Any) -> dict[str, Any]:
         as_choice(beside["target"], f"{where} target", TARGETS)
         as_number(beside["value"], f"{where} value", above=0.0, at_most=1.0)
     return beside | given_values(parameters, rest, where, beside=CLUMP_KEYS)
+
+
+def _roughness(given: Any) -> dict[str, Any]:
+    """Return the checked keywords of `roughen` that the key roughen of a [[shape]] holds."""
+    where = "[[shape]] roughen"
+    check_type(given, Mapping, where, "a table, such as { rms = 0.02 }")
+    rest = dict(given)
+    seed = {"seed": as_count(rest.pop("seed"), f"{where} seed")} if "seed" in rest else {}
+    return given_values(Roughness, rest, where, beside=("seed",)) | seed

@@ -31,6 +31,14 @@ def convex_polyhedron(
     diameter: NumberRange | None = None,
     seed: Whole = 0,
 ) -> Shape: ...
+def crumpled(
+    *,
+    fold_length: NumberRange = 0.35,
+    angles: Sequence[Number] | NDArray[Any] = (20.0, 90.0),
+    aspect: Sequence[Number] | NDArray[Any] = (1.0, 1.0),
+    diameter: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
 def cube_rain(
     *,
     cubes: WholeRange = 12,
@@ -121,6 +129,24 @@ def random_surface(
     waves: WholeRange = 6,
     max_frequency: NumberRange = 1.5,
     diameter: NumberRange | None = None,
+    seed: Whole = 0,
+) -> Shape: ...
+def rough_sheet(
+    *,
+    method: Literal["spectral", "patir", "whitehouse", "midpoint"] = "spectral",
+    rms: NumberRange | None = None,
+    correlation_length: NumberRange
+    | (Sequence[Number] | NDArray[Any])
+    | (Sequence[Number] | NDArray[Any])
+    | None = None,
+    shortest: NumberRange | None = None,
+    hurst: NumberRange | None = None,
+    autocorrelation: Literal["exponential", "gaussian", "linear"] | None = None,
+    skewness: NumberRange = 0.0,
+    kurtosis: NumberRange = 3.0,
+    aspect: Sequence[Number] | NDArray[Any] | None = None,
+    diameter: NumberRange | None = None,
+    lengths: Sequence[Number] | NDArray[Any] | None = None,
     seed: Whole = 0,
 ) -> Shape: ...
 def sheet(

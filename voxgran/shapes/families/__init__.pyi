@@ -23,6 +23,8 @@ from voxgran.shapes.families.regular.sphere import Sphere as Sphere
 from voxgran.shapes.families.regular.spherocylinder import Spherocylinder as Spherocylinder
 from voxgran.shapes.families.regular.superquadric import Superquadric as Superquadric
 from voxgran.shapes.families.regular.torus import Torus as Torus
+from voxgran.shapes.families.surfaces.crumpled import Crumpled as Crumpled
 from voxgran.shapes.families.surfaces.random_surface import RandomSurface as RandomSurface
+from voxgran.shapes.families.surfaces.rough_sheet import RoughSheet as RoughSheet
 from voxgran.shapes.families.surfaces.sheet import Sheet as Sheet
 from voxgran.shapes.families.surfaces.shell import Shell as Shell

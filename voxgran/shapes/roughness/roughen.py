@@ -210,9 +210,13 @@ def record_of(field: RoughField, points: Floats, heights: Floats, weights: Float
     """Return what was drawn and what is measured at points of the smooth surface, for the record of a shape."""
     told: dict[str, Any] = {"method": field.method, "shortest": field.shortest}
     if field.rms:
-        ends = (field.shortest,) if field.method == "spectral" else (0.0,)
-        found = scattered_statistics(points, heights, weights, field.edge, ends, dimension)
+        found = scattered_statistics(points, heights, weights, field.edge, ends_of(field), dimension)
         told |= {key: value for key, value in found.to_mapping().items() if key != "correlation_lengths"}
     else:
         told["rms"] = 0.0
     return {f"roughness_{key}": value for key, value in told.items()}
+
+
+def ends_of(field: RoughField) -> tuple[float, ...]:
+    """Return the wavelengths at which the spectrum of a field may end; 0 where it does not."""
+    return (field.shortest,) if field.method == "spectral" else (0.0,)
