@@ -101,8 +101,8 @@ def test_shapes_and_clumps(tmp_path, capsys):
     assert sum(not row.startswith("#") for row in rows) == 6
     assert picture.read_bytes()[:4] == b"\x89PNG"
     assert vg.load_shape(spheres).volume == pytest.approx(vg.load_shape(mesh).volume)
-    assert main([*words, "--overwrite", "--target", "iou", "--value", "0.7", "--mode", "inscribed", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["iou"] >= 0.7
+    assert main([*words, "--overwrite", "--target", "iou", "--value", "0.5", "--mode", "inscribed", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["iou"] >= 0.5
 
 
 @pytest.mark.parametrize(

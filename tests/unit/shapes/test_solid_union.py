@@ -214,6 +214,7 @@ def test_ranges_of_each_kind():
 def test_ranges_and_counts_by_the_public_call():
     shape = make_shape("solid_union", kinds=["box"], counts=[1], box=(1.0, 1.0, 2.0), seed=4)
     assert len(shape.faces) == 12
+    assert shape.record["kinds"] == ("box",)
     assert np.ptp(np.sort(np.linalg.eigvalsh(shape.inertia))[1:]) < 1e-12
     assert make_shape("solid_union", sphere=(0.5, 0.6), kinds=["sphere"], seed=3) == make_shape(
         "solid_union", lengths=(0.5, 0.6), kinds=["sphere"], seed=3

@@ -103,6 +103,7 @@ def test_where_the_center_does_not_see_the_whole_nothing_crosses():
         found = diagnose(grown)
         assert found.ok, found.sentences()
         assert grown.volume > shape.volume
+        assert 0 < grown.record["amount"] <= min(amount, 0.95)
 
 
 def test_amounts_are_reduced_where_triangles_would_cross(monkeypatch):
@@ -114,13 +115,14 @@ def test_amounts_are_reduced_where_triangles_would_cross(monkeypatch):
 
     monkeypatch.setattr("voxgran.shapes.generating.inflation.bounds_solid", once_bad)
     monkeypatch.setattr("voxgran.shapes.generating.inflation.is_star_shaped", lambda *_: False)
-    vertices, _ = inflated(CUBE.vertices, CUBE.faces, Inflation(np.zeros(3), 2.0, 0.8, Z, 4.0), 0.5)
-    # 0.8, 0.4, 0.2
+    vertices, _, amount = inflated(CUBE.vertices, CUBE.faces, Inflation(np.zeros(3), 2.0, 0.8, Z, 4.0), 0.5)
+    assert amount == pytest.approx(0.2)
     assert np.linalg.norm(vertices, axis=1).max() == pytest.approx(0.8 * math.sqrt(0.75) + 0.2 * 2.0)
     seen.extend([None] * 9)
-    vertices, faces = inflated(CUBE.vertices, CUBE.faces, Inflation(np.zeros(3), 2.0, 0.8, Z, 4.0), 0.5)
+    vertices, faces, amount = inflated(CUBE.vertices, CUBE.faces, Inflation(np.zeros(3), 2.0, 0.8, Z, 4.0), 0.5)
     assert vertices is CUBE.vertices
     assert faces is CUBE.faces
+    assert amount == 0.0
 
 
 @pytest.mark.parametrize("base", ["convex_polyhedron", "box", "ellipsoid", "solid_union"])
@@ -130,6 +132,8 @@ def test_random_inflations_are_one_clean_solid(base):
         found = diagnose(shape)
         assert found.ok, (seed, found.sentences())
         assert (found.bodies, found.cavities) == (1, 0)
+        assert shape.record["base"] == base
+        assert (shape.record["amounts"] > 0).sum() >= 3
 
 
 @pytest.mark.slow

@@ -58,8 +58,8 @@ class Inflation:
         return np.where((outward > 0.0)[:, None], self.center + rays * (1.0 + outward / distance)[:, None], points)
 
 
-def inflated(vertices: Floats, faces: Integers, inflation: Inflation, longest: float) -> tuple[Floats, Integers]:
-    """Return vertices and faces of an inflated surface, whose edges are at most so long.
+def inflated(vertices: Floats, faces: Integers, inflation: Inflation, longest: float) -> tuple[Floats, Integers, float]:
+    """Return vertices and faces of an inflated surface, whose edges are at most so long, and the amount.
 
     The amount is reduced where the triangles would cross; it may become 0.
     """
@@ -71,9 +71,9 @@ def inflated(vertices: Floats, faces: Integers, inflation: Inflation, longest: f
             continue
         moved = inflation.moved(source)
         if whole or bounds_solid(moved, fine):
-            return moved, fine
+            return moved, fine, inflation.amount
         inflation = _with_amount(inflation, inflation.amount / 2)
-    return vertices, faces
+    return vertices, faces, 0.0
 
 
 def spherize(
@@ -111,7 +111,7 @@ def spherize(
     -------
     Shape
         A mesh. Where the center does not see the whole surface, the amount is at most 0.95, and it is reduced where
-        triangles would cross each other.
+        triangles would cross each other, at last to 0; ``record["amount"]`` is what was reached.
 
     Raises
     ------
@@ -153,8 +153,9 @@ def spherize(
         along / np.linalg.norm(along),
         math.radians(as_number(half_angle, "half_angle", above=0.0, at_most=180.0)),
     )
-    vertices, faces = inflated(shape.vertices, shape.faces, inflation, longest)
-    return Shape.of(Mesh(vertices.copy(), faces.copy()), name=shape.name, unit=shape.unit)
+    vertices, faces, reached = inflated(shape.vertices, shape.faces, inflation, longest)
+    record = {"amount": reached}
+    return Shape.of(Mesh(vertices.copy(), faces.copy()), name=shape.name, unit=shape.unit, record=record)
 
 
 def _with_amount(inflation: Inflation, amount: float) -> Inflation:

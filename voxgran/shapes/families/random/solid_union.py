@@ -157,8 +157,10 @@ class BaseSolid:
 
 def make(parameters: SolidUnion, generator: np.random.Generator) -> Shape:
     """Return a random union."""
-    vertices, faces = union_of(base_solids(parameters, generator), parameters.chord_error)
-    return sized(Mesh(vertices, faces), parameters.diameter, name="solid_union")
+    solids = base_solids(parameters, generator)
+    vertices, faces = union_of(solids, parameters.chord_error)
+    record = {"kinds": tuple(base.solid.kind for base in solids)}
+    return sized(Mesh(vertices, faces), parameters.diameter, name="solid_union", record=record)
 
 
 def union_of(solids: list[BaseSolid], error: float) -> tuple[Floats, Integers]:

@@ -104,7 +104,8 @@ def make(parameters: SphereAssembly, generator: np.random.Generator) -> Shape:
         piece = pieces(centers, radii, parameters.overlap)
         keep = piece == np.bincount(piece).argmax()
         centers, radii = centers[keep], radii[keep]
-    return sized(Spheres(centers, radii), parameters.diameter, name="sphere_assembly")
+    record = {"base": base.name, "points": len(points)}
+    return sized(Spheres(centers, radii), parameters.diameter, name="sphere_assembly", record=record)
 
 
 def pieces(centers: Floats, radii: Floats, overlap: float) -> Integers:

@@ -1,7 +1,8 @@
 """Volumes inflated toward spheres: angular solids with round bulges, or pebbles where much is inflated.
 
 A base volume is inflated several times, each time toward a sphere of random center and radius, by a random amount and
-in a cone of random directions. Parts of the base beyond all spheres keep their edges.
+in a cone of random directions. Parts of the base beyond all spheres keep their edges. The amounts that were reached are
+recorded: where the center of an inflation does not see the whole surface they may be less than drawn, down to 0.
 
 References
 ----------
@@ -83,11 +84,13 @@ def make(parameters: Superspherize, generator: np.random.Generator) -> Shape:
     """Return an inflated volume."""
     base = made_base(parameters.base, generator)
     vertices, faces = base.vertices, base.faces
-    for _ in range(parameters.inflations):
+    amounts = np.zeros(parameters.inflations)
+    for k in range(parameters.inflations):
         inflation = _drawn(parameters, base, generator)
         if inflation is not None:
-            vertices, faces = inflated(vertices, faces, inflation, parameters.longest_edge * base.diameter)
-    return sized(Mesh(vertices.copy(), faces.copy()), parameters.diameter, name="superspherize")
+            vertices, faces, amounts[k] = inflated(vertices, faces, inflation, parameters.longest_edge * base.diameter)
+    mesh = Mesh(vertices.copy(), faces.copy())
+    return sized(mesh, parameters.diameter, name="superspherize", record={"base": base.name, "amounts": amounts})
 
 
 def _drawn(parameters: Superspherize, base: Shape, generator: np.random.Generator) -> Inflation | None:
