@@ -11,7 +11,7 @@ from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.model import Container, boundary_of
 from voxgran.packing.level_grid import LevelGrid, level_cells
 from voxgran.packing.tessellation.climb import AGAIN, HINT, MOST, MOVES, TAKEN, climb_all, link_all, take_largest
-from voxgran.packing.tessellation.mesh import CELL, CORNER, outward, triangulated, with_images
+from voxgran.packing.tessellation.mesh import CELL, CORNER, TILE, outward, thickness, triangulated_by_tiles, with_images
 
 #: columns of the queue: place, expected and largest radius, and kind of place
 KIND, COLUMNS = 5, 6
@@ -49,6 +49,7 @@ class Walls:
         self.is_flat = boundary_of(container).is_flat
         self.periodic = np.array(container.periodic, dtype=np.int64)
         self.lengths = upper - self.lower
+        self.thickness = thickness(container)
         #: half the shortest period: beyond it a sphere would overlap its own images
         self.widest = float(0.5 * self.lengths[self.periodic == 1].min(initial=np.inf))
 
@@ -175,7 +176,7 @@ def last_places(spheres: Floats, walls: Walls, smallest: float, most: float) -> 
     dimension = walls.container.dimension
     reach = IMAGES * float(spheres[:, 3].max(initial=0.0))
     rows = with_images(spheres, np.zeros(3), walls.lengths, walls.container.periodic, reach)
-    cells = triangulated(rows, dimension)
+    cells = triangulated_by_tiles(rows, dimension, TILE * walls.thickness, reach)
     middle = rows[cells, :3].mean(axis=1)
     radius = np.linalg.norm(rows[cells, :3] - middle[:, None], axis=2) - rows[cells, 3]
     use = (

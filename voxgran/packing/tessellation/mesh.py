@@ -14,15 +14,23 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
+from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.model import Container, boundary_of
 from voxgran.shapes.mesh import Mesh
 
 #: mean edge of the cells of a body-centered cubic lattice, in edges of its cubes: two of 1, four of sqrt(3) / 2
 MEAN_EDGE = (1.0 + np.sqrt(3.0)) / 3.0
+#: spacing of the lattices along each axis, in edges of the cells
+ROWS = {2: np.array([1.0, np.sqrt(3.0)]), 3: np.full(3, 1.0 / MEAN_EDGE)}
+#: spacings of a lattice over the ones asked for, below which its cells are flat
+FLAT = 1.5
 #: distance from a wall up to which points are moved onto it, in spacings, and the steps of that
 SNAP, STEPS = 0.35, 3
 #: step of the differences that give the direction away from a wall, in lengths of the container
 STEP = 1e-5
+#: width of a tile that is triangulated by itself, in thicknesses of the container or edges, and of the layer of points
+#: around it that it sees, in edges
+TILE, AROUND = 20.0, 4.0
 #: layers of images of a periodic lattice that the triangulation sees
 LAYERS = 2
 #: what a place is, in the order in which they are filled: in a cell, at a node, an edge, a face or a corner of a cell
@@ -67,11 +75,17 @@ def _gradient(container: Container, points: Floats, size: float) -> Floats:
     return np.asarray(away / np.maximum(length, 0.5)[:, None])
 
 
+def lattice_points(container: Container, edge: float) -> float:
+    """Return about how many points the lattice of a mesh has in the bounds of a container."""
+    lengths = (container.bounds[1] - container.bounds[0])[: container.dimension]
+    return 2.0 * float(np.maximum(lengths / (edge * ROWS[container.dimension]), 1.0).prod())
+
+
 def lattice_mesh(container: Container, edge: float, jitter: float, seed: int) -> CellMesh:
     """Return a mesh whose edges have about the length `edge`, of lattice points displaced by up to `jitter` of it."""
     dimension, (lower, upper) = container.dimension, container.bounds
     lengths, wraps = (upper - lower)[:dimension], np.array(container.periodic[:dimension])
-    row = np.array([1.0, np.sqrt(3.0)]) if dimension == 2 else np.full(3, 1.0 / MEAN_EDGE)
+    row = ROWS[dimension]
     count = np.maximum(np.round(lengths / (edge * row)), 1).astype(np.int64)
     spacing = lengths / count
     # walled axes have points on both walls, and periodic ones have the second only as an image of the first
@@ -80,14 +94,29 @@ def lattice_mesh(container: Container, edge: float, jitter: float, seed: int) ->
     points = np.vstack([corners, middles])
     random = stream(seed, "jitter").random(points.shape) - 0.5
     on_wall = ~wraps & ((points == 0) | (points == count))
-    points = lower[:dimension] + (points * spacing + np.where(on_wall, 0.0, jitter * edge * random))
+    # flat cells are displaced less across: otherwise all points would come to lie on the walls
+    range_of = jitter * np.minimum(edge, FLAT * spacing / row)
+    points = lower[:dimension] + (points * spacing + np.where(on_wall, 0.0, range_of * random))
     nodes = np.zeros((len(points), 3))
     nodes[:, :dimension] = points
-    nodes = _onto_walls(container, nodes, SNAP * edge, float(lengths.max()))
+    thick = thickness(container)
+    nodes = _onto_walls(container, nodes, SNAP * edge, SNAP * min(edge, thick), float(lengths.max()))
     nodes = with_images(nodes, lower, upper, container.periodic, LAYERS * edge)
-    cells = triangulated(nodes, dimension)
+    cells = triangulated_by_tiles(nodes, dimension, TILE * max(thick, edge), AROUND * edge)
     inside = np.asarray(container.signed_distance(nodes[cells].mean(axis=1))) < 0.0
     return CellMesh(nodes, cells[inside])
+
+
+def thickness(container: Container) -> float:
+    """Return twice the volume of a container over its surface (2D: its area over half its perimeter): of a plate, its
+    thickness, of a cylinder its radius.
+    """
+    vertices, faces = container.mesh()
+    if container.dimension == 3:
+        return 2.0 * container.volume / float(_size(vertices[faces]).sum())
+    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    sides, used = np.unique(sides, axis=0, return_counts=True)
+    return 2.0 * container.volume / float(_size(vertices[sides[used == 1]]).sum())
 
 
 def triangulated(points: Floats, dimension: int) -> Integers:
@@ -101,12 +130,35 @@ def triangulated(points: Floats, dimension: int) -> Integers:
     return np.zeros((0, dimension + 1), dtype=np.int64)
 
 
-def _onto_walls(container: Container, points: Floats, reach: float, size: float) -> Floats:
-    """Return the points that are not farther outside than `reach`, those that near to a wall moved onto it."""
+def triangulated_by_tiles(points: Floats, dimension: int, width: float, margin: float) -> Integers:
+    """Return the cells of the Delaunay triangulations of tiles of points, each of those whose middle lies in the tile.
+
+    Each tile sees the points up to a margin around it. Qhull takes minutes for some tens of thousands of points in a
+    thin plate, but not for as many in tiles.
+    """
+    place = points[:, :dimension]
+    if not len(points) or float(np.ptp(place, axis=0).max()) <= 2.0 * width:
+        return triangulated(points, dimension)
+    axis = int(np.ptp(place, axis=0).argmax())
+    order = np.argsort(place[:, axis], kind="stable")
+    along, found = place[order, axis], []
+    for tile in np.unique(np.floor(place / width), axis=0) * width:
+        stop_if_asked()
+        # of those between two places along the longest axis
+        near = order[slice(*np.searchsorted(along, [tile[axis] - margin, tile[axis] + width + margin]))]
+        near = near[((place[near] >= tile - margin) & (place[near] < tile + width + margin)).all(axis=1)]
+        cells = near[triangulated(points[near], dimension)]
+        middle = place[cells].mean(axis=1)
+        found.append(cells[((middle >= tile) & (middle < tile + width)).all(axis=1)])
+    return np.concatenate(found)
+
+
+def _onto_walls(container: Container, points: Floats, outside: float, inside: float, size: float) -> Floats:
+    """Return the points up to `outside` beyond a wall; these, and those up to `inside` within, are moved onto it."""
     if all(container.periodic[: container.dimension]):
         return points
-    points = points[np.asarray(container.signed_distance(points)) < reach]
-    near = np.flatnonzero(np.asarray(container.signed_distance(points)) > -reach)
+    points = points[np.asarray(container.signed_distance(points)) < outside]
+    near = np.flatnonzero(np.asarray(container.signed_distance(points)) > -inside)
     for _ in range(STEPS):
         distance, away = outward(container, points[near], size)
         points[near] -= distance[:, None] * away
@@ -114,9 +166,11 @@ def _onto_walls(container: Container, points: Floats, reach: float, size: float)
 
 
 def with_images(points: Floats, lower: Floats, upper: Floats, periodic: tuple[bool, ...], margin: float) -> Floats:
-    """Return points and their images across periodic faces up to a margin beyond these."""
+    """Return points and their images across periodic faces up to a margin beyond these, of at most two periods."""
+    wide = margin
     for axis in np.flatnonzero(periodic):
         length = upper[axis] - lower[axis]
+        margin = min(wide, 2.0 * length)
         turns = np.arange(-int(np.ceil(margin / length)), int(np.ceil(margin / length)) + 1)
         step = np.zeros((len(turns), 1, points.shape[1]))
         step[:, 0, axis] = turns * length

@@ -41,7 +41,7 @@ from voxgran.packing.tessellation.filling import (
     taken,
     wrapped,
 )
-from voxgran.packing.tessellation.mesh import CELL, CellMesh, lattice_mesh, places_of
+from voxgran.packing.tessellation.mesh import CELL, CellMesh, lattice_mesh, lattice_points, places_of, thickness
 from voxgran.packing.tessellation.mesh_files import read_cells
 
 #: bytes of a sphere (measured)
@@ -50,11 +50,17 @@ GRAIN_BYTES = 1500
 WAVES = 1000
 #: cells of a mesh where nothing else says how many; the fewest of a mesh made for a count, and spheres per cell then
 CELLS, FEWEST, PER_CELL = 2000, 200, {2: 1.5, 3: 2.0}
+#: spheres by default where the container is thin, at most and about, and points of a lattice of fewer cells, at most
+SPHERES, MOST_POINTS = 50_000, 200_000
+#: spheres that fill a volume, times the smallest diameter to the power of the dimension (measured; less in thin plates)
+PER_VOLUME = 0.2
 #: volume of a cell by its edge, and the diameter of the sphere inscribed in a regular one
 CELL_VOLUME = {2: math.sqrt(3.0) / 4.0, 3: 1.0 / 12.0 / ((1.0 + math.sqrt(3.0)) / 3.0) ** 3}
 INSCRIBED = {2: 1.0 / math.sqrt(3.0), 3: 1.0 / math.sqrt(6.0)}
-#: smallest diameter, in edges, where none is given
-SMALLEST = 0.2
+#: bytes of a point of the lattice (estimated), and factor from one edge that is tried to the next
+POINT_BYTES, LONGER = 120, 1.1
+#: smallest diameter where none is given: in edges or thicknesses, and in thicknesses of the thinnest containers
+SMALLEST, THIN = 0.2, 0.5
 #: overlap that is rounding, in lengths of the container
 ROUNDING = 1e-15
 
@@ -71,12 +77,18 @@ class Tetrahedral:
 
     edge: float | None = parameter(
         None,
-        doc="mean edge of the cells; left out: by the largest diameter, by the count, or for about 2000 cells",
+        doc="mean edge of the cells, which are flat where the container is thinner; left out: by the largest diameter, "
+        "by the count, or for about 2000 cells",
         unit="length",
         above=0.0,
     )
     smallest: float | None = parameter(
-        None, doc="smallest diameter of a sphere; left out: a fifth of the edge", unit="length", above=0.0
+        None,
+        doc="smallest diameter of a sphere; left out: a fifth of the edge or of the thickness of the container (twice "
+        "the volume over the surface), whichever is less; larger, up to half the thickness, where neither edge, "
+        "largest nor count is given and that would take more than about 50,000 spheres",
+        unit="length",
+        above=0.0,
     )
     largest: float | None = parameter(
         None, doc="largest diameter of a sphere; left out: as the cells give", unit="length", above=0.0
@@ -111,19 +123,35 @@ class Limits:
 def limits_of(problem: Problem) -> Limits:
     """Return the lengths that are given, or follow from others."""
     settings: Tetrahedral = problem.parameters
-    dimension = problem.dimension
     largest = math.inf if settings.largest is None else problem.length(settings.largest)
-    if settings.edge is not None:
-        edge = problem.length(settings.edge)
-    elif settings.largest is not None:
-        edge = largest / INSCRIBED[dimension]
+    thick = thickness(problem.container)
+    edge = _usual_edge(problem, largest) if settings.edge is None else problem.length(settings.edge)
+    if settings.smallest is not None:
+        smallest = problem.length(settings.smallest)
     else:
-        wanted = CELLS
-        if problem.asked_count is not None:
-            wanted = max(FEWEST, int(problem.asked_count / PER_CELL[dimension]))
-        edge = (problem.container.volume / (wanted * CELL_VOLUME[dimension])) ** (1.0 / dimension)
-    smallest = SMALLEST * edge if settings.smallest is None else problem.length(settings.smallest)
+        smallest = SMALLEST * min(edge, thick)
+        if settings.edge is None and problem.asked_count is None and largest >= thick:
+            few = (PER_VOLUME * problem.container.volume / SPHERES) ** (1.0 / problem.dimension)
+            smallest = max(smallest, min(THIN * thick, few))
     return Limits(edge, 0.5 * min(smallest, largest), 0.5 * largest)
+
+
+def _usual_edge(problem: Problem, largest: float) -> float:
+    """Return the edge of the cells where none is given.
+
+    In thin containers cells are flat, and spheres grow from them into all of the holes around.
+    """
+    container, dimension = problem.container, problem.dimension
+    if largest < math.inf:
+        return min(largest / INSCRIBED[dimension], float((container.bounds[1] - container.bounds[0]).max()))
+    wanted = CELLS
+    if problem.asked_count is not None:
+        wanted = max(FEWEST, int(problem.asked_count / PER_CELL[dimension]))
+    edge = (container.volume / (wanted * CELL_VOLUME[dimension])) ** (1.0 / dimension)
+    # the lattice fills the bounds, however little of them the container takes
+    while lattice_points(container, edge) > max(MOST_POINTS, wanted):
+        edge *= LONGER
+    return edge
 
 
 def prepare(problem: Problem) -> State:
@@ -151,10 +179,10 @@ def _first_queue(problem: Problem) -> Floats:
     settings: Tetrahedral = problem.parameters
     limits, container = limits_of(problem), problem.container
     longest = float((container.bounds[1] - container.bounds[0]).max())
-    if limits.edge > longest:
+    if limits.edge > longest * (1.0 + 1e-12):
         raise InputError(
-            f"edge is {limits.edge * problem.unit_length:.6g} (without one, it follows from largest): no cell is "
-            f"longer than the container of {longest * problem.unit_length:.6g}; give a smaller one"
+            f"edge is {limits.edge * problem.unit_length:.6g}: no cell is longer than the container of "
+            f"{longest * problem.unit_length:.6g}; give a smaller one"
         )
     if settings.mesh is None:
         mesh = lattice_mesh(container, limits.edge, settings.jitter, problem.seed)
@@ -218,7 +246,7 @@ def _as_asked(problem: Problem, spheres: Floats, more: Floats, smallest: float) 
     more = more[: problem.count - len(spheres)]
     if problem.asked_fraction is None:
         return more
-    volume = np.cumsum(volumes_of(problem, np.concatenate([spheres, more])[:, 3])[problem.started :])
+    volume = _added(problem, np.concatenate([spheres, more]))
     wanted = problem.asked_fraction * problem.container.volume
     enough = int(np.searchsorted(volume, wanted * (1.0 - 1e-13)))
     last = enough - (len(spheres) - problem.started)
@@ -231,6 +259,11 @@ def _as_asked(problem: Problem, spheres: Floats, more: Floats, smallest: float) 
     return more
 
 
+def _added(problem: Problem, spheres: Floats) -> Floats:
+    """Return the running sums of the true volumes of grains in spheres, without those of the start."""
+    return np.cumsum(volumes_of(problem, spheres[:, 3])[problem.started :])
+
+
 def volumes_of(problem: Problem, radius: Floats) -> Floats:
     """Return the true volumes of the grains in spheres of these radii."""
     shapes = np.array([shape.volume / shape.bounding_radius**problem.dimension for shape in problem.shapes])
@@ -240,7 +273,8 @@ def volumes_of(problem: Problem, radius: Floats) -> Floats:
 def _look(problem: Problem, state: State) -> None:
     """Set the stop reason."""
     spheres = state.arrays["spheres"]
-    volume = volumes_of(problem, spheres[:, 3])[problem.started :].sum()
+    # summed up as when the last sphere was sized: otherwise rounding decides
+    volume = _added(problem, spheres)[-1] if len(spheres) > problem.started else 0.0
     if len(spheres) == problem.count:
         state.stop_reason = "count"
     elif problem.asked_fraction is not None and volume >= problem.asked_fraction * problem.container.volume * (
@@ -276,9 +310,13 @@ def finish(problem: Problem, state: State) -> Packing:
 
 def cost(problem: Problem) -> Cost:
     """Return the cost of a run."""
-    cells = problem.container.volume / (CELL_VOLUME[problem.dimension] * limits_of(problem).edge ** problem.dimension)
-    many = max(min(2.0 * PER_CELL[problem.dimension] * cells, problem.count), cells)
-    return Cost(memory=int(GRAIN_BYTES * many) + 2**22, attempts=WAVES if problem.count else 0)
+    limits, dimension, volume = limits_of(problem), problem.dimension, problem.container.volume
+    cells = volume / (CELL_VOLUME[dimension] * limits.edge**dimension)
+    spheres = max(2.0 * PER_CELL[dimension] * cells, PER_VOLUME * volume / (2.0 * limits.smallest) ** dimension)
+    many = max(min(spheres, problem.count), cells)
+    points = 0.0 if problem.parameters.mesh is not None else lattice_points(problem.container, limits.edge)
+    memory = int(GRAIN_BYTES * many + POINT_BYTES * points) + 2**22
+    return Cost(memory=memory, attempts=WAVES if problem.count else 0)
 
 
 registration = PackingMethod(

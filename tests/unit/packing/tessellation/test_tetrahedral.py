@@ -5,6 +5,7 @@ import math
 import meshio
 import numpy as np
 import pytest
+from kit import task_of
 from scipy.optimize import linprog
 from scipy.spatial import cKDTree
 
@@ -12,7 +13,21 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, PackingWarning
 from voxgran.packing.tessellation.climb import HINT, MOST, _ascend
 from voxgran.packing.tessellation.filling import COLUMNS, KIND, REST, Walls, climbed, last_places, next_places, taken
-from voxgran.packing.tessellation.mesh import CELL, CORNER, EDGE, FACE, NODE, inscribed, lattice_mesh, places_of
+from voxgran.packing.tessellation.mesh import (
+    CELL,
+    CORNER,
+    EDGE,
+    FACE,
+    NODE,
+    inscribed,
+    lattice_mesh,
+    lattice_points,
+    places_of,
+    thickness,
+    triangulated,
+    triangulated_by_tiles,
+)
+from voxgran.packing.tessellation.method import registration as tetrahedral
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 #: edge of the cubes of the lattice, in mean edges of its cells
@@ -377,8 +392,108 @@ def test_what_is_refused():
         vg.pack(SPHERE, box, "tetrahedral", sizes=vg.sizes.lognormal(1, 0.2), count=5)
     with pytest.raises(InputError, match="smallest is 2 and largest is 1"):
         vg.pack(SPHERE, box, "tetrahedral", smallest=2, largest=1)
-    with pytest.raises(InputError, match=r"edge is 20 .*: no cell is longer than the container of 6"):
+    with pytest.raises(InputError, match=r"edge is 20: no cell is longer than the container of 6"):
         vg.pack(SPHERE, box, "tetrahedral", edge=20)
     first = vg.Packing.of([SPHERE], box, position=[(1, 1, 1), (1.5, 1, 1)])
     with pytest.raises(InputError, match="grain 1 of start"):
         vg.pack(SPHERE, box, "tetrahedral", start=first, count=3)
+
+
+# thin containers
+
+
+def tilted(lengths):
+    """Return a thin box with walls along no axis, as a closed mesh."""
+    vertices, faces = vg.Box(lengths).mesh()
+    turn = np.linalg.qr(random_of(8).normal(size=(3, 3)))[0]
+    turn[:, 0] *= np.linalg.det(turn)
+    return vg.ClosedMesh(vg.Shape.from_mesh(vertices @ turn.T, faces))
+
+
+def shell(thick):
+    """Return the room between two spheres, the outer one of radius 1, as a closed mesh."""
+    ball = vg.make_shape("sphere", diameter=2)
+    inner = ball.faces[:, ::-1] + len(ball.vertices)
+    vertices = np.vstack([ball.vertices, (1 - thick) * ball.vertices])
+    return vg.ClosedMesh(vg.Shape.from_mesh(vertices, np.vstack([ball.faces, inner])))
+
+
+def test_thicknesses():
+    assert thickness(vg.Box((1e4, 1e4, 0.1))) == pytest.approx(0.1, rel=1e-4)
+    assert thickness(vg.Cylinder(0.5, 1e4)) == pytest.approx(0.5, rel=0.02)
+    assert thickness(vg.Sphere(3)) == pytest.approx(2, rel=0.02)
+    assert thickness(shell(0.02)) == pytest.approx(0.02, rel=0.01)
+    assert thickness(vg.Rectangle((1e4, 0.1))) == pytest.approx(0.1, rel=1e-4)
+    assert thickness(vg.Disk(3)) == pytest.approx(3, rel=0.01)
+    frame = vg.Polygon([(0, 0), (9, 0), (9, 9), (0, 9)], holes=[[(1, 1), (8, 1), (8, 8), (1, 8)]])
+    assert thickness(frame) == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("container", "least"),
+    [
+        (vg.Box((5, 5, 0.2)), 0.55),
+        (vg.Box((2, 2, 0.2), "xyz"), 0.6),
+        (vg.Box((0.1, 0.1, 5)), 0.6),
+        (vg.Cylinder(0.05, 3), 0.6),
+        (vg.Cylinder(2, 0.15), 0.55),
+        (shell(0.2), 0.55),
+        (tilted((3, 3, 0.2)), 0.6),
+        (tilted((0.05, 0.05, 4)), 0.6),
+        (vg.Rectangle((20, 0.02)), 0.74),
+        (vg.Polygon([(0, 0), (10, 7), (10, 7.01), (0, 0.01)]), 0.75),
+    ],
+)
+def test_thin_containers_are_filled_by_default(container, least):
+    packing = vg.pack(DISK if container.dimension == 2 else SPHERE, container, "tetrahedral")
+    assert packing.stop_reason == "full"
+    assert packing.solid_fraction > least
+    assert packing.count < 60_000
+    assert vg.verify(packing, tolerance=1e-9).ok
+
+
+@pytest.mark.parametrize("count", [50, 4000])
+def test_counts_in_thin_containers_are_spread(count):
+    packing = vg.pack(SPHERE, vg.Box((20, 20, 0.1)), "tetrahedral", count=count)
+    assert packing.count == count
+    # a uniform density has a standard deviation of the length over the root of 12
+    assert packing.position[:, :2].std(axis=0) == pytest.approx(20 / math.sqrt(12), rel=0.15)
+
+
+def test_the_thinnest_containers_take_no_minutes():
+    """Neither the lattice of the mesh nor the spheres are many."""
+    for container in (vg.Box((20, 20, 1e-3)), tilted((1e-3, 1e-3, 10)), vg.Rectangle((1e4, 1e-3))):
+        shape = DISK if container.dimension == 2 else SPHERE
+        packing = vg.pack(shape, container, "tetrahedral", count=300)
+        limits = packing.provenance["parameters"]
+        assert lattice_points(container, limits["edge"]) <= 2e5
+        assert packing.count == 300
+        # the distance from triangles that are 10,000 times as long as they are wide is exact to a few 1e-9
+        assert vg.verify(packing, tolerance=1e-8).ok
+    # of these the default would make many more
+    problem = task_of("tetrahedral", SPHERE, vg.Box((200, 200, 0.2))).problem
+    assert tetrahedral.cost(problem).memory > 200_000 * 1000
+
+
+def test_wide_limits_do_not_count_in_thin_containers():
+    box = vg.Box((3, 3, 0.3))
+    wide, plain = vg.pack(SPHERE, box, "tetrahedral", largest=30), vg.pack(SPHERE, box, "tetrahedral", edge=3)
+    assert wide.count == pytest.approx(plain.count, rel=0.1)
+    assert wide.solid_fraction == pytest.approx(plain.solid_fraction, rel=0.02)
+
+
+def test_tiles_have_the_cells_of_the_whole():
+    points = random_of(9).random((3000, 3)) * [60, 60, 1.5]
+    whole = np.sort(triangulated(points, 3), axis=1)
+    tiles = np.sort(triangulated_by_tiles(points, 3, 12.0, 4.0), axis=1)
+    whole, tiles = set(map(tuple, whole.tolist())), set(map(tuple, tiles.tolist()))
+    # those at the faces of the hull have large circumspheres, which reach beyond a tile
+    assert len(whole & tiles) > 0.96 * len(whole)
+    assert len(tiles - whole) < 0.04 * len(whole)
+
+
+def test_running_sums_decide_whether_a_fraction_is_met():
+    """Of many thousand spheres another order of summation gives another rounding, which once ended in an error."""
+    packing = vg.pack(SPHERE, vg.Box((20, 20, 0.1)), "tetrahedral", solid_fraction=0.4)
+    assert packing.stop_reason == "solid_fraction"
+    assert packing.solid_fraction == pytest.approx(0.4, abs=1e-5)
