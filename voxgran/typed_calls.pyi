@@ -78,6 +78,7 @@ class MultilayerKeywords(PackKeywords, total=False):
     undercompaction: Number
 
 class JamKeywords(PackKeywords, total=False):
+    growth_rate: Number
     keep: Literal["container", "sizes"]
 
 class GrowthKeywords(PackKeywords, total=False):
@@ -97,7 +98,8 @@ class GravityKeywords(PackKeywords, total=False):
     fill: Number
     height: Number | None
 
-class ExpandKeywords(PackKeywords, total=False): ...
+class ExpandKeywords(PackKeywords, total=False):
+    growth_rate: Number
 
 class DigitalRsaKeywords(PackKeywords, total=False):
     voxel_size: Number | None

@@ -25,6 +25,7 @@ class Fall:
     substeps: int = SUBSTEPS
     most: float = MOST
     margin: float = MARGIN
+    weight: float = 1.0  # factor on gravity
 
 
 def fall_step(bed: Bed, how: Fall, before: float, pull: Floats | None = None) -> None:
@@ -40,7 +41,7 @@ def fall_step(bed: Bed, how: Fall, before: float, pull: Floats | None = None) ->
     part = substep / before if before > 0.0 else 0.0
     approach = np.zeros(bed.m if how.restitution > 0.0 else 0)
     advance_bodies(
-        bed.rows, bed.bodies, bed.motion, bed.m, bed.count, bed.gravity, how.step, how.substeps, how.friction,
+        bed.rows, bed.bodies, bed.motion, bed.m, bed.count, how.weight * bed.gravity, how.step, how.substeps, how.friction,
         how.restitution, OPENING, FASTEST, how.most / how.step, part, approach,
     )  # fmt: skip
     bed.move(bed.motion, how.most)

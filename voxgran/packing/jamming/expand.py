@@ -6,7 +6,8 @@ that was found is the result, and a warning says so. Without a count and a solid
 densely as by ``jam``.
 
 Works for spheres and disks (:mod:`voxgran.packing.jamming.spheres`), and for all other solids and outlines, scanned
-meshes and clumps of spheres included, in containers whose walls are known (:mod:`voxgran.packing.jamming.solids`).
+meshes and clumps of spheres included, in containers whose walls are known (:mod:`voxgran.packing.jamming.solids`). The
+latter move at random while they grow: the slower the growth, the denser and the more ordered they jam.
 
 Equal disks crystallize: in two dimensions take at least two sizes for a disordered packing.
 
@@ -23,22 +24,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.config import check_bounds
 from voxgran._base.errors import PackingWarning
 from voxgran.packing.gravity import Down
-from voxgran.packing.jamming.method import CompressState, advance, cost, first_state, told
+from voxgran.packing.jamming.method import Compression, CompressState, advance, cost, first_state, told
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Expand:
-    """Parameters of the expansion; there are none."""
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
+class Expand(Compression):
+    """Parameters of the expansion."""
 
 
 def prepare(problem: Problem) -> CompressState:

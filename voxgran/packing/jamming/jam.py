@@ -4,7 +4,8 @@ Frictionless spheres then have as many contacts as hold them, six on average, an
 no contact holds. The gradation stays as it is drawn, up to the factor; or the sizes stay and the container shrinks.
 
 Works for spheres and disks (:mod:`voxgran.packing.jamming.spheres`), and for all other solids and outlines, scanned
-meshes and clumps of spheres included, in containers whose walls are known (:mod:`voxgran.packing.jamming.solids`).
+meshes and clumps of spheres included, in containers whose walls are known (:mod:`voxgran.packing.jamming.solids`). The
+latter move at random while they grow: the slower the growth, the denser and the more ordered they jam.
 
 Equal disks crystallize: in two dimensions take at least two sizes for a disordered packing.
 
@@ -19,16 +20,16 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
-from voxgran.packing.jamming.method import CompressState, advance, cost, first_state, told
+from voxgran.packing.jamming.method import Compression, CompressState, advance, cost, first_state, told
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Jam:
+class Jam(Compression):
     """Parameters of jamming.
 
     Raises
@@ -42,10 +43,6 @@ class Jam:
         doc="what stays as it is given: the container, in which the grains grow or shrink by a common factor, or the "
         "sizes of the grains, about which the container does",
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def prepare(problem: Problem) -> CompressState:

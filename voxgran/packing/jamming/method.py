@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base.config import check_bounds, parameter
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
@@ -19,6 +20,23 @@ from voxgran.packing.problem import Problem, random_points
 
 #: bytes of a grain (measured), and estimate of the largest number of steps
 GRAIN_BYTES, STEPS = 700, 400
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Compression:
+    """Parameters of compression."""
+
+    growth_rate: float = parameter(
+        0.01,
+        doc="of all shapes but spheres and disks: relative growth of the sizes in the time in which a grain moves by its "
+        "diameter at thermal speed; the smaller, the denser the grains jam, with more order, and the longer it takes",
+        at_least=1e-4,
+        at_most=1.0,
+    )
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        check_bounds(self)
 
 
 @dataclass(slots=True)
@@ -96,7 +114,7 @@ def compressor_of(problem: Problem, assembly: Assembly, *, jam: bool) -> Compres
     """
     if all(shape.is_sphere for shape in problem.shapes):
         return SoftSpheres(assembly, jam=jam, seed=problem.seed)
-    return GrowingSolids(assembly, jam=jam, seed=problem.seed)
+    return GrowingSolids(assembly, jam=jam, seed=problem.seed, growth_rate=problem.parameters.growth_rate)
 
 
 def advance(problem: Problem, state: CompressState, attempts: int) -> CompressState:

@@ -1,10 +1,14 @@
-"""Grains of any shape that grow until they meet their sizes or jam: steps of growth, each parted by least motions.
+"""Grains of any shape that grow until they meet their sizes or jam: parted at first, then in motion, then parted again.
 
 Grains begin small at random points. In each step their sizes grow by a common factor, and the least translations and
 rotations, weighted by mass, that open all overlaps to first order are made until no surfaces overlap, by the contacts
 of settling (:mod:`voxgran.settling.parting`). Where that does not succeed, the grains go back to where they were and
 the step becomes shorter. They are jammed where the step is as short as the last one. A sequence of linear problems of
 this kind with inequalities leads spheres to strictly jammed states (Torquato & Jiao 2010); here they are projections.
+
+Least motions alone jam grains with faces at once, in loose states. Between the solid fraction at which grains meet each
+other everywhere and the one at which hardly any growth is left, they therefore grow while they move at random
+(:mod:`voxgran.packing.jamming.thermal`).
 
 Contacts of meshes that are not convex come from grids of distances, which are wrong by some thousandths of a diameter
 and do not see edges that cross. A step has succeeded when their triangles are proven to be separate, too
@@ -25,10 +29,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
-from voxgran._base.stopping import Stopped
+from voxgran._base.seeds import stream
+from voxgran._base.stopping import Stopped, stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.verify import verify
 from voxgran.packing.jamming.coordination import NearPairs
+from voxgran.packing.jamming.thermal import FIRST_FREE, Motion, stop_moving, thermal_step
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.contact_rows import SURFACE
@@ -36,8 +42,20 @@ from voxgran.settling.parting import part_grains
 
 #: solid fraction whose sizes are the unit in which grains grow, by dimension, and the one at which they begin
 DENSE, FIRST = {2: 0.85, 3: 0.65}, 0.05
-#: reduction of the sizes of grains that overlap at the beginning, until they can be parted
+#: solid fraction up to which grains are only parted, by dimension
+LOOSE = {2: 0.6, 3: 0.4}
+#: what a compressor does: part the grains of growing sizes while they are loose, let them move at random, and part them
+#: until they jam
+LOOSENING, MOVING, JAMMING = range(3)
+#: distance that surfaces keep at least in thermal motion
+APART = 1e-3
+#: steps of thermal motion in a step of a run, and free growth at which it ends
+AT_ONCE, CLOSED = 20, 0.01
+#: reduction of the sizes of grains that overlap at random points, until they can be parted
 SMALLER = 0.8
+#: growth of the first step after thermal motion; grains that cannot be parted there are reduced by this share, then by
+#: twice as much, and so on up to the largest share
+CAREFUL, LARGEST = 2e-3, 0.1
 #: growth of a step after one that succeeded at once, and after one that did not succeed
 FASTER, SLOWER = 1.5, 0.5
 #: rounds of parting in a step of a run, steps for one size, and the share of the overlap that must go in each
@@ -52,8 +70,8 @@ MOST = 0.05
 ROOMS = 2
 #: distance that is kept by triangles, farthest motion in a round, and gap beyond it
 BY_TRIANGLES = (3e-4, 2e-3, 5e-3)
-#: largest number of steps
-MOST_STEPS = 1000
+#: largest number of steps in which grains are parted, and of those of thermal motion, times the rate of growth
+MOST_STEPS, MOST_MOTION = 1000, 14.0
 #: most verifications at the end, and the factor by which the distance that surfaces keep grows between them
 LOOKS, FARTHER = 6, 4.0
 #: gaps, in mean diameters, at which coordination numbers are reported
@@ -61,7 +79,7 @@ GAPS = (1e-4, 1e-3, 1e-2, 1e-1)
 #: number of forces without friction that hold a grain rigidly, on average, by dimension: twice its ways to move
 ISOSTATIC = {2: 6, 3: 12}
 #: numbers of the state
-SIZE, STEP, TRIED, DEPTH = range(4)
+SIZE, STEP, TRIED, DEPTH, FREE, SUBSTEP = range(6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +104,13 @@ class GrowingSolids:
         If a shape is an open surface, or the walls of the container are not known.
     """
 
-    def __init__(self, assembly: Assembly, *, jam: bool, seed: int) -> None:
-        del seed
+    def __init__(self, assembly: Assembly, *, jam: bool, seed: int, growth_rate: float) -> None:
         self.assembly, self.jam, self.dimension = assembly, jam, assembly.dimension
+        self.seed, self.growth_rate = seed, growth_rate
+        self.stage, self.moves = LOOSENING, 0
         n = assembly.count
-        self.ended, self.done_steps, self.most_steps = n == 0, 0, MOST_STEPS if n else 0
+        most = MOST_STEPS + math.ceil(MOST_MOTION / (growth_rate * AT_ONCE))
+        self.ended, self.done_steps, self.most_steps = n == 0, 0, most if n else 0
         self.jams, self.met, self.turns = False, False, 0
         self.unit = 1.0
         if not n:
@@ -107,7 +127,8 @@ class GrowingSolids:
         if self.uneven:
             first = self._part_hulls(first)
         # the size that succeeded last, 0 before one did; growth; the size that is tried; overlap before
-        self.numbers = np.array([0.0, self._manner.first, first, math.inf])
+        # growth that is left, and the length of a substep, of thermal motion
+        self.numbers = np.array([0.0, self._manner.first, first, math.inf, FIRST_FREE, 0.0])
         self._keep()
         self.bed.resize(np.full(n, first))
 
@@ -132,6 +153,11 @@ class GrowingSolids:
         return size
 
     @property
+    def _loose(self) -> float:
+        """Size up to which the grains are only parted."""
+        return float((LOOSE[self.dimension] / DENSE[self.dimension]) ** (1.0 / self.dimension))
+
+    @property
     def _manner(self) -> Manner:
         """How the grains grow."""
         return FIELDS if self.uneven else TRUE
@@ -150,6 +176,8 @@ class GrowingSolids:
         return {
             "steps": self.done_steps,
             "turns": self.turns,
+            "stage": self.stage,
+            "moves": self.moves,
             "ended": int(self.ended),
             "jammed": int(self.jams),
             "met": int(self.met),
@@ -158,6 +186,7 @@ class GrowingSolids:
     def restore(self, arrays: Mapping[str, NDArray[Any]], counters: Mapping[str, int]) -> None:
         """Take over the state of a checkpoint."""
         self.done_steps, self.turns = int(counters["steps"]), int(counters["turns"])
+        self.stage, self.moves = int(counters["stage"]), int(counters["moves"])
         self.ended, self.jams, self.met = (bool(counters[name]) for name in ("ended", "jammed", "met"))
         if not self.assembly.count:
             return
@@ -178,7 +207,8 @@ class GrowingSolids:
     def report(self) -> dict[str, Any]:
         """Numbers of the run, and contacts of the grains that are jammed."""
         found: dict[str, Any] = {
-            "iterations": self.done_steps * ROUNDS,
+            "iterations": (self.done_steps - -(-self.moves // AT_ONCE)) * ROUNDS,
+            "thermal_steps": self.moves,
             "overlap": 0.0,
             "jammed": float(self.jams),
             "isostatic": ISOSTATIC[self.dimension],
@@ -225,13 +255,37 @@ class GrowingSolids:
         """Make some rounds of parting at one size, and change the size where they have succeeded or failed."""
         kept = {name: np.array(array) for name, array in self.arrays.items()}, dict(self.counters)
         try:
-            self._part()
-            self._look()
+            if self.stage == MOVING:
+                self._move()
+            else:
+                self._part()
+                self._look()
             self.done_steps += 1
         except Stopped:
             # what the step has done is lost: the next one begins where it began
             self.restore(*kept)
             raise
+
+    def _move(self) -> None:
+        """Let the grains move at random for some steps, in which they grow; part them where no growth is left."""
+        for _ in range(AT_ONCE):
+            stop_if_asked()
+            grown = 1.0 + self.growth_rate * self._move_once()
+            self._try(min(float(self.numbers[TRIED]) * grown, self.wanted))
+            if self.numbers[FREE] < CLOSED or self.numbers[TRIED] >= self.wanted:
+                stop_moving(self.bed)
+                # these grains were not parted at any size
+                self.stage, self.numbers[SIZE], self.numbers[STEP] = JAMMING, 0.0, CAREFUL
+                break
+
+    def _move_once(self) -> float:
+        """Make a step of thermal motion; return the motion at thermal speed."""
+        before = Motion(float(self.numbers[FREE]), float(self.numbers[SUBSTEP]))
+        generator = stream(self.seed, "motion", self.moves)
+        motion, way = thermal_step(self.bed, before, generator, kept=max(self._manner.kept, APART))
+        self.moves += 1
+        self.numbers[FREE], self.numbers[SUBSTEP] = motion.free, motion.substep
+        return way
 
     def _part(self) -> None:
         """Make some rounds of parting at the size that is tried, and note the overlap."""
@@ -258,22 +312,40 @@ class GrowingSolids:
         self.numbers[DEPTH] = depth
         late = self.done_steps + 1 >= self.most_steps
         if self.smallest > 0.0:
+            if self.stage == JAMMING and self.numbers[SIZE] == 0.0:
+                self.numbers[STEP] = CAREFUL
             self.numbers[SIZE] = self.numbers[TRIED]
             self._keep()
             if late or self.numbers[SIZE] >= self.wanted:
                 self._end()
+            elif self.stage == LOOSENING and self.numbers[SIZE] >= self._loose:
+                self._begin_to_move()
             else:
                 self._grow(FASTER if self.turns == 1 else 1.0)
         elif late or self.turns >= LONGEST or (depth > LESS * before and not self.uneven):
             if self.numbers[SIZE] == 0.0:
-                # nothing was parted yet: smaller grains, where they are
-                self._try(float(self.numbers[TRIED]) * SMALLER)
+                self._retreat()
                 return
             self._put_back()
-            if late or self.numbers[STEP] * SLOWER < self._manner.last:
+            if self.stage == LOOSENING:
+                self._begin_to_move()
+            elif late or self.numbers[STEP] * SLOWER < self._manner.last:
                 self._end()
             else:
                 self._grow(SLOWER)
+
+    def _begin_to_move(self) -> None:
+        """Let the grains move at random from the size that succeeded last."""
+        self.stage = MOVING
+        self._try(float(self.numbers[SIZE]))
+
+    def _retreat(self) -> None:
+        """Try a smaller size, where the grains are: they were parted at none yet."""
+        if self.stage == LOOSENING:
+            self._try(float(self.numbers[TRIED]) * SMALLER)
+            return
+        self._try(float(self.numbers[TRIED]) * (1.0 - self.numbers[STEP]))
+        self.numbers[STEP] = min(2.0 * self.numbers[STEP], LARGEST)
 
     def _grow(self, factor: float) -> None:
         """Try a larger size, with another growth."""
