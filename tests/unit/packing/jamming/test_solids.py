@@ -6,7 +6,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran.contacts.assembly import Assembly
-from voxgran.packing.jamming.solids import GrowingSolids
+from voxgran.packing.jamming.solids import JAMMING, MOVING, GrowingSolids
 
 ELLIPSOID = vg.make_shape("ellipsoid", semi_axes=(1.25, 1, 0.8))
 CUBE, OCTAHEDRON = vg.make_shape("box", lengths=(1, 1, 1)), vg.make_shape("platonic", solid="octahedron")
@@ -40,22 +40,19 @@ def test_ellipsoids_jam_denser_than_spheres_with_as_many_contacts_as_hold_them()
     assert 2 * len(found.i) / 60 == pytest.approx(told["coordination_without_rattlers"], abs=0.3)
 
 
-@pytest.mark.parametrize(("shape", "least", "most"), [(CUBE, 0.63, 0.82), (OCTAHEDRON, 0.63, 0.70)])
+@pytest.mark.parametrize(("shape", "least", "most"), [(CUBE, 0.65, 0.85), (OCTAHEDRON, 0.63, 0.72)])
 def test_dice_jam_about_as_dense_as_shaken_ones(shape, least, most):
-    packing = jammed(shape, 60, growth_rate=0.1)
+    packing = jammed(shape, 40, growth_rate=0.1)
     assert vg.verify(packing, tolerance=0).ok
-    # few cubes may order;
-    # Baker & Kudrolli 2010: 0.67 for cubes and 0.64 for octahedra that are shaken; Jiao & Torquato 2011: 0.697
+    # Baker & Kudrolli 2010: 0.67 for cubes and 0.64 for octahedra that are shaken; Jiao & Torquato 2011: 0.697. Few
+    # cubes order soon
     assert least < packing.solid_fraction < most
 
 
 def test_slow_growth_jams_tetrahedra_denser():
-    fast, slow = (
-        np.mean([jammed(TETRAHEDRON, 30, growth_rate=rate, seed=s).solid_fraction for s in (0, 1)])
-        for rate in (1.0, 0.02)
-    )
+    fast, slow = (jammed(TETRAHEDRON, 30, growth_rate=rate, seed=1).solid_fraction for rate in (1.0, 0.02))
     # Jiao & Torquato 2011: 0.763 for the slowest compression
-    assert fast + 0.01 < slow < 0.763
+    assert fast + 0.03 < slow < 0.763
 
 
 def test_a_solid_fraction_is_met_and_the_gradation_kept():
@@ -99,6 +96,31 @@ def test_scanned_grains_are_proven_to_be_separate():
     packing = vg.pack(eros, vg.Box((3, 3, 3)), "expand", solid_fraction=0.35, sizes=EQUAL)
     assert packing.solid_fraction == pytest.approx(0.35, abs=1e-9)
     assert vg.verify(packing, tolerance=0).ok
+
+
+def test_a_run_in_motion_goes_on_from_its_arrays_with_the_same_bits():
+    def compressor():
+        turn = np.random.default_rng(0)
+        position, orientation = turn.uniform(0, 3, (20, 3)), turn.normal(size=(20, 4))
+        orientation /= np.linalg.norm(orientation, axis=1)[:, None]
+        box, shape_id = vg.Box((3, 3, 3), "xyz"), np.zeros(20, int)
+        arrays = {"position": position, "scale": np.ones(20), "shape_id": shape_id, "orientation": orientation}
+        return GrowingSolids(Assembly.of((OCTAHEDRON,), box, **arrays), jam=True, seed=3, growth_rate=0.05)
+
+    whole, stages = compressor(), set()
+    whole.restore(whole.arrays, whole.counters)
+    while whole.moves < 60:
+        whole.step()
+    again = compressor()
+    again.restore({name: array.copy() for name, array in whole.arrays.items()}, dict(whole.counters))
+    for _ in range(8):
+        for one in (whole, again):
+            one.step()
+        stages.add(whole.stage)
+    assert stages == {MOVING, JAMMING}
+    for name, array in whole.arrays.items():
+        assert np.array_equal(array, again.arrays[name], equal_nan=array.dtype == float), name
+    assert dict(whole.counters) == dict(again.counters)
 
 
 def test_positions_do_not_depend_on_the_unit():

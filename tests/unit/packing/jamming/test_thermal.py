@@ -33,13 +33,14 @@ def moved(bed, steps, motion=None, generator=None):
 def test_all_freedoms_have_the_temperature_and_gravity_moves_nothing():
     cube = vg.make_shape("box", lengths=(1, 1, 1))
     bed = bed_of(cube, vg.Box((160, 160, 160), "xyz"), lattice(8, 20.0), scale=1.0)
-    moved(bed, 40)
+    # short steps, in which no grain is fast enough to be slowed down
+    for step in range(40):
+        thermal_step(bed, Motion(0.02), np.random.default_rng(step), kept=1e-3)
     n = bed.count
     squares = (bed.bodies[:n, :6] ** 2).mean(axis=0) / bed.bodies[0, [6, 6, 6, 7, 7, 7]]
     # 512 samples of each: the standard error of a mean square is 0.06 of it
-    assert squares == pytest.approx(SPEED**2, rel=0.3)
-    # the fastest are slowed down to the farthest motion of a step, which takes 0.09 of the mean square
-    assert squares.mean() == pytest.approx(0.91 * SPEED**2, rel=0.06)
+    assert squares == pytest.approx(SPEED**2, rel=0.25)
+    assert squares.mean() == pytest.approx(SPEED**2, rel=0.08)
     assert abs(bed.bodies[:n, :3].mean()) < 0.03
     stop_moving(bed)
     assert not bed.bodies[:n, :6].any()
@@ -57,10 +58,10 @@ def test_outlines_stay_in_their_plane():
 def test_less_growth_is_left_in_denser_grains():
     octahedron = vg.make_shape("platonic", solid="octahedron")
     left = []
-    for scale in (0.5, 0.75, 0.9):
+    for scale in (0.5, 0.75, 1.0):
         bed = bed_of(octahedron, vg.Box((5, 5, 5), "xyz"), lattice(5, 1.0), scale=scale)
         left.append(moved(bed, 80)[0].free)
-    assert left[0] > 1.1 * left[1] > 1.3 * left[2]
+    assert left[0] > left[1] + 0.05 > 2.0 * left[2]
 
 
 def test_the_pressure_is_the_virial_of_the_impulses():
