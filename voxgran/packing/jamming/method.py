@@ -28,9 +28,10 @@ class Compression:
 
     growth_rate: float = parameter(
         0.01,
-        doc="of all shapes but spheres and disks: relative growth of the sizes in the time in which a grain moves by its
-        " "diameter at thermal speed; the smaller, the denser the grains jam, with more order, and the longer it takes",
-        at_least=1e-4, at_most=1.0,
+        doc="of all shapes but spheres and disks: relative growth of the sizes in the time in which a grain moves by "
+        "its diameter at thermal speed; the smaller, the denser and more ordered the grains jam, the longer it takes",
+        at_least=1e-4,
+        at_most=1.0,
     )
 
     def __post_init__(self) -> None:

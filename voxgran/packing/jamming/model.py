@@ -18,8 +18,9 @@ class Compressor(Protocol):
 
     A class that keeps this is made as ``X(assembly, *, jam, seed)``, with parameters of its own after these. The grains
     of the assembly have their final sizes where `jam` is false, and sizes up to a common factor where it is true; they
-    may overlap each other and the walls. With ``jam=False`` the grains are to stand free of overlap at the factor 1, or
-    at the largest factor that was found; with ``jam=True`` at the largest factor without overlap, the jamming point.
+    may overlap each other and the walls.
+    With ``jam=False`` the grains are to stand free of overlap at the factor 1, or at the largest factor that was found;
+    with ``jam=True`` at the largest factor without overlap, the jamming point.
 
     Attributes
     ----------
