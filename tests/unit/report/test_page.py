@@ -87,7 +87,7 @@ def test_a_whole_page(packing, statistics, tmp_path, monkeypatch):
     images = page.all("img")
     assert len(images) == 3 + 4
     assert all(image["src"].startswith("data:image/png;base64,") and image["alt"] for image in images)
-    assert len(page.all("svg")) == 4
+    assert len(page.all("svg")) == 5
     assert [name for name, _ in page.tags if re.fullmatch("h[1-6]", name)][:2] == ["h1", "h2"]
     assert page.all("html") == [{"lang": "en"}]
     assert (tmp_path / "out" / "page.html").stat().st_size < 5_000_000

@@ -23,7 +23,7 @@ WINDOW = (320, 240)
 
 def render_ids(packing, *, window=WINDOW):
     """Return which grain is seen in each pixel, (height, width): 0 is background, k + 1 is grain k."""
-    bodies = [scenes._body(shape, scenes.picture_faces(packing)) for shape in packing.shapes]
+    bodies = [scenes.drawn_surface(shape, scenes.picture_faces(packing)) for shape in packing.shapes]
     merged = scenes.merged_surfaces(packing, bodies=bodies)
     label = merged.grain + 1
     colors = np.stack([label >> 16 & 255, label >> 8 & 255, label & 255], axis=1).astype(np.uint8)
@@ -113,7 +113,7 @@ def test_grains_of_many_triangles_are_drawn_coarser(packing, monkeypatch):
     many = Packing.of([fine], packing.container, position=packing.position)
     monkeypatch.setattr(scenes, "TRIANGLE_BUDGET", 48 * 300)
     assert picture_faces(many) == 300
-    body, triangles = scenes._body(fine, 300)
+    body, triangles = scenes.drawn_surface(fine, 300)
     assert 200 < len(triangles) <= 300
     assert Mesh(body, triangles).volume == pytest.approx(fine.volume, rel=0.03)
     assert 0.1 < covered(picture_packing(many, window=WINDOW)) < 0.6

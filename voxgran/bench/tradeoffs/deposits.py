@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.optimize import curve_fit
 
 from voxgran._base.arrays import Floats
+from voxgran._base.lazy import load
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container
@@ -188,7 +188,7 @@ def fit_of(edges: Floats, fractions: Floats) -> tuple[float, float]:
         return np.asarray(constant + factor * mean)
 
     guess = fractions[-1], fractions[0], 0.7
-    found, _ = curve_fit(model, low, fractions[used], p0=guess, maxfev=10_000)
+    found, _ = load("scipy.optimize").curve_fit(model, low, fractions[used], p0=guess, maxfev=10_000)
     return float(found[0]), float(found[2])
 
 

@@ -113,10 +113,13 @@ def thickness(container: Container) -> float:
     """
     vertices, faces = container.mesh()
     if container.dimension == 3:
-        return 2.0 * container.volume / float(_size(vertices[faces]).sum())
+        around = float(_size(vertices[faces]).sum())
+        return 2.0 * container.volume / around if around else float(np.ptp(container.bounds, axis=0).min())
     sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     sides, used = np.unique(sides, axis=0, return_counts=True)
-    return 2.0 * container.volume / float(_size(vertices[sides[used == 1]]).sum())
+    around = float(_size(vertices[sides[used == 1]]).sum())
+    # a container of a user may come without a mesh
+    return 2.0 * container.volume / around if around else float(np.ptp(container.bounds, axis=0)[:2].min())
 
 
 def triangulated(points: Floats, dimension: int) -> Integers:

@@ -130,7 +130,7 @@ def spherize(
     >>> import voxgran as vg
     >>> cube = vg.shapes.box(lengths=(1, 1, 1))
     >>> round(vg.spherize(cube, 1.0).volume, 2)  # a sphere of radius 1
-    4.18
+    4.19
     """
     check_type(shape, Shape, "shape", "a Shape")
     shape.refuse_open("spheres inside")

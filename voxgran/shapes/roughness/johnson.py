@@ -94,7 +94,7 @@ def johnson(skewness: float, kurtosis: float) -> Johnson:
     InputError
         If no heights have both, or the kurtosis is above 50.
     """
-    least = skewness**2 + 1.0 + LEAST_EXCESS
+    least = abs(skewness) * min(abs(skewness), 1e6) + 1.0 + LEAST_EXCESS
     if not least <= kurtosis <= MOST_KURTOSIS:
         rule = f"with the skewness {skewness:g} it must be at least {least:.4g} (skewness squared plus 1.3) and at most"
         raise InputError(f"kurtosis is {kurtosis:g}: {rule} {MOST_KURTOSIS:g}; change one of the two")

@@ -90,7 +90,13 @@ class SierpinskiSponge:
 
 
 def make(parameters: SierpinskiSponge, generator: np.random.Generator) -> Shape:
-    """Return a sponge."""
+    """Return a sponge.
+
+    Raises
+    ------
+    InputError
+        If no cell is left by chance, or the sponge is not in one piece and is to be whole.
+    """
     cells = np.zeros((1, 3), dtype=np.int64)
     for _ in range(parameters.levels):
         cells = divided(cells, parameters, generator)

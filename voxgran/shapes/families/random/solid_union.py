@@ -14,7 +14,7 @@ Discontinuous Materials: random shapes as unions of base solids on work planes o
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -160,7 +160,10 @@ def make(parameters: SolidUnion, generator: np.random.Generator) -> Shape:
     solids = base_solids(parameters, generator)
     vertices, faces = union_of(solids, parameters.chord_error)
     record = {"kinds": tuple(base.solid.kind for base in solids)}
-    return sized(Mesh(vertices, faces), parameters.diameter, name="solid_union", record=record)
+    # the work planes have no place: a container of this shape lies about its centroid
+    return replace(
+        sized(Mesh(vertices, faces), parameters.diameter, name="solid_union", record=record), offset=(0.0, 0.0, 0.0)
+    )
 
 
 def union_of(solids: list[BaseSolid], error: float) -> tuple[Floats, Integers]:

@@ -65,7 +65,13 @@ class VoxelRain:
 
 
 def make(parameters: VoxelRain, generator: np.random.Generator) -> Shape:
-    """Return a plate with the cubes that fell on it."""
+    """Return a plate with the cubes that fell on it.
+
+    Raises
+    ------
+    InputError
+        If the cubes reach so high that too many voxels would be made.
+    """
     base = base_of(parameters)
     column, level, heights = rained(base, parameters.cubes, parameters.deposition, generator)
     tall = parameters.plate + int(heights.max())

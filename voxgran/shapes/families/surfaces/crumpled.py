@@ -83,7 +83,13 @@ class Folded:
 
 
 def make(parameters: Crumpled, generator: np.random.Generator) -> Shape:
-    """Return a crumpled sheet."""
+    """Return a crumpled sheet.
+
+    Raises
+    ------
+    InputError
+        If no fold is found with which the sheet does not meet itself.
+    """
     edges = np.array([as_positive(value, "aspect") for value in parameters.aspect])
     x, y = edges / edges.mean()
     flat = np.array([(0.0, 0.0), (x, 0.0), (0.0, y), (x, y)])

@@ -47,7 +47,13 @@ class RoughSheet(Roughness):
 
 
 def make(parameters: RoughSheet, generator: np.random.Generator) -> Shape:
-    """Return a rough sheet; its heights have the mean 0 and exactly the root mean square that is asked for."""
+    """Return a rough sheet; its heights have the mean 0 and exactly the root mean square that is asked for.
+
+    Raises
+    ------
+    TooLargeError
+        If the lattice that resolves the shortest wavelength is too large.
+    """
     refuse_both(parameters.diameter, (("lengths", parameters.lengths),), aspect=parameters.aspect)
     edges = np.array([as_positive(value, "an edge") for value in parameters.lengths or parameters.aspect or (1, 1)])
     if parameters.lengths is None:
