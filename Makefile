@@ -66,6 +66,12 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/advancing_front/advancing_front.png docs/figures/advancing_front.png
 	$(BIN)/python examples/sphere_families.py out/sphere_families
 	cp out/sphere_families/sphere_families.png docs/figures/sphere_families.png
+	$(BIN)/python examples/shapes_unions.py out/shapes_unions
+	cp out/shapes_unions/shapes_unions.png docs/figures/shapes_unions.png
+	$(BIN)/python examples/shapes_voxels.py out/shapes_voxels
+	cp out/shapes_voxels/shapes_voxels.png docs/figures/shapes_voxels.png
+	$(BIN)/python examples/shapes_roughness.py out/shapes_roughness
+	cp out/shapes_roughness/shapes_roughness.png docs/figures/shapes_roughness.png
 	$(BIN)/python examples/shapes_harmonics.py out/shapes_harmonics
 	cp out/shapes_harmonics/shapes_harmonics.png docs/figures/shapes_harmonics.png
 	$(BIN)/python examples/open_surfaces.py out/open_surfaces

@@ -114,6 +114,24 @@ def test_sphere_families(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "expand_0.50.vtp").solid_fraction == pytest.approx(0.5, abs=1e-9)
 
 
+def test_shapes_unions(tmp_path, capsys, monkeypatch):
+    text = printed("shapes_unions.py", capsys, monkeypatch, str(tmp_path))
+    assert "chord error 5e-04  surface area of unions of one volume to 2.0e-04" in text
+    assert (tmp_path / "shapes_unions.png").exists()
+
+
+def test_shapes_voxels(tmp_path, capsys, monkeypatch):
+    text = printed("shapes_voxels.py", capsys, monkeypatch, str(tmp_path))
+    assert "sierpinski_sponge  dimension 2.726833, log 20 / log 3 = 2.726833" in text
+    assert (tmp_path / "shapes_voxels.png").exists()
+
+
+def test_shapes_roughness(tmp_path, capsys, monkeypatch):
+    text = printed("shapes_roughness.py", capsys, monkeypatch, str(tmp_path), "1")
+    assert text.count("rms 0.100") == 6
+    assert (tmp_path / "shapes_roughness.png").exists()
+
+
 def test_shapes_harmonics(tmp_path, capsys, monkeypatch):
     text = printed("shapes_harmonics.py", capsys, monkeypatch, str(tmp_path), "2")
     assert "scan        elongation 0.460  flatness 0.983  sphericity 0.829" in text
