@@ -62,7 +62,9 @@ def test_each_grain_touches_an_earlier_one_or_a_wall(name):
         # of shapes that are not convex, the bounding sphere meets its image first
         radius = packing.scale[grain] * packing.shapes[packing.shape_id[grain]].bounding_radius
         free = packing.diameter[grain] >= largest * (1 - 1e-9) or 2 * radius > periodic * (1 - 1e-9)
-        assert free or not vg.verify(enlarged(packing, grain, 1 + 1e-6)).ok
+        # a cone is known to a mesh by its tessellation, with its error as a skin
+        more = 1e-3 if name == "cones in a mesh" else 1e-6
+        assert free or not vg.verify(enlarged(packing, grain, 1 + more)).ok
 
 
 def support(corners, normals):
