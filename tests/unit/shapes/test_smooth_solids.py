@@ -70,8 +70,8 @@ def test_superquadric_meshes_are_within_the_tolerance(e1, e2):
 
 
 def test_superquadrics_between_known_solids():
-    ball = vg.make_shape("superquadric", e1=1, e2=1, diameter=2)
-    assert np.linalg.norm(ball.vertices, axis=1) == pytest.approx(1, rel=2e-3)
+    round_one = vg.make_shape("superquadric", e1=1, e2=1, diameter=2)
+    assert np.linalg.norm(round_one.vertices, axis=1) == pytest.approx(1, rel=2e-3)
     box = vg.make_shape("superquadric", e1=0.02, e2=0.02, semi_axes=(1, 2, 3), tolerance=1e-3)
     assert box.volume == pytest.approx(48, rel=5e-3)
     octahedron = vg.make_shape("superquadric", e1=2, e2=2, semi_axes=(1, 2, 3))
@@ -101,9 +101,9 @@ def test_spherocylinders():
 def test_spherocylinders_of_a_ratio():
     shape = vg.make_shape("spherocylinder", aspect=4)
     assert np.ptp(shape.vertices, axis=0)[2] / np.ptp(shape.vertices, axis=0)[0] == pytest.approx(4)
-    ball = vg.make_shape("spherocylinder", aspect=1)
-    assert np.linalg.norm(ball.vertices, axis=1) == pytest.approx(0.5, rel=3e-3)
-    assert np.ptp(np.linalg.norm(ball.vertices, axis=1)) < 1e-14
+    round_one = vg.make_shape("spherocylinder", aspect=1)
+    assert np.linalg.norm(round_one.vertices, axis=1) == pytest.approx(0.5, rel=3e-3)
+    assert np.ptp(np.linalg.norm(round_one.vertices, axis=1)) < 1e-14
 
 
 @pytest.mark.parametrize(("major", "minor"), [(1.0, 0.4), (2.0, 0.1), (1.0, 0.99)])

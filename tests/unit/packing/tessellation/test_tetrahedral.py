@@ -412,10 +412,10 @@ def tilted(lengths):
 
 def shell(thick):
     """Return the room between two spheres, the outer one of radius 1, as a closed mesh."""
-    ball = vg.make_shape("sphere", diameter=2)
-    inner = ball.faces[:, ::-1] + len(ball.vertices)
-    vertices = np.vstack([ball.vertices, (1 - thick) * ball.vertices])
-    return vg.ClosedMesh(vg.Shape.from_mesh(vertices, np.vstack([ball.faces, inner])))
+    sphere = vg.make_shape("sphere", diameter=2)
+    inner = sphere.faces[:, ::-1] + len(sphere.vertices)
+    vertices = np.vstack([sphere.vertices, (1 - thick) * sphere.vertices])
+    return vg.ClosedMesh(vg.Shape.from_mesh(vertices, np.vstack([sphere.faces, inner])))
 
 
 def test_thicknesses():
