@@ -75,6 +75,7 @@ class RandomApollonianKeywords(PackKeywords, total=False):
     smallest: Number | None
     largest: Number | None
     shift: Whole
+    rotate: Whole
     shrink: Number
 
 class MultilayerKeywords(PackKeywords, total=False):
