@@ -13,7 +13,7 @@ References
 Lubachevsky & Stillinger 1990, Geometric properties of random disk packings, Journal of Statistical Physics 60, 561-583,
 doi:10.1007/BF01025983.
 Donev, Torquato & Stillinger 2005, Neighbor list collision-driven molecular dynamics simulation for nonspherical hard
-particles, Journal of Computational Physics 202, 737-764, doi:10.1016/j.jcp.2004.08.014.
+particles: I. Algorithmic details, Journal of Computational Physics 202, 737-764, doi:10.1016/j.jcp.2004.08.014.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,8 @@ SPEED = 0.3
 PERSISTENCE = 0.9
 #: longest motion of a step at thermal speed, in median diameters, and in the free growth
 LONGEST, OF_FREE = 0.03, 0.3
-#: substeps of a step; farthest that a grain moves in it; distance up to which contacts are found
+#: substeps of a step; farthest that a grain moves in it, which slows down the fastest ones in long steps; distance up
+#: to which contacts are found
 SUBSTEPS, MOST, MARGIN = 4, 0.05, 0.05
 #: free growth at the beginning, and share of the new pressure in the running mean
 FIRST_FREE, NEW = 0.1, 0.05
