@@ -12,6 +12,7 @@ def random_of(key):
     return np.random.Generator(np.random.Philox(key))
 
 
+@pytest.mark.slow  # the peer takes half a minute to compile
 @pytest.mark.parametrize(
     "container", [vg.Rectangle((2, 3), "xy"), vg.Box((1, 2, 1), "xyz"), vg.Box((1, 1, 1))], ids=str
 )
