@@ -2,7 +2,7 @@
 
 Each free place beside the cluster is taken with a probability that is proportional to a power of the number of its
 neighbours in the cluster: power 1 chooses the free faces of the cluster with equal probabilities, power 0 the free
-places themselves (the model of Eden 1961); larger powers make smooth, negative ones branched and porous clusters. The
+places themselves (the model of Eden 1961); larger powers make smooth, negative ones porous clusters. The
 cluster may be stretched along the axes: by given rates along x, y and z, or by rates that are adjusted as it grows, so
 that its radii of gyration along the axes have a given ratio (within 3 % from 20 000 cubes on, within 10 % of 500).
 
@@ -49,7 +49,7 @@ class RandomGrowth:
 
     cubes: int = parameter(500, doc="number of cubes; from 1 to 2 000 000")
     power: float = parameter(
-        1.0, doc="power of the number of neighbours of a free place; from -4 (branched) over 0 and 1 to 4 (smooth)"
+        1.0, doc="power of the number of neighbours of a free place; from -4 (porous) over 0 and 1 to 4 (smooth)"
     )
     rates: tuple[float, float, float] | None = parameter(
         None, doc="rates of growth along x, y and z; default: equal; at most 10 times each other"
