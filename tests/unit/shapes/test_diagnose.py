@@ -6,9 +6,14 @@ import pytest
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.lattice.cuberille import voxel_surface
 from voxgran.shapes.family import make_shape
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.crossing import DEPTH, _is_crossing, count_crossings
 from voxgran.shapes.repairing.diagnose import Diagnosis, diagnose, merged, refuse_dirty
+from voxgran.shapes.repairing.touching import parted
+from voxgran.shapes.shells import edge_faults, shell_labels
 from voxgran.shapes.tessellate import revolved, sphere, unit_box
 
 BOX = unit_box()[:2]
@@ -293,3 +298,52 @@ def test_depth_is_relative():
     counts = {count_crossings(mesh[0] * factor + shift, mesh[1]) for factor, shift in [(1, 0), (1e-9, 0), (1e9, 7.0)]}
     assert len(counts) == 1
     assert math.prod(counts) > 0
+
+
+def chain():
+    """Return five cubes in a chain, the first and the last of which share an edge only, with its ends doubled."""
+    mask = np.zeros((2, 2, 2), dtype=bool)
+    for place in [(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (1, 1, 0)]:
+        mask[place] = True
+    return voxel_surface(mask, apart=0.0)
+
+
+def test_a_solid_that_touches_itself_along_an_edge_keeps_its_doubled_vertices():
+    vertices, faces = chain()
+    assert diagnose(vertices, faces).ok
+    shape = Shape.from_mesh(vertices, faces)
+    assert shape.volume == pytest.approx(5.0, rel=1e-14)
+    assert shape.surface_area == pytest.approx(22.0, rel=1e-14)
+    dirty = merged(vertices, faces)
+    # the middle of the edge has two vertices, too
+    assert diagnose(*dirty).non_manifold_edges == 2
+    with pytest.raises(DirtyMeshError, match="2 edges without exactly two faces"):
+        Shape.from_mesh(*dirty)
+
+
+def test_two_solids_that_touch_are_not_one():
+    box = unit_box()[:2]
+    both = joined(box, moved(box, by=(1, 1, 0)))
+    assert diagnose(*both).non_manifold_edges == 1
+    with pytest.raises(DirtyMeshError):
+        Shape.from_mesh(*both)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_touching_edges_are_parted_without_a_change_of_the_surface(seed):
+    turn = rotation_matrices(random_rotations(stream(seed, "turn"), 1))[0]
+    vertices, faces = chain() if seed else voxel_surface(stream(0, "voxels").random((5, 5, 5)) < 0.6, apart=0.0)
+    vertices = vertices @ turn.T + seed
+    corners, triangles = parted(*merged(vertices, faces))
+    assert edge_faults(triangles, len(corners)).tolist() == [0, 0, 0]
+    before, after = Mesh(vertices, faces), Mesh(corners, triangles)
+    assert after.volume == pytest.approx(before.volume, rel=1e-12)
+    assert after.surface_area == pytest.approx(before.surface_area, rel=1e-12)
+    # no two cubes are joined that share no face, and no vertex is at a new place but the middles of edges
+    assert (shell_labels(corners, triangles).max() == shell_labels(vertices, faces).max()) or not seed
+    assert parted(*(merged(vertices, faces)[0], merged(vertices, faces)[1][1:])) is None
+
+
+def test_faces_that_lie_on_each_other_are_not_parted():
+    box = unit_box()[:2]
+    assert parted(*merged(*joined(box, box))) is None

@@ -115,7 +115,7 @@ def exponent(shape, times, rule, *, bins, seeds):
 
 def test_heights_roughen_with_the_exponents_of_their_classes():
     # in 1 + 1 dimensions exactly 1/2 (random), 1/4 (Edwards-Wilkinson) and 1/3 (Kardar-Parisi-Zhang); bins take away
-    # the intrinsic width of ballistic deposition (Alves, Oliveira & Ferreira 2014)
+    # the intrinsic width of ballistic deposition (Alves, Oliveira & Ferreira 2014, arXiv:1409.2460)
     line = (1, 1 << 14)
     assert exponent(line, (8, 32), 1, bins=1, seeds=4)[0] == pytest.approx(0.5, abs=0.03)
     relaxed, error = exponent(line, (8, 64), 2, bins=1, seeds=4)

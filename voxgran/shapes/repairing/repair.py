@@ -1,11 +1,11 @@
 """Repair: mend what is certain in a triangle mesh, say what was done, and give up with the reason where it is not.
 
-A surface that touches itself along edges and bounds one solid is parted there. The other steps, in this order: vertices
-that coincide become one; faces without area, faces that stand twice and patches
-that hang on edges with too many faces go; faces are wound alike; small holes are closed; shells without volume go and
-outer shells are turned outward; faces that cut through each other are cut out and the hole is closed; shells that
-overlap are joined by manifold3d; and one body is kept, or all, or several are refused. Every step that did something is
-one sentence with its numbers, and the result has passed the same check as any other shape.
+The steps, in this order: vertices that coincide become one; a surface that only touches itself along edges is parted
+there, which is all; faces without area, faces that stand twice and patches that hang on edges with too many faces go;
+faces are wound alike; small holes are closed; shells without volume go and outer shells are turned outward; faces that
+cut through each other are cut out and the hole is closed; shells that overlap are joined by manifold3d; and one body is
+kept, or all, or several are refused. Every step that did something is one sentence with its numbers, and the result has
+passed the same check as any other shape.
 """
 
 import logging

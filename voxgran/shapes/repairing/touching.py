@@ -1,4 +1,4 @@
-"""Surfaces that touch themselves along edges, as voxels may: parted there by doubled vertices."""
+"""Surfaces that touch themselves along edges, as those of voxels do: parted there by doubled vertices."""
 
 import numpy as np
 

@@ -2,9 +2,9 @@
 
 Each free place beside the cluster is taken with a probability that is proportional to a power of the number of its
 neighbours in the cluster: power 1 chooses the free faces of the cluster with equal probabilities, power 0 the free
-places themselves (the model of Eden 1961); larger powers make smooth, negative ones branched and porous clusters. The
+places themselves (the model of Eden 1961); larger powers make smooth, negative ones porous clusters. The
 cluster may be stretched along the axes: by given rates along x, y and z, or by rates that are adjusted as it grows, so
-that its radii of gyration along the axes have a given ratio.
+that its radii of gyration along the axes have a given ratio (within 3 % from 20 000 cubes on, within 10 % of 500).
 
 References
 ----------
@@ -49,7 +49,7 @@ class RandomGrowth:
 
     cubes: int = parameter(500, doc="number of cubes; from 1 to 2 000 000")
     power: float = parameter(
-        1.0, doc="power of the number of neighbours of a free place; from -4 (branched) over 0 and 1 to 4 (smooth)"
+        1.0, doc="power of the number of neighbours of a free place; from -4 (porous) over 0 and 1 to 4 (smooth)"
     )
     rates: tuple[float, float, float] | None = parameter(
         None, doc="rates of growth along x, y and z; default: equal; at most 10 times each other"
@@ -75,6 +75,14 @@ class RandomGrowth:
                 as_number(
                     max(values) / least, f"the ratio of the largest to the smallest {name}", at_most=MOST_STRETCHED
                 )
+        if self.aspect is not None and min(self.aspect) < max(self.aspect):
+            # the shortest axis of the ellipsoid is at least two cubes long
+            fewest = math.ceil(4 / 3 * math.pi * math.prod(self.aspect) / min(self.aspect) ** 3)
+            if self.cubes < fewest:
+                raise InputError(
+                    f"cubes is {self.cubes}: too few for the aspect {self.aspect}, of which the shortest axis must be "
+                    f"at least two cubes long; take at least {fewest}"
+                )
 
 
 def make(parameters: RandomGrowth, generator: np.random.Generator) -> Shape:
@@ -89,16 +97,14 @@ def make(parameters: RandomGrowth, generator: np.random.Generator) -> Shape:
 
 def grown(parameters: RandomGrowth, generator: np.random.Generator) -> Integers:
     """Return the places of the cubes in the order of growth, (n, 3); the first is at 0."""
-    rates = np.ones(3) if parameters.rates is None else np.array(parameters.rates)
-    aspect = np.ones(3) if parameters.aspect is None else np.array(parameters.aspect)
-    rates, aspect = rates / rates.max(), aspect / np.prod(aspect) ** (1 / 3)
-    adjusted = parameters.aspect is not None and len(set(parameters.aspect)) > 1
-    cells = np.zeros((parameters.cubes, 3), dtype=np.int64)
+    rate = np.array(parameters.rates or (1.0, 1.0, 1.0), dtype=np.float64)
+    rate /= rate.max()
+    aspect = np.array(parameters.aspect or (1.0, 1.0, 1.0), dtype=np.float64)
+    log_aspect, adjusted = np.log(aspect), len(set(aspect.tolist())) > 1
+    cells, bonds = np.zeros((parameters.cubes, 3), dtype=np.int64), np.zeros(6 * parameters.cubes, dtype=np.int64)
     # half widths of the box of the cluster, which is made wider whenever a cube reaches its border
-    half = np.ceil(3 + 0.8 * parameters.cubes ** (1 / 3) * (aspect if adjusted else 1.0)).astype(np.int64) * np.ones(
-        3, int
-    )
-    log_rates, bonds = np.log(rates), np.zeros(6 * parameters.cubes, dtype=np.int64)
+    radius = (parameters.cubes / np.prod(aspect)) ** (1 / 3)
+    half = np.ceil(3 + 0.8 * radius * aspect).astype(np.int64)
     count, power = 1, float(parameters.power)
     while True:
         grid, moments = np.zeros(2 * half + 3, dtype=np.bool_), np.zeros(6)
@@ -107,7 +113,7 @@ def grown(parameters: RandomGrowth, generator: np.random.Generator) -> Integers:
         _begin(cells, half, steps, taken, bonds, state, moments)
         while state[0] < len(cells) and not state[2]:
             draws = generator.random(DRAWN)
-            _grow(cells, half, steps, taken, bonds, state, moments, draws, power, log_rates, np.log(aspect), adjusted)
+            _grow(cells, half, steps, taken, bonds, state, moments, draws, power, rate, log_aspect, adjusted)
         count = int(state[0])
         if count == len(cells):
             return cells
@@ -140,7 +146,7 @@ def _begin(cells, half, steps, taken, bonds, state, moments):  # type: ignore[no
 
 
 @kernel
-def _grow(cells, half, steps, taken, bonds, state, moments, draws, power, log_rates, log_aspect, adjusted):  # type: ignore[no-untyped-def]
+def _grow(cells, half, steps, taken, bonds, state, moments, draws, power, rate, log_aspect, adjusted):  # type: ignore[no-untyped-def]
     """Add cubes until all are there, a cube is at the border of the grid (`state[2]`), or the random numbers are used.
 
     A bond is a free place and the axis along which the cluster touches it, so that places have one for each neighbour;
@@ -152,7 +158,6 @@ def _grow(cells, half, steps, taken, bonds, state, moments, draws, power, log_ra
     for many in range(1, 7):
         chance[many] = (many / 6.0) ** (power - 1.0) if power > 1.0 else many ** (power - 1.0)
     wanted = np.empty(3)
-    rate = np.exp(log_rates - log_rates.max())
     while state[0] < len(cells) and not state[2] and used + 2 <= len(draws):
         pick = int(draws[used] * state[1])
         index, axis = bonds[pick] // 3, bonds[pick] % 3

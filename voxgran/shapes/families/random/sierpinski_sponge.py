@@ -7,9 +7,9 @@ dimension of the sponge is exactly log N / log b. Regular kinds with a central h
 - ``"sierpinski"``: cells with all coordinates in the hole are removed, which leaves closed cavities, N = b^3 - m^3;
 - ``"carpet"``: cells with x and y in the hole are removed, N = b (b^2 - m^2).
 
-Random kinds remove cells at places that are drawn anew for each cube: a fixed number of them (the homogeneous
-algorithm), or each with a probability (the heterogeneous algorithm); these may fall apart, and the largest connected
-piece is kept.
+The kind ``"random"`` removes cells at places that are drawn anew for each cube: a fixed number of them (the homogeneous
+algorithm), or each with a probability (the heterogeneous algorithm; the dimension is that of the mean of N). What falls
+apart is cut down to its largest connected piece.
 
 References
 ----------

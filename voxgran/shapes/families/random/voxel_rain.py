@@ -6,8 +6,8 @@ Rules of deposition:
 - ``"random"``: a cube stays on top of its column, and the heights of the columns are independent;
 - ``"relaxed"``: a cube stays on top of the lowest of its column and the four beside it.
 
-The record of a shape holds, for each column, the height of its highest cube and the number of cubes that fell in it,
-without the plate; they differ by what is empty below the highest cube. Columns that are not of the base have -1.
+The record of a shape holds, for each column, the height of its highest cube and the number of cubes that stay in it,
+both without the plate; they differ by what is empty below the highest cube. Columns outside of the base have -1.
 
 References
 ----------
@@ -78,7 +78,7 @@ def make(parameters: VoxelRain, generator: np.random.Generator) -> Shape:
     if tall * base.size > MOST_VOXELS:
         raise InputError(
             f"the cubes reach a height of {tall} over a base of {base.shape[0]} x {base.shape[1]}: at most "
-            f"{MOST_VOXELS} voxels are made; take fewer cubes or a smaller base"
+            f"{MOST_VOXELS} voxels are made; take fewer cubes or a wider base"
         )
     mask = np.zeros((base.size, tall), dtype=np.bool_)
     mask[base.ravel(), : parameters.plate] = True
@@ -94,7 +94,7 @@ def make(parameters: VoxelRain, generator: np.random.Generator) -> Shape:
 
 
 def base_of(parameters: VoxelRain) -> Booleans:
-    """Return which columns the base has, (nx, ny); in an ellipse those with their middle in it and in one piece."""
+    """Return which columns the base has, (nx, ny); of an ellipse those that have their middle in it."""
     if parameters.base == "rectangle":
         return np.ones(parameters.width, dtype=np.bool_)
     x, y = ((2 * np.arange(n) + 1 - n) / n for n in parameters.width)
