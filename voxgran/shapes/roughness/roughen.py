@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -24,8 +25,8 @@ from voxgran.shapes.surface import Surface
 
 #: corners of a rough outline at the most
 MOST_CORNERS = 5_000
-#: distances, in RMS heights, over which normals are smoothed where the surface would meet itself near edges
-WIDTHS = (6.0, 12.0, 24.0)
+#: distances, in correlation lengths, over which normals are smoothed: none, and more where the surface meets itself
+WIDTHS = (0.0, 0.5, 1.0, 2.0)
 #: halvings of the interval of heights in search of the largest one
 SEARCHED = 12
 
@@ -130,15 +131,21 @@ def _rough_surface(shape: Shape, field: RoughField, generator: np.random.Generat
     weights = vertex_weights(vertices, faces)
     heights = random_heights(vertices, weights, field, generator)
     normals = vertex_normals(vertices, faces)
-    displacement = heights[:, None] * normals
-    # near edges, points must move in directions that change gradually, or those on both sides would pass each other
-    for width in WIDTHS:
-        if count_crossings(vertices + displacement, faces) == 0:
-            break
-        displacement = heights[:, None] * diffused(normals, vertices, faces, width * field.rms)
-    refuse_crossing(field.rms, lambda factor: count_crossings(vertices + factor * displacement, faces) == 0)
-    moved = vertices + displacement
-    told = record_of(field, vertices, heights, weights, 2 if shape.is_open else 3)
+
+    @cache
+    def directions(width: float) -> Floats:
+        # near edges, points must move in directions that change gradually, or those on both sides would pass each other
+        return diffused(normals, vertices, faces, width * float(field.lengths.min())) if width else normals
+
+    def displaced(factor: float) -> Floats | None:
+        for width in WIDTHS:
+            moved = vertices + (factor * heights)[:, None] * directions(width)
+            if count_crossings(moved, faces) == 0:
+                return moved
+        return None
+
+    moved = largest_if_none(field.rms, displaced)
+    told = record_of(field, vertices, heights, weights, 3)
     return (Surface if shape.is_open else Mesh)(moved, faces), told
 
 
@@ -169,9 +176,10 @@ def _rough_outline(
     heights = random_heights(points, weights, field, generator)
     total = after + before
     normals = np.column_stack([total[:, 1], -total[:, 0]]) / np.linalg.norm(total, axis=1, keepdims=True)
-    displacement = heights[:, None] * normals
-    refuse_crossing(field.rms, lambda factor: is_simple(points + factor * displacement))
-    moved = points + displacement
+    moved = largest_if_none(
+        field.rms,
+        lambda factor: corners if is_simple(corners := points + (factor * heights)[:, None] * normals) else None,
+    )
     told = record_of(field, points, heights, weights, 2)
     return Outline("polygon", vertices=moved), told
 
@@ -184,24 +192,24 @@ def random_heights(points: Floats, weights: Floats, field: RoughField, generator
     return np.asarray(field.rms * moments_of(raw, weights)[0])
 
 
-def refuse_crossing(rms: float, is_good: Callable[[float], bool]) -> None:
-    """Raise unless a surface does not meet itself with heights times the factor 1.
+def largest_if_none(rms: float, displaced: Callable[[float], Floats | None]) -> Floats:
+    """Return the points of a surface displaced by heights times the factor 1.
 
     Raises
     ------
     InputError
-        If it does; the message gives the largest height, found by bisection, with which it does not.
+        If the surface meets itself, which `displaced` tells by None; the message gives the largest height, found by
+        bisection, with which it does not.
     """
-    if is_good(1.0):
-        return
+    moved = displaced(1.0)
+    if moved is not None:
+        return moved
     low, high = 0.0, 1.0
     for _ in range(SEARCHED):
-        middle = (low + high) / 2
-        # what is proposed is what is tested, with three digits
-        middle = float(f"{middle * rms:.3g}") / rms
+        middle = float(f"{(low + high) / 2 * rms:.3g}") / rms  # what is proposed is what is tested
         if not low < middle < high:
             break
-        low, high = (middle, high) if is_good(middle) else (low, middle)
+        low, high = (low, middle) if displaced(middle) is None else (middle, high)
     remedy = f"give at most {low * rms:.3g}" if low else "refine or repair the shape"
     raise InputError(f"rms is {rms:.4g}: with these heights the rough surface cuts through itself; {remedy}")
 

@@ -3,8 +3,8 @@
 A fold reflects all that lies beyond a plane in that plane. This changes no length along the surface, whatever has been
 folded before, and the new creases are straight where facets meet the plane. The plane contains a random line of a
 random facet and is inclined to it by half the angle of the fold; other facets that it meets turn by other angles.
-Planes with which the surface would meet itself are drawn again. Triangles are cut along the creases, so that every one of them
-stays rigid: the lengths of all edges are those of the flat sheet to round-off.
+Planes with which the surface would meet itself are drawn again. Triangles are cut along the creases, so that every one
+of them stays rigid: the lengths of all edges are those of the flat sheet to round-off.
 """
 
 from dataclasses import dataclass
