@@ -127,9 +127,10 @@ def test_shapes_voxels(tmp_path, capsys, monkeypatch):
 
 
 def test_shapes_roughness(tmp_path, capsys, monkeypatch):
-    text = printed("shapes_roughness.py", capsys, monkeypatch, str(tmp_path), "1")
-    assert text.count("rms 0.100") == 6
-    assert (tmp_path / "shapes_roughness.png").exists()
+    text = printed("shapes_roughness.py", capsys, monkeypatch, str(tmp_path), "2")
+    assert [float(value) for value in re.findall(r"rms (\S+)", text)] == pytest.approx([0.1] * 6, rel=0.1)
+    assert float(re.search(r"change of a length at most (\S+)", text).group(1)) < 1e-9
+    assert (tmp_path / "shapes_roughness.png").stat().st_size > 50_000
 
 
 def test_shapes_harmonics(tmp_path, capsys, monkeypatch):

@@ -192,7 +192,7 @@ BAD = [
     ("rough_sheet", {"correlation_length": (0.1, 0.2, 0.3)}, "the field has 2 axes"),
     ("crumpled", {"fold_length": 0.01}, "fold_length is 0.01: .* at least 0.1"),
     ("crumpled", {"angles": (90, 20)}, "angles is 20"),
-    ("crumpled", {"angles": (20, 180)}, "folded through 180 a sheet lies on itself"),
+    ("crumpled", {"angles": (20, 180)}, "folded through 180 degrees"),
     ("polyhedron", {"points": 3}, "points is 3"),
     ("polyhedron", {"points": (8, 10**6)}, "points is 1000000: it must be at most 100000"),
     ("polyhedron", {"solid": "snub_cube", "points": 8}, "which has its own corners; leave it out"),

@@ -68,7 +68,7 @@ from voxgran.packing.rsa.precompute import (
     refuse_moves,
     searches,
 )
-from voxgran.packing.rsa.saturation import goes_on, proof_of
+from voxgran.packing.rsa.saturation import goes_on, proof_of, warn_if_not_proven
 from voxgran.packing.rsa.true_shapes import TrueShapes, kinds_of_parts
 from voxgran.packing.start import Start
 
@@ -230,6 +230,7 @@ def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that were placed."""
     placed, arrays = np.flatnonzero(state.arrays["entered"]), state.arrays
     proof = "cell" in arrays or has_true_shapes(problem)
+    warn_if_not_proven(problem, state)
     return problem.packing(
         placed,
         position=arrays["position"][placed],

@@ -1,10 +1,12 @@
 """Whether a run has ended, and what it has proven."""
 
+import warnings
 from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Integers
+from voxgran._base.errors import PackingWarning
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import UNPROVEN
@@ -33,6 +35,18 @@ def treated_as(problem: Problem) -> str:
     if problem.parameters.aligned:
         return "boxes"
     return "true shapes" if has_true_shapes(problem) else "spheres"
+
+
+def warn_if_not_proven(problem: Problem, state: State) -> None:
+    """Warn that a run that was to prove saturation has ended without."""
+    if problem.parameters.until == "saturated" and state.stop_reason == "steps":
+        row = state.counters["refused_in_row"]
+        last = f", the last {row} in a row" if row else ""
+        warnings.warn(
+            f"saturation is not proven: {state.counters['refused']} tries failed{last}; more tries come nearer to it",
+            PackingWarning,
+            stacklevel=4,
+        )
 
 
 def proof_of(problem: Problem, state: State) -> dict[str, Any]:

@@ -58,9 +58,7 @@ class Crumpled:
         check_bounds(self)
         low, high = self.angles
         if as_number(high, "angles", above=0.0, at_least=as_number(low, "angles", above=0.0)) >= 180.0:
-            raise InputError(
-                f"angles are {low:g} to {high:g} degrees: folded through 180 a sheet lies on itself; give less"
-            )
+            raise InputError(f"angles end at {high:g}: folded through 180 degrees a sheet lies on itself; give less")
 
 
 @dataclass(slots=True)
@@ -88,7 +86,7 @@ def make(parameters: Crumpled, generator: np.random.Generator) -> Shape:
     Raises
     ------
     InputError
-        If no fold is found with which the sheet does not meet itself.
+        If no further fold keeps the sheet from meeting itself.
     """
     edges = np.array([as_positive(value, "aspect") for value in parameters.aspect])
     x, y = edges / edges.mean()

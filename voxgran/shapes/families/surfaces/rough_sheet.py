@@ -52,7 +52,7 @@ def make(parameters: RoughSheet, generator: np.random.Generator) -> Shape:
     Raises
     ------
     TooLargeError
-        If the lattice that resolves the shortest wavelength is too large.
+        If the shortest wavelength needs more than 400,000 faces.
     """
     refuse_both(parameters.diameter, (("lengths", parameters.lengths),), aspect=parameters.aspect)
     edges = np.array([as_positive(value, "an edge") for value in parameters.lengths or parameters.aspect or (1, 1)])
