@@ -134,6 +134,24 @@ def test_other_solids_have_contacts_with_meshes():
         assert abs(gap) < 0.02
 
 
+def test_long_edges_of_round_sides_have_points():
+    cone = vg.make_shape("cone", radius=0.2, height=2.0)
+    points = surface_points(cone.vertices, cone.faces, 0.07)
+    # on the whole height, although neighbouring facets of the side differ by four degrees only
+    assert np.diff(np.sort(points[:, 2])).max() < 0.1
+    # an edge within a plane needs none: a cube has points on its edges
+    cube = vg.make_shape("box", lengths=(1, 1, 1))
+    beyond = np.abs(surface_points(cube.vertices, cube.faces, 0.07)) > 0.5 - 1e-12
+    assert (beyond.sum(axis=1) >= 2).all()
+
+
+def test_spikes_that_cross_far_from_their_tips_are_parted():
+    spiky = vg.make_shape("solid_union", seed=1, kinds=["cone"])
+    bed = vg.pack(spiky, vg.Box((4, 4, 9), periodic="xy"), method="gravity", count=30, seed=1)
+    assert vg.verify(bed).ok
+    assert bed.stop_reason == "settled"
+
+
 def test_points_lie_on_the_surface_and_flat_shapes_are_refused():
     rock = vg.make_shape("solid_union", seed=1)
     points = surface_points(rock.vertices, rock.faces, 0.07)

@@ -1,7 +1,7 @@
 """Tables of shapes for the contacts of surfaces: points on surfaces, grids of signed distance, and triangles.
 
-Lengths are in the unit of each shape. The points lie at corners and along sharp edges and are held by two levels of
-bounding spheres; a grid holds the signed distance at lattice points in single precision, between which it is
+Lengths are in the unit of each shape. The points lie at corners and along sharp and long edges and are held by two
+levels of bounding spheres; a grid holds the signed distance at lattice points in single precision, between which it is
 interpolated. Unions of spheres have their centers as points, with the radii as skins, and no grid: they are tested one
 way, against the grids of others. Ellipsoids, cylinders and cones are represented by their tessellation, whose error is
 added as a skin, so that exact tests never overestimate their gaps.
@@ -26,8 +26,8 @@ from voxgran.shapes.spheres import Spheres
 CELLS, FRINGE = 36, 2
 #: spacing of the points, and edges of the cubes whose points share a bounding sphere, in equivalent diameters
 SPACING, FINE, COARSE = 0.07, 0.21, 0.42
-#: cosine between faces below which their common edge is sharp
-SHARP = 0.94
+#: cosine between faces below which their common edge is sharp, and below which it is no edge within a plane
+SHARP, BENT = 0.94, 0.9998
 
 
 class SurfaceBodies(NamedTuple):
@@ -132,7 +132,7 @@ def _points_of(shape: Shape, spacing: float) -> tuple[Floats, Floats]:
 
 
 def surface_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
-    """Return corners and points along sharp edges of a closed mesh, (p, 3), thinned to a spacing.
+    """Return corners and points along sharp and long edges of a closed mesh, (p, 3), thinned to a spacing.
 
     Of the points in a cube of 0.8 times the spacing the outermost is kept.
     """
@@ -143,9 +143,11 @@ def surface_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
     order = np.lexsort((ends[:, 1], ends[:, 0]))
     ends, face = ends[order], face[order]
     twin = np.flatnonzero((ends[1:] == ends[:-1]).all(axis=1))
-    sharp = twin[(normal[face[twin]] * normal[face[twin + 1]]).sum(axis=1) < SHARP]
+    cosine = (normal[face[twin]] * normal[face[twin + 1]]).sum(axis=1)
+    long = np.linalg.norm(vertices[ends[twin, 0]] - vertices[ends[twin, 1]], axis=1) > spacing
+    # long edges of round sides, such as those of a cone, may cross each other far from all corners
     parts = [vertices]
-    for a, b in ends[sharp]:
+    for a, b in ends[twin[(cosine < SHARP) | (long & (cosine < BENT))]]:
         inner = int(np.linalg.norm(vertices[a] - vertices[b]) / spacing)
         if inner:
             share = (np.arange(1, inner + 1) / (inner + 1))[:, None]
