@@ -52,10 +52,10 @@ def measure_cells(
 ) -> list[Row]:
     """Make cells of log-normal diameters in a periodic box in both ways; return their rows."""
     room: Container = Rectangle((1, 1), "xy") if dimension == 2 else Box((1, 1, 1), "xyz")
-    cells, random = Cells(kernel_container(room, from_corner=True)), stream(0, "cells")
+    cells, generator = Cells(kernel_container(room, from_corner=True)), stream(0, "cells")
     place = np.zeros((count, 3))
-    place[:, :dimension] = random.random((count, dimension))
-    wanted = np.exp(dimension * sigma * random.normal(size=count))
+    place[:, :dimension] = generator.random((count, dimension))
+    wanted = np.exp(dimension * sigma * generator.normal(size=count))
     wanted /= wanted.sum()
     rows = []
     for smoothing in SMOOTHING:
