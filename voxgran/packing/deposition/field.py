@@ -12,8 +12,9 @@ SLIGHT = 1e-9
 #: columns of a contact: normal toward the moving sphere; center of the other sphere; sum of the radii, negative where
 #: the sphere moves inside a round wall, 0 for all other walls; and its kind
 CENTER, REACH, KIND, WIDTH = 3, 6, 7, 8
-#: kinds of contacts: with a plane wall, with a sphere or a round wall, with the wall of an upright cylinder
-PLANE, SPHERE, TUBE = 0.0, 1.0, 2.0
+#: kinds of contacts: with a plane wall, a sphere or a round wall, the wall of an upright cylinder, and with a triangle
+# of a : mesh within its edges or elsewhere; these have its number in the column CENTER
+PLANE, SPHERE, TUBE, FACET, EDGE = range(5)
 #: rows of the work space, beside the contacts: direction of motion, pull, middle of a circle and its two axes
 WAY, PULL, MIDDLE, FIRST, SECOND, ROWS = range(6)
 
@@ -23,7 +24,8 @@ class Field(NamedTuple):
 
     spheres: (n, 4) centers and radii.  lengths: of the bounds.  flat: axes with plane walls on both sides, as 0 or 1.
     up: the axis against the pull.  central: whether the pull is to `target` instead, without walls.
-    contacts: (3, WIDTH) and vectors: (ROWS, 3) work space.
+    contacts: (3, WIDTH) and vectors: (ROWS, 3) work space.  edges: (m, 6) which edges and corners of the triangles of a
+    mesh stand out into the container, as 0 or 1.
     """
 
     spheres: Floats
@@ -36,6 +38,7 @@ class Field(NamedTuple):
     contacts: Floats
     vectors: Floats
     walls: KernelContainer
+    edges: Integers
 
 
 @bare_kernel

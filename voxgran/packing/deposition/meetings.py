@@ -11,7 +11,7 @@ from voxgran.packing.level_grid import cells_near
 #: motions: none, along a line, on a circle, about a sphere along the wall of a cylinder
 STILL, LINE, CIRCLE, ROUND_TUBE = 0, 1, 2, 3
 
-#: variation on a circle, in what is rounding at its beginning, that is rounding as well
+#: variation on a circle, and depth of a meeting, in what is rounding at its beginning, that are rounding as well
 LEVEL = 1e-3
 
 
@@ -53,7 +53,7 @@ def first_sphere(
                         z = field.spheres[g, 2] + tk * cells.span[2]
                         reach = r + field.spheres[g, 3]
                         if motion == LINE:
-                            t = _meet_on_line(place, field.vectors[WAY], x, y, z, reach)
+                            t = meet_on_line(place, field.vectors[WAY], x, y, z, reach)
                         elif motion == CIRCLE:
                             t = meet_on_circle(field, kept, radius, x, y, z, reach)
                         elif motion == ROUND_TUBE:
@@ -74,7 +74,7 @@ def _overlap(place, x, y, z, reach):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _meet_on_line(place, way, x, y, z, reach):  # type: ignore[no-untyped-def]
+def meet_on_line(place: Floats, way: Floats, x: float, y: float, z: float, reach: float) -> float:
     """Return how far along the line the distance from a center is `reach`, infinite where the line leads away."""
     dx, dy, dz = place[0] - x, place[1] - y, place[2] - z
     along = dx * way[0] + dy * way[1] + dz * way[2]
@@ -82,7 +82,7 @@ def _meet_on_line(place, way, x, y, z, reach):  # type: ignore[no-untyped-def]
         return math.inf
     beyond = dx * dx + dy * dy + dz * dz - reach * reach
     square = along * along - beyond
-    if square <= 0.0:
+    if square <= LEVEL * SLIGHT * reach * reach:
         return math.inf
     # the difference of the two is exact where the sphere touches already
     return max(beyond / (math.sqrt(square) - along), 0.0)
@@ -127,7 +127,8 @@ def first_root(a: float, b: float, c: float, slight: float) -> float:
             return math.inf if a > 0.0 else 0.0
         # it falls first, and comes back as far beyond its lowest value as that is away
         return 0.0 if b > 0.0 else 2.0 * (math.atan2(b, a) + math.pi)
-    if size <= abs(c):
+    # what is grazed by rounding is passed
+    if size <= abs(c) + LEVEL * slight:
         return math.inf
     angle = math.atan2(b, a) - math.acos(c / size)
     return angle + 2.0 * math.pi if angle < 0.0 else angle

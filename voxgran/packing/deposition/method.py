@@ -26,6 +26,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
 from voxgran.containers.model import boundary_of
+from voxgran.packing.deposition.facets import standing_out
 from voxgran.packing.deposition.field import ROWS, WIDTH, Field
 from voxgran.packing.deposition.rain import LOST, MISSED, PATIENCE, PLACED, TALLIES, Tops, drop_spheres, put_again
 from voxgran.packing.gravity import as_down, usual_axis
@@ -76,8 +77,8 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If grains fall to the floor of a closed mesh or a polygon, or along a periodic axis, or toward the center of a
-        container with periodic axes, or a grain of the start overlaps another or reaches beyond a wall.
+        If grains fall along a periodic axis, or toward the center of a container with periodic axes, or a grain of the
+        start overlaps another or reaches beyond a wall.
     """
     settings: Deposition = problem.parameters
     container, central = problem.container, settings.toward == "center"
@@ -86,11 +87,6 @@ def prepare(problem: Problem) -> State:
         raise InputError(
             f"periodic is {_axes(container.periodic)}: grains fall along {axis}, to a floor; give a container with "
             f"walls along {axis}, or toward='center'"
-        )
-    if not central and boundary_of(container).solid is not None:
-        raise InputError(
-            f"container is {container.kind!r}: grains roll between plane walls and in cylinders, spheres and disks; "
-            "give one of these, toward='center', or method='gravity'"
         )
     if central and any(container.periodic):
         raise InputError(
@@ -155,7 +151,18 @@ def _precomputed(problem: Problem, state: State) -> Precomputed:
     work = np.zeros((3, WIDTH)), np.zeros((ROWS, 3))
     central = problem.parameters.toward == "center"
     flat = np.array(boundary_of(problem.container).flat, dtype=np.int64)
-    field = Field(state.arrays["spheres"], cells, lengths, flat, up, central, _widest(problem), *work, walls)
+    field = Field(
+        state.arrays["spheres"],
+        cells,
+        lengths,
+        flat,
+        up,
+        central,
+        _widest(problem),
+        *work,
+        walls,
+        standing_out(walls.mesh),
+    )
     made = Precomputed(field, radius, level, tops, np.zeros(1))
     put_again(field, level, tops, made.extent, int(state.arrays["tally"][PLACED]))
     return made

@@ -8,6 +8,8 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
+from voxgran.containers.kernel_container import MESH
+from voxgran.packing.deposition.facets import end_on_facets, first_facet, touch_facet
 from voxgran.packing.deposition.field import (
     CENTER,
     FIRST,
@@ -29,26 +31,35 @@ from voxgran.packing.deposition.walls import ROUND_WALL, TUBE_WALL, touch_round,
 
 @bare_kernel
 def move_straight(field: Field, place: Floats, r: float, kept: int) -> int:
-    """Move along a line to the first contact; return 1, or -1 where there is none."""
+    """Move along a line to the first contact; return 1, 0 where a triangle ends before, and -1 where there is none."""
     way, lengths = field.vectors[WAY], field.lengths
     end, wall, side = wall_on_line(field, place, r)
+    in_mesh, triangle = field.walls.kind == MESH and not field.central, -1
+    if in_mesh:
+        end = min(end_on_facets(field, LINE, place, r, kept, 0.0), 2.0 * (lengths[0] + lengths[1] + lengths[2]))
     section = r + field.cells.reach[0, 0]
     begin, best, x, y, z, reach = 0.0, math.inf, 0.0, 0.0, 0.0, 0.0
-    while begin < end and reach == 0.0:
+    while begin < end and reach == 0.0 and triangle < 0:
         last = min(begin + section, end)
         at = 0.5 * (begin + last)
         px, py, pz = place[0] + at * way[0], place[1] + at * way[1], place[2] + at * way[2]
         best, x, y, z, reach = first_sphere(field, LINE, place, r, kept, 0.0, px, py, pz, at - begin + r, last)
+        if in_mesh:
+            best, triangle = first_facet(field, LINE, place, r, kept, 0.0, px, py, pz, at - begin + r, best)
         begin = last
-    if reach == 0.0 and wall < 0:
+    if reach == 0.0 and wall < 0 and not in_mesh:
         return -1
-    move = best if reach > 0.0 else end
+    move = best if reach > 0.0 or triangle >= 0 else end
     for axis in range(3):
         place[axis] += move * way[axis]
     for k in range(kept):
         turn_normal(field, place, k)
-    if reach > 0.0:
+    if triangle >= 0:
+        touch_facet(field, place, r, kept, triangle)
+    elif reach > 0.0:
         touch_sphere(field, place, kept, x, y, z, reach)
+    elif in_mesh:
+        return 0
     elif wall == ROUND_WALL:
         touch_round(field, place, r, kept)
     else:
@@ -63,15 +74,25 @@ def move_round(field: Field, place: Floats, r: float, kept: int) -> int:
     vectors = field.vectors
     radius = _lay_circle(field, place, kept)
     end, mx, my, mz = _end_of_circle(field, kept, radius), vectors[MIDDLE, 0], vectors[MIDDLE, 1], vectors[MIDDLE, 2]
+    in_mesh, triangle = field.walls.kind == MESH and not field.central, -1
+    if in_mesh:
+        end = min(end, end_on_facets(field, CIRCLE, place, r, kept, radius))
     angle, x, y, z, reach = first_sphere(field, CIRCLE, place, r, kept, radius, mx, my, mz, radius + r, end)
     turned, wall, side = wall_on_circle(field, r, kept, radius, angle)
     angle = min(angle, turned)
+    if in_mesh:
+        around = radius + r
+        if angle < 1.0:
+            mx, my, mz, around = place[0], place[1], place[2], radius * angle + r
+        angle, triangle = first_facet(field, CIRCLE, place, r, kept, radius, mx, my, mz, around, angle)
     for axis in range(3):
         step = math.cos(angle) * vectors[FIRST, axis] + math.sin(angle) * vectors[SECOND, axis]
         place[axis] = vectors[MIDDLE, axis] + radius * step
     for k in range(kept):
         turn_normal(field, place, k)
-    if wall == ROUND_WALL:
+    if triangle >= 0:
+        touch_facet(field, place, r, kept, triangle)
+    elif wall == ROUND_WALL:
         touch_round(field, place, r, kept)
     elif wall == TUBE_WALL:
         touch_tube(field, place, kept)

@@ -16,6 +16,8 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
+from voxgran.containers.kernel_container import MESH
+from voxgran.packing.deposition.facets import still_touched
 from voxgran.packing.deposition.field import (
     KIND,
     PULL,
@@ -31,8 +33,8 @@ from voxgran.packing.deposition.field import (
 )
 from voxgran.packing.deposition.moves import move_along_tube, move_round, move_straight
 
-#: largest number of events on a path
-MOST_EVENTS = 400
+#: largest number of events on a path, and on one in a mesh, whose edges are passed in small steps
+MOST_EVENTS = 400, 4000
 #: squares of directions below this leave no way
 TINY = 1e-14
 
@@ -44,8 +46,8 @@ def fall(field: Field, place: Floats, r: float, sticks: bool, flies: bool) -> in
     flies: whether it first moves along ``vectors[WAY]`` instead of along the pull. Return 1 where it stays, 0 where it
     touches nothing, and -1 where it has found no place to rest after so many events.
     """
-    touching = 0
-    for event in range(MOST_EVENTS):
+    touching, most = 0, MOST_EVENTS[1] if field.walls.kind == MESH else MOST_EVENTS[0]
+    for event in range(most):
         kept = 0
         if event > 0 or not flies:
             kept = _choose_way(field, place, touching)
@@ -55,6 +57,8 @@ def fall(field: Field, place: Floats, r: float, sticks: bool, flies: bool) -> in
         if found < 0:
             return 0
         touching = kept + found
+        if field.walls.kind == MESH:
+            touching = still_touched(field, place, r, touching)
         if sticks and touching > 0:
             return 1
     return -1

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
-from voxgran.containers.kernel_container import ROUND, UPRIGHT, is_held
+from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, is_held, mesh_distance
 from voxgran.packing.deposition.field import WAY, Field
 from voxgran.packing.deposition.meetings import STILL, first_sphere
 from voxgran.packing.deposition.paths import fall
@@ -19,6 +19,10 @@ from voxgran.packing.level_grid import link_at
 PATIENCE = 200
 #: what is counted: spheres placed, attempts in a row without a place, and drops that came to no rest
 PLACED, MISSED, LOST, TALLIES = range(4)
+#: length in radii up to which a sphere may reach beyond the wall of a mesh
+ROUNDING = 1e-10
+#: lines that are tried to find room in a mesh
+TRIES = 100
 #: number of a draw beyond those of all drops
 APART = 2**32
 
@@ -66,7 +70,15 @@ def drop_spheres(
                 met = fall(field, place, r, sticks, True) if n > 0 else 1
                 flown = flown or met == 0
             else:
-                met = fall(field, place, r, sticks, False) if _lift(field, tops, r, u, v, place) else 0
+                free = _lift(field, tops, r, u, v, w, place)
+                for again in range(1, TRIES if free < 0 else 0):
+                    # the line may lead through no room of a mesh
+                    words = philox_block(key[0], key[1], np.uint64(done), np.uint64(k + again * APART * 2))
+                    u, v, w = unit_float(words[0]), unit_float(words[1]), unit_float(words[2])
+                    free = _lift(field, tops, r, u, v, w, place)
+                    if free >= 0:
+                        break
+                met = fall(field, place, r, sticks, False) if free > 0 else 0
             if met < 0:
                 tally[LOST] += 1
             if met > 0 and _fits(field, place, r):
@@ -85,10 +97,11 @@ def drop_spheres(
 
 
 @bare_kernel
-def _lift(field, tops, r, u, v, place):  # type: ignore[no-untyped-def]
-    """Write a random place above all spheres that may be in the way, and return whether it is free.
+def _lift(field, tops, r, u, v, w, place):  # type: ignore[no-untyped-def]
+    """Write a random place above all spheres that may be in the way; return 1, or 0 where it is taken.
 
-    Under a round wall it may be lower, and taken.
+    It may be taken where a round wall or that of a mesh is above. Return -1 where a vertical line has no room in a
+    mesh; where it has several, w is the share of the height near which one is chosen.
     """
     across = 3 - field.up
     place[0], place[1], place[2] = 0.0, 0.0, 0.0
@@ -100,6 +113,10 @@ def _lift(field, tops, r, u, v, place):  # type: ignore[no-untyped-def]
             if field.lengths[axis] > 0.0:
                 inset = r if field.flat[axis] == 1 else 0.0
                 place[axis] = inset + share * (field.lengths[axis] - 2.0 * inset)
+    if field.walls.kind == MESH:
+        highest, ceiling = _within_mesh(field, r, w, place)
+        if ceiling == math.inf:
+            return -1
     i, j = int(place[0] / tops.width[0]), int(place[across] / tops.width[1])
     for di in range(-1, 2):
         for dj in range(-1, 2):
@@ -108,9 +125,9 @@ def _lift(field, tops, r, u, v, place):  # type: ignore[no-untyped-def]
             highest = max(highest, tops.height[column])
     place[field.up] = min(highest + 1.001 * r, ceiling)
     if place[field.up] < ceiling:
-        return True
+        return 1
     x, y, z = place[0], place[1], place[2]
-    return first_sphere(field, STILL, place, r, 0, 0.0, x, y, z, r, 0.0)[4] == 0.0
+    return int(first_sphere(field, STILL, place, r, 0, 0.0, x, y, z, r, 0.0)[4] == 0.0)
 
 
 @bare_kernel
@@ -129,6 +146,38 @@ def _within_round(field, r, u, v, place):  # type: ignore[no-untyped-def]
         if walls.kind == UPRIGHT:
             return 0.0, math.inf
     return middle[field.up], middle[field.up] + math.sqrt(max(room * room - offset * offset, 0.0))
+
+
+@bare_kernel
+def _within_mesh(field, r, w, place):  # type: ignore[no-untyped-def]
+    """Return two heights between which a vertical line has room in a mesh, near a share w of its height.
+
+    Infinite where it has none. Distances from the walls say how far each step may go.
+    """
+    up, least = field.up, 0.02 * r
+    top = field.lengths[up]
+    begin = w * top
+    for direction in (-1.0, 1.0):
+        place[up] = begin
+        room = _room(field, r, place)
+        while room < 0.0 and 0.0 < place[up] < top:
+            place[up] += direction * max(-room, least)
+            room = _room(field, r, place)
+        if room >= 0.0:
+            low = place[up]
+            high = low
+            while room >= 0.0:
+                high = place[up]
+                place[up] += max(room, least)
+                room = _room(field, r, place)
+            return low, high
+    return math.inf, math.inf
+
+
+@bare_kernel
+def _room(field, r, place):  # type: ignore[no-untyped-def]
+    """Return how much farther than its radius the wall of a mesh is from the center of a sphere."""
+    return -mesh_distance(field.walls.mesh, place[0], place[1], place[2]) - r
 
 
 @bare_kernel
@@ -166,6 +215,8 @@ def _fits(field, place, r):  # type: ignore[no-untyped-def]
         span = field.cells.span[axis]
         if span > 0.0:
             place[axis] -= math.floor(place[axis] / span) * span
+    if field.walls.kind == MESH and not field.central:
+        return _room(field, r, place) >= -ROUNDING * r
     return is_held(field.walls, place[0], place[1], place[2], r, r, r)
 
 

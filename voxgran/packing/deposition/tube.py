@@ -61,7 +61,7 @@ def next_root(c: float, a1: float, b1: float, a2: float, b2: float, begin: float
             t += (side * slope + math.sqrt(slope * slope + 2.0 * most * side * value)) / most
         if t > end:
             return math.inf
-    return t
+    return t if side != 0.0 else math.inf
 
 
 @bare_kernel
@@ -72,7 +72,8 @@ def tube_on_circle(field: Field, r: float, radius: float, end: float) -> float:
     mx, my = vectors[MIDDLE, 0] - middle[0], vectors[MIDDLE, 1] - middle[1]
     if math.hypot(mx, my) + radius < room:
         return math.inf
-    c, a1, b1, a2, b2 = _around_axis(vectors, mx, my, radius)
+    fx, fy, sx, sy = vectors[FIRST, 0], vectors[FIRST, 1], vectors[SECOND, 0], vectors[SECOND, 1]
+    c, a1, b1, a2, b2 = _around_axis(mx, my, fx, fy, sx, sy, radius)
     c -= room * room
     # what touches the wall already and moves outward has reached it
     beyond = c + a1 + a2
@@ -82,23 +83,22 @@ def tube_on_circle(field: Field, r: float, radius: float, end: float) -> float:
 
 
 @bare_kernel
-def _around_axis(vectors, mx, my, radius):  # type: ignore[no-untyped-def]
-    """Return the coefficients of the square of the distance from the axis on a circle of axes FIRST and SECOND."""
-    fx, fy, sx, sy = vectors[FIRST, 0], vectors[FIRST, 1], vectors[SECOND, 0], vectors[SECOND, 1]
-    return _coefficients(mx, my, fx, fy, sx, sy, radius)
+def square_on_circle(
+    mm: float, mf: float, ms: float, ff: float, ss: float, fs: float, radius: float
+) -> tuple[float, float, float, float, float]:
+    """Return the coefficients of the square of ``m + radius (f cos + s sin)``, as of :func:`next_root`, from products
+    of the three vectors.
+    """
+    square = radius * radius
+    constant = mm + 0.5 * square * (ff + ss)
+    return constant, 2.0 * radius * mf, 2.0 * radius * ms, 0.5 * square * (ff - ss), square * fs
 
 
 @bare_kernel
-def _coefficients(mx, my, fx, fy, sx, sy, radius):  # type: ignore[no-untyped-def]
-    """Return the coefficients of the square of ``m + radius (f cos + s sin)`` as of :func:`next_root`."""
-    ff, ss, square = fx * fx + fy * fy, sx * sx + sy * sy, radius * radius
-    return (
-        mx * mx + my * my + 0.5 * square * (ff + ss),
-        2.0 * radius * (mx * fx + my * fy),
-        2.0 * radius * (mx * sx + my * sy),
-        0.5 * square * (ff - ss),
-        square * (fx * sx + fy * sy),
-    )
+def _around_axis(mx, my, fx, fy, sx, sy, radius):  # type: ignore[no-untyped-def]
+    """Return the coefficients of the square of the distance from the axis of the cylinder."""
+    mf, ms, fs = mx * fx + my * fy, mx * sx + my * sy, fx * sx + fy * sy
+    return square_on_circle(mx * mx + my * my, mf, ms, fx * fx + fy * fy, sx * sx + sy * sy, fs, radius)
 
 
 @bare_kernel
@@ -162,7 +162,7 @@ def meet_in_tube(field: Field, x: float, y: float, z: float, reach: float) -> fl
     fx, fy = (-ey / flat, ex / flat) if flat > 0.0 else (1.0, 0.0)
     sx, sy = (-ez * ex / flat, -ez * ey / flat) if flat > 0.0 else (0.0, 1.0)
     mx, my = vectors[MIDDLE, 0] + along * ex - middle[0], vectors[MIDDLE, 1] + along * ey - middle[1]
-    c, a1, b1, a2, b2 = _coefficients(mx, my, fx, fy, sx, sy, radius)
+    c, a1, b1, a2, b2 = _around_axis(mx, my, fx, fy, sx, sy, radius)
     best, t = math.inf, 0.0
     for _ in range(ROOTS):
         t = next_root(c - room * room, a1, b1, a2, b2, t, 2.0 * math.pi)

