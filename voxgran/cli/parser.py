@@ -120,7 +120,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     ),
     "measure": (
         *PACKING,
-        _flag("--which", action="append", help="a measure; may be repeated"),
+        _flag("--which", action="append", help="a measure, or all; may be repeated"),
         _flag("-o", "--output", help="netCDF file"),
     ),
     "report": (

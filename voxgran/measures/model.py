@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 #: datasets by group of the tree
 Groups: TypeAlias = "Mapping[str, Dataset]"
+#: the name of all measures that apply
+ALL = "all"
 #: always measured, so that numbers keep their provenance
 ALWAYS = ("provenance",)
 
@@ -40,7 +42,8 @@ class Measure:
     summary: str  # description in one line
     groups: tuple[str, ...]  # groups of the tree that it adds variables to
     compute: Callable[[Packing], Groups]
-    applies: Callable[[Packing], bool] = _always  # whether it applies to a packing, if all measures are requested
+    applies: Callable[[Packing], bool] = _always  # whether it applies to a packing, where it is not named
+    usual: bool = True  # whether it is computed where no measure is named
 
 
 def measure_registry() -> Registry[Measure]:
@@ -61,8 +64,8 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None) -> "Data
     packing : Packing
         The packing; zero grains are allowed.
     which : str or sequence of str, optional
-        Names of measures; `voxgran methods` lists them. Only these and the provenance are computed. Default: all
-        that apply to the packing.
+        Names of measures; `voxgran methods` lists them. Only these and the provenance are computed. ``"all"`` are
+        all that apply to the packing. Default: the usual ones of these, which take a small part of the time of packing.
 
     Returns
     -------
@@ -89,11 +92,12 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None) -> "Data
     check_packing(packing, "packing")
     register_accessor()
     registry = measure_registry()
-    if which is None:
-        chosen = [entry for entry in map(registry.get, registry.names()) if entry.applies(packing)]
+    check_type(which, (Iterable, type(None)), "which", "a name or a list of names, such as ['density']")
+    names = [which] if isinstance(which, str) else which
+    if names is None or ALL in (names := list(names)):
+        entries = map(registry.get, registry.names())
+        chosen = [entry for entry in entries if (entry.usual or names is not None) and entry.applies(packing)]
     else:
-        check_type(which, Iterable, "which", "a name or a list of names, such as ['density']")
-        names = [which] if isinstance(which, str) else which
         chosen = [registry.get(name) for name in dict.fromkeys([*names, *ALWAYS])]
     groups: dict[str, Any] = {"/": dataset({"count": variable((), packing.count, "1", "number of grains")})}
     told = {"unit": packing.unit, "gravity": packing.gravity or "none", "contact_gap": packing.contact_gap}

@@ -274,8 +274,8 @@ def _share_by(value: Any) -> str:
 
 
 def _which(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
-    """Return the names of the measures that are asked for."""
-    from voxgran.measures.model import measure_registry
+    """Return the names of the measures that are asked for; "all" may be among them."""
+    from voxgran.measures.model import ALL, measure_registry
 
     for key in mapping:
         if key != "which":
@@ -284,7 +284,7 @@ def _which(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
         return None
     check_type(mapping["which"], (list, tuple), "[measure] which", "a list of names, such as ['density']")
     names = tuple(str(name) for name in mapping["which"])
-    known = measure_registry().names()
+    known = (ALL, *measure_registry().names())
     for name in names:
         if name not in known:
             raise UnknownNameError(unknown("[measure] which", name, known))

@@ -223,7 +223,7 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     computed.append("verify against the true shapes")
     if scene.general.seeds > 1:
         computed.append(f"all of it {scene.general.seeds} times, with {scene.general.seeds} seeds")
-    computed.append("measure " + (", ".join(scene.which) if scene.which else "all that applies"))
+    computed.append("measure " + (", ".join(scene.which) if scene.which else "the usual measures"))
     skipped = []
     libraries = {"scipy", "xarray", "vtkmodules", *task.method.libraries}
     for wanted, step, needs in (

@@ -52,6 +52,12 @@ def test_the_names():
         assert entry.summary
 
 
+def test_all_and_the_usual():
+    usual, every = measure(some()), measure(some(), which="all")
+    assert set(usual.groups) <= set(every.groups)
+    assert set(measure(some(), which=["density", "all"]).groups) == set(every.groups)
+
+
 def test_an_unknown_name():
     with pytest.raises(UnknownNameError, match="measure 'densty' is unknown: did you mean 'density'"):
         measure(some(), which=["densty"])
