@@ -36,7 +36,7 @@ TRIANGLE_BUDGET = 600_000
 FEWEST_FACES = 80
 #: number of spheres above which they are drawn as shaded points
 BALL_LIMIT = 10_000
-#: number of grains above which their faces are flat: each is a few pixels wide, and normals take longer than the picture
+#: number of grains above which faces are flat: a grain is a few pixels wide, and normals take longer than the picture
 FLAT_LIMIT = 5_000
 
 GRAIN_COLOR = "#6d9fb5"
