@@ -133,6 +133,7 @@ def test_chu_totals(tmp_path, capsys, monkeypatch):
         # only candidates that were moved touch; 4d keeps the gradation best of these
         assert set(last.index[last.coordination > 0]) == {"1", "3", "4b", "4d"}
         assert last.miss_of_shares[["1", "3", "4b", "4d"]].idxmin() == "4d"
+        assert last.miss_of_shares["4d"] < 0.04
         assert last.near_x[["1", "3"]].tolist() == pytest.approx([isotropic] * 2, abs=0.03)
         assert last.near_x[["4b", "4d"]].min() > isotropic + 0.04
         assert last.anisotropy[["4b", "4d"]].min() > 2 * last.anisotropy[["1", "3"]].max()
@@ -156,18 +157,20 @@ def test_the_page_on_the_papers_states_the_table_and_names_files_that_exist():
     root = EXAMPLES.parent
     page = (root / "docs/seeds.md").read_text()
     assert page.count("\n") <= 150
+    for table in re.findall(r"(?:^\|.*\n)+", page, flags=re.MULTILINE):
+        assert len({row.count("|") for row in table.splitlines()}) == 1, table[:80]
     for target in re.findall(r"\]\(([^)#]+)", page):
         assert (root / "docs" / target).exists(), target
     for target in re.findall(r"[`/ ](examples/\w+\.py)", page):
         assert (root / target).exists(), target
     for target in re.findall(r"`((?:\w+/)+test_\w+\.py)`", page):
         assert (root / "tests/unit" / target).exists(), target
-    table = totals(root / "docs/figures/chu_totals.csv")
+    placed = totals(root / "docs/figures/chu_totals.csv")
     for scheme in ("classic", "1", "2", "3", "4a", "4b", "4c", "4d"):
         cells = [scheme]
         for dimension, many in ((2, (1000, 2000, 5000)), (3, (2000, 4000, 10_000))):
-            cells.append(" / ".join(f"{table.placed[dimension, scheme, n]:.0f}" for n in many))
-            last = table.loc[dimension, scheme, many[-1]]
+            cells.append(" / ".join(f"{placed.placed[dimension, scheme, n]:.0f}" for n in many))
+            last = placed.loc[dimension, scheme, many[-1]]
             cells += [f"{last.solid_fraction:.3f}", f"{last.coordination:.2f}"]
         assert "| " + " | ".join(cells) + " |" in page
 
