@@ -14,6 +14,7 @@ import types
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass
+from functools import lru_cache
 from typing import Any, TypeVar
 
 from voxgran._base.arrays import as_count, as_number, check_lengths
@@ -73,6 +74,7 @@ def parameter(
     return dataclasses.field(default=default, metadata={"doc": doc, "unit": unit, "former": former, "bounds": bounds})
 
 
+@lru_cache(maxsize=256)
 def parameters_of(cls: type) -> tuple[Parameter, ...]:
     """Return the fields of a parameter class: its own in their order, then those of the groups that it inherits."""
     hints, own = typing.get_type_hints(cls), inspect.get_annotations(cls)
