@@ -74,9 +74,15 @@ def parameter(
     return dataclasses.field(default=default, metadata={"doc": doc, "unit": unit, "former": former, "bounds": bounds})
 
 
-@lru_cache(maxsize=256)
 def parameters_of(cls: type) -> tuple[Parameter, ...]:
     """Return the fields of a parameter class: its own in their order, then those of the groups that it inherits."""
+    hashable: Any = cls  # to mypy a class may lack a hash
+    return _parameters_of(hashable)
+
+
+@lru_cache(maxsize=256)
+def _parameters_of(cls: type) -> tuple[Parameter, ...]:
+    """Return the fields of a parameter class; resolving its annotations takes most of the time of small calls."""
     hints, own = typing.get_type_hints(cls), inspect.get_annotations(cls)
     return tuple(
         Parameter(name=field.name, type=hints[field.name], default=field.default, **field.metadata)
