@@ -10,6 +10,7 @@ import importlib
 import importlib.metadata
 import pkgutil
 from collections.abc import Iterable
+from functools import cache
 from typing import Generic, TypeVar
 
 from voxgran._base.errors import InputError, UnknownNameError, shown
@@ -63,19 +64,21 @@ class Registry(Generic[T]):
     def _files(self) -> dict[str, str]:
         """Return the public modules of the package and of those inside it: names of files, and of modules."""
         found: dict[str, str] = {}
-        for package in (self.package, *self._groups()):
-            modules = pkgutil.iter_modules(importlib.import_module(package).__path__)
-            found |= {m.name: f"{package}.{m.name}" for m in modules if not m.ispkg and not m.name.startswith("_")}
+        for package in (self.package, *_modules_of(self.package, packages=True)):
+            names = _modules_of(package, packages=False)
+            found |= {name: module for module in names if not (name := module.rpartition(".")[2]).startswith("_")}
         return found
-
-    def _groups(self) -> tuple[str, ...]:
-        """Return the names of the packages inside the package."""
-        modules = pkgutil.iter_modules(importlib.import_module(self.package).__path__)
-        return tuple(f"{self.package}.{m.name}" for m in modules if m.ispkg)
 
     def _foreign(self) -> dict[str, importlib.metadata.EntryPoint]:
         """Return the entry points of third parties."""
         return {point.name: point for point in importlib.metadata.entry_points(group=self.group)}
+
+
+@cache
+def _modules_of(package: str, *, packages: bool) -> tuple[str, ...]:
+    """Return the full names of the modules or of the packages in a package, whose folder is read once a process."""
+    found = pkgutil.iter_modules(importlib.import_module(package).__path__)
+    return tuple(f"{package}.{one.name}" for one in found if one.ispkg == packages)
 
 
 #: words that people type for a name of ours, as other programs have it; the first that is known is suggested
