@@ -47,19 +47,16 @@ def escape_depths(assembly: Assembly) -> Floats:
 def walls_touched(assembly: Assembly, gap: float) -> Integers:
     """Return how many walls, the lid among them, are within a gap of each grain, (n,), in the unit of lengths.
 
-    Each plane side of a box or cylinder counts as a wall. Round walls, the surface of a closed mesh or polygon, and that
-    of a container which is known by its signed distance only, count as one wall each, also in their corners.
+    Each plane side of a box or cylinder counts as a wall. Round walls, the surface of a closed mesh or polygon, and
+    that of a container which is known by its signed distance only, count as one wall each, also in their corners.
     """
     touched = (beyond_lid(assembly) >= -gap).astype(np.int64)
     if not assembly.count:
         return touched
     outside = assembly.container.signed_distance(assembly.position) + assembly.bounding_radii
     near = np.flatnonzero(outside >= -gap)
-    part = Assembly(
-        assembly.shapes,
-        *(array[near] for array in (assembly.shape_id, assembly.scale, assembly.position, assembly.orientation)),
-        assembly.container,
-    )
+    poses = assembly.shape_id[near], assembly.scale[near], assembly.position[near], assembly.orientation[near]
+    part = Assembly(assembly.shapes, *poses, assembly.container)
     walls = boundary_of(assembly.container)
     if walls is UNKNOWN or walls.solid is not None:
         touched[near] += _beyond_container(part) >= -gap

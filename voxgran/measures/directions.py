@@ -22,9 +22,9 @@ from voxgran._base.arrays import Floats
 
 #: factor of the traceless part in the tensor D, squared norm of the traceless part for a single direction, and factor
 #: of the norm of D in the anisotropy; by dimension and order
-_FACTOR = {(2, 2): 4.0, (2, 4): 16.0, (3, 2): 15 / 2, (3, 4): 315 / 8}
-_SINGLE = {(2, 2): 1 / 2, (2, 4): 1 / 8, (3, 2): 2 / 3, (3, 4): 8 / 35}
-_AMPLITUDE = {(2, 2): math.sqrt(1 / 2), (2, 4): math.sqrt(1 / 8), (3, 2): math.sqrt(2 / 3), (3, 4): math.sqrt(8 / 35)}
+FACTOR = {(2, 2): 4.0, (2, 4): 16.0, (3, 2): 15 / 2, (3, 4): 315 / 8}
+SINGLE = {(2, 2): 1 / 2, (2, 4): 1 / 8, (3, 2): 2 / 3, (3, 4): 8 / 35}
+AMPLITUDE = {(2, 2): math.sqrt(1 / 2), (2, 4): math.sqrt(1 / 8), (3, 2): math.sqrt(2 / 3), (3, 4): math.sqrt(8 / 35)}
 #: sectors of a rose over half a turn, and rings of an equal-area map around the cell of its pole
 SECTORS, RINGS = 18, 4
 #: distance from the equator of a map at which a direction lies on it
@@ -84,10 +84,7 @@ def fabric_of(vectors: Floats, weights: Floats | None = None, *, dimension: int)
     for order, part in along.items():
         flat = part.reshape(d ** (order // 2), -1)
         # the traceless mean along each direction: its mean is the squared norm
-        if order == 2:
-            each = pairs @ flat.ravel()
-        else:
-            each = np.einsum("cp,pq,cq->c", pairs, flat, pairs, optimize=True)
+        each = pairs @ flat.ravel() if order == 2 else np.einsum("cp,cp->c", pairs @ flat, pairs)
         found.append(_anisotropy(part, each, share, dimension=d, order=order))
     return Fabric(m, second, fourth, *found)
 
@@ -96,14 +93,14 @@ def _anisotropy(part: Floats, each: Floats, share: Floats, *, dimension: int, or
     """Return the anisotropy of the traceless part of a mean, which has the values `each` (m,) along the directions."""
     key, m = (dimension, order), len(each)
     squared = float(np.square(part).sum())
-    norm, factor = math.sqrt(squared), _FACTOR[key] * _AMPLITUDE[key]
+    norm, factor = math.sqrt(squared), FACTOR[key] * AMPLITUDE[key]
     if m < 2:
-        return Anisotropy(_FACTOR[key] * part, factor * norm, math.nan, math.nan)
+        return Anisotropy(FACTOR[key] * part, factor * norm, math.nan, math.nan)
     more = m / (m - 1.0)
-    scatter = more * float(np.square(share) @ (_SINGLE[key] - 2.0 * each + squared))
+    scatter = more * float(np.square(share) @ (SINGLE[key] - 2.0 * each + squared))
     spread = math.sqrt(more * float(np.square(share) @ np.square(each - squared)))
     return Anisotropy(
-        _FACTOR[key] * part,
+        FACTOR[key] * part,
         factor * norm,
         factor * math.sqrt(max(squared - scatter, 0.0)),
         factor * spread / norm if norm > 0.0 else 0.0,

@@ -77,7 +77,10 @@ def _compute(packing: Packing) -> Groups:
     normals = fabrics[0].second_order
     told = "anisotropy of the contact normals, of second order and without bias"
     error = normals.error if np.isfinite(normals.error) else None
-    return {"/": dataset({"contact_anisotropy": variable((), normals.unbiased, "1", told, error=error)}), "/fabric": found}
+    return {
+        "/": dataset({"contact_anisotropy": variable((), normals.unbiased, "1", told, error=error)}),
+        "/fabric": found,
+    }
 
 
 def _tensors(fabrics: list[Fabric]) -> dict[str, Any]:
@@ -98,7 +101,9 @@ def _tensors(fabrics: list[Fabric]) -> dict[str, Any]:
             "1",
             "fabric tensor of fourth order: mean of n n n n",
         ),
-        "principal_value": variable((*row, "principal"), values, "1", "principal values of the second order, descending"),
+        "principal_value": variable(
+            (*row, "principal"), values, "1", "principal values of the second order, descending"
+        ),
         "principal_direction": variable((*row, "principal", "i"), ways, "1", "unit vectors along the principal axes"),
     }
 

@@ -124,7 +124,9 @@ def _compute(packing: Packing) -> Groups:
     unit, row, weights = length_unit(packing), ("force_contact",), "weights of a median grain"
     of_root, of_grains = rattler_variables(packing)
     root = {
-        "share_at_rest": variable((), forces.share_at_rest, "1", f"share of the grains with a residual below {AT_REST:g}"),
+        "share_at_rest": variable(
+            (), forces.share_at_rest, "1", f"share of the grains with a residual below {AT_REST:g}"
+        ),
         **of_root,
         "coordination_by_forces": variable(
             (), found.coordination, "1", "mean number of partners by forces, of grains that are no rattlers"
