@@ -8,11 +8,12 @@ axis of a grain is the principal axis of its smallest moment of inertia; grains 
 and cubes, have none.
 """
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran.measures.directions import Fabric, Rose, fabric_of, rose_of
 from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.measures.region import gravity_of
@@ -27,28 +28,51 @@ NORMALS, BRANCHES, WEIGHTED, AXES = "contact_normals", "branch_vectors", "weight
 DISTINCT = 1e-3
 
 
-def fabric_vectors(packing: Packing) -> dict[str, tuple[Floats, Floats | None]]:
-    """Return the vectors (m, 3) of each set and their weights (m,), None where they are alike."""
+@dataclass(frozen=True, eq=False)
+class Vectors:
+    """A set of vectors in a packing."""
+
+    way: Floats  # (m, 3) of any length
+    place: Floats  # (m, 3) where they are
+    weight: Floats | None = None  # (m,); None where all count alike
+
+
+def fabric_vectors(packing: Packing) -> dict[str, Vectors]:
+    """Return all sets of vectors."""
     contacts = touching_contacts(packing)
     lower, upper = packing.container.bounds
     period = np.where(packing.container.periodic, upper - lower, 0.0)
     branch = packing.position[contacts.j] + contacts.image * period - packing.position[contacts.i]
     # relative lengths, whose squares neither overflow nor vanish
     length = np.linalg.norm(branch / max(float(np.abs(branch).max(initial=0.0)), 1e-300), axis=1)
+    axes, grains = long_axes(packing)
     return {
-        NORMALS: (contacts.normal, None),
-        BRANCHES: (branch, None),
-        WEIGHTED: (branch, np.square(length)),
-        AXES: (long_axes(packing), None),
+        NORMALS: Vectors(contacts.normal, contacts.point),
+        BRANCHES: Vectors(branch, contacts.point),
+        WEIGHTED: Vectors(branch, contacts.point, np.square(length)),
+        AXES: Vectors(axes, packing.position[grains]),
     }
 
 
-def long_axes(packing: Packing) -> Floats:
-    """Return the unit vectors along the long axes of the grains that have a distinct one, (m, 3)."""
+def fabric(packing: Packing, vectors: Vectors) -> Fabric:
+    """Return the fabric tensors of vectors of a packing, with the scatter that they have at the longest waves."""
+    d = packing.dimension
+    place = vectors.place[:, :d]
+    lower, upper = packing.container.bounds
+    length = np.where(packing.container.periodic, upper - lower, 0.0)[:d]
+    if len(place):
+        # walls and the free surface end the sample
+        length = np.where(length > 0.0, length, np.ptp(place, axis=0))
+    turns = (place - place.min(axis=0, initial=np.inf)) / length if (length > 0.0).all() else None
+    return fabric_of(vectors.way, vectors.weight, dimension=d, turns=turns)
+
+
+def long_axes(packing: Packing) -> tuple[Floats, Integers]:
+    """Return the unit vectors along the long axes of the grains that have a distinct one, (m, 3), and these grains."""
     found = [_long_axis(shape) for shape in packing.shapes]
     axes = np.array([np.zeros(3) if axis is None else axis for axis in found]).reshape(-1, 3)
-    has = np.array([axis is not None for axis in found], dtype=np.bool_)[packing.shape_id]
-    return np.einsum("nij,nj->ni", packing.matrices[has], axes[packing.shape_id[has]])
+    grains = np.flatnonzero(np.array([axis is not None for axis in found], dtype=np.bool_)[packing.shape_id])
+    return np.einsum("nij,nj->ni", packing.matrices[grains], axes[packing.shape_id[grains]]), grains
 
 
 def _long_axis(shape: Shape) -> Floats | None:
@@ -69,8 +93,8 @@ def _compute(packing: Packing) -> Groups:
     sets, d = fabric_vectors(packing), packing.dimension
     gravity = gravity_of(packing)
     pole = 2 if gravity is None else gravity[0]
-    fabrics = [fabric_of(*given, dimension=d) for given in sets.values()]
-    roses = [rose_of(*given, dimension=d, pole=pole) for given in sets.values()]
+    fabrics = [fabric(packing, given) for given in sets.values()]
+    roses = [rose_of(given.way, given.weight, dimension=d, pole=pole) for given in sets.values()]
     labels = {"vector": variable(("vector",), np.array(list(sets)), "1", "set of vectors")}
     found = dataset({**_tensors(fabrics), **_anisotropies(fabrics), **_roses(roses, d)}, labels)
     found.attrs["pole"] = "xyz"[pole] if d == 3 else "none"
