@@ -26,6 +26,8 @@ from voxgran._base.arrays import Booleans, Floats
 FACTOR = {(2, 2): 4.0, (2, 4): 16.0, (3, 2): 15 / 2, (3, 4): 315 / 8}
 SINGLE = {(2, 2): 1 / 2, (2, 4): 1 / 8, (3, 2): 2 / 3, (3, 4): 8 / 35}
 AMPLITUDE = {(2, 2): math.sqrt(1 / 2), (2, 4): math.sqrt(1 / 8), (3, 2): math.sqrt(2 / 3), (3, 4): math.sqrt(8 / 35)}
+#: independent components of the traceless part
+COMPONENTS = {(2, 2): 2, (2, 4): 2, (3, 2): 5, (3, 4): 9}
 #: sectors of a rose over half a turn, and rings of an equal-area map around the cell of its pole
 SECTORS, RINGS = 18, 4
 #: distance from the equator of a map at which a direction lies on it
@@ -171,6 +173,9 @@ def _anisotropy(
         scatter = max(independent, 0.0)
     else:
         variance *= scatter / independent
+    # the square of the norm has 4 times this variance by the linear part of the error, and by its quadratic part twice
+    # the squared scatter of each component, of which a norm below the scatter tells too much
+    variance += 0.5 * scatter**2 / COMPONENTS[key] * min(squared / scatter, 1.0) if scatter > 0.0 else 0.0
     return Anisotropy(
         FACTOR[key] * part,
         factor * norm,
