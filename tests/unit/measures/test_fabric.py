@@ -94,7 +94,7 @@ def test_long_axes_turn_with_the_grains():
         [BALL, LONG],
         Box((99, 99, 99)),
         position=2.0 + 2.0 * lattice(20, 2, 1),
-        shape_id=np.arange(24) % 2,
+        shape_id=np.arange(40) % 2,
         orientation=quaternions_of(np.array(turns)),
     )
     axes, grains = long_axes(packing)
