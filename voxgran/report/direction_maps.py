@@ -38,7 +38,7 @@ def plot_direction_map(
     colatitude, turn = np.asarray(polar, dtype=np.float64), np.asarray(azimuth, dtype=np.float64)
     values, tensor = np.asarray(density, dtype=np.float64), np.asarray(deviator, dtype=np.float64)
     most = max(float(np.abs(values - 1.0).max(initial=0.0)), 0.1)
-    scale = load("matplotlib.colors").Normalize(1.0 - most, 1.0 + most)
+    scale = load("matplotlib.colors").TwoSlopeNorm(1.0, max(1.0 - most, 0.0), 1.0 + most)
     colors = load("matplotlib").colormaps["PuOr_r"]
     inner, outer = (_radius(colatitude[:, k]) for k in (0, 1))
     width = turn[:, 1] - turn[:, 0]
