@@ -151,6 +151,13 @@ def test_the_scatter_is_that_of_the_longest_waves():
     thousand = fabric_of(way[:1000], dimension=3).second_order
     assert copies.error == pytest.approx(thousand.error, rel=0.15)
     assert copies.unbiased == pytest.approx(thousand.unbiased, abs=0.02)
+    # dense and empty parts of a sample are no scatter of its directions
+    long = way * [1, 1, 6]
+    crowded = fabric_of(long, dimension=3, turns=turns**4).second_order
+    assert crowded.error == pytest.approx(fabric_of(long, dimension=3).second_order.error, rel=0.25)
+    aligned = fabric_of(np.tile([[1.0, 2, 3]], (50, 1)), dimension=3, turns=turns[:50])
+    for one in (aligned.second_order, aligned.fourth_order):
+        assert one.unbiased == pytest.approx(one.plain, abs=1e-6)
     # a lattice repeats itself: its mean does not scatter
     ticks = np.arange(4) / 4
     cells = np.stack(np.meshgrid(ticks, ticks, ticks), axis=-1).reshape(-1, 3)

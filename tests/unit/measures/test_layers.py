@@ -101,8 +101,12 @@ def test_more_sizes_than_classes():
 def test_the_error_of_a_mean():
     generator = stream(6, "means")
     sizes = 0.5 + generator.random(160)
-    means = np.array([layers(generator.permutation(sizes)).mean for _ in range(100)])
+    means = np.array([layers(generator.permutation(sizes)).mean for _ in range(60)])
     assert layers(sizes).error[0] == pytest.approx(means.std(), rel=0.12)
+    # of 20 grains half are in a layer: their means scatter less than those of independent grains
+    few = 0.5 + generator.random(20)
+    means = np.array([layers(generator.permutation(few)).mean for _ in range(400)])
+    assert layers(few).error[0] == pytest.approx(means.std(), rel=0.12)
 
 
 def test_equal_heights_are_in_random_order():
