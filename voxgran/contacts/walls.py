@@ -44,6 +44,35 @@ def escape_depths(assembly: Assembly) -> Floats:
     return escape if assembly.lid is None else np.maximum(escape, beyond_lid(assembly))
 
 
+def walls_touched(assembly: Assembly, gap: float) -> Integers:
+    """Return how many walls, the lid among them, are within a gap of each grain, (n,), in the unit of lengths.
+
+    Each plane side of a box or cylinder counts as a wall. Round walls, the surface of a closed mesh or polygon, and
+    that of a container which is known by its signed distance only, count as one wall each, also in their corners.
+    """
+    touched = (beyond_lid(assembly) >= -gap).astype(np.int64)
+    if not assembly.count:
+        return touched
+    outside = assembly.container.signed_distance(assembly.position) + assembly.bounding_radii
+    near = np.flatnonzero(outside >= -gap)
+    poses = assembly.shape_id[near], assembly.scale[near], assembly.position[near], assembly.orientation[near]
+    part = Assembly(assembly.shapes, *poses, assembly.container)
+    walls = boundary_of(assembly.container)
+    if walls is UNKNOWN or walls.solid is not None:
+        touched[near] += _beyond_container(part) >= -gap
+        return touched
+    axes = np.flatnonzero(walls.flat)
+    if len(axes):
+        lower, upper = assembly.container.bounds
+        low, high = grain_bounds(part)
+        below, above = lower - part.position - low, part.position + high - upper
+        touched[near] += (below[:, axes] >= -gap).sum(axis=1) + (above[:, axes] >= -gap).sum(axis=1)
+    if walls.round_axes:
+        reach = horizontal_reach if walls.round_axes == 2 else farthest_reach
+        touched[near] += reach(part, np.array(walls.center)) - walls.radius >= -gap
+    return touched
+
+
 def beyond_lid(assembly: Assembly) -> Floats:
     """Return the protrusion (n,) of each grain beyond the lid, negative below it; minus infinity without a lid."""
     if assembly.lid is None:

@@ -70,7 +70,7 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None) -> "Data
     Returns
     -------
     xarray.DataTree
-        Requested groups among ``/``, ``/grains``, ``/contacts``, ``/profiles``, ``/gradation`` and ``/provenance``.
+        Requested groups, such as ``/``, ``/grains``, ``/contacts``, ``/profiles``, ``/gradation`` and ``/provenance``.
         Every variable has the attributes `units` and `long_name`, and `error` if it is not exact.
 
     Raises

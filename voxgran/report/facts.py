@@ -77,16 +77,27 @@ def _rest(packing: Packing, statistics: "DataTree | None") -> list[Fact]:
     neighbours = scalar(statistics, MEAN_NUMBER)
     if statistics is not None and neighbours is not None and math.isfinite(neighbours):
         facts.append(Fact("coordination number", f"{neighbours:.2f}", str(statistics[MEAN_NUMBER].attrs["long_name"])))
+    among = scalar(statistics, "coordination_without_rattlers")
+    if statistics is not None and among is not None and math.isfinite(among):
+        share = 100 * float(statistics["share_of_rattlers"])
+        definition = str(statistics["share_of_rattlers"].attrs["definition"])
+        note = f"{share:.1f} % of the grains are rattlers: {definition}"
+        facts.append(Fact("without rattlers", f"{among:.2f}", note))
     forces = packing.forces if packing.count else None
     if forces is not None:
-        rest, rattlers = forces.share_at_rest, forces.share_of_rattlers
+        rest = forces.share_at_rest
         tone = "good" if rest >= MOSTLY else "bad"
-        note = f"grains with a residual below {AT_REST:g} of their weight; {100 * rattlers:.1f} % are rattlers"
+        note = f"grains with a residual below {AT_REST:g} of their weight"
+        if among is None:
+            note += f"; {100 * forces.share_of_rattlers:.1f} % are rattlers"
         facts.append(Fact("at rest", f"{100 * rest:.1f} %", note, tone))
     sorted_by_size = scalar(statistics, "segregation")
     if sorted_by_size is not None and math.isfinite(sorted_by_size):
         warning = warning_of(sorted_by_size, packing.count)
         note = warning or "rank correlation of diameter and height"
+        random_order = scalar(statistics, "layer_p_value")
+        if random_order is not None and math.isfinite(random_order):
+            note += f"; gradations of layers differ as much in random order with a probability of {random_order:.2g}"
         facts.append(
             Fact("segregation", f"{sorted_by_size:.2f}".replace("-", "\u2212"), note, "bad" if warning else "")
         )

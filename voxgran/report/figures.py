@@ -9,11 +9,13 @@ import numpy as np
 
 from voxgran._base.lazy import load
 from voxgran.measures.describe import describe
+from voxgran.measures.directions import FACTOR, traceless_2
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.registered.gradation import gradation
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, shape_plots
+from voxgran.report.direction_maps import plot_direction_map
 from voxgran.report.wall_law import law_applies, wall_law
 
 if TYPE_CHECKING:
@@ -44,7 +46,7 @@ def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
     found += _curves(packing, statistics)
     if packing.count:
         found += _forms(packing)
-    last = (_rose(packing, statistics), _forces(statistics))
+    last = (_contact_numbers(statistics), *_directions(packing, statistics), _forces(statistics))
     return [*found, *(figure for figure in last if figure is not None)]
 
 
@@ -153,6 +155,71 @@ def _forms(packing: Packing) -> Iterator[Figure]:
         )
         caption = f"Sphericity and roundness of the grains after Wadell 1932. {more}"
         yield Figure("roundness", svg, "Sphericity and roundness", caption, dict(list(means.items())[2:]))
+
+
+def _contact_numbers(statistics: "DataTree | None") -> Figure | None:
+    """Return the distribution of the numbers of contacts, where there are grains."""
+    if statistics is None or "/contact_numbers" not in statistics.groups:
+        return None
+    names = ("contact_number", "probability", "probability_error")
+    number, share, error = (np.asarray(statistics["/contact_numbers"][name].values) for name in names)
+    if not len(number):
+        return None
+    draw = partial(plots.plot_contact_numbers, numbers=number, probability=share, error=error)
+    caption = "Number of neighbours of a grain: share of the grains, with the standard error of independent grains."
+    numbers = {"contact_number": number.tolist(), "probability": share.tolist(), "error": error.tolist()}
+    svg = plots.svg_of(draw, "contact-numbers")
+    return Figure("contact_numbers", svg, "distribution of contact numbers", caption, numbers)
+
+
+def _directions(packing: Packing, statistics: "DataTree | None") -> "Iterator[Figure | None]":
+    """Yield the rose of contact normals, and what the measure `fabric` knows of them and of the long axes."""
+    fabric = statistics["/fabric"].to_dataset() if statistics is not None and "/fabric" in statistics.groups else None
+    if fabric is None or packing.dimension == 3:
+        yield _rose(packing, statistics)
+    if fabric is not None:
+        for name, words in (("contact_normals", "contact normals"), ("long_axes", "long axes of grains")):
+            yield _fabric(packing, fabric.sel(vector=name), name, words)
+
+
+def _fabric(packing: Packing, data: "Dataset", name: str, words: str) -> Figure | None:
+    """Return the rose or the equal-area map of a set of vectors, if there are enough of them."""
+    count, d = int(data["count"]), packing.dimension
+    if count < 2 * shape_plots.SECTORS:
+        return None
+    density, error = (np.asarray(data[key].values) for key in ("density", "density_error"))
+    second = np.asarray(data["second_order"].values)
+    deviator = FACTOR[d, 2] * traceless_2(second)
+    azimuth = np.column_stack([data["azimuth_from"].values, data["azimuth_to"].values])
+    value, spread = (float(data[f"second_order_anisotropy{end}"]) for end in ("", "_error"))
+    told = f"{count} {words}; the anisotropy of second order is {value:.3f} \u00b1 {spread:.3f}"
+    title = f"{words[:1].upper()}{words[1:]}"
+    numbers: dict[str, Any] = {"vectors": count, "anisotropy": value, "anisotropy_error": spread}
+    numbers |= {"relative_density": density.tolist(), "error": error.tolist(), "azimuth": azimuth.tolist()}
+    if d == 2:
+        angle = azimuth.mean(axis=1)
+        numbers["angle"] = angle.tolist()
+        draw: Any = partial(
+            shape_plots.plot_rose, angle=angle, share=density, upright=False, error=error, deviator=deviator
+        )
+        caption = (
+            f"{title}: distribution of {told}. Line: its density to second order; dashed: isotropic packing. Bars: "
+            "standard errors."
+        )
+        if name == "contact_normals":
+            numbers["contacts"] = count
+    else:
+        polar = np.column_stack([data["polar_from"].values, data["polar_to"].values])
+        numbers["polar"] = polar.tolist()
+        pole = "xyz".index(str(data.attrs["pole"]))
+        draw = partial(plot_direction_map, polar=polar, azimuth=azimuth, density=density, deviator=deviator, pole=pole)
+        caption = (
+            f"{title}: equal-area map (Schmidt net) of {told}. The center is the axis {data.attrs['pole']}; lines are "
+            "the density to second order."
+        )
+    key = name if d == 2 else f"{name}_map"
+    svg = plots.svg_of(draw, key.replace("_", "-"), size=(5.0, 4.2), projection="polar")
+    return Figure(key, svg, f"directions of {words}", caption, numbers)
 
 
 def _rose(packing: Packing, statistics: "DataTree | None") -> Figure | None:

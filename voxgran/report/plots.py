@@ -156,6 +156,24 @@ def plot_coordination(
     return axes
 
 
+def plot_contact_numbers(axes: Any, numbers: ArrayLike, probability: ArrayLike, *, error: ArrayLike = 0.0) -> Any:
+    """Draw the probability (n,) of each number of contacts (n,) as bars, with standard errors.
+
+    Raises
+    ------
+    InputError
+        If the arrays are not (n,) arrays of finite numbers.
+    """
+    x = as_floats(numbers, "numbers", shape=(None,))
+    y = as_floats(probability, "probability", shape=(len(x),))
+    bars = np.broadcast_to(np.asarray(error, dtype=np.float64), y.shape)
+    axes.bar(x, y, width=0.85, color=PLACED, linewidth=0)
+    axes.errorbar(x, y, yerr=bars, fmt="none", ecolor=_INK, elinewidth=0.8)
+    axes.xaxis.set_major_locator(load("matplotlib.ticker").MaxNLocator(integer=True))
+    axes.set(xlabel="contacts of a grain with others", ylabel="share of the grains", ylim=(0, None))
+    return axes
+
+
 def plot_forces(axes: Any, relative: ArrayLike, density: ArrayLike, *, decay: float = np.nan) -> Any:
     """Draw the probability density (n,) of normal forces over their mean (n,), with the published law of beads under a
     piston, Mueth, Jaeger & Nagel 1998, doi:10.1103/PhysRevE.57.3164; `decay` is that of the tail, NaN if not known.

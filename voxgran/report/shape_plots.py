@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats
-from voxgran.report.plots import ASKED, PLACED
+from voxgran.measures.directions import fitted_density
+from voxgran.report.plots import ASKED, OTHER, PLACED
 
 #: number of sectors of a rose over half a turn
 SECTORS = 18
@@ -71,19 +72,40 @@ def normal_rose(normals: ArrayLike, *, dimension: int, down: int | None) -> tupl
     return middle, count / max(count.sum(), 1.0) / expected
 
 
-def plot_rose(axes: Any, angle: ArrayLike, share: ArrayLike, *, upright: bool) -> Any:
-    """Draw the result of :func:`normal_rose` on polar axes, with the circle of an isotropic packing; in 3D angles are
-    upright, measured from the vertical axis.
+def plot_rose(
+    axes: Any,
+    angle: ArrayLike,
+    share: ArrayLike,
+    *,
+    upright: bool,
+    error: ArrayLike | None = None,
+    deviator: ArrayLike | None = None,
+) -> Any:
+    """Draw a rose over half a turn, in radians (k,), such as that of :func:`normal_rose`, on polar axes.
+
+    The dashed circle is an isotropic packing. In 3D angles are `upright`, measured from the vertical axis. Standard
+    errors (k,) are drawn as bars, and the fabric tensor D of second order (2, 2) of the plane as the density that is
+    fitted with it.
     """
     theta, radius = np.asarray(angle, dtype=np.float64), np.asarray(share, dtype=np.float64)
     if upright:
         axes.set_theta_zero_location("N")
         axes.set_theta_direction(-1)
-    both = np.concatenate([theta, theta + np.pi])
-    axes.bar(both, np.tile(radius, 2), width=0.96 * np.pi / len(theta), color=PLACED, alpha=0.8, linewidth=0)
+    both, twice = np.concatenate([theta, theta + np.pi]), np.tile(radius, 2)
+    axes.bar(both, twice, width=0.96 * np.pi / len(theta), color=PLACED, alpha=0.8, linewidth=0)
     circle = np.linspace(0, 2 * np.pi, 200)
     axes.plot(circle, np.ones(200), color=ASKED, linewidth=1.5, linestyle=(0, (4, 2)))
+    top = float(radius.max(initial=0.0))
+    if error is not None:
+        bars = np.tile(np.asarray(error, dtype=np.float64), 2)
+        axes.errorbar(both, twice, yerr=bars, fmt="none", ecolor="#404a50", elinewidth=0.8)
+        top = max(top, float((twice + bars).max(initial=0.0)))
+    if deviator is not None:
+        ways = np.column_stack([np.cos(circle), np.sin(circle)])
+        fitted = np.maximum(fitted_density(np.asarray(deviator, dtype=np.float64), ways), 0.0)
+        axes.plot(circle, fitted, color=OTHER, linewidth=2.0)
+        top = max(top, float(fitted.max()))
     axes.set_rlabel_position(68)
-    axes.set_ylim(0, max(1.15 * float(radius.max(initial=0.0)), 1.2))
+    axes.set_ylim(0, max(1.15 * top, 1.2))
     axes.set_yticks([1.0])
     return axes

@@ -45,7 +45,10 @@ NUMBERS = (
     "bulk_solid_fraction",
     "strict_solid_fraction",
     "mean_coordination_number",
+    "coordination_without_rattlers",
+    "contact_anisotropy",
     "segregation",
+    "layer_p_value",
     "share_at_rest",
     "share_of_rattlers",
 )

@@ -1,23 +1,38 @@
-"""Numbers of neighbours."""
+"""Numbers of neighbours, and rattlers."""
+
+import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from kit import column, lattice
 
 from voxgran._base.errors import InputError
+from voxgran.contacts.walls import walls_touched
 from voxgran.containers.box import Box
+from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.disk import Disk
+from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.sphere import Sphere
 from voxgran.measures.model import measure
 from voxgran.measures.registered.coordination import (
     REFERENCE_GAP,
     WIDEST_GAP,
     coordination_number,
+    find_rattlers,
     near_contacts,
     usual_gap,
 )
 from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
 from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.tessellate import unit_box
 
 BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
+DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
 
 
 def row(*gaps, **more):
@@ -109,3 +124,134 @@ def test_what_is_refused():
         coordination_number(row(0.0), [-1.0])
     with pytest.raises(InputError, match="reference_gap is -1"):
         coordination_number(row(0.0), reference_gap=-1.0)
+
+
+def squares(periodic="xyz", **more):
+    """Return 27 spheres on a simple cubic lattice, six contacts each where it is periodic."""
+    return Packing.of([BALL], Box((3, 3, 3), periodic), position=lattice(3, 3, 3), **more)
+
+
+def test_a_periodic_lattice_has_no_rattlers():
+    found = find_rattlers(squares())
+    assert not found.mask.any()
+    assert (found.share, found.coordination) == (0.0, 6.0)
+    tree = measure(squares(), "coordination")
+    assert tree["contact_numbers"].contact_number.values.tolist() == list(range(7))
+    assert tree["contact_numbers"].probability.values.tolist() == [0] * 6 + [1]
+    assert tree["contact_numbers"].probability_error.values.tolist() == [0] * 7
+
+
+def test_spheres_without_gravity_need_more_contacts_than_dimensions():
+    # four spheres that touch each other, one that hangs at one of them and one that hangs at that
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(8) + 4.0
+    out = corners[0] + np.array([1, 1, 1]) / math.sqrt(3), corners[0] + np.array([2, 2, 2]) / math.sqrt(3)
+    position = np.concatenate([corners, out])
+    given = {"position": position, "contact_gap": 1e-9}
+    few = find_rattlers(Packing.of([BALL], Box((9, 9, 9), "xyz"), **given))
+    # three contacts each do not hold a sphere in space
+    assert few.mask.all()
+    assert math.isnan(few.coordination)
+    assert "fewer than 4 contacts with grains, rattlers removed, and walls" in few.definition
+    # by friction the four hold each other; the two that hang go one after the other
+    shapes = [BALL, Shape.of(Primitive("box", (0.1, 0.1, 0.1)), name="box")]
+    rough = find_rattlers(Packing.of(shapes, Box((9, 9, 9), "xyz"), **given))
+    assert rough.mask.tolist() == [False] * 4 + [True] * 2
+    assert rough.coordination == 3.0
+    assert "fewer than 2" in rough.definition
+
+
+def test_under_gravity_a_grain_may_carry_a_rattler():
+    # three on top of each other: the upper one carries nothing, the others do
+    place = np.column_stack([np.full((3, 2), 2.0), np.arange(3) + 0.5])
+    heap = find_rattlers(Packing.of([BALL], Box((4, 4, 4)), position=place))
+    assert heap.mask.tolist() == [False, False, True]
+    assert heap.coordination == 1.0
+    assert heap.share == pytest.approx(1 / 3)
+    assert heap.definition == "a grain with fewer than 2 contacts with grains and walls"
+    # without gravity nothing holds them
+    assert find_rattlers(Packing.of([BALL], Box((4, 4, 4)), position=place, gravity=None)).mask.all()
+
+
+def test_known_forces_decide():
+    packing = column(3)
+    forces = replace(packing.forces, rattler=[True, False, False])
+    found = find_rattlers(replace(packing, forces=forces))
+    assert found.mask.tolist() == [True, False, False]
+    assert found.coordination == 1.0
+    assert "contact forces" in found.definition
+    tree = measure(replace(packing, forces=forces), ["coordination", "forces"])
+    assert tree.share_of_rattlers.attrs["definition"] == found.definition
+    assert tree["grains"].rattler.values.tolist() == [True, False, False]
+    assert float(tree.coordination_without_rattlers) == 1.0
+
+
+def test_walls_hold_spheres():
+    box = Box((3, 3, 3))
+    # a cube of 27 between six walls: those in the corners touch three walls and three spheres
+    found = find_rattlers(squares("", gravity=None))
+    assert not found.mask.any()
+    # the mean number of contacts does not count walls
+    assert found.coordination == pytest.approx(4.0)
+    assert walls_touched(squares(""), 1e-9).tolist() == (np.abs(lattice(3, 3, 3) - 1.5) > 0.9).sum(axis=1).tolist()
+    assert walls_touched(squares(""), 2.0).tolist() == [6] * 27
+    assert walls_touched(squares("xy"), 1e-9).max() == 1
+    assert walls_touched(squares(), 9.0).tolist() == [0] * 27
+    lonely = Packing.of([BALL], box, position=[[1.5, 1.5, 1.5]])
+    assert walls_touched(lonely, 0.9).tolist() == [0]
+
+
+@pytest.mark.parametrize("length", [1e-50, 1.0, 1e50])
+def test_walls_of_all_containers(length):
+    def touched(container, *points, shape=BALL, gap=1e-6):
+        scale = np.full(len(points), length)
+        position = np.array(points, dtype=float) * length
+        return walls_touched(Packing.of([shape], container, position=position, scale=scale), gap * length).tolist()
+
+    drum = Cylinder(2 * length, 4 * length)
+    assert touched(drum, (1.5, 0, 0.5), (0, 1.5, 2), (0, 0, 2), (0, 0, 3.5)) == [2, 1, 0, 1]
+    assert touched(Sphere(2 * length), (0, 0, 1.5), (0, 0, 1)) == [1, 0]
+    assert touched(Disk(2 * length), (1.5, 0, 0), (0, 0, 0), shape=DISK) == [1, 0]
+    field = Rectangle((4 * length, 3 * length), periodic="x")
+    assert touched(field, (0.5, 0.5, 0), (2, 1.5, 0), (0.1, 2.5, 0), shape=DISK) == [1, 0, 1]
+
+
+def test_walls_of_meshes_and_true_shapes():
+    vertices, faces, _ = unit_box()
+    room = ClosedMesh(Shape.from_mesh(vertices * 4.0, faces, name="room"))
+    low = room.bounds[0]
+    inside = low + np.array([[0.5, 2, 2], [2, 2, 2], [2, 2, 3.5]])
+    assert walls_touched(Packing.of([BALL], room, position=inside), 1e-6).tolist() == [1, 0, 1]
+    block = Shape.from_mesh(vertices * [1.0, 2.0, 1.0], faces, name="block")
+    boxed = Packing.of([block], Box((1, 5, 4)), position=[[0.5, 1.0, 2.0], [0.5, 3.0, 2.0]])
+    assert walls_touched(boxed, 1e-9).tolist() == [3, 2]
+
+
+def test_the_distribution_of_contact_numbers():
+    packing = row(0.0, 0.02, 0.3)
+    tree = measure(packing, "coordination")["contact_numbers"]
+    numbers = coordination_number(packing).of_grain
+    share = np.bincount(numbers) / 4
+    assert tree.contact_number.values.tolist() == list(range(len(share)))
+    assert tree.probability.values == pytest.approx(share)
+    assert tree.probability_error.values == pytest.approx(np.sqrt(share * (1 - share) / 4))
+    assert tree.rattlers.values.sum() == find_rattlers(packing).mask.sum()
+    assert float((tree.contact_number * tree.probability).sum()) == pytest.approx(numbers.mean())
+
+
+@pytest.mark.parametrize("count", [0, 1])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_no_neighbours(count, dimension):
+    shape, box = (BALL, Box((4, 4, 4))) if dimension == 3 else (DISK, Rectangle((4, 4), periodic="x"))
+    tree = measure(Packing.of([shape], box, position=[[2, 2, 2 * (dimension == 3)]] * count), "coordination")
+    assert tree["contact_numbers"].probability.values.tolist() == [1.0] * count
+    assert math.isnan(float(tree.coordination_without_rattlers))
+    assert tree["grains"].rattler.values.tolist() == [True] * count
+    assert float(tree.share_of_rattlers) == 1.0 if count else math.isnan(float(tree.share_of_rattlers))
+
+
+def test_jammed_spheres_are_isostatic_without_rattlers():
+    packing = pack(BALL, Box((6, 6, 6), "xyz"), method="jam", count=100, seed=0)
+    found, record = find_rattlers(packing), packing.provenance["compression"]
+    assert found.coordination == pytest.approx(record["coordination_without_rattlers"])
+    assert found.share == pytest.approx(record["rattlers"])
+    assert found.coordination == pytest.approx(6.0, abs=0.3)

@@ -26,6 +26,7 @@ ALL = (
     "contacts",
     "coordination",
     "density",
+    "fabric",
     "forces",
     "gradation",
     "grains",
@@ -91,7 +92,9 @@ def every_variable(tree):
 @pytest.mark.parametrize("unit", ["1", "mm"])
 def test_units_and_names_everywhere(unit):
     tree = measure(some(unit=unit))
-    assert set(tree.groups) == {"/", "/grains", "/contacts", "/profiles", "/gradation", "/provenance"}
+    assert set(tree.groups) == {
+        *("/", "/grains", "/contacts", "/contact_numbers", "/fabric", "/profiles", "/gradation", "/provenance")
+    }
     for path, found in every_variable(tree):
         assert found.attrs["units"], path
         assert len(found.attrs["long_name"]) > 3, path

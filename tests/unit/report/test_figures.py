@@ -136,3 +136,34 @@ def test_a_browser_finds_nothing_wrong_and_nothing_too_wide(tmp_path):
     assert "CONSOLE" not in seen.stderr
     wide, room = (int(word) for word in seen.stdout.rpartition('<pre id="out">')[2].partition("<")[0].split())
     assert wide <= room == 400
+
+
+def test_figures_of_contact_numbers_and_of_fabric():
+    packing = lattice()
+    found = {figure.name: figure for figure in figures_of(packing, vg.measure(packing, ["coordination", "fabric"]))}
+    assert found["contact_numbers"].numbers["probability"] == [0.0] * 6 + [1.0]
+    drawn = found["contact_normals_map"]
+    assert drawn.numbers["vectors"] == 375
+    assert np.mean(drawn.numbers["relative_density"]) == pytest.approx(1.0)
+    assert "equal-area map" in drawn.caption
+    assert "density / isotropic" in drawn.svg
+    assert "long_axes_map" not in found
+    position = np.pad(np.argwhere(np.ones((5, 5))) + 0.5, ((0, 0), (0, 1)))
+    flat = vg.Packing.of([vg.make_shape("disk")], vg.Rectangle((5, 5), "xy"), position=position)
+    names = [figure.name for figure in figures_of(flat, vg.measure(flat))]
+    assert names.count("contact_normals") == 1
+    rose = next(figure for figure in figures_of(flat, vg.measure(flat)) if figure.name == "contact_normals")
+    assert rose.numbers["contacts"] == 50
+    assert np.flatnonzero(rose.numbers["relative_density"]).tolist() == [0, 9]
+    # without the measure the rose is that of the contacts
+    plain = next(
+        figure for figure in figures_of(flat, vg.measure(flat, "contacts")) if figure.name == "contact_normals"
+    )
+    assert "anisotropy" not in plain.numbers
+
+
+def test_a_single_grain_has_no_map():
+    one = vg.Packing.of([vg.make_shape("sphere")], vg.Box((3, 3, 3)), position=[(1, 1, 1)])
+    names = {figure.name for figure in figures_of(one, vg.measure(one, ["coordination", "fabric"]))}
+    assert "contact_numbers" in names
+    assert not {"contact_normals", "contact_normals_map"} & names

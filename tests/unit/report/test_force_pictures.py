@@ -127,7 +127,9 @@ def test_the_headline_says_whether_a_bed_rests():
     found = {fact.label: fact for fact in facts.headline(packing, vg.measure(packing), None)}
     assert found["at rest"].value == "83.3 %"
     assert found["at rest"].tone == "bad"
-    assert "16.7 % are rattlers" in found["at rest"].note
+    assert "16.7 % of the grains are rattlers" in found["without rattlers"].note
+    alone = {fact.label: fact for fact in facts.headline(packing, None, None)}
+    assert "16.7 % are rattlers" in alone["at rest"].note
     assert found["coordination number"].value == "1.67"
     assert "segregation" not in found
     rests = {fact.label: fact for fact in facts.headline(column(6), None, None)}

@@ -7,8 +7,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from voxgran._base.errors import InputError
+from voxgran.measures.directions import rose_of
 from voxgran.packing.model import Packing
-from voxgran.report.plots import plot_coordination, plot_gradation, plot_profile, svg_of
+from voxgran.report.direction_maps import plot_direction_map
+from voxgran.report.plots import plot_contact_numbers, plot_coordination, plot_gradation, plot_profile, svg_of
+from voxgran.report.shape_plots import plot_rose
 
 
 @pytest.fixture
@@ -98,3 +101,52 @@ def test_names_cannot_break_out_of_the_svg():
     svg = svg_of(lambda axes: plot_profile(axes, [0, 1], [0, 1], name="<script>", unit="<b>"), "x")
     assert "<script>" not in svg
     assert "&lt;script&gt;" in svg
+
+
+def test_contact_numbers_are_bars(axes):
+    plot_contact_numbers(axes, [0, 1, 2], [0.2, 0.5, 0.3], error=[0.1, 0.1, 0.1])
+    assert [bar.get_height() for bar in axes.patches] == [0.2, 0.5, 0.3]
+    assert axes.get_ylim()[0] == 0
+    assert axes.get_ylim()[1] > 0.6
+    with pytest.raises(InputError, match="probability"):
+        plot_contact_numbers(axes, [0, 1], [1.0])
+
+
+def test_a_rose_has_its_errors_and_the_fitted_density():
+    axes = Figure().add_subplot(projection="polar")
+    angle, share = np.arange(18) * np.pi / 18, np.ones(18)
+    plot_rose(axes, angle, share, upright=False, error=np.full(18, 0.4), deviator=[[0.5, 0.0], [0.0, -0.5]])
+    fitted = axes.get_lines()[-1]
+    turn, density = (np.asarray(values) for values in fitted.get_data())
+    assert density == pytest.approx(1 + 0.5 * np.cos(2 * turn))
+    assert axes.get_ylim()[1] == pytest.approx(1.15 * 1.5)
+    assert len(axes.collections) == 1
+    assert sum(bar.get_height() for bar in axes.patches) == pytest.approx(36)
+
+
+def test_a_map_has_cells_of_equal_area_and_lines_of_the_fitted_density():
+    rose = rose_of(np.array([[0.0, 0, 1]]), dimension=3)
+    axes = Figure().add_subplot(projection="polar")
+    plot_direction_map(
+        axes, rose.cells[:, 0], rose.cells[:, 1], rose.density, deviator=np.diag([-0.5, -0.5, 1.0]), pole=2
+    )
+    bars = axes.patches
+    area = [bar.get_width() * ((bar.get_y() + bar.get_height()) ** 2 - bar.get_y() ** 2) / 2 for bar in bars]
+    assert area == pytest.approx([np.pi / 81] * 81)
+    colors = {tuple(bar.get_facecolor()) for bar in bars}
+    assert len(colors) == 2  # the pole, and all others
+    assert axes.get_ylim() == (0.0, 1.0)
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["+x", "+y", "\u2212x", "\u2212y"]
+    contour = next(found for found in axes.collections if hasattr(found, "levels"))
+    # around an axis the lines are circles, at which 1 + a P_2(cos t) is the level
+    for level, path in zip(contour.levels, contour.get_paths(), strict=True):
+        for radius in path.vertices[:, 1]:
+            assert 1 + 0.5 * (3 * (1 - radius**2) ** 2 - 1) == pytest.approx(level, abs=0.02)
+
+
+def test_an_even_map_has_no_lines():
+    rose = rose_of(np.zeros((0, 3)), dimension=3)
+    axes = Figure().add_subplot(projection="polar")
+    plot_direction_map(axes, rose.cells[:, 0], rose.cells[:, 1], np.ones(81), deviator=np.zeros((3, 3)), pole=0)
+    assert not [found for found in axes.collections if hasattr(found, "levels")]
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["+y", "+z", "\u2212y", "\u2212z"]

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import voxgran as vg
@@ -20,6 +21,7 @@ from voxgran._base.errors import (
     UnknownNameError,
 )
 from voxgran._base.lock import FOLDER_LOCK
+from voxgran.scene.run import summary_of
 
 SCENE = """
 [scene]
@@ -249,3 +251,17 @@ def test_former_names_warn_once(write):
     assert len(warned) == 1
     scene.plan()  # any warning is an error
     assert scene.to_mapping()["packing"]["vibration_up"] == 0.5
+
+
+def test_the_summary_has_contacts_and_rattlers():
+    ticks = np.arange(3) + 0.5
+    position = np.stack(np.meshgrid(ticks, ticks, ticks), axis=-1).reshape(-1, 3)
+    packing = vg.Packing.of([vg.make_shape("sphere")], vg.Box((3, 3, 3), periodic="xyz"), position=position)
+    summary = summary_of(packing, vg.verify(packing), vg.measure(packing))
+    assert summary["mean_coordination_number"] == summary["coordination_without_rattlers"] == 6.0
+    assert summary["share_of_rattlers"] == 0.0
+    assert summary["contact_anisotropy"] == pytest.approx(0.0, abs=1e-9)
+    few = packing[:1]
+    told = summary_of(few, vg.verify(few), vg.measure(few, ["coordination", "fabric"]))
+    assert told["share_of_rattlers"] == 1.0
+    assert not {"coordination_without_rattlers", "contact_anisotropy"} & set(told)

@@ -17,6 +17,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran.contacts.forces import AT_REST, ContactForces, partner_images
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
+from voxgran.measures.registered.coordination import rattler_variables
 from voxgran.packing.model import Packing
 
 #: largest force over the mean in the histogram, and width of its bins
@@ -121,11 +122,13 @@ def _compute(packing: Packing) -> Groups:
     """Return the numbers, the histogram, the contacts with their forces, and the residuals of the grains."""
     found, forces = force_statistics(packing), known_forces(packing)
     unit, row, weights = length_unit(packing), ("force_contact",), "weights of a median grain"
-    share = "share of the grains"
+    of_root, of_grains = rattler_variables(packing)
     root = {
-        "share_at_rest": variable((), forces.share_at_rest, "1", f"{share} with a residual below {AT_REST:g}"),
-        "share_of_rattlers": variable((), forces.share_of_rattlers, "1", f"{share} that are rattlers"),
-        "coordination_without_rattlers": variable(
+        "share_at_rest": variable(
+            (), forces.share_at_rest, "1", f"share of the grains with a residual below {AT_REST:g}"
+        ),
+        **of_root,
+        "coordination_by_forces": variable(
             (), found.coordination, "1", "mean number of partners by forces, of grains that are no rattlers"
         ),
         "mean_normal_force": variable((), found.mean, "1", f"mean normal force between grains, in {weights}"),
@@ -147,7 +150,7 @@ def _compute(packing: Packing) -> Groups:
     }
     grains = {
         "residual": variable(("grain",), forces.residual, "1", "unbalanced force and torque, in weights of the grain"),
-        "rattler": variable(("grain",), forces.rattler, "1", "whether the grain is a rattler"),
+        **of_grains,
         "largest_force": variable(("grain",), forces.largest_force(), "1", f"largest contact force, in {weights}"),
     }
     along = variable(("relative_force",), middle, "1", "normal force over its mean, middle of the bin")

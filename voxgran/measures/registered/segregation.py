@@ -3,20 +3,26 @@
 It is Spearman's rank correlation of the equivalent diameter and the height of the centroid, which runs against gravity:
 1 where the grains are sorted with the largest on top, -1 with the largest at the bottom, and 0 on average, with a
 standard deviation of 1 / sqrt(n - 1), where sizes and places of n grains are independent of each other. Equal values
-share the mean of their ranks. Spearman 1904, doi:10.2307/1412159.
+share the mean of their ranks. Spearman 1904, doi:10.2307/1412159. What it cannot see, such as middle sizes on top, is
+in the gradation of layers: see :mod:`voxgran.measures.layers`.
 """
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
+from voxgran.measures.layers import QUANTILES, Layers, size_layers
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
 from voxgran.measures.registered.density import INSET
 from voxgran.packing.model import Packing
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 #: relative difference up to which two diameters are equal
 SAME = 1e-9
@@ -132,13 +138,26 @@ def _applies(packing: Packing) -> bool:
     return packing.gravity is not None and packing.count > 0 and bool(size_ranks(packing.diameters).any())
 
 
+def layers_of(packing: Packing) -> Layers:
+    """Return the sizes of layers of equal numbers of grains, from low to high; none without gravity."""
+    height = heights(packing)
+    if height is None:
+        height = np.zeros(0)
+    return size_layers(packing.diameters[: len(height)], size_ranks(packing.diameters[: len(height)]), height)
+
+
 def _compute(packing: Packing) -> Groups:
-    """Return the correlations, and the mean heights of the size classes."""
+    """Return the correlations, the mean heights of the size classes, and the sizes of the layers."""
     found, unit, row = segregation(packing), length_unit(packing), ("size_class",)
     label = "rank correlation (Spearman) of diameter and height against gravity"
+    layers = layers_of(packing)
     values = {
         "segregation": variable((), found.whole, "1", label),
         "bulk_segregation": variable((), found.bulk, "1", f"{label}, of the grains in the bulk"),
+        "layer_distance": variable((), layers.largest, "1", "largest distance of the gradation of a layer"),
+        "layer_p_value": variable(
+            (), layers.p_value, "1", "probability of as large a distance of any layer in random order"
+        ),
     }
     classes = {
         "smallest_diameter": variable(row, found.smallest, unit, "smallest equivalent diameter of the size class"),
@@ -146,13 +165,32 @@ def _compute(packing: Packing) -> Groups:
         "class_count": variable(row, found.count, "1", "number of grains of the size class"),
         "mean_height": variable(row, found.height, unit, "mean height of the centroids of the size class"),
     }
-    return {"/": dataset(values), "/size_classes": dataset(classes)}
+    return {"/": dataset(values), "/size_classes": dataset(classes), "/layers": _layer_dataset(layers, unit)}
+
+
+def _layer_dataset(layers: Layers, unit: str) -> "Dataset":
+    """Return the variables of the layers."""
+    row, test = ("layer",), "of the gradation, by number, from that of all grains (Kolmogorov-Smirnov)"
+    made = {
+        "layer_count": variable(row, layers.count, "1", "number of grains of the layer"),
+        "mean_height": variable(row, layers.height, unit, "mean height of the centroids of the layer"),
+        "mean_diameter": variable(row, layers.mean, unit, "mean equivalent diameter of the layer"),
+        "mean_diameter_error": variable(row, layers.error, unit, "standard error of the mean of as many random grains"),
+        "diameter": variable(
+            (*row, "share"), layers.quantiles, unit, "equivalent diameter up to which that share of the grains is"
+        ),
+        "distance": variable(row, layers.distance, "1", f"largest difference {test}"),
+        "p_value": variable(
+            row, layers.p_values, "1", "probability of as large a distance of the layer in random order"
+        ),
+    }
+    return dataset(made, {"share": variable(("share",), QUANTILES, "1", "share of the grains by number")})
 
 
 registration = Measure(
     name="segregation",
-    summary="rank correlation of diameter and height, and the mean height of size classes",
-    groups=("/", "/size_classes"),
+    summary="rank correlation of diameter and height, size classes, and the gradation of layers",
+    groups=("/", "/size_classes", "/layers"),
     compute=_compute,
     applies=_applies,
 )

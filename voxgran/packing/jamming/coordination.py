@@ -27,21 +27,30 @@ class NearPairs:
         pairs, walls = self.gap <= gap, self.wall_gap <= gap
         return self._numbers(pairs, walls, np.ones(self.count, dtype=bool))
 
+    def bearing(self, gap: float, fewest: int | None = None, *, repeated: bool = True) -> Booleans:
+        """Return whether each sphere is no rattler, (n,), by its contacts with gaps up to a limit.
+
+        A rattler has fewer contacts than `fewest`, by default the dimension and one. A contact with a wall counts as
+        one of its sphere. If `repeated`, contacts with rattlers do not count.
+        """
+        pairs, walls = self.gap <= gap, self.wall_gap <= gap
+        least = self.dimension + 1 if fewest is None else fewest
+        held = np.ones(self.count, dtype=bool)
+        while True:
+            still = held & (self._numbers(pairs, walls, held) >= least)
+            if not repeated or (still == held).all():
+                return still
+            held = still
+
     def held(self, gap: float) -> tuple[float, float]:
         """Return the mean number of contacts of spheres that are no rattlers, and the share of rattlers.
 
         A rattler has fewer contacts with others that are none than the dimension and one. A contact with a wall counts
         as one of its sphere.
         """
-        pairs, walls = self.gap <= gap, self.wall_gap <= gap
-        held = np.ones(self.count, dtype=bool)
-        while True:
-            numbers = self._numbers(pairs, walls, held)
-            still = held & (numbers > self.dimension)
-            if (still == held).all():
-                break
-            held = still
+        held = self.bearing(gap)
         many = int(held.sum())
+        numbers = self._numbers(self.gap <= gap, self.wall_gap <= gap, held)
         mean = float(numbers[held].sum()) / many if many else 0.0
         return mean, 1.0 - many / max(self.count, 1)
 

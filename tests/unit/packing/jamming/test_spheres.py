@@ -226,6 +226,9 @@ def test_rattlers_are_found_one_after_the_other():
     walled = NearPairs(5, 2, i, j, np.full(6, 0.1), np.arange(4), np.zeros(4))
     assert walled.numbers(0.0).tolist() == [1, 1, 1, 1, 0]
     assert walled.held(0.1) == pytest.approx((4.0, 0.2))
+    # with fewer contacts that hold, and once: what hangs at the ring is let go, but still counts for the ring
+    assert ring.bearing(0.0, 2).tolist() == [True] * 4 + [False]
+    assert ring.bearing(0.0, 3, repeated=False).tolist() == [True] + [False] * 4
 
 
 def test_few_grains_and_none():
