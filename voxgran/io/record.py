@@ -241,7 +241,7 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
     points: list[Floats] = [np.zeros((0, 3))]
     faces: list[NDArray[Any]] = [np.zeros((0, 3), np.int64)]
     radii: list[Floats] = [np.zeros(0)]
-    entries = []
+    entries, ends = [], {"points": 0, "faces": 0, "radii": 0}
     for shape in shapes:
         geometry = shape.geometry
         parts: dict[str, tuple[list[Any], NDArray[Any]]] = {}
@@ -262,9 +262,9 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
             parts = {"points": (points, np.column_stack([corners, np.zeros(len(corners))]))}
             entry |= {"kind": geometry.kind, "radius": geometry.radius, "center": geometry.center}
         for name, (joined, array) in parts.items():
-            start = sum(len(part) for part in joined)
             joined.append(array)
-            entry[name] = (start, start + len(array))
+            entry[name] = (ends[name], ends[name] + len(array))
+            ends[name] += len(array)
         entries.append(entry)
     arrays = {"shape_points": np.concatenate(points), "shape_faces": np.concatenate(faces)}
     return entries, {**arrays, "shape_radii": np.concatenate(radii)}
