@@ -9,12 +9,14 @@ from voxgran._base.kernels import kernel
 CELLS = 3
 
 
-def pair_counts(points: Floats, step: float, bins: int, *, edges: Floats, periodic: Booleans) -> tuple[Integers, Floats]:
+def pair_counts(
+    points: Floats, step: float, bins: int, *, edges: Floats, periodic: Booleans
+) -> tuple[Integers, Floats]:
     """Return the numbers of ordered pairs (bins,) by distance, and the sums (bins,) of their squares over the points.
 
-    Bin 0 reaches from 0 to half a `step`, bin k > 0 from ``(k - 0.5) * step`` to ``(k + 0.5) * step``. Points (n, 3) are
-    counted with their nearest images on periodic axes, the periods of which are `edges` (3,), at least twice the end of
-    the last bin.
+    Bin 0 reaches from 0 to half a `step`, bin k > 0 from ``(k - 0.5) * step`` to ``(k + 0.5) * step``. Points (n, 3)
+    are counted with their nearest images on periodic axes, the periods of which are `edges` (3,), at least twice the
+    end of the last bin.
     """
     total, squares = np.zeros(bins, np.int64), np.zeros(bins)
     if len(points) < 2:

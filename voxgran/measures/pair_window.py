@@ -61,10 +61,10 @@ class PairWindow:
     def held(self) -> Booleans:
         """Which grains have their centroids in the window, (n,)."""
         place = self.packing.position[:, : len(self.lower)]
-        held: Booleans = ((place >= self.lower) & (place <= self.upper) | self.periodic).all(axis=1)
+        held: Booleans = np.asarray(((place >= self.lower) & (place <= self.upper) | self.periodic).all(axis=1))
         if not self._is_flat:
             held &= self.packing.container.signed_distance(self.packing.position) <= -self.inset
-        return held & bool((self.edges > 0).all())
+        return np.asarray(held & (self.edges > 0).all())
 
     @property
     def volume(self) -> float:
@@ -120,7 +120,9 @@ class PairWindow:
         """Distances, and the covariance over the volume at them."""
         fft, lattice = load("scipy.fft"), self._lattice
         counts = np.array(lattice.shape)
-        size = [int(n) if wraps else fft.next_fast_len(2 * int(n)) for n, wraps in zip(counts, self.periodic, strict=True)]
+        size = [
+            int(n) if wraps else fft.next_fast_len(2 * int(n)) for n, wraps in zip(counts, self.periodic, strict=True)
+        ]
         found = fft.irfftn(np.abs(fft.rfftn(lattice, s=size)) ** 2, s=size)
         voxel = self.edges / counts
         lags = [step * np.abs(n * fft.fftfreq(n)) for step, n in zip(voxel, size, strict=True)]

@@ -95,7 +95,7 @@ def radial_distribution(
     if count < 2 or not bins:
         if packing.count > 1:
             warnings.warn(
-                f"the window of the radial distribution function holds {count} of the centroids: at least 2 are needed; "
+                f"the window of the radial distribution function holds {count} of the centroids: it needs at least 2; "
                 "take more grains, a larger container or a smaller inset",
                 PackingWarning,
                 stacklevel=2,
@@ -177,7 +177,7 @@ def _bins(window: PairWindow, diameter: float, count: int, reach: float | None, 
     spacing = float(np.prod(window.edges / window.edges.max()) / max(count, 1)) ** (1 / d) * window.edges.max()
     end = min(REACH * max(diameter, spacing), most) if reach is None else float(reach)
     width = max(STEP * diameter, end / MOST_BINS) if step is None else step
-    bins = int(math.floor(end / width * (1 + 1e-12) + 0.5))
+    bins = math.floor(end / width * (1 + 1e-12) + 0.5)
     return np.concatenate([np.zeros(1), (np.arange(bins) + 0.5) * width]) if bins else np.zeros(1)
 
 
