@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, as_number
-from voxgran.containers.model import boundary_of
 from voxgran.measures.cell_volumes import cell_volumes
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.pair_window import PairWindow
@@ -149,7 +148,7 @@ def _lattice(window: PairWindow, diameter: float) -> tuple[Floats, Floats]:
 def _held(window: PairWindow, cells: Floats, edges: Floats) -> Booleans:
     """Return which cells lie in the region: in a box all, in other containers those whose outer spheres lie inside."""
     container, d = window.packing.container, len(cells)
-    if boundary_of(container).is_flat:
+    if window.is_flat:
         return np.ones(tuple(cells), dtype=np.bool_)
     axes = [low + (np.arange(n) + 0.5) * edge for low, n, edge in zip(window.lower, cells, edges, strict=True)]
     middles = np.zeros((int(np.prod(cells)), 3))

@@ -9,15 +9,16 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_length, as_number
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
-from voxgran.measures.pair_counts import pair_counts
+from voxgran.measures.pair_sums import PairSums, pair_sums
 from voxgran.measures.pair_window import PairWindow
 from voxgran.measures.registered.coordination import mean_diameter
-from voxgran.measures.registered.density import INSET
 from voxgran.measures.structure import StructureFactor, lattice_structure, transformed_structure
 from voxgran.packing.model import Packing
 
 #: default reach, in mean diameters or, in sparse packings, in mean spacings, and width of bins in mean diameters
 REACH, STEP, MOST_BINS = 5.0, 0.05, 400
+#: distance from the walls at which weights are above 0, and over which they rise to 1, in mean diameters
+INSET, RISE = 1.0, 1.0
 #: largest wave number and width of the shells, times the mean diameter
 WAVE_REACH, WAVE_STEP = 25.0, 0.2
 
@@ -45,10 +46,11 @@ def radial_distribution(
 ) -> RadialDistribution:
     """Return the radial distribution function g(r) of the centroids.
 
-    It is the number of pairs in each bin over that of independent points in the same window, which is found from the
-    isotropized set covariance of the window (:mod:`voxgran.measures.pair_window`): so it is unbiased up to the walls,
-    where the packing is homogeneous and isotropic. The covariance is exact in boxes and rectangles; in other
-    containers its relative error is below 0.002.
+    It is the number of pairs in each bin over that of independent points. Along walls the centroids have weights, which
+    rise from 0 to 1 over a mean diameter, and pairs are compared with the autocorrelation of these weights
+    (:mod:`voxgran.measures.pair_window`): so it is unbiased up to the walls, where the packing is homogeneous and
+    isotropic. The autocorrelation is exact in boxes and rectangles; in other containers its relative error is below
+    0.002.
 
     Parameters
     ----------
@@ -61,9 +63,9 @@ def radial_distribution(
         Width of the bins. The first one reaches from 0 to half a step, so that multiples of the step are middles of
         bins. Default: a twentieth of the mean diameter.
     inset : float, optional
-        Smallest distance from the walls of the centroids that count. Default: 1.5 median diameters, as in the bulk
-        solid fraction; less takes more pairs and the layers at the walls. With gravity only the part below the height
-        up to which 85 % of the volume of the grains lies is counted.
+        Distance from the walls from which weights are above 0. Default: a mean diameter; so the part that counts is on
+        average that of the bulk solid fraction, and the layers at the walls do not count. With gravity only the part
+        below the height up to which 85 % of the volume of the grains lies is counted.
 
     Returns
     -------
@@ -86,10 +88,10 @@ def radial_distribution(
     6.0
     """
     diameter = mean_diameter(packing)
-    if inset is None:
-        inset = INSET * float(np.median(packing.diameters)) if packing.count else 0.0
-    window = PairWindow.of(packing, as_number(inset, "inset", at_least=0.0))
-    points = packing.position[window.held]
+    least = INSET * diameter if inset is None else as_number(inset, "inset", at_least=0.0)
+    window = PairWindow.of(packing, least, rise=RISE * diameter)
+    weights = window.weights(packing.position)
+    points, weights = packing.position[weights > 0], weights[weights > 0]
     edges = _bins(window, diameter, len(points), reach, step)
     count, bins = len(points), len(edges) - 1
     if count < 2 or not bins:
@@ -102,17 +104,21 @@ def radial_distribution(
             )
         none = np.full(bins, np.nan)
         return RadialDistribution(edges, none, none, none, np.zeros(bins), count, math.nan)
-    total, squares = _counts(window, points, edges)
-    pairs = total / 2
-    expected = count * (count - 1) / 2 * window.pair_shares(edges)
-    spread = (squares - total.astype(np.float64) ** 2 / count) * (count / (count - 1))
-    # the jackknife counts the part of the variance that is of pairs, not of points, twice
-    variance = np.maximum(np.maximum(spread / 2, spread - pairs), 0.0)
-    g = pairs / expected
-    # independent points without walls: the share of the shell
+    sums = _sums(window, points, weights, edges)
+    whole = float(weights.sum())
+    other = weights * (whole - weights)
+    all_pairs = float(other.sum())
+    expected = all_pairs * window.pair_shares(edges)
+    # jackknife over the grains; it counts the part of the variance that is of pairs, not of points, twice
+    mean = sums.weight / all_pairs
+    spread = sums.squares - 2 * mean * sums.cross + mean**2 * (other**2).sum()
+    spread = np.maximum(spread, 0.0) * (count / (count - 1))
+    variance = 4 * np.maximum(spread / 2, spread - sums.own / 2)
+    g = sums.weight / expected
     free = np.diff((edges / edges[-1]) ** packing.dimension) * _sphere(edges[-1], packing.dimension) / window.volume
-    neighbours = np.cumsum(g * free) * (count - 1)
-    return RadialDistribution(edges, g, np.sqrt(variance) / expected, neighbours, pairs, count, count / window.volume)
+    neighbours = np.cumsum(g * free) * (all_pairs / whole)
+    error, density = np.sqrt(variance) / expected, whole / window.volume
+    return RadialDistribution(edges, g, error, neighbours, sums.pairs / 2, count, density)
 
 
 def structure_factor(packing: Packing, *, reach: float | None = None) -> StructureFactor:
@@ -120,7 +126,7 @@ def structure_factor(packing: Packing, *, reach: float | None = None) -> Structu
 
     Where all axes are periodic it is exact on each vector of the reciprocal lattice: means over shells 0.2 mean
     diameters wide of at most 60 vectors. In other containers it is the transform of :func:`radial_distribution` with
-    Lorch's window, from the wave number ``pi / R`` of its reach R.
+    Lorch's window, from the wave number ``2 pi / R`` of its reach R.
 
     Parameters
     ----------
@@ -155,7 +161,7 @@ def _structure(packing: Packing, found: RadialDistribution | None, reach: float 
         return StructureFactor(none, none, none, np.zeros(0, np.int64))
     else:
         edges = found.edges / diameter
-        waves = np.arange(math.pi / edges[-1], furthest, WAVE_STEP)
+        waves = np.arange(2 * math.pi / edges[-1], furthest, WAVE_STEP)
         density = found.density * diameter**d
         made = transformed_structure(edges, found.g, found.error, density=density, dimension=d, waves=waves)
     return StructureFactor(made.wave_number / diameter, made.value, made.error, made.vectors)
@@ -181,15 +187,14 @@ def _bins(window: PairWindow, diameter: float, count: int, reach: float | None, 
     return np.concatenate([np.zeros(1), (np.arange(bins) + 0.5) * width]) if bins else np.zeros(1)
 
 
-def _counts(window: PairWindow, points: Floats, edges: Floats) -> tuple[Floats, Floats]:
-    """Return the numbers of ordered pairs, and the sums of their squares over the points, in bins."""
+def _sums(window: PairWindow, points: Floats, weights: Floats, edges: Floats) -> PairSums:
+    """Return the sums over the pairs of points in bins."""
     d = window.packing.dimension
     # lengths in steps: no power of a length overflows
     step = 2 * edges[1]
     periods, periodic = np.ones(3), np.zeros(3, np.bool_)
     periods[:d], periodic[:d] = window.edges / step, window.periodic
-    total, squares = pair_counts(points / step, 1.0, len(edges) - 1, edges=periods, periodic=periodic)
-    return total.astype(np.float64), squares
+    return pair_sums(points / step, weights, 1.0, len(edges) - 1, edges=periods, periodic=periodic)
 
 
 def _sphere(radius: float, dimension: int) -> float:

@@ -1,26 +1,41 @@
-"""Numbers of pairs of points by their distance, from a cell list."""
+"""Numbers and weights of pairs of points by their distance, from a cell list."""
+
+from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.kernels import kernel
 
 #: cells of the list per reach
 CELLS = 3
 
 
-def pair_counts(
-    points: Floats, step: float, bins: int, *, edges: Floats, periodic: Booleans
-) -> tuple[Integers, Floats]:
-    """Return the numbers of ordered pairs (bins,) by distance, and the sums (bins,) of their squares over the points.
+class PairSums(NamedTuple):
+    """Sums over ordered pairs (i, j) of points with weights w, by distance, each (bins,).
 
-    Bin 0 reaches from 0 to half a `step`, bin k > 0 from ``(k - 0.5) * step`` to ``(k + 0.5) * step``. Points (n, 3)
-    are counted with their nearest images on periodic axes, the periods of which are `edges` (3,), at least twice the
-    end of the last bin.
+    ``q_i`` is the sum of ``w_i * w_j`` over the points j at a distance in the bin.
     """
-    total, squares = np.zeros(bins, np.int64), np.zeros(bins)
+
+    pairs: Floats  # number of pairs
+    weight: Floats  # sum of w_i * w_j
+    own: Floats  # sum of (w_i * w_j)**2
+    squares: Floats  # sum of q_i**2 over the points
+    cross: Floats  # sum of q_i * w_i * (the sum of all other weights) over the points
+
+
+def pair_sums(
+    points: Floats, weights: Floats, step: float, bins: int, *, edges: Floats, periodic: Booleans
+) -> PairSums:
+    """Return sums over the pairs of points (n, 3) with weights (n,), by distance.
+
+    Bin 0 reaches from 0 to half a `step`, bin k > 0 from ``(k - 0.5) * step`` to ``(k + 0.5) * step``. Points are
+    counted with their nearest images on periodic axes, the periods of which are `edges` (3,), at least twice the end
+    of the last bin.
+    """
+    found = PairSums(*np.zeros((5, bins)))
     if len(points) < 2:
-        return total, squares
+        return found
     reach = (bins - 0.5) * step
     low = points.min(axis=0)
     extent = np.ptp(points, axis=0)
@@ -36,20 +51,24 @@ def pair_counts(
     order = np.argsort(flat, kind="stable")
     start = np.searchsorted(flat[order], np.arange(int(np.prod(cells)) + 1))
     wraps = np.where(periodic, span, 0.0)
-    _count(inside[order], index[order], start, cells, around, wraps, 1.0 / step, reach, total, squares)
-    return total, squares
+    arguments = inside[order], weights[order], index[order], start, cells, around, wraps, 1.0 / step, reach
+    _add_pairs(*arguments, float(weights.sum()), *found)
+    return found
 
 
 @kernel
-def _count(points, index, start, cells, around, wraps, scale, reach, total, squares):  # type: ignore[no-untyped-def]
-    """Add the numbers of pairs, and their squares."""
-    row = np.zeros(len(total), np.int64)
+def _add_pairs(
+    points, weights, index, start, cells, around, wraps, scale, reach, whole, pairs, weight, own, squares, cross
+):  # type: ignore[no-untyped-def]
+    """Add the sums over all pairs; the arrays of :class:`PairSums` come last."""
+    bins = len(pairs)
+    many, row, row_squares = np.zeros(bins, np.int64), np.zeros(bins), np.zeros(bins)
     limit = reach * reach
     hx, hy, hz = 0.5 * wraps[0], 0.5 * wraps[1], 0.5 * wraps[2]
     first, last = np.zeros(3, np.int64), np.zeros(3, np.int64)
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        row[:] = 0
+        many[:], row[:], row_squares[:] = 0, 0.0, 0.0
         for a in range(3):
             first[a], last[a] = index[i, a] - around[a], index[i, a] + around[a] + 1
             if wraps[a] == 0.0:
@@ -68,9 +87,16 @@ def _count(points, index, start, cells, around, wraps, scale, reach, total, squa
                         dz = wraps[2] - dz if wraps[2] > 0.0 and dz > hz else dz
                         square = dx * dx + dy * dy + dz * dz
                         if square < limit and j != i:
-                            bin_ = int(np.sqrt(square) * scale + 0.5)
-                            if bin_ < len(row):
-                                row[bin_] += 1
-        for k in range(len(row)):
-            total[k] += row[k]
-            squares[k] += float(row[k]) * row[k]
+                            k = int(np.sqrt(square) * scale + 0.5)
+                            if k < bins:
+                                many[k] += 1
+                                row[k] += weights[j]
+                                row_squares[k] += weights[j] * weights[j]
+        w = weights[i]
+        for k in range(bins):
+            q = w * row[k]
+            pairs[k] += many[k]
+            weight[k] += q
+            own[k] += w * w * row_squares[k]
+            squares[k] += q * q
+            cross[k] += q * w * (whole - w)
