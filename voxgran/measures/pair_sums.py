@@ -33,41 +33,41 @@ def pair_sums(
     counted with their nearest images on periodic axes, the periods of which are `edges` (3,), at least twice the end
     of the last bin.
     """
-    found = PairSums(*np.zeros((5, bins)))
+    sums = np.zeros((5, bins))
     if len(points) < 2:
-        return found
+        return PairSums(*sums)
     reach = (bins - 0.5) * step
     low = points.min(axis=0)
     extent = np.ptp(points, axis=0)
     span = np.where(periodic, edges, np.maximum(extent, reach))
     inside = np.where(periodic, (points - low) % span, points - low)
-    # about as many cells as points, at most
     wide = periodic | (extent > 0)
-    most = int(np.ceil(2 * len(points) ** (1 / max(int(wide.sum()), 1))))
-    cells = np.where(wide, np.clip(np.floor(span * CELLS / reach), 1, most), 1).astype(np.int64)
+    cells = np.where(wide, np.maximum(span * CELLS / reach, 1.0), 1.0)
+    # a few cells per point, at most
+    most = 8 * len(points)
+    cells = np.maximum(cells / max(1.0, float(np.prod(cells)) / most) ** (1 / max(int(wide.sum()), 1)), 1.0)
+    cells = np.minimum(cells, most).astype(np.int64)
     index = np.minimum((inside / span * cells).astype(np.int64), cells - 1)
     around = np.minimum(np.ceil(reach / span * cells).astype(np.int64), cells)
     flat = (index[:, 0] * cells[1] + index[:, 1]) * cells[2] + index[:, 2]
     order = np.argsort(flat, kind="stable")
     start = np.searchsorted(flat[order], np.arange(int(np.prod(cells)) + 1))
     wraps = np.where(periodic, span, 0.0)
-    arguments = inside[order], weights[order], index[order], start, cells, around, wraps, 1.0 / step, reach
-    _add_pairs(*arguments, float(weights.sum()), *found)
-    return found
+    packed = np.column_stack([inside, weights])[order]
+    _add_pairs(packed, index[order], start, cells, around, wraps, 1.0 / step, reach, float(weights.sum()), sums)
+    return PairSums(*sums)
 
 
 @kernel
-def _add_pairs(
-    points, weights, index, start, cells, around, wraps, scale, reach, whole, pairs, weight, own, squares, cross
-):  # type: ignore[no-untyped-def]
-    """Add the sums over all pairs; the arrays of :class:`PairSums` come last."""
-    bins = len(pairs)
+def _add_pairs(packed, index, start, cells, around, wraps, scale, reach, whole, sums):  # type: ignore[no-untyped-def]
+    """Add the sums over all pairs, rows of `sums` in the order of :class:`PairSums`."""
+    bins = sums.shape[1]
     many, row, row_squares = np.zeros(bins, np.int64), np.zeros(bins), np.zeros(bins)
     limit = reach * reach
     hx, hy, hz = 0.5 * wraps[0], 0.5 * wraps[1], 0.5 * wraps[2]
     first, last = np.zeros(3, np.int64), np.zeros(3, np.int64)
-    for i in range(len(points)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+    for i in range(len(packed)):
+        x, y, z, w = packed[i, 0], packed[i, 1], packed[i, 2], packed[i, 3]
         many[:], row[:], row_squares[:] = 0, 0.0, 0.0
         for a in range(3):
             first[a], last[a] = index[i, a] - around[a], index[i, a] + around[a] + 1
@@ -81,7 +81,7 @@ def _add_pairs(
                 for cz in range(first[2], last[2]):
                     cell = column + cz % cells[2]
                     for j in range(start[cell], start[cell + 1]):
-                        dx, dy, dz = abs(points[j, 0] - x), abs(points[j, 1] - y), abs(points[j, 2] - z)
+                        dx, dy, dz = abs(packed[j, 0] - x), abs(packed[j, 1] - y), abs(packed[j, 2] - z)
                         dx = wraps[0] - dx if wraps[0] > 0.0 and dx > hx else dx
                         dy = wraps[1] - dy if wraps[1] > 0.0 and dy > hy else dy
                         dz = wraps[2] - dz if wraps[2] > 0.0 and dz > hz else dz
@@ -90,13 +90,12 @@ def _add_pairs(
                             k = int(np.sqrt(square) * scale + 0.5)
                             if k < bins:
                                 many[k] += 1
-                                row[k] += weights[j]
-                                row_squares[k] += weights[j] * weights[j]
-        w = weights[i]
+                                row[k] += packed[j, 3]
+                                row_squares[k] += packed[j, 3] * packed[j, 3]
         for k in range(bins):
             q = w * row[k]
-            pairs[k] += many[k]
-            weight[k] += q
-            own[k] += w * w * row_squares[k]
-            squares[k] += q * q
-            cross[k] += q * w * (whole - w)
+            sums[0, k] += many[k]
+            sums[1, k] += q
+            sums[2, k] += w * w * row_squares[k]
+            sums[3, k] += q * q
+            sums[4, k] += q * w * (whole - w)

@@ -172,10 +172,10 @@ def _directions(dimension: int) -> tuple[Floats, Floats]:
     flat = np.stack([np.cos(np.pi / 2 * nodes), np.sin(np.pi / 2 * nodes)], axis=1)
     if dimension == 2:
         return flat, shares
-    side = np.sqrt(1 - nodes**2)
-    upright = np.broadcast_to(nodes[:, None, None], (ANGLES, ANGLES, 1))
-    every = np.concatenate([side[:, None, None] * flat, upright], axis=2)
-    return every.reshape(-1, 3), np.outer(shares, shares).reshape(-1)
+    upright, side = np.sin(np.pi / 2 * nodes), np.cos(np.pi / 2 * nodes)
+    heights = np.broadcast_to(upright[:, None, None], (ANGLES, ANGLES, 1))
+    every = np.concatenate([side[:, None, None] * flat, heights], axis=2)
+    return every.reshape(-1, 3), np.outer(np.pi / 2 * side * shares, shares).reshape(-1)
 
 
 def _smoothed(place: Floats, value: Floats, weight: Floats, step: float) -> tuple[Floats, Floats]:
