@@ -114,10 +114,7 @@ def test_cells_hold_what_windows_hold(shape, periodic):
     flat = shape in ("disk", "polygon")
     container = Rectangle((3, 4), periodic="xy" if periodic else False) if flat else Box((3, 4, 5), periodic=periodic)
     high = container.bounds[1]
-    if flat:
-        position = np.column_stack([lattice(2, 2) * [1.5, 2], np.zeros(4)])
-    else:
-        position = lattice(2, 2, 2) * [1.5, 2, 2.5]
+    position = np.column_stack([lattice(2, 2) * [1.5, 2], np.zeros(4)]) if flat else lattice(2, 2, 2) * [1.5, 2, 2.5]
     packing = Packing.of([shapes[shape]], container, position=position + np.array([0.3 * periodic, 0.2, 0]))
     d = packing.dimension
     counts = np.array([4, 5, 6][:d])
