@@ -48,6 +48,7 @@ CONTAINERS = {
 def grains(position, container, scale=1.0, **more):
     """Return spheres, or disks, of equal size at positions."""
     shape = SPHERE if container.dimension == 3 else DISK
+    more = {"gravity": None} | more
     return Packing.of([shape], container, position=position, scale=np.full(len(position), scale), **more)
 
 
@@ -388,3 +389,27 @@ def test_a_tree_of_many_points_is_the_twin():
     counts = tree.count_neighbors(tree, found.edges[1:]) - 2000
     assert (2 * np.cumsum(found.pairs)).tolist() == counts.tolist()
     assert found.neighbours == pytest.approx(counts / 2000)
+
+
+def test_the_reach_that_is_taken():
+    """Five diameters in dense packings, five spacings in sparse ones, half of small windows."""
+    dense = radial_distribution(grains(lattice(12, 12, 12), Box((12, 12, 12), periodic="xyz")))
+    assert dense.edges[-1] == pytest.approx(4.975)
+    assert np.diff(dense.edges)[1:] == pytest.approx(0.05)
+    sparse = radial_distribution(grains(lattice(12, 12, 12) * 2, Box((24, 24, 24), periodic="xyz")))
+    assert sparse.edges[-1] == pytest.approx(9.975)
+    small = radial_distribution(grains(lattice(6, 6, 6), Box((6, 6, 6), periodic="xyz")))
+    assert small.edges[-1] == pytest.approx(2.975)
+    walled = radial_distribution(grains(lattice(8, 8, 8), Box((8, 8, 8))))
+    assert walled.edges[-1] == pytest.approx(2.975)
+
+
+def test_one_shell_in_the_window_of_lorch():
+    edges, g = np.linspace(0, 5, 501), np.ones(500)
+    g[200] = 3.0
+    waves = np.array([0.5, 2.0, 7.0])
+    found = transformed_structure(edges, g, 0.1 * (g > 1), density=0.4, dimension=3, waves=waves)
+    shell, r = 4 / 3 * math.pi * (edges[201] ** 3 - edges[200] ** 3), edges[200:202].mean()
+    weight = 0.4 * shell * math.sin(math.pi * r / 5) / (math.pi * r / 5) * np.sin(waves * r) / (waves * r)
+    assert found.value == pytest.approx(1 + 2 * weight)
+    assert found.error == pytest.approx(0.1 * np.abs(weight))
