@@ -96,7 +96,7 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     >>> position = [[x + 0.5, y + 0.5, z + 0.5] for x in range(6) for y in range(6) for z in range(6)]
     >>> found = homogeneity(vg.Packing.of([vg.make_shape("sphere")], box, position=position))
     >>> found.size.tolist(), bool(found.deviation[1] < 1e-12)
-    ([0.5, 1.0, 1.5, 2.0, 3.0], True)
+    ([0.5, 1.0, 1.5, 2.0, 2.5], True)
     """
     wanted = as_number(tolerance, "tolerance", above=0.0)
     if inset is None:
