@@ -142,7 +142,7 @@ class Solids:
         """Return the volume of a union of spheres inside a box."""
         centers, radii, planes = spheres
         sphere, shift = images(centers, radii, lower, upper, self.packing.container)
-        chosen = _chosen(planes, sphere) if len(planes[1]) else None
+        chosen = chosen_planes(planes, sphere) if len(planes[1]) else None
         moved = centers[sphere] + shift
         if self.packing.dimension == 3:
             return float(cut_spheres(moved, radii[sphere], lower=lower, upper=upper, planes=chosen).sum())
@@ -246,7 +246,7 @@ def power_planes(centers: Floats, radii: Floats, container: Container | None = N
     return start, normals, np.concatenate([ahead, behind])[order]
 
 
-def _chosen(planes: Planes, sphere: Integers) -> Planes:
+def chosen_planes(planes: Planes, sphere: Integers) -> Planes:
     """Return the planes of the given spheres, in their order."""
     start, normals, offsets = planes
     counts = (start[1:] - start[:-1])[sphere]

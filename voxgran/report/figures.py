@@ -23,6 +23,12 @@ if TYPE_CHECKING:
 
 #: descriptors of the form of grains that are drawn
 FORM = ("elongation", "flatness", "sphericity", "roundness")
+#: labels of estimates over a coordinate, the level of independent places, and whether their axes are logarithmic
+ESTIMATES: dict[str, tuple[str, float | None, bool]] = {
+    "radial_distribution": ("g(r)", 1.0, False),
+    "structure_factor": ("S(k)", 1.0, False),
+    "window_deviation": ("standard deviation of the solid fraction", None, True),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +111,8 @@ def _curves(packing: Packing, statistics: "DataTree | None") -> Iterator[Figure]
 
 
 def curves_of(packing: Packing, statistics: "DataTree | None") -> "list[tuple[Dataset, str]]":
-    """Return dataset and name of each curve: solid fractions over a coordinate, coordination numbers over the gap.
+    """Return dataset and name of each curve: solid fractions over a coordinate, coordination numbers over the gap, and
+    :data:`ESTIMATES`.
 
     Periodic axes are omitted, since all positions along them are equivalent.
     """
@@ -117,7 +124,11 @@ def curves_of(packing: Packing, statistics: "DataTree | None") -> "list[tuple[Da
             along = str(variable.dims[0]) if variable.ndim == 1 else ""
             if along not in data.coords or variable.size < 2 or along in periodic or str(name).endswith("_error"):
                 continue
-            if str(name).startswith("solid_fraction") or (along == "gap" and "coordination" in str(name)):
+            if (
+                str(name) in ESTIMATES
+                or str(name).startswith("solid_fraction")
+                or (along == "gap" and "coordination" in str(name))
+            ):
                 found.append((data, str(name)))
     return found
 
@@ -131,6 +142,18 @@ def _draw_curve(axes: Any, *, data: "Dataset", name: str, levels: Any, published
     if place.name == "gap":
         return plots.plot_coordination(axes, place.values, variable.values, name=label, unit=unit)
     error = data[f"{name}_error"].values if f"{name}_error" in data else 0.0
+    if name in ESTIMATES:
+        title, level, logarithmic = ESTIMATES[name]
+        return plots.plot_estimate(
+            axes,
+            place.values,
+            variable.values,
+            label=label + plots.unit_text(unit),
+            name=title,
+            error=error,
+            level=level,
+            logarithmic=logarithmic,
+        )
     return plots.plot_profile(
         axes, place.values, variable.values, name=label, unit=unit, error=error, levels=levels, published=published
     )

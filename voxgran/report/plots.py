@@ -156,6 +156,45 @@ def plot_coordination(
     return axes
 
 
+def plot_estimate(
+    axes: Any,
+    place: ArrayLike,
+    estimate: ArrayLike,
+    *,
+    label: str,
+    name: str,
+    error: ArrayLike = 0.0,
+    level: float | None = None,
+    logarithmic: bool = False,
+) -> Any:
+    """Draw an estimate (n,) over a coordinate (n,) with its standard errors as a band; NaN leaves a gap.
+
+    `label` is that of the axis of the coordinate, unit included, and `name` that of the other one. A `level` is a
+    dashed line; logarithmic axes leave out values that are not above 0.
+
+    Raises
+    ------
+    InputError
+        If the coordinate is not an (n,) array of finite numbers.
+    """
+    x, y = as_floats(place, "place", shape=(None,)), np.asarray(estimate, dtype=np.float64)
+    band = np.nan_to_num(np.asarray(error, dtype=np.float64)) + np.zeros(len(x))
+    low, marker = y - band, "o" if logarithmic else None
+    if logarithmic:
+        y = np.where(y > 0, y, np.nan)
+        low = np.where(low > 0, low, 0.5 * y)
+        axes.set(xscale="log", yscale="log")
+    if level is not None:
+        axes.axhline(level, color=_INK, linewidth=1.0, linestyle=(0, (2, 2)))
+    if (band > 0).any():
+        axes.fill_between(x, low, y + band, color=PLACED, alpha=0.25, linewidth=0)
+    axes.plot(x, y, color=PLACED, marker=marker, markersize=4)
+    axes.set(xlabel=label, ylabel=name)
+    if not logarithmic:
+        axes.set(xlim=(0, None), ylim=(0, None))
+    return axes
+
+
 def plot_contact_numbers(axes: Any, numbers: ArrayLike, probability: ArrayLike, *, error: ArrayLike = 0.0) -> Any:
     """Draw the probability (n,) of each number of contacts (n,) as bars, with standard errors.
 

@@ -5,13 +5,16 @@ import math
 import shutil
 import subprocess
 
+import kit
 import numpy as np
 import pytest
 import scipy.stats
+from matplotlib.figure import Figure
 
 import voxgran as vg
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
+from voxgran.report import plots
 from voxgran.report.figures import figures_of, size_test
 from voxgran.report.shape_plots import normal_rose
 from voxgran.report.wall_law import law_applies, wall_law
@@ -167,3 +170,22 @@ def test_a_single_grain_has_no_map():
     names = {figure.name for figure in figures_of(one, vg.measure(one, ["coordination", "fabric"]))}
     assert "contact_numbers" in names
     assert not {"contact_normals", "contact_normals_map"} & names
+
+
+def test_estimates_are_drawn_with_their_errors():
+    box = vg.Box((8, 8, 8), periodic="xyz")
+    packing = vg.Packing.of([vg.make_shape("sphere")], box, position=kit.lattice(8, 8, 8) + 0.2)
+    found = {figure.name: figure for figure in figures_of(packing, vg.measure(packing, ["rdf", "homogeneity"]))}
+    assert {"radial_distribution", "structure_factor", "window_deviation"} <= set(found)
+    assert "g(r)" in found["radial_distribution"].svg
+    assert "wave number times mean diameter" in found["structure_factor"].svg
+    assert len(found["radial_distribution"].numbers["pair_distance"]) == 80
+    axes = Figure().add_subplot()
+    plots.plot_estimate(axes, [1, 2, 3], [0.1, 0.0, 0.01], label="size", name="deviation", error=0.02, logarithmic=True)
+    assert axes.get_xscale() == axes.get_yscale() == "log"
+    assert np.isnan(axes.lines[0].get_ydata()).tolist() == [False, True, False]
+    # the band of the last value would reach below 0
+    assert axes.collections[0].get_paths()[0].vertices[:, 1].min() > 0
+    plots.plot_estimate(axes := Figure().add_subplot(), [0, 1], [1, np.nan], label="r (mm)", name="g(r)", level=1.0)
+    assert axes.get_xlabel() == "r (mm)"
+    assert len(axes.lines) == 2

@@ -1,0 +1,260 @@
+"""Homogeneity: how the solid fraction of windows varies with their size, and the representative volume.
+
+The standard deviation over windows of the volume V decays as a power of V: as V**(-1/2) where grains are placed
+independently of each other, faster in dense packings, where numbers vary with the surface of the window (Torquato &
+Stillinger 2003, doi:10.1103/PhysRevE.68.041113), and not at all where parts of the packing differ. A volume is
+representative where the deviation is a stated share of the solid fraction (Kanit et al. 2003,
+doi:10.1016/S0020-7683(03)00143-4).
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, as_number
+from voxgran.measures.cell_volumes import cell_volumes
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
+from voxgran.measures.pair_window import PairWindow
+from voxgran.measures.registered.coordination import mean_diameter
+from voxgran.measures.registered.density import INSET
+from voxgran.measures.window import Solids
+from voxgran.packing.model import Packing
+
+#: smallest window in mean diameters, cells along the shortest edge of the region, and cells in all, at most
+SMALLEST, MOST_CELLS, ALL_CELLS = 0.5, 48, 300_000
+#: ratio of the edges of two windows
+RATIO = 1.35
+#: windows that fit beside each other, at least, and from how many on their sizes have the same weight in the fit
+FEWEST, MANY = 8, 100
+#: smallest window of the fit in mean diameters, where three are larger
+ASYMPTOTIC = 2.0
+#: blocks of the jackknife along each axis, in 3D and 2D
+BLOCKS = {3: 2, 2: 3}
+#: share of the solid fraction below which a deviation is round-off
+ROUND_OFF = 1e-10
+#: relative deviation of a representative volume
+TOLERANCE = 0.05
+#: slowest decay: a representative volume farther away is not known
+SLOWEST = -0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Homogeneity:
+    """Standard deviation of the solid fraction over windows, from small to large."""
+
+    size: Floats  # (k,) edge of the cube (in 2D square) with the volume of a window, in the unit of lengths
+    deviation: Floats  # (k,) standard deviation of the solid fraction
+    error: Floats  # (k,) its standard error, from a jackknife over blocks
+    windows: Floats  # (k,) how many windows fit beside each other
+    solid_fraction: float  # of the whole region; NaN without one
+    exponent: float  # of the decay of the deviation with the volume of the window; NaN where it is 0
+    exponent_error: float  # standard error
+    representative_size: float  # size at which the relative deviation falls below the tolerance; NaN if it is not known
+    representative_size_error: float  # standard error
+
+
+def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float | None = None) -> Homogeneity:
+    """Return the standard deviation of the solid fraction over windows of growing size.
+
+    Windows are cubes, in 2D squares, with edges from half a mean diameter (a 48th of the region, if that is more) up
+    to half the region; all positions on a lattice with that spacing count. They lie in the whole periodic cell, or at
+    least 1.5 median diameters inside all walls and, with gravity, below the height up to which 85 % of the volume of
+    the grains lies. Grains are cut exactly, as in the bulk solid fraction; the common volume of overlapping grains
+    other than spheres counts for each.
+
+    Since all windows lie in one region, their variance is divided by one minus the share of a window of the region.
+    Windows overlap; so standard errors are those of a jackknife over eight (in 2D nine) blocks of the region, and of
+    deviations at least that of overlapping windows of independent places.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+    tolerance : float, optional
+        Relative deviation of the representative volume. Default: 0.05.
+    inset : float, optional
+        Smallest distance of windows from the walls. Default: 1.5 median diameters.
+
+    Returns
+    -------
+    Homogeneity
+        The exponent is fitted to windows of at least two mean diameters, where there are three such sizes. The
+        representative size is interpolated between windows, or extrapolated with the exponent from the largest one; it
+        is the smallest window where this is below the tolerance.
+
+    Raises
+    ------
+    InputError
+        If the tolerance is not above 0, or the inset is negative.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> box = vg.Box((6, 6, 6), periodic="xyz")
+    >>> position = [[x + 0.5, y + 0.5, z + 0.5] for x in range(6) for y in range(6) for z in range(6)]
+    >>> found = homogeneity(vg.Packing.of([vg.make_shape("sphere")], box, position=position))
+    >>> found.size.tolist(), bool(found.deviation[1] < 1e-12)
+    ([0.5, 1.0, 1.5, 2.0, 2.5], True)
+    """
+    wanted = as_number(tolerance, "tolerance", above=0.0)
+    if inset is None:
+        inset = INSET * float(np.median(packing.diameters)) if packing.count else 0.0
+    window = PairWindow.of(packing, as_number(inset, "inset", at_least=0.0))
+    d, diameter = packing.dimension, mean_diameter(packing)
+    none = np.zeros(0)
+    nothing = Homogeneity(none, none, none, none, *[math.nan] * 5)
+    if not diameter or window.reach <= 0:
+        return nothing
+    cells, edges = _lattice(window, diameter)
+    held = _held(window, cells, edges)
+    if not held.any():
+        return nothing
+    volume = float(np.prod(edges / edges.max()))
+    fraction = cell_volumes(Solids(packing), window.lower, edges, held) / edges.max() ** d / volume
+    deviations = {m: _deviations(fraction, held, m, window.periodic) for m in _steps(int(cells.min()))}
+    steps = [m for m, row in deviations.items() if held.sum() >= FEWEST * m**d and np.isfinite(row).all()]
+    if not steps:
+        return nothing
+    size = np.array(steps, dtype=np.float64) * volume ** (1 / d) * edges.max()
+    windows = held.sum() / np.array(steps, dtype=np.float64) ** d
+    mean = float(fraction[held].mean())
+    found = np.array([deviations[m] for m in steps]) / np.sqrt(1 - 1 / windows)[:, None]
+    found[found < ROUND_OFF * mean] = 0.0
+    volume, weight = (size / diameter) ** d, np.minimum(windows - 1, MANY)
+    fits = [_fit(volume, column, weight, ASYMPTOTIC**d * (1 - 1e-9), mean * wanted) for column in found.T]
+    fits = [(exponent, reached ** (1 / d) * diameter) for exponent, reached in fits]
+    whole, spread = fits[0], [_jackknife(np.array([fit[k] for fit in fits[1:]])) for k in range(2)]
+    # the least error is that of overlapping windows of independent places: the common share of two windows along an
+    # axis, squared, is 2 / 3 on average
+    share = np.sqrt((2 / 3) ** d / (2 * windows))
+    error = np.maximum([_jackknife(row[1:]) for row in found], share * found[:, 0])
+    reached, doubt = whole[1], spread[1]
+    if math.isfinite(reached) and whole[0] < SLOWEST:
+        doubt = max(doubt, reached / (d * abs(whole[0])) * float(np.interp(reached, size, share)))
+    return Homogeneity(size, found[:, 0], error, windows, mean, whole[0], spread[0], reached, doubt)
+
+
+def _lattice(window: PairWindow, diameter: float) -> tuple[Floats, Floats]:
+    """Return the numbers (d,) and edges (d,) of nearly cubic cells that fill the bounds of the region."""
+    d, longest = len(window.edges), float(window.edges.max())
+    all_of = float(np.prod(window.edges / longest) / ALL_CELLS) ** (1 / d) * longest
+    edge = max(SMALLEST * diameter, float(window.edges.min()) / MOST_CELLS, all_of)
+    cells = np.maximum(np.floor(window.edges / edge * (1 + 1e-9)), 1)
+    return cells.astype(np.int64), np.asarray(window.edges / cells)
+
+
+def _held(window: PairWindow, cells: Floats, edges: Floats) -> Booleans:
+    """Return which cells lie in the region: in a box all, in other containers those whose outer spheres lie inside."""
+    container, d = window.packing.container, len(cells)
+    if window.is_flat:
+        return np.ones(tuple(cells), dtype=np.bool_)
+    axes = [low + (np.arange(n) + 0.5) * edge for low, n, edge in zip(window.lower, cells, edges, strict=True)]
+    middles = np.zeros((int(np.prod(cells)), 3))
+    middles[:, :d] = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
+    depth = -container.signed_distance(middles) - window.inset
+    return np.asarray(depth >= np.linalg.norm(edges) / 2).reshape(tuple(cells))
+
+
+def _steps(cells: int) -> Iterator[int]:
+    """Yield the edges of windows, in cells."""
+    last, edge = 0, 1.0
+    while int(edge) <= max(cells // 2, 1):
+        if int(edge) > last:
+            last = int(edge)
+            yield last
+        edge = max(edge * RATIO, last + 1.0)
+
+
+def _deviations(fraction: Floats, held: Booleans, step: int, periodic: Booleans) -> Floats:
+    """Return the standard deviation over all windows, and without those of each block, (1 + blocks,)."""
+    d = fraction.ndim
+    means = _sums(fraction, step, periodic) / step**d
+    known = _sums(held.astype(np.float64), step, periodic) > step**d - 0.5
+    parts = BLOCKS[d]
+    block = sum(
+        np.arange(n).reshape([-1 if b == a else 1 for b in range(d)]) * parts // n * parts**a
+        for a, n in enumerate(means.shape)
+    )
+    label, values = np.broadcast_to(block, means.shape)[known], means[known]
+    if not len(values):
+        return np.full(1 + parts**d, np.nan)
+    middle = values.mean()
+    sums = [np.bincount(label, weights=(values - middle) ** k, minlength=parts**d) for k in range(3)]
+    without = [np.append(one.sum(), one.sum() - one) for one in sums]
+    count = np.maximum(without[0], 1.0)
+    return np.asarray(np.sqrt(np.maximum(without[2] / count - (without[1] / count) ** 2, 0.0)))
+
+
+def _sums(values: Floats, step: int, periodic: Booleans) -> Floats:
+    """Return the sums over all windows of `step` cells along each axis; they reach across periodic faces."""
+    for axis, wraps in enumerate(periodic):
+        if wraps:
+            values = np.concatenate([values, values.take(range(step - 1), axis=axis)], axis=axis)
+        parts = [values.take(range(k, values.shape[axis] - step + 1 + k), axis=axis) for k in range(step)]
+        values = np.sum(parts, axis=0)
+    return values
+
+
+def _fit(volume: Floats, deviation: Floats, weight: Floats, least: float, wanted: float) -> tuple[float, float]:
+    """Return the exponent of the deviation over the volume, fitted from the volume `least` on, and the volume at which
+    the deviation falls below `wanted`.
+    """
+    seen = deviation > 0
+    used = seen & (volume >= least)
+    used = used if used.sum() >= 3 else seen
+    exponent = math.nan
+    if used.sum() >= 2:
+        x, y, w = np.log(volume[used]), np.log(deviation[used]), weight[used]
+        x, y = x - np.average(x, weights=w), y - np.average(y, weights=w)
+        exponent = float((w * x * y).sum() / (w * x * x).sum())
+    below = deviation <= wanted
+    # from here on all windows are below
+    first = len(below) - int(np.argmin(below[::-1])) if not below.all() else 0
+    if first == 0:
+        return exponent, float(volume[0]) if len(volume) else math.nan
+    if first == len(below):
+        known = exponent < SLOWEST
+        return exponent, float(volume[-1] * (wanted / deviation[-1]) ** (1 / exponent)) if known else math.nan
+    if deviation[first] == 0:
+        return exponent, float(volume[first])
+    share = math.log(deviation[first - 1] / wanted) / math.log(deviation[first - 1] / deviation[first])
+    return exponent, float(volume[first - 1] * (volume[first] / volume[first - 1]) ** share)
+
+
+def _jackknife(values: Floats) -> float:
+    """Return the standard error from values that each lack one block."""
+    return float(np.sqrt((len(values) - 1) * np.var(values)))
+
+
+def _compute(packing: Packing) -> Groups:
+    """Return the deviations by size of the window, the exponent and the representative size."""
+    found, unit, row = homogeneity(packing), length_unit(packing), ("window_size",)
+    kind = "cubes" if packing.dimension == 3 else "squares"
+    reached = f"edge of the window at which the deviation is {100 * TOLERANCE:g} % of the solid fraction"
+    exponent = "exponent of the decay of the deviation of the solid fraction with the volume of the window"
+    numbers = {
+        "homogeneity_exponent": variable((), found.exponent, "1", exponent, error=found.exponent_error),
+        "representative_size": variable(
+            (), found.representative_size, unit, reached, error=found.representative_size_error
+        ),
+    }
+    values = {
+        "window_deviation": variable(
+            row, found.deviation, "1", f"standard deviation of the solid fraction over {kind} of a size"
+        ),
+        "window_deviation_error": variable(row, found.error, "1", "standard error of that deviation"),
+        "disjoint_windows": variable(row, found.windows, "1", "number of windows that fit beside each other"),
+    }
+    size = variable(row, found.size, unit, "edge of the window")
+    return {"/": dataset(numbers), "/profiles": dataset(values, {"window_size": size})}
+
+
+registration = Measure(
+    name="homogeneity",
+    summary="deviation of the solid fraction over windows of growing size, and the representative volume",
+    groups=("/", "/profiles"),
+    compute=_compute,
+    usual=False,
+)

@@ -1,0 +1,239 @@
+"""Radial distribution function and structure factor of the centroids."""
+
+import math
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_length, as_number
+from voxgran._base.errors import InputError, PackingWarning
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
+from voxgran.measures.pair_sums import PairSums, pair_sums
+from voxgran.measures.pair_window import PairWindow
+from voxgran.measures.registered.coordination import mean_diameter
+from voxgran.measures.structure import StructureFactor, lattice_structure, transformed_structure
+from voxgran.packing.model import Packing
+
+#: default reach, in mean diameters or, in sparse packings, in mean spacings, and width of bins in mean diameters
+REACH, STEP, MOST_BINS = 5.0, 0.05, 400
+#: distance from the walls at which weights are above 0, and over which they rise to 1, in mean diameters
+INSET, RISE = 1.0, 1.0
+#: largest wave number and width of the shells, times the mean diameter
+WAVE_REACH, WAVE_STEP = 25.0, 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class RadialDistribution:
+    """Radial distribution function in bins of the distance of two centroids."""
+
+    edges: Floats  # (k + 1,) edges of the bins, in the unit of lengths
+    g: Floats  # (k,) density of pairs over that of independent points; NaN for fewer than two grains
+    error: Floats  # (k,) standard error
+    neighbours: Floats  # (k,) mean number of other centroids up to the outer edge of each bin, without walls
+    pairs: Floats  # (k,) number of pairs in each bin
+    count: int  # grains with their centroids in the window
+    density: float  # their number over the volume of the window
+
+    @property
+    def middle(self) -> Floats:
+        """Middles of the bins, (k,)."""
+        return (self.edges[1:] + self.edges[:-1]) / 2
+
+
+def radial_distribution(
+    packing: Packing, *, reach: float | None = None, step: float | None = None, inset: float | None = None
+) -> RadialDistribution:
+    """Return the radial distribution function g(r) of the centroids.
+
+    It is the number of pairs in each bin over that of independent points. Along walls the centroids have weights, which
+    rise from 0 to 1 over a mean diameter, and pairs are compared with the autocorrelation of these weights
+    (:mod:`voxgran.measures.pair_window`): so it is unbiased up to the walls, where the packing is homogeneous and
+    isotropic. The autocorrelation is exact in boxes and rectangles; in other containers its relative error is below
+    0.002.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+    reach : float, optional
+        Largest distance, in the unit of lengths: at most half the shortest edge of the window. Default: five mean
+        diameters, in sparse packings five times the mean spacing of the centroids, or that half.
+    step : float, optional
+        Width of the bins. The first one reaches from 0 to half a step, so that multiples of the step are middles of
+        bins. Default: a twentieth of the mean diameter.
+    inset : float, optional
+        Distance from the walls from which weights are above 0. Default: a mean diameter; so the part that counts is on
+        average that of the bulk solid fraction, and the layers at the walls do not count. With gravity only the part
+        below the height up to which 85 % of the volume of the grains lies is counted.
+
+    Returns
+    -------
+    RadialDistribution
+        The standard error is that of a jackknife over the grains, without the part that counts each pair twice; it is
+        exact for independent points, and 0 where all grains have equal numbers of neighbours.
+
+    Raises
+    ------
+    InputError
+        If the reach is beyond half the shortest edge of the window, or a length is not above 0.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> box = vg.Box((8, 8, 8), periodic="xyz")
+    >>> position = [[x + 0.5, y + 0.5, z + 0.5] for x in range(8) for y in range(8) for z in range(8)]
+    >>> found = radial_distribution(vg.Packing.of([vg.make_shape("sphere")], box, position=position), reach=1.2)
+    >>> float(found.neighbours[-1].round(9))
+    6.0
+    """
+    diameter = mean_diameter(packing)
+    least = INSET * diameter if inset is None else as_number(inset, "inset", at_least=0.0)
+    window = PairWindow.of(packing, least, rise=RISE * diameter)
+    weights = window.weights(packing.position)
+    points, weights = packing.position[weights > 0], weights[weights > 0]
+    edges = _bins(window, diameter, len(points), reach, step)
+    count, bins = len(points), len(edges) - 1
+    if count < 2 or not bins:
+        if packing.count > 1:
+            warnings.warn(
+                f"the window of the radial distribution function holds {count} of the centroids: it needs at least 2; "
+                "take more grains, a larger container or a smaller inset",
+                PackingWarning,
+                stacklevel=2,
+            )
+        none = np.full(bins, np.nan)
+        return RadialDistribution(edges, none, none, none, np.zeros(bins), count, math.nan)
+    sums = _sums(window, points, weights, edges)
+    whole = float(weights.sum())
+    other = weights * (whole - weights)
+    all_pairs = float(other.sum())
+    expected = all_pairs * window.pair_shares(edges)
+    # jackknife over the grains; it counts the part of the variance that is of pairs, not of points, twice
+    mean = sums.weight / all_pairs
+    spread = sums.squares - 2 * mean * sums.cross + mean**2 * (other**2).sum()
+    spread = np.maximum(spread, 0.0) * (count / (count - 1))
+    variance = 4 * np.maximum(spread / 2, spread - sums.own / 2)
+    g = sums.weight / expected
+    free = np.diff((edges / edges[-1]) ** packing.dimension) * _sphere(edges[-1], packing.dimension) / window.volume
+    neighbours = np.cumsum(g * free) * (all_pairs / whole)
+    error, density = np.sqrt(variance) / expected, whole / window.volume
+    return RadialDistribution(edges, g, error, neighbours, sums.pairs / 2, count, density)
+
+
+def structure_factor(packing: Packing, *, reach: float | None = None) -> StructureFactor:
+    """Return the structure factor S(k) of the centroids up to a wave number.
+
+    Where all axes are periodic it is exact on each vector of the reciprocal lattice: means over shells 0.2 mean
+    diameters wide of at most 60 vectors. In other containers it is the transform of :func:`radial_distribution` with
+    Lorch's window, from the wave number ``2 pi / R`` of its reach R.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+    reach : float, optional
+        Largest wave number, in radians per unit of length. Default: 25 over the mean diameter.
+
+    Raises
+    ------
+    InputError
+        If the reach is not above 0.
+    """
+    if reach is not None:
+        reach = as_number(reach, "reach", above=0.0)
+    periodic = all(packing.container.periodic[: packing.dimension])
+    return _structure(packing, None if periodic or packing.count < 2 else radial_distribution(packing), reach)
+
+
+def _structure(packing: Packing, found: RadialDistribution | None, reach: float | None = None) -> StructureFactor:
+    """Return the structure factor; of a packing with walls from its radial distribution function."""
+    d, diameter = packing.dimension, mean_diameter(packing)
+    none = np.zeros(0)
+    if not packing.count:
+        return StructureFactor(none, none, none, np.zeros(0, np.int64))
+    # lengths in mean diameters
+    furthest = WAVE_REACH if reach is None else reach * diameter
+    low, high = packing.container.bounds[:, :d] / diameter
+    if all(packing.container.periodic[:d]):
+        made = lattice_structure(packing.position[:, :d] / diameter - low, high - low, reach=furthest, step=WAVE_STEP)
+    elif found is None or found.count < 2 or not len(found.g):
+        return StructureFactor(none, none, none, np.zeros(0, np.int64))
+    else:
+        edges = found.edges / diameter
+        waves = np.arange(2 * math.pi / edges[-1], furthest, WAVE_STEP)
+        density = found.density * diameter**d
+        made = transformed_structure(edges, found.g, found.error, density=density, dimension=d, waves=waves)
+    return StructureFactor(made.wave_number / diameter, made.value, made.error, made.vectors)
+
+
+def _bins(window: PairWindow, diameter: float, count: int, reach: float | None, step: float | None) -> Floats:
+    """Return the edges of the bins, (k + 1,)."""
+    d, most = window.packing.dimension, window.reach
+    if reach is not None and as_length(reach, "reach") > most * (1 + 1e-12):
+        raise InputError(
+            f"reach is {reach:g}: it must be at most half the shortest edge of the window, {most:g}; "
+            "take a smaller one, a larger container or a smaller inset"
+        )
+    if step is not None:
+        step = as_length(step, "step")
+    if not diameter or most <= 0:
+        return np.zeros(1)
+    # mean spacing of the centroids
+    spacing = float(np.prod(window.edges / window.edges.max()) / max(count, 1)) ** (1 / d) * window.edges.max()
+    end = min(REACH * max(diameter, spacing), most) if reach is None else float(reach)
+    width = max(STEP * diameter, end / MOST_BINS) if step is None else step
+    bins = math.floor(end / width * (1 + 1e-12) + 0.5)
+    return np.concatenate([np.zeros(1), (np.arange(bins) + 0.5) * width]) if bins else np.zeros(1)
+
+
+def _sums(window: PairWindow, points: Floats, weights: Floats, edges: Floats) -> PairSums:
+    """Return the sums over the pairs of points in bins."""
+    d = window.packing.dimension
+    # lengths in steps: no power of a length overflows
+    step = 2 * edges[1]
+    periods, periodic = np.ones(3), np.zeros(3, np.bool_)
+    periods[:d], periodic[:d] = window.edges / step, window.periodic
+    return pair_sums(points / step, weights, 1.0, len(edges) - 1, edges=periods, periodic=periodic)
+
+
+def _sphere(radius: float, dimension: int) -> float:
+    """Return the volume of a sphere, the area of a disk in 2D."""
+    return 4 / 3 * math.pi * radius**3 if dimension == 3 else math.pi * radius**2
+
+
+def _compute(packing: Packing) -> Groups:
+    """Return the radial distribution function and the structure factor."""
+    found, diameter = radial_distribution(packing), mean_diameter(packing)
+    structure = _structure(packing, found)
+    row, waves = ("pair_distance",), ("wave_number",)
+    way = "on the reciprocal lattice" if structure.vectors.any() else "from g(r) with Lorch's window"
+    unit = length_unit(packing, power=-packing.dimension)
+    values = {
+        "radial_distribution": variable(row, found.g, "1", "radial distribution function of the centroids"),
+        "radial_distribution_error": variable(row, found.error, "1", "standard error of g(r)"),
+        "neighbours_within": variable(
+            row, found.neighbours, "1", "mean number of other centroids up to the outer edge of each bin"
+        ),
+        "structure_factor": variable(waves, structure.value, "1", f"structure factor of the centroids, {way}"),
+        "structure_factor_error": variable(waves, structure.error, "1", "standard error of S(k)"),
+    }
+    scale = diameter or 1.0
+    coordinates = {
+        "pair_distance": variable(row, found.middle / scale, "1", "distance of centroids, in mean diameters"),
+        "wave_number": variable(waves, structure.wave_number * scale, "1", "wave number times mean diameter"),
+    }
+    numbers = {
+        "pair_window_count": variable((), found.count, "1", "number of centroids in the window of g(r)"),
+        "number_density": variable((), found.density, unit, "number of these centroids over the size of the window"),
+    }
+    return {"/": dataset(numbers), "/profiles": dataset(values, coordinates)}
+
+
+registration = Measure(
+    name="rdf",
+    summary="radial distribution function and structure factor of the centroids, with standard errors",
+    groups=("/", "/profiles"),
+    compute=_compute,
+    usual=False,
+)
