@@ -10,6 +10,7 @@ several parts, because distances are measured through walls.
 """
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -123,10 +124,7 @@ def _surface(container: Container, boundary: Boundary, lower: Floats, unit: floa
         sizes = [len(loop) for loop in boundary.loops]
         ends = np.concatenate([[0], np.cumsum(sizes)])
         corners = np.column_stack([np.concatenate(boundary.loops), np.zeros(ends[-1])])
-        edges = [
-            np.column_stack([np.arange(a, b), np.roll(np.arange(a, b), -1)])
-            for a, b in zip(ends[:-1], ends[1:], strict=True)
-        ]
+        edges = [np.column_stack([np.arange(a, b), np.roll(np.arange(a, b), -1)]) for a, b in pairwise(ends)]
         return (corners - lower) / unit, np.concatenate(edges)
     if boundary.solid is not None and isinstance(boundary.solid.geometry, Mesh):
         geometry = boundary.solid.geometry
