@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.containers.model import boundary_of
+from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.label import connected_components
 from voxgran.lattice.thickness import local_thickness
@@ -57,20 +58,29 @@ class Pores:
         It is the diameter of the largest sphere of pores that covers the voxel; walls limit spheres, as grains do. Where
         nothing limits them, it is empty.
         """
-        walled = [not around and k < self.dimension for k, around in enumerate(self.periodic)]
-        ends = [(int(wall), int(wall)) for wall in walled]
-        lead = 1 if self.surface is not None and self.surface[1] > 0 else 0
-        if self.surface is not None:
-            # the side of the free surface is no wall
-            ends[self.surface[0]] = (1 - lead, lead)
-        padded = np.pad(self.mask, ends)
+        padded, inner = self._walled()
         if padded.all() or not padded.any():
             return np.zeros(0)
         found = local_thickness(padded, periodic=self.periodic)
-        inner = tuple(slice(low, n - high) for (low, high), n in zip(ends, padded.shape, strict=True))
         whole = Pores(found[inner], self.room, self.voxel_size, self.dimension, self.periodic, self.surface)
         part = whole.below.mask[self.below.mask]
         return np.asarray(part, dtype=np.float64) * self.voxel_size
+
+    @property
+    def widest(self) -> float:
+        """Diameter in voxels of the largest sphere of pores; 0 without any, infinite where nothing limits it."""
+        return 2.0 * float(distance_transform(self._walled()[0], periodic=self.periodic).max(initial=0.0))
+
+    def _walled(self) -> tuple[Booleans, tuple[slice, ...]]:
+        """Return the image within walls, a layer of voxels that are no pores, and where the image lies in it."""
+        walled = [not around and k < self.dimension for k, around in enumerate(self.periodic)]
+        ends = [(int(wall), int(wall)) for wall in walled]
+        if self.surface is not None:
+            # the side of the free surface is no wall
+            lead = int(self.surface[1] > 0)
+            ends[self.surface[0]] = (1 - lead, lead)
+        padded = np.pad(self.mask, ends)
+        return padded, tuple(slice(low, n - high) for (low, high), n in zip(ends, padded.shape, strict=True))
 
     def chords(self, axis: int) -> tuple[Integers, float]:
         """Return the lengths (m,) of the chords along an axis in voxels, and their mean in the unit of lengths.
@@ -91,7 +101,7 @@ class Pores:
         if open_end and self.surface is not None:
             high = self.surface[1] == 0
             ends -= int((last[..., -1] if high else first[..., 0]).sum())
-        (start_row, start), (end_row, end) = (_rows(edges) for edges in (first, last))
+        start, (end_row, end) = _rows(first)[1], _rows(last)
         if around:
             wraps = (mask[..., 0] & mask[..., -1]).ravel()
             leads = np.concatenate([[True], end_row[1:] != end_row[:-1]]) if len(end_row) else np.zeros(0, bool)

@@ -20,6 +20,8 @@ from voxgran.packing.model import Packing
 #: voxels in a mean diameter, in 3D and 2D, and most voxels
 RESOLUTION = {3: 20.0, 2: 50.0}
 MOST_VOXELS = 20_000_000
+#: largest diameter of a pore in voxels up to which pore sizes are found on the same voxels: the time grows with its cube
+WIDEST = 24.0
 #: bins of the distributions
 BINS = 40
 
@@ -29,6 +31,7 @@ class Voids:
     """Pore space of a packing on voxels of one size."""
 
     voxel_size: float
+    size_voxel: float  # voxel size of the pore sizes, larger where pores are many voxels wide
     porosity: float  # of the image, below the surface of a bed
     sizes: Floats  # (n,) pore size at each voxel of the pores, in the unit of lengths
     chords: tuple[Integers, ...]  # (m,) lengths of the chords along each axis, in voxels
@@ -53,7 +56,8 @@ def voids(packing: Packing, *, voxel_size: float | None = None) -> Voids:
     """Return pore sizes, chords and connected shares of the pore space.
 
     By default voxels are a twentieth of the mean diameter, in two dimensions a fiftieth, or larger where there would be
-    more than 20 million. Without grains they divide the container likewise.
+    more than 20 million. Without grains they divide the container likewise. Where the largest pore is more than 24
+    voxels wide, pore sizes are found on larger voxels, so that it is not.
 
     Raises
     ------
@@ -64,10 +68,14 @@ def voids(packing: Packing, *, voxel_size: float | None = None) -> Voids:
     pores = pores_of(packing, size)
     axes = range(packing.dimension)
     chords = [pores.chords(axis) for axis in axes]
+    widest = pores.widest
+    factor = math.ceil(widest / WIDEST) if math.isfinite(widest) else 1
+    sized = pores if factor <= 1 else pores_of(packing, factor * pores.voxel_size)
     return Voids(
         pores.voxel_size,
+        sized.voxel_size,
         pores.porosity,
-        pores.sizes(),
+        sized.sizes(),
         tuple(lengths for lengths, _ in chords),
         tuple(mean for _, mean in chords),
         tuple(pores.percolating(axis) for axis in axes),
@@ -87,7 +95,7 @@ def default_voxel_size(packing: Packing) -> float:
 def _compute(packing: Packing) -> Groups:
     """Return numbers and distributions of the pore space."""
     fine = voids(packing)
-    coarse = voids(packing, voxel_size=2.0 * fine.voxel_size)
+    coarse = voids(packing, voxel_size=2.0 * fine.size_voxel)
     unit = length_unit(packing)
     meanings = {
         "pore_porosity": ("1", "share of the voxels that are pores, below the surface of a bed"),
@@ -105,6 +113,8 @@ def _compute(packing: Packing) -> Groups:
         for name in meanings
     }
     whole["pore_voxel_size"] = variable((), fine.voxel_size, unit, "edge of the voxels of the pore space")
+    text = "edge of the voxels of the pore sizes"
+    whole["pore_size_voxel_size"] = variable((), fine.size_voxel, unit, text)
     whole["specific_surface"] = specific_surface(packing)
     return {"/": dataset(whole), "/voids": _distributions(fine, packing, unit)}
 
