@@ -29,11 +29,13 @@ ALL = (
     "forces",
     "gradation",
     "grains",
+    "local_density",
     "profile",
     "provenance",
     "relaxation",
     "segregation",
     "strict",
+    "voids",
 )
 
 
