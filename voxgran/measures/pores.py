@@ -40,11 +40,13 @@ class Pores:
     @property
     def below(self) -> "Pores":
         """The part below the free surface of a bed."""
-        if self.surface is None:
-            return self
-        axis, first, last = self.surface
-        part = tuple(slice(first, last) if k == axis else slice(None) for k in range(3))
-        return Pores(self.mask[part], self.room[part], self.voxel_size, self.dimension, self.periodic)
+        return Pores(self.mask[self._kept], self.room[self._kept], self.voxel_size, self.dimension, self.periodic)
+
+    @property
+    def _kept(self) -> tuple[slice, ...]:
+        """Where the part below the free surface lies."""
+        axis, first, last = self.surface or (0, 0, self.mask.shape[0])
+        return tuple(slice(first, last) if k == axis else slice(None) for k in range(3))
 
     @property
     def porosity(self) -> float:
@@ -55,15 +57,14 @@ class Pores:
     def sizes(self) -> NDArray[np.float64]:
         """Return the local thickness (n,) at each voxel of the pores below the surface, in the unit of lengths.
 
-        It is the diameter of the largest sphere of pores that covers the voxel; walls limit spheres, as grains do. Where
-        nothing limits them, it is empty.
+        It is the diameter of the largest sphere of pores that covers the voxel; walls limit spheres, as grains do.
+        It is empty where nothing limits them.
         """
         padded, inner = self._walled()
         if padded.all() or not padded.any():
             return np.zeros(0)
         found = local_thickness(padded, periodic=self.periodic)
-        whole = Pores(found[inner], self.room, self.voxel_size, self.dimension, self.periodic, self.surface)
-        part = whole.below.mask[self.below.mask]
+        part = found[inner][self._kept][self.below.mask]
         return np.asarray(part, dtype=np.float64) * self.voxel_size
 
     @property

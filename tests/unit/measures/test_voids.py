@@ -145,7 +145,7 @@ def test_the_pores_of_a_bed_end_at_its_surface():
     assert found.sizes.max() < 2.0
     assert found.percolating[2] > 0.99
     upside = vg.Packing.of([SPHERE], vg.Box((5, 5, 12)), position=packing.position * [1, 1, -1] + [2.5, 2.5, 12])
-    below = vg.Packing.of([SPHERE], vg.Box((5, 5, 12)), position=packing.position + [2.5, 2.5, 0])
+    below = vg.Packing.of([SPHERE], vg.Box((5, 5, 12)), position=packing.position + np.array([2.5, 2.5, 0]))
     from dataclasses import replace
 
     turned = voids(replace(upside, gravity=(0.0, 0.0, 1.0)))

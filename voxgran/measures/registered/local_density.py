@@ -89,7 +89,8 @@ def set_voronoi(packing: Packing, points: int) -> Floats:
         owner.append(np.repeat(mine, len(body)))
     place = np.concatenate(found)
     cells = cell_volumes(place, np.zeros(len(place)), packing.container)
-    return np.bincount(np.concatenate(owner), weights=cells, minlength=packing.count)
+    volumes: Floats = np.bincount(np.concatenate(owner), weights=cells, minlength=packing.count).astype(np.float64)
+    return volumes
 
 
 def surface_points(shape: Shape, points: int) -> Floats:

@@ -20,7 +20,7 @@ from voxgran.packing.model import Packing
 #: voxels in a mean diameter, in 3D and 2D, and most voxels
 RESOLUTION = {3: 20.0, 2: 50.0}
 MOST_VOXELS = 20_000_000
-#: largest diameter of a pore in voxels up to which pore sizes are found on the same voxels: the time grows with its cube
+#: largest diameter of a pore in voxels up to which its size is found on the same voxels: the time grows with its cube
 WIDEST = 24.0
 #: bins of the distributions
 BINS = 40
