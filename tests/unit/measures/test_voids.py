@@ -190,6 +190,7 @@ def test_voxels_divide_periods():
     assert size == pytest.approx(0.61 / 7)
 
 
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_porespy_gives_the_same():
     porespy = pytest.importorskip("porespy")
     packing = vg.pack([SPHERE], vg.Box((5, 5, 5)), "rsa", solid_fraction=0.3, seed=2)
