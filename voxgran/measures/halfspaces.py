@@ -97,11 +97,11 @@ def _fill_spheres(centers, radii, lower, upper, start, normals, offsets, work, v
                 work[count, 0], work[count, 1], work[count, 2], work[count, 3] = x, y, z, distance
                 count += 1
         if count >= 0:
-            volumes[i] = radii[i] ** 3 * _unit_sphere(work, count)
+            volumes[i] = radii[i] ** 3 * unit_sphere(work, count)
 
 
 @kernel
-def _unit_sphere(work, count):  # type: ignore[no-untyped-def]
+def unit_sphere(work, count):  # type: ignore[no-untyped-def]
     """Return the volume of the unit sphere inside the half-spaces in the first four columns of `work`."""
     total, inside = 0.0, True
     for f in range(count):

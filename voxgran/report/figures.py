@@ -29,6 +29,12 @@ ESTIMATES: dict[str, tuple[str, float | None, bool]] = {
     "structure_factor": ("S(k)", 1.0, False),
     "window_deviation": ("standard deviation of the solid fraction", None, True),
 }
+#: group and title of distributions, and the label of the coordinate that their variables share
+DENSITIES = (
+    ("local_density", "distribution of the local solid fraction", "local_solid_fraction_bin"),
+    ("voids", "distribution of the pore size", "pore_size"),
+    ("voids", "distribution of the chords of the pore space", "chord_length"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +59,7 @@ def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
     if packing.count:
         found += _forms(packing)
     last = (_contact_numbers(statistics), *_directions(packing, statistics), _forces(statistics))
+    last += tuple(map(partial(_density_of, statistics), DENSITIES))
     return [*found, *(figure for figure in last if figure is not None)]
 
 
@@ -283,3 +290,21 @@ def _forces(statistics: "DataTree | None") -> Figure | None:
     )
     numbers = {"relative_force": relative.tolist(), "density": density.tolist(), "decay": decay}
     return Figure("contact_forces", plots.svg_of(draw, "forces"), "distribution of contact forces", caption, numbers)
+
+
+def _density_of(statistics: "DataTree | None", entry: tuple[str, str, str]) -> Figure | None:
+    """Return the probability densities over one coordinate, where they are known."""
+    group, title, along = entry
+    if statistics is None or f"/{group}" not in statistics.groups or along not in statistics[group].coords:
+        return None
+    data = statistics[group].to_dataset()
+    place = np.asarray(data[along].values)
+    names = [str(name) for name in data.data_vars if data[name].dims == (along,)]
+    curves = {name: np.asarray(data[name].values) for name in names}
+    if not len(place) or not any(curve.any() for curve in curves.values()):
+        return None
+    label = str(data[along].attrs["long_name"]).partition(",")[0]
+    draw = partial(plots.plot_densities, curves=curves, place=place, name=label, unit=str(data[along].attrs["units"]))
+    numbers = {along: place.tolist()} | {name: curve.tolist() for name, curve in curves.items()}
+    caption = f"{title[:1].upper()}{title[1:]}."
+    return Figure(along, plots.svg_of(draw, along.replace("_", "-")), title, caption, numbers)

@@ -236,6 +236,27 @@ def plot_forces(axes: Any, relative: ArrayLike, density: ArrayLike, *, decay: fl
     return axes
 
 
+def plot_densities(axes: Any, place: ArrayLike, curves: Mapping[str, ArrayLike], *, name: str, unit: str) -> Any:
+    """Draw probability densities (n,) over the middles (n,) of equal bins of a quantity of this name, in `unit`.
+
+    Several curves have the last parts of their names as labels, such as the axes of chords.
+
+    Raises
+    ------
+    InputError
+        If the arrays are not (n,) arrays of finite numbers.
+    """
+    x = as_floats(place, "place", shape=(None,))
+    for (label, values), color in zip(curves.items(), (PLACED, ASKED, OTHER), strict=False):
+        y = as_floats(values, label, shape=(len(x),))
+        axes.step(x, y, where="mid", color=color, label=f"along {label[-1]}" if len(curves) > 1 else None)
+    if len(curves) > 1:
+        axes.legend(loc="best")
+    axes.set(xlabel=f"{name}{unit_text(unit)}", ylabel="probability density")
+    axes.set_ylim(0, None)
+    return axes
+
+
 def sieve_ratio(packing: Packing) -> Floats:
     """Return the ratio of the intermediate axis of each grain, by which it passes a sieve, to its diameter."""
     of_shape = [principal_extents(shape)[1] / shape.diameter for shape in packing.shapes]

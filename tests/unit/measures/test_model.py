@@ -31,12 +31,14 @@ ALL = (
     "gradation",
     "grains",
     "homogeneity",
+    "local_density",
     "profile",
     "provenance",
     "rdf",
     "relaxation",
     "segregation",
     "strict",
+    "voids",
 )
 
 

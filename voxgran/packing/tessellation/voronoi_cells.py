@@ -4,9 +4,7 @@ A point belongs to the seed of the smallest ``|x - seed|**2 - weight``; with equ
 tessellation. A cell starts as the bounds of the container, and is cut by the planes halfway to the other seeds, from
 near ones to distant ones, until no other can reach it. In two dimensions cells are prisms of height 1.
 
-Round walls cut by tangent planes at the directions of the corners beyond them, until corners protrude by little. A wall
-of triangles cuts by planes through its points nearest to the seed, across the way to them: what is left is convex and
-lies inside, also in containers that are not convex, where corners of the container remain empty.
+Walls that are not flat cut by planes (:mod:`voxgran.packing.tessellation.voronoi_walls`).
 
 References
 ----------
@@ -22,7 +20,6 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran._base.tree import closest_on_triangle, square_to_box
 from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, KernelContainer
 from voxgran.packing.tessellation.voronoi_bodies import Bodies, Poses, bodies_of, middle_of_gap, poses_of
 from voxgran.packing.tessellation.voronoi_polyhedron import (
@@ -38,17 +35,14 @@ from voxgran.packing.tessellation.voronoi_polyhedron import (
     set_box,
     volume_and_center,
 )
+from voxgran.packing.tessellation.voronoi_walls import cut_by_round_wall, cut_by_triangles
 
 #: seeds in a cell of the search, about
 SEEDS = 2.0
-#: protrusion of corners beyond a round wall, in sizes of the cell, and most planes of such a wall per cell
-PROTRUSION, ROUND_PLANES = 0.005, 80
 #: shift of planes, in sizes of the container, where rounding prevents a cut, and tries
 SHIFT, TRIES = 1e-13, 6
-#: most planes of walls of triangles per cell, and protrusion, in sizes of the container, that is rounding
-TRIANGLE_PLANES, OUTSIDE = 400, 1e-12
-#: owners of the faces at round walls and at walls of triangles
-ROUND_WALL, MESH_WALL = -7, -8
+#: planes that are sorted at a time
+QUEUE = 128
 #: room for faces in the beginning
 FACES = 64
 
@@ -58,7 +52,7 @@ class Seeds(NamedTuple):
 
     place: (n, 3) from the lower corner of the bounds.  weight: (n,).  heaviest: (1,) largest weight.  count, width:
     cells along each axis, and their edges.  head: the first seed in each cell; after: the next one, -1 for none.
-    low, high, near: work space.
+    low, high, near, queue, number: work space.
     """
 
     place: Floats
@@ -71,6 +65,8 @@ class Seeds(NamedTuple):
     low: Floats
     high: Floats
     near: Floats
+    queue: Floats
+    number: Integers
 
 
 def seeds_of(place: Floats, weight: Floats, walls: KernelContainer) -> Seeds:
@@ -90,7 +86,20 @@ def seeds_of(place: Floats, weight: Floats, walls: KernelContainer) -> Seeds:
     first = np.concatenate([[True], chained[1:] != chained[:-1]]) if len(place) else np.zeros(0, dtype=np.bool_)
     head[chained[first]] = order[first]
     heaviest = np.array([weight.max(initial=-np.inf)])
-    return Seeds(place, weight, heaviest, count, width, head, after, np.zeros(3), np.zeros(3), np.zeros(4))
+    return Seeds(
+        place,
+        weight,
+        heaviest,
+        count,
+        width,
+        head,
+        after,
+        np.zeros(3),
+        np.zeros(3),
+        np.zeros(4),
+        np.zeros((QUEUE, 5)),
+        np.zeros(QUEUE, dtype=np.int64),
+    )
 
 
 class Diagram(NamedTuple):
@@ -211,9 +220,9 @@ def _cut_by_all(seeds, walls, cell, i, shift, bodies, poses, around):  # type: i
     set_box(cell, seeds.low, seeds.high)
     state = _cut_by_seeds(seeds, walls, cell, i, shift, bodies, poses, around)
     if state == CUT and walls.kind in (UPRIGHT, ROUND):
-        state = _cut_by_round_wall(seeds, walls, cell, i, shift)
+        state = cut_by_round_wall(seeds, walls, cell, i, shift)
     if state == CUT and walls.kind == MESH:
-        state = _cut_by_triangles(seeds, walls, cell, i, shift)
+        state = cut_by_triangles(seeds, walls, cell, i, shift)
     return state
 
 
@@ -225,6 +234,10 @@ def _cut_by_seeds(seeds, walls, cell, i, shift, bodies, poses, around):  # type:
         narrow = min(narrow, seeds.width[c])
     reach, shell = reach_of(cell, flat), 0
     own = seeds.weight[i]
+    if not around:
+        reach, shell = _cut_by_nearest(seeds, walls, cell, i, reach, shift), 2
+        if reach < 0.0:
+            return int(-reach)
     while True:
         limit = reach + math.sqrt(max(reach * reach + seeds.heaviest[0] - own, 0.0))
         if around:
@@ -250,9 +263,65 @@ def _cut_by_seeds(seeds, walls, cell, i, shift, bodies, poses, around):  # type:
 
 
 @bare_kernel
-def _cut_by_cell(seeds, walls, cell, i, dx, dy, dz, reach, shift, bodies, poses, around):  # type: ignore[no-untyped-def]
-    """Cut by the seeds in one cell of the search; return the reach of what is left, or minus the state of a failure."""
-    count, lengths = seeds.count, walls.lengths
+def _cut_by_nearest(seeds, walls, cell, i, reach, shift):  # type: ignore[no-untyped-def]
+    """Cut by the seeds in the cells of the search around that of seed i, the nearest plane first: few cuts are in vain.
+
+    Return the reach of what is left, or minus the state of a failure.
+    """
+    many, deep = 0, 1 if walls.dimension == 3 else 0
+    for dx in range(-1, 2):
+        for dy in range(-1, 2):
+            for dz in range(-deep, deep + 1):
+                j, sx, sy, sz = _first_in(seeds, walls, i, dx, dy, dz)
+                while j >= 0:
+                    if j != i:
+                        if many == len(seeds.number):
+                            reach, many = _cut_by_queue(seeds, walls, cell, many, reach, shift), 0
+                            if reach < 0.0:
+                                return reach
+                        _enqueue(seeds, many, j, _plane_to(seeds, walls, i, j, sx, sy, sz, reach))
+                        many += 1
+                    j = seeds.after[j]
+    return _cut_by_queue(seeds, walls, cell, many, reach, shift)
+
+
+@bare_kernel
+def _enqueue(seeds, many, j, plane):  # type: ignore[no-untyped-def]
+    """Put a plane into the queue of `many`, which is sorted by the offsets."""
+    queue, place = seeds.queue, many
+    while place > 0 and queue[place - 1, 4] > plane[4]:
+        for c in range(5):
+            queue[place, c] = queue[place - 1, c]
+        seeds.number[place] = seeds.number[place - 1]
+        place -= 1
+    for c in range(5):
+        queue[place, c] = plane[c]
+    seeds.number[place] = j
+
+
+@bare_kernel
+def _cut_by_queue(seeds, walls, cell, many, reach, shift):  # type: ignore[no-untyped-def]
+    """Cut by the planes in the queue; return the reach of what is left, or minus the state of a failure."""
+    queue = seeds.queue
+    for k in range(many):
+        if queue[k, 4] >= reach:
+            break
+        plane = queue[k, 0], queue[k, 1], queue[k, 2], queue[k, 4] - shift
+        state = clip(cell, plane[0], plane[1], plane[2], plane[3], seeds.number[k], queue[k, 3])
+        if state > CUT:
+            return -float(state)
+        if state == CUT:
+            reach = reach_of(cell, walls.dimension == 2)
+    return reach
+
+
+@bare_kernel
+def _first_in(seeds, walls, i, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """Return the first seed in a cell of the search, by its steps from that of seed i, and the periods to its image.
+
+    It is -1 where there is none, or the cell lies beyond a wall.
+    """
+    count = seeds.count
     x = min(max(int(seeds.place[i, 0] / seeds.width[0]), 0), count[0] - 1) + dx
     y = min(max(int(seeds.place[i, 1] / seeds.width[1]), 0), count[1] - 1) + dy
     z = min(max(int(seeds.place[i, 2] / seeds.width[2]), 0), count[2] - 1) + dz
@@ -262,123 +331,44 @@ def _cut_by_cell(seeds, walls, cell, i, dx, dy, dz, reach, shift, bodies, poses,
         or (sy != 0 and walls.periodic[1] == 0)
         or (sz != 0 and walls.periodic[2] == 0)
     ):
-        return reach
-    j = seeds.head[((x - sx * count[0]) * count[1] + y - sy * count[1]) * count[2] + z - sz * count[2]]
+        return -1, sx, sy, sz
+    flat = ((x - sx * count[0]) * count[1] + y - sy * count[1]) * count[2] + z - sz * count[2]
+    return seeds.head[flat], sx, sy, sz
+
+
+@bare_kernel
+def _plane_to(seeds, walls, i, j, sx, sy, sz, reach):  # type: ignore[no-untyped-def]
+    """Return normal, distance of the seeds and offset of the plane between seed i and an image of seed j.
+
+    The offset is infinite where the plane is farther than the reach, which needs no root.
+    """
+    ux = seeds.place[j, 0] - seeds.place[i, 0] + sx * walls.lengths[0]
+    uy = seeds.place[j, 1] - seeds.place[i, 1] + sy * walls.lengths[1]
+    uz = seeds.place[j, 2] - seeds.place[i, 2] + sz * walls.lengths[2]
+    square = ux * ux + uy * uy + uz * uz
+    ahead = square + seeds.weight[i] - seeds.weight[j]
+    if square == 0.0 or (ahead > 0.0 and ahead * ahead > 4.0 * reach * reach * square):
+        return 0.0, 0.0, 0.0, 0.0, math.inf
+    away = math.sqrt(square)
+    return ux / away, uy / away, uz / away, away, ahead / (2.0 * away)
+
+
+@bare_kernel
+def _cut_by_cell(seeds, walls, cell, i, dx, dy, dz, reach, shift, bodies, poses, around):  # type: ignore[no-untyped-def]
+    """Cut by the seeds in one cell of the search; return the reach of what is left, or minus the state of a failure."""
+    j, sx, sy, sz = _first_in(seeds, walls, i, dx, dy, dz)
     while j >= 0:
         if j != i:
-            ux = seeds.place[j, 0] - seeds.place[i, 0] + sx * lengths[0]
-            uy = seeds.place[j, 1] - seeds.place[i, 1] + sy * lengths[1]
-            uz = seeds.place[j, 2] - seeds.place[i, 2] + sz * lengths[2]
-            square = ux * ux + uy * uy + uz * uz
-            away = math.sqrt(square)
-            offset = (square + seeds.weight[i] - seeds.weight[j]) / (2.0 * away) if away > 0.0 else math.inf
+            x, y, z, away, offset = _plane_to(seeds, walls, i, j, sx, sy, sz, math.inf if around else reach)
             if around and away > 0.0:
                 offset = 0.5 * (away - poses.bound[i] - poses.bound[j])
                 if offset < reach:
-                    offset = middle_of_gap(bodies, poses, i, j, ux / away, uy / away, uz / away, away)
+                    offset = middle_of_gap(bodies, poses, i, j, x, y, z, away)
             if offset < reach:
-                state = clip(cell, ux / away, uy / away, uz / away, offset - shift, j, away)
+                state = clip(cell, x, y, z, offset - shift, j, away)
                 if state > CUT:
                     return -float(state)
                 if state == CUT:
                     reach = reach_of(cell, walls.dimension == 2)
         j = seeds.after[j]
     return reach
-
-
-@bare_kernel
-def _cut_by_round_wall(seeds, walls, cell, i, shift):  # type: ignore[no-untyped-def]
-    """Cut by tangent planes of a cylinder or a sphere, at the corner that is farthest beyond it, again and again."""
-    mx, my = walls.middle[0] - seeds.place[i, 0], walls.middle[1] - seeds.place[i, 1]
-    mz = walls.middle[2] - seeds.place[i, 2] if walls.kind == ROUND else 0.0
-    for _ in range(ROUND_PLANES):
-        # of what is left of the cell: before the cuts it may reach far beyond the wall
-        worst, most = -1, walls.radius + PROTRUSION * reach_of(cell, walls.dimension == 2)
-        for v in range(cell.count[0]):
-            x, y = cell.corner[v, 0] - mx, cell.corner[v, 1] - my
-            z = cell.corner[v, 2] - mz if walls.kind == ROUND else 0.0
-            far = math.sqrt(x * x + y * y + z * z)
-            if far > most:
-                worst, most = v, far
-        if worst < 0:
-            return CUT
-        x, y = (cell.corner[worst, 0] - mx) / most, (cell.corner[worst, 1] - my) / most
-        z = (cell.corner[worst, 2] - mz) / most if walls.kind == ROUND else 0.0
-        state = clip(cell, x, y, z, walls.radius + x * mx + y * my + z * mz - shift, ROUND_WALL, 0.0)
-        if state > CUT:
-            return state
-    return CUT
-
-
-@bare_kernel
-def _cut_by_triangles(seeds, walls, cell, i, shift):  # type: ignore[no-untyped-def]
-    """Cut by planes through the nearest points of triangles, the nearest triangle first, until none is inside."""
-    mesh, near = walls.mesh, seeds.near
-    px = seeds.place[i, 0] + mesh.shift[0]
-    py = seeds.place[i, 1] + mesh.shift[1]
-    pz = seeds.place[i, 2] + mesh.shift[2]
-    slack = OUTSIDE * max(walls.lengths[0], walls.lengths[1], walls.lengths[2])
-    passed, last = -1.0, -1
-    for _ in range(TRIANGLE_PLANES):
-        reach = reach_of(cell, walls.dimension == 2)
-        last = _next_inside(mesh, cell, px, py, pz, reach * reach, slack, passed, last, near)
-        if last < 0:
-            return CUT
-        passed = near[3]
-        if passed == 0.0:
-            return EMPTY
-        state = clip(cell, near[0], near[1], near[2], math.sqrt(passed) - shift, MESH_WALL, 0.0)
-        if state > CUT:
-            return state
-    return EMPTY
-
-
-@bare_kernel
-def _next_inside(mesh, cell, px, py, pz, best, slack, passed, last, near):  # type: ignore[no-untyped-def]
-    """Return the nearest triangle that is not yet cut off, after triangle `last` at the squared distance `passed`.
-
-    Write the direction of its nearest point and the squared distance of that; -1 where there is none within the square
-    root of `best`.
-    """
-    found, feature = -1, 0
-    mesh.stack[0], depth, leaves = 0, 1, len(mesh.low) // 2
-    while depth > 0:
-        depth -= 1
-        node = mesh.stack[depth]
-        if square_to_box(mesh.low, mesh.high, node, px, py, pz) > best:
-            continue
-        if node < leaves:
-            mesh.stack[depth], mesh.stack[depth + 1] = 2 * node + 1, 2 * node + 2
-            depth += 2
-            continue
-        for t in range(mesh.start[node, 0], mesh.start[node, 1]):
-            x, y, z, part = closest_on_triangle(mesh.corners, t, px, py, pz)
-            x, y, z = x - px, y - py, z - pz
-            square = x * x + y * y + z * z
-            # those at one distance come in the order of their numbers
-            comes = square > passed or (square == passed and t > last)
-            nearer = square < best or (square == best and (found < 0 or t < found))
-            if comes and nearer and not _is_cut_off(cell, mesh, t, px, py, pz, slack):
-                best, found, feature = square, t, part
-                near[0], near[1], near[2] = x, y, z
-    if found >= 0:
-        away = math.sqrt(best)
-        for c in range(3):
-            # at a face its own normal, which rounding leaves as it is
-            near[c] = mesh.normals[found, 0, c] if feature == 0 else near[c] / max(away, 1e-300)
-        near[3] = best
-    return found
-
-
-@bare_kernel
-def _is_cut_off(cell, mesh, t, px, py, pz, slack):  # type: ignore[no-untyped-def]
-    """Return whether a triangle lies beyond one of the planes."""
-    for f in range(cell.count[1]):
-        beyond = True
-        for k in range(3):
-            x, y, z = mesh.corners[t, k, 0] - px, mesh.corners[t, k, 1] - py, mesh.corners[t, k, 2] - pz
-            side = cell.plane[f, 0] * x + cell.plane[f, 1] * y + cell.plane[f, 2] * z - cell.plane[f, 3]
-            beyond = beyond and side >= -slack
-        if beyond:
-            return True
-    return False

@@ -125,6 +125,11 @@ def _cut_face(cell, f, target, made):  # type: ignore[no-untyped-def]
     """Write what is left of face f to face `target`; return the number of new corners, -1 or -2 where it fails."""
     corners, many, ends = cell.count[0], cell.size[f], 0
     new, enter, leave = 0, 0, 0
+    crossed = f != target
+    for k in range(many):
+        crossed = crossed or cell.side[cell.loop[f, k]] > 0.0
+    if not crossed:
+        return made
     for k in range(many):
         a = cell.loop[f, k]
         b = cell.loop[f, k + 1 if k + 1 < many else 0]
@@ -182,8 +187,9 @@ def _close_ranks(cell, earlier):  # type: ignore[no-untyped-def]
     for v in range(cell.count[0]):
         cell.renumbered[v] = many
         if v >= earlier or cell.side[v] <= 0.0:
-            for c in range(3):
-                cell.corner[many, c] = cell.corner[v, c]
+            if many < v:
+                for c in range(3):
+                    cell.corner[many, c] = cell.corner[v, c]
             many += 1
     cell.count[0] = many
     for f in range(cell.count[1]):

@@ -1,0 +1,210 @@
+"""The pore space of a packing as voxels: between the grains, within the walls and below the surface of a bed."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran.containers.model import boundary_of
+from voxgran.lattice.distance import distance_transform
+from voxgran.lattice.grid import Grid
+from voxgran.lattice.label import connected_components
+from voxgran.lattice.thickness import local_thickness
+from voxgran.measures.painting import labels_on
+from voxgran.measures.region import Regions, gravity_of
+from voxgran.packing.model import Packing
+from voxgran.shapes.mesh import Mesh
+from voxgran.voxels.occupy import occupy
+
+#: tries for a voxel size that divides all periodic lengths
+TRIES = 200
+#: layer above the surface of a bed whose grains limit the pores below, in mean diameters
+MARGIN = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Pores:
+    """Voxels of the pore space of a region of the container."""
+
+    mask: Booleans  # (nx, ny, nz) whether the center of a voxel lies in the pore space; in 2D nz = 1
+    room: Booleans  # (nx, ny, nz) whether it lies in the container
+    voxel_size: float
+    dimension: int
+    periodic: tuple[bool, bool, bool]
+    # the axis of the free surface of a bed, the index of the first voxel and that after the last one below it; None
+    # where the region is the whole container
+    surface: tuple[int, int, int] | None = None
+
+    @property
+    def below(self) -> "Pores":
+        """The part below the free surface of a bed."""
+        return Pores(self.mask[self._kept], self.room[self._kept], self.voxel_size, self.dimension, self.periodic)
+
+    @property
+    def _kept(self) -> tuple[slice, ...]:
+        """Where the part below the free surface lies."""
+        axis, first, last = self.surface or (0, 0, self.mask.shape[0])
+        return tuple(slice(first, last) if k == axis else slice(None) for k in range(3))
+
+    @property
+    def porosity(self) -> float:
+        """Share of the pores in the region."""
+        part = self.below
+        return float(part.mask.sum()) / max(int(part.room.sum()), 1)
+
+    def sizes(self) -> NDArray[np.float64]:
+        """Return the local thickness (n,) at each voxel of the pores below the surface, in the unit of lengths.
+
+        It is the diameter of the largest sphere of pores that covers the voxel; walls limit spheres, as grains do.
+        It is empty where nothing limits them.
+        """
+        padded, inner = self._walled()
+        if padded.all() or not padded.any():
+            return np.zeros(0)
+        found = local_thickness(padded, periodic=self.periodic)
+        part = found[inner][self._kept][self.below.mask]
+        return np.asarray(part, dtype=np.float64) * self.voxel_size
+
+    @property
+    def widest(self) -> float:
+        """Diameter in voxels of the largest sphere of pores; 0 without any, infinite where nothing limits it."""
+        return 2.0 * float(distance_transform(self._walled()[0], periodic=self.periodic).max(initial=0.0))
+
+    def _walled(self) -> tuple[Booleans, tuple[slice, ...]]:
+        """Return the image within walls, a layer of voxels that are no pores, and where the image lies in it."""
+        walled = [not around and k < self.dimension for k, around in enumerate(self.periodic)]
+        ends = [(int(wall), int(wall)) for wall in walled]
+        if self.surface is not None:
+            # the side of the free surface is no wall
+            lead = int(self.surface[1] > 0)
+            ends[self.surface[0]] = (1 - lead, lead)
+        padded = np.pad(self.mask, ends)
+        return padded, tuple(slice(low, n - high) for (low, high), n in zip(ends, padded.shape, strict=True))
+
+    def chords(self, axis: int) -> tuple[Integers, float]:
+        """Return the lengths (m,) of the chords along an axis in voxels, and their mean in the unit of lengths.
+
+        A chord is a run of pores between two grains or walls. The mean is twice the length of all lines in the pores
+        over the number of their ends, which counts what the free surface cuts, and lines that meet no grain. It is
+        infinite without an end.
+        """
+        part, around = self.below, self.periodic[axis]
+        mask = np.moveaxis(part.mask, axis, 2)
+        n = mask.shape[2]
+        before, after = np.roll(mask, 1, axis=2), np.roll(mask, -1, axis=2)
+        if not around:
+            before[..., 0] = after[..., -1] = False
+        first, last = mask & ~before, mask & ~after
+        ends = int(first.sum()) + int(last.sum())
+        open_end = self.surface is not None and self.surface[0] == axis
+        if open_end and self.surface is not None:
+            high = self.surface[1] == 0
+            ends -= int((last[..., -1] if high else first[..., 0]).sum())
+        start, (end_row, end) = _rows(first)[1], _rows(last)
+        if around:
+            wraps = (mask[..., 0] & mask[..., -1]).ravel()
+            leads = np.concatenate([[True], end_row[1:] != end_row[:-1]]) if len(end_row) else np.zeros(0, bool)
+            end = end + n * (leads & wraps[end_row])
+            end = end[np.lexsort((end, end_row))]
+        lengths = end - start + 1
+        if open_end and self.surface is not None:
+            lengths = lengths[(end < n - 1) if self.surface[1] == 0 else (start > 0)]
+        mean = 2.0 * int(mask.sum()) * self.voxel_size / ends if ends else math.inf
+        return lengths, mean
+
+    def percolating(self, axis: int) -> float:
+        """Return the share of the pores in bodies that connect the two sides across an axis; NaN without pores.
+
+        Voxels are connected through faces, and across the faces of other periodic axes.
+        """
+        part = self.below
+        total = int(part.mask.sum())
+        if not total:
+            return math.nan
+        others = [around and k != axis for k, around in enumerate(self.periodic)]
+        labels, count = connected_components(part.mask, connectivity=6, periodic=others)
+        layers = np.flatnonzero(part.room.any(axis=tuple(k for k in range(3) if k != axis)))
+        low, high = (np.unique(labels.take(layers[end], axis=axis)) for end in (0, -1))
+        through = np.zeros(count + 1, dtype=bool)
+        through[np.intersect1d(low, high)] = True
+        through[0] = False
+        return float(np.bincount(labels.ravel(), minlength=count + 1)[through].sum()) / total
+
+
+def _rows(edges: Booleans) -> tuple[Integers, Integers]:
+    """Return line and place of each True of an image, in the order of the lines."""
+    flat = np.flatnonzero(edges)
+    return flat // edges.shape[2], flat % edges.shape[2]
+
+
+def pores_of(packing: Packing, voxel_size: float) -> Pores:
+    """Return the pores of a packing; the voxels are at most as large as `voxel_size`, about where axes are periodic.
+
+    Raises
+    ------
+    InputError
+        If a grain is an open surface.
+    """
+    container, d = packing.container, packing.dimension
+    lower, upper = container.bounds
+    periodic = tuple(bool(around) and k < d for k, around in enumerate(container.periodic))
+    size = commensurate(voxel_size, (upper - lower)[list(periodic)])
+    start, end, surface = lower.copy(), upper.copy(), None
+    gravity = gravity_of(packing)
+    if gravity is not None and packing.count:
+        axis, sign = gravity
+        margin = MARGIN * float(packing.diameters.mean())
+        height = Regions(packing).limits[1 if sign < 0 else 0, axis]
+        if sign < 0:
+            end[axis] = min(end[axis], height + margin)
+            surface = (axis, 0, max(1, round((height - lower[axis]) / size)))
+        else:
+            start[axis] = max(start[axis], height - margin)
+            surface = (axis, round((height - start[axis]) / size), -1)
+    counts = np.maximum(np.where(periodic, np.rint((end - start) / size), np.ceil((end - start) / size - 1e-9)), 1)
+    if d == 2:
+        counts[2] = 1
+    if surface is not None and surface[2] < 0:
+        # voxels lie at the wall, which is the upper end
+        start[surface[0]] = end[surface[0]] - counts[surface[0]] * size
+        surface = (surface[0], max(1, min(surface[1], int(counts[surface[0]]) - 1)), int(counts[surface[0]]))
+    grid = Grid(tuple(float(value) for value in start), size, tuple(int(n) for n in counts))  # type: ignore[arg-type]
+    room = _room(packing, grid)
+    return Pores(room & (labels_on(packing, grid) == 0), room, size, d, periodic, surface)  # type: ignore[arg-type]
+
+
+def commensurate(size: float, lengths: Floats) -> float:
+    """Return the voxel size near to one that divides all periodic lengths best, by at most a tenth smaller."""
+    if not len(lengths):
+        return size
+    longest = float(lengths.max())
+    least = max(1, math.ceil(longest / size - 1e-9))
+    tries = longest / (least + np.arange(min(TRIES, least // 10 + 1)))
+    exact = np.asarray(lengths)[None] / tries[:, None]
+    missed = np.abs(exact - np.maximum(np.rint(exact), 1)).max(axis=1)
+    # the largest voxels of those that are as good
+    return float(tries[np.flatnonzero(missed <= missed.min() + 1e-9)[0]])
+
+
+def _room(packing: Packing, grid: Grid) -> Booleans:
+    """Return the voxels with their centers in the container."""
+    container, d = packing.container, packing.dimension
+    boundary = boundary_of(container)
+    room = np.ones(grid.shape, dtype=bool)
+    for axis in range(d):
+        if not container.periodic[axis]:
+            place = grid.centers(axis)
+            inside = (place > container.bounds[0, axis]) & (place < container.bounds[1, axis])
+            room &= inside.reshape([-1 if k == axis else 1 for k in range(3)])
+    if boundary.is_flat:
+        return room
+    if d == 3 and boundary.solid is not None and isinstance(boundary.solid.geometry, Mesh):
+        return room & occupy(boundary.solid, grid, offset=np.array(boundary.solid.offset))
+    y, z = np.meshgrid(grid.centers(1), grid.centers(2) if d == 3 else np.zeros(1), indexing="ij")
+    layer = np.column_stack([np.zeros(y.size), y.ravel(), z.ravel()])
+    for k, x in enumerate(grid.centers(0)):
+        layer[:, 0] = x
+        room[k] &= (container.signed_distance(layer) < 0).reshape(y.shape)
+    return room

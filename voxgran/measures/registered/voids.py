@@ -1,0 +1,170 @@
+"""The pore space on voxels: pore sizes, chord lengths and what connects opposite sides; and the specific surface.
+
+The pore size is the local thickness, the diameter of the largest sphere of pores that covers a point. In beds the pores
+are those below the height that holds 85 % of the volume of the grains. Each number has an error, the difference from
+the one on voxels that are twice as large.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers, as_length
+from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
+from voxgran.measures.pores import pores_of
+from voxgran.measures.registered.density import specific_surface
+from voxgran.packing.model import Packing
+
+#: voxels in a mean diameter, in 3D and 2D, and most voxels
+RESOLUTION = {3: 20.0, 2: 50.0}
+MOST_VOXELS = 20_000_000
+#: largest diameter of a pore in voxels up to which its size is found on the same voxels: the time grows with its cube
+WIDEST = 24.0
+#: bins of the distributions
+BINS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Voids:
+    """Pore space of a packing on voxels of one size."""
+
+    voxel_size: float
+    size_voxel: float  # voxel size of the pore sizes, larger where pores are many voxels wide
+    porosity: float  # of the image, below the surface of a bed
+    sizes: Floats  # (n,) pore size at each voxel of the pores, in the unit of lengths
+    chords: tuple[Integers, ...]  # (m,) lengths of the chords along each axis, in voxels
+    mean_chords: tuple[float, ...]  # mean chord along each axis, in the unit of lengths
+    percolating: tuple[float, ...]  # share of the pores that connects opposite sides along each axis
+
+    def numbers(self) -> dict[str, float]:
+        """Return all numbers by their names."""
+        some = len(self.sizes) > 0
+        found = {
+            "pore_porosity": self.porosity,
+            "pore_size_mean": float(self.sizes.mean()) if some else math.nan,
+            "pore_size_std": float(self.sizes.std()) if some else math.nan,
+            "pore_size_median": float(np.median(self.sizes)) if some else math.nan,
+        }
+        for axis, chord, share in zip("xyz", self.mean_chords, self.percolating, strict=False):
+            found |= {f"mean_chord_{axis}": chord, f"percolating_porosity_{axis}": share}
+        return found
+
+
+def voids(packing: Packing, *, voxel_size: float | None = None) -> Voids:
+    """Return pore sizes, chords and connected shares of the pore space.
+
+    By default voxels are a twentieth of the mean diameter, in two dimensions a fiftieth, or larger where there would be
+    more than 20 million. Without grains they divide the container likewise. Where the largest pore is more than 24
+    voxels wide, pore sizes are found on larger voxels, so that it is not.
+
+    Raises
+    ------
+    InputError
+        If the voxel size is not above 0, or a grain is an open surface.
+    """
+    size = default_voxel_size(packing) if voxel_size is None else as_length(voxel_size, "voxel_size")
+    pores = pores_of(packing, size)
+    axes = range(packing.dimension)
+    chords = [pores.chords(axis) for axis in axes]
+    widest = pores.widest
+    factor = math.ceil(widest / WIDEST) if math.isfinite(widest) else 1
+    sized = pores if factor <= 1 else pores_of(packing, factor * pores.voxel_size)
+    return Voids(
+        pores.voxel_size,
+        sized.voxel_size,
+        pores.porosity,
+        sized.sizes(),
+        tuple(lengths for lengths, _ in chords),
+        tuple(mean for _, mean in chords),
+        tuple(pores.percolating(axis) for axis in axes),
+    )
+
+
+def default_voxel_size(packing: Packing) -> float:
+    """Return the voxel size that is used where none is given."""
+    d = packing.dimension
+    lengths = (packing.container.bounds[1] - packing.container.bounds[0])[:d]
+    across = float(packing.diameters.mean()) if packing.count else float(lengths.min())
+    longest = float(lengths.max())
+    least = longest * (float(np.prod(lengths / longest)) / MOST_VOXELS) ** (1 / d)
+    return min(max(across / RESOLUTION[d], least), float(lengths.min()))
+
+
+def _compute(packing: Packing) -> Groups:
+    """Return numbers and distributions of the pore space."""
+    fine = voids(packing)
+    coarse = voids(packing, voxel_size=2.0 * fine.size_voxel)
+    unit = length_unit(packing)
+    meanings = {
+        "pore_porosity": ("1", "share of the voxels that are pores, below the surface of a bed"),
+        "pore_size_mean": (unit, "mean pore size over the pore space"),
+        "pore_size_std": (unit, "standard deviation of the pore size over the pore space"),
+        "pore_size_median": (unit, "median pore size over the pore space"),
+    }
+    for axis in "xyz"[: packing.dimension]:
+        meanings[f"mean_chord_{axis}"] = unit, f"mean chord of the pore space along {axis}"
+        share = f"share of the pore space that connects opposite sides along {axis}"
+        meanings[f"percolating_porosity_{axis}"] = "1", share
+    fines, coarses = fine.numbers(), coarse.numbers()
+    whole = {
+        name: variable((), fines[name], *meanings[name], error=_difference(fines[name], coarses[name]))
+        for name in meanings
+    }
+    whole["pore_voxel_size"] = variable((), fine.voxel_size, unit, "edge of the voxels of the pore space")
+    text = "edge of the voxels of the pore sizes"
+    whole["pore_size_voxel_size"] = variable((), fine.size_voxel, unit, text)
+    whole["specific_surface"] = specific_surface(packing)
+    return {"/": dataset(whole), "/voids": _distributions(fine, packing, unit)}
+
+
+def _difference(fine: float, coarse: float) -> float:
+    """Return the difference of two numbers, 0 if they are equal, also where they are infinite or NaN."""
+    if fine == coarse or (math.isnan(fine) and math.isnan(coarse)):
+        return 0.0
+    return abs(fine - coarse)
+
+
+def _distributions(found: Voids, packing: Packing, unit: str) -> Any:
+    """Return the distributions of pore size by volume and of chords by number."""
+    per_length = length_unit(packing, power=-1)
+    edges, density = _histogram(found.sizes, found.voxel_size)
+    kind = "volume" if packing.dimension == 3 else "area"
+    values = {
+        "pore_size_density": variable(
+            ("pore_size",), density, per_length, f"probability density of the pore size by {kind}"
+        )
+    }
+    # chords are whole numbers of voxels: edges between these
+    longest = max((int(lengths.max(initial=1)) for lengths in found.chords), default=1)
+    step = max(1, math.ceil(longest / BINS))
+    ends = (np.arange(0, longest + step, step) + 0.5) * found.voxel_size
+    for axis, lengths in zip("xyz", found.chords, strict=False):
+        counts = np.histogram(lengths * found.voxel_size, ends)[0]
+        shares = counts / (max(len(lengths), 1) * np.diff(ends))
+        text = f"probability density by number of the chords of the pore space along {axis}"
+        values[f"chord_density_{axis}"] = variable(("chord_length",), shares, per_length, text)
+    coordinates = {
+        "pore_size": variable(("pore_size",), (edges[1:] + edges[:-1]) / 2, unit, "pore size, middle of the bin"),
+        "chord_length": variable(("chord_length",), (ends[1:] + ends[:-1]) / 2, unit, "chord, middle of the bin"),
+    }
+    return dataset(values, coordinates)
+
+
+def _histogram(sizes: Floats, voxel_size: float) -> tuple[Floats, Floats]:
+    """Return edges and probability densities of pore sizes."""
+    top = float(sizes.max(initial=0.0)) or voxel_size
+    edges = np.linspace(0.0, top * (1 + 1e-9), BINS + 1)
+    counts = np.histogram(sizes, edges)[0]
+    return edges, counts / (max(len(sizes), 1) * np.diff(edges))
+
+
+registration = Measure(
+    name="voids",
+    summary="pore space on voxels: pore sizes, chord lengths, percolating porosity; specific surface",
+    groups=("/", "/voids"),
+    compute=_compute,
+    applies=lambda packing: not any(packing.shapes[k].is_open for k in np.unique(packing.shape_id)),
+    usual=False,
+)
