@@ -159,10 +159,10 @@ def surface_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
             parts.append(vertices[a] * (1 - share) + vertices[b] * share)
     points = _thinned(np.concatenate(parts), 0.8 * spacing)
     # without these, flat faces that lie on each other sink in until their edges push them sideways
-    inner = _points_in_faces(vertices[faces], WIDE * spacing)
-    if len(inner):
-        apart = load("scipy.spatial").cKDTree(points).query(inner)[0] > 0.5 * WIDE * spacing
-        points = np.concatenate([points, inner[apart]])
+    within = _points_in_faces(vertices[faces], WIDE * spacing)
+    if len(within):
+        apart = load("scipy.spatial").cKDTree(points).query(within)[0] > 0.5 * WIDE * spacing
+        points = np.concatenate([points, within[apart]])
     return points
 
 
