@@ -11,11 +11,9 @@ import time
 from pathlib import Path
 
 import numpy as np
-from matplotlib.image import imsave
 
 import voxgran as vg
 from voxgran._base.rotation import rotation_matrices
-from voxgran.report.gallery import picture_shapes
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/shapes_voxels")
 folder.mkdir(parents=True, exist_ok=True)
@@ -77,4 +75,4 @@ shapes = [
     vg.make_shape("sierpinski_sponge", levels=3, removed=9, seed=1),
     vg.make_shape("sierpinski_sponge", levels=4, divisions=2, kept=0.8, seed=1),
 ]
-imsave(folder / "shapes_voxels.png", picture_shapes(shapes, columns=8))
+vg.save_gallery(shapes, folder / "shapes_voxels.png", columns=8, overwrite=True)

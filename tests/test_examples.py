@@ -186,13 +186,13 @@ def test_sphere_families(tmp_path, capsys, monkeypatch):
 def test_shapes_unions(tmp_path, capsys, monkeypatch):
     text = printed("shapes_unions.py", capsys, monkeypatch, str(tmp_path))
     assert "chord error 5e-04  surface area of unions of one volume to 2.0e-04" in text
-    assert (tmp_path / "shapes_unions.png").exists()
+    assert 50_000 < (tmp_path / "shapes_unions.png").stat().st_size < 250_000
 
 
 def test_shapes_voxels(tmp_path, capsys, monkeypatch):
     text = printed("shapes_voxels.py", capsys, monkeypatch, str(tmp_path))
     assert "sierpinski_sponge  dimension 2.726833, log 20 / log 3 = 2.726833" in text
-    assert (tmp_path / "shapes_voxels.png").exists()
+    assert 50_000 < (tmp_path / "shapes_voxels.png").stat().st_size < 250_000
 
 
 def test_shapes_roughness(tmp_path, capsys, monkeypatch):

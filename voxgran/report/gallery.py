@@ -21,6 +21,8 @@ LARGEST, SMALLEST = 220, 60
 WIDEST = 1760
 #: share of the shapes that are drawn on one scale; larger ones are made as small as the cells of these
 MOST = 0.9
+#: colors of a file: shades of pale surfaces look the same with so many
+COLORS = 128
 #: distance of neighbours, in widths and heights of a cell
 SPACING = 1.12
 
@@ -97,6 +99,6 @@ def save_gallery(
     if columns is not None:
         as_count(columns, "columns", at_least=1)
     check_picture_path(path, overwrite=overwrite)
-    content = png_of(picture_shapes(drawn, columns=columns))
+    content = png_of(picture_shapes(drawn, columns=columns), colors=COLORS)
     with written_whole(path, overwrite=overwrite) as draft:
         draft.write_bytes(content)

@@ -5,7 +5,9 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputExistsError
-from voxgran.report.gallery import picture_shapes
+from voxgran._base.lazy import load
+from voxgran.report.gallery import COLORS, picture_shapes
+from voxgran.report.stage import png_of
 
 
 def inked(picture):
@@ -52,3 +54,18 @@ def test_wrong_calls_are_explained(tmp_path):
     with pytest.raises(OutputExistsError, match="gallery"):
         vg.save_gallery([vg.make_shape("box")], path)
     assert path.read_text() == "mine"
+
+
+def test_a_file_has_a_palette_that_shows_the_same(tmp_path):
+    shapes = vg.make_shapes("solid_union", count=4, seed=1)
+    vg.save_gallery(shapes, tmp_path / "gallery.png", columns=2)
+    with load("PIL.Image").open(tmp_path / "gallery.png") as image:
+        assert image.mode == "P"
+        shown = np.asarray(image.convert("RGB")).astype(int)
+    drawn = picture_shapes(shapes, columns=2).astype(int)
+    difference = np.abs(shown - drawn)
+    assert 10 < len(np.unique(shown.reshape(-1, 3), axis=0)) <= COLORS
+    assert difference.mean() < 0.5
+    assert np.quantile(difference, 0.99) <= 4
+    plain = len(png_of(picture_shapes(shapes, columns=2)))
+    assert (tmp_path / "gallery.png").stat().st_size < 0.6 * plain

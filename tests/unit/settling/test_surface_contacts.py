@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from surface_scenes import bring_near, couples, exact_gaps, grains_of, pairs_of, rows_of
 
 import voxgran as vg
@@ -139,10 +140,29 @@ def test_long_edges_of_round_sides_have_points():
     points = surface_points(cone.vertices, cone.faces, 0.07)
     # on the whole height, although neighbouring facets of the side differ by four degrees only
     assert np.diff(np.sort(points[:, 2])).max() < 0.1
-    # an edge within a plane needs none: a cube has points on its edges
-    cube = vg.make_shape("box", lengths=(1, 1, 1))
-    beyond = np.abs(surface_points(cube.vertices, cube.faces, 0.07)) > 0.5 - 1e-12
-    assert (beyond.sum(axis=1) >= 2).all()
+
+
+@pytest.mark.parametrize("family", ["box", "cylinder", "platonic"])
+def test_flat_faces_have_points_apart(family):
+    solid, spacing = vg.make_shape(family), 0.07
+    points = surface_points(solid.vertices, solid.faces, spacing)
+    weights = np.random.Generator(np.random.Philox(1)).dirichlet(np.ones(3), size=(len(solid.faces), 40))
+    places = np.einsum("fkc,fcx->fkx", weights, solid.vertices[solid.faces]).reshape(-1, 3)
+    assert cKDTree(points).query(places)[0].max() < 4 * spacing
+    # an edge within a plane needs no more than the plane, while round sides have long edges
+    assert len(points) < (1.0 if family == "cylinder" else 0.5) * solid.surface_area / spacing**2
+    for factor in (2.0**-40, 2.0**40):
+        scaled = surface_points(factor * solid.vertices, solid.faces, factor * spacing)
+        np.testing.assert_allclose(scaled, factor * points, rtol=1e-12)
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_flat_faces_on_each_other_do_not_sink_in(seed):
+    # two cylinders of which one is wide: stacked coins, which have edges at their rims only
+    coins = vg.make_shape("solid_union", kinds=["cylinder"], solids=2, seed=3)
+    bed = vg.pack(coins, vg.Box((6, 6, 6)), method="gravity", count=60, seed=seed)
+    assert vg.verify(bed).ok
+    assert bed.stop_reason == "settled"
 
 
 def test_spikes_that_cross_far_from_their_tips_are_parted():

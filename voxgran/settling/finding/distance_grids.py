@@ -7,6 +7,7 @@ way, against the grids of others. Ellipsoids, cylinders and cones are represente
 added as a skin, so that exact tests never overestimate their gaps.
 """
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
+from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
 from voxgran._base.tree import TriangleTree, grow_tree, normals_of
 from voxgran.shapes.mesh import Mesh
@@ -26,6 +28,8 @@ from voxgran.shapes.spheres import Spheres
 CELLS, FRINGE = 36, 2
 #: spacing of the points, and edges of the cubes whose points share a bounding sphere, in equivalent diameters
 SPACING, FINE, COARSE = 0.07, 0.21, 0.42
+#: spacing of points in faces, in spacings of the others
+WIDE = 3.0
 #: cosine between faces below which their common edge is sharp, and below which it is no edge within a plane
 SHARP, BENT = 0.94, 0.9998
 
@@ -132,9 +136,10 @@ def _points_of(shape: Shape, spacing: float) -> tuple[Floats, Floats]:
 
 
 def surface_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
-    """Return corners and points along sharp and long edges of a closed mesh, (p, 3), thinned to a spacing.
+    """Return corners, points along sharp and long edges and, farther apart, points in wide faces of a closed mesh.
 
-    Of the points in a cube of 0.8 times the spacing the outermost is kept.
+    The (p, 3) points are thinned to a spacing; those in faces, which lie far from the others, to one of `WIDE` times
+    as much.
     """
     normal = normals_of(vertices[faces])
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
@@ -152,12 +157,35 @@ def surface_points(vertices: Floats, faces: Integers, spacing: float) -> Floats:
         if inner:
             share = (np.arange(1, inner + 1) / (inner + 1))[:, None]
             parts.append(vertices[a] * (1 - share) + vertices[b] * share)
-    points = np.concatenate(parts)
-    cube = np.floor(points / (0.8 * spacing)).astype(np.int64)
+    points = _thinned(np.concatenate(parts), 0.8 * spacing)
+    # without these, flat faces that lie on each other sink in until their edges push them sideways
+    within = _points_in_faces(vertices[faces], WIDE * spacing)
+    if len(within):
+        apart = load("scipy.spatial").cKDTree(points).query(within)[0] > 0.5 * WIDE * spacing
+        points = np.concatenate([points, within[apart]])
+    return points
+
+
+def _thinned(points: Floats, edge: float) -> Floats:
+    """Return the outermost of the points in each cube of a given edge."""
+    cube = np.floor(points / edge).astype(np.int64)
     order = np.lexsort((-np.linalg.norm(points, axis=1), *cube.T))
     cube = cube[order]
     new = np.concatenate([[True], (cube[1:] != cube[:-1]).any(axis=1)])
     return np.asarray(points[order[new]])
+
+
+def _points_in_faces(triangles: Floats, spacing: float) -> Floats:
+    """Return points in triangles (m, 3, 3) that are longer than a spacing, thinned to it."""
+    longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    parts = [np.zeros((0, 3))]
+    for corners, length in zip(triangles[longest > spacing], longest[longest > spacing], strict=True):
+        many = math.ceil(3 * length / spacing)
+        i, j = (part.ravel() for part in np.meshgrid(np.arange(1, many), np.arange(1, many), indexing="ij"))
+        i, j = i[i + j < many], j[i + j < many]
+        parts.append(np.column_stack([i, j, many - i - j]) / many @ corners)
+    points = np.concatenate(parts)
+    return _thinned(points, 0.8 * spacing) if len(points) else points
 
 
 def _clusters(points: Floats, skins: Floats, diameter: float) -> tuple[Floats, Floats, Integers]:
