@@ -199,7 +199,7 @@ def test_a_surface_that_touches_itself_is_refused_without_a_search():
     def never(factor):
         counted.append(factor)
 
-    with pytest.raises(InputError, match="however small the heights are, .* take another shape, or repair it"):
+    with pytest.raises(InputError, match=r"however small the heights are, .* take another shape, or repair it"):
         largest_if_none(0.1, never, least=1e-5)
     assert len(counted) == 2
     with pytest.raises(InputError, match="however small the heights are"):

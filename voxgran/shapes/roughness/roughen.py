@@ -218,8 +218,8 @@ def largest_if_none(rms: float, displaced: Callable[[float], Floats | None], *, 
             f"rms is {rms:.4g}: with these heights the rough surface cuts through itself; give at most {low * rms:.3g}"
         )
     raise InputError(
-        f"rms is {rms:.4g}: the rough surface cuts through itself however small the heights are, as where the smooth one "
-        "touches itself along an edge or at a corner; take another shape, or repair it"
+        f"rms is {rms:.4g}: the rough surface cuts through itself however small the heights are, as where the smooth "
+        "one touches itself along an edge or at a corner; take another shape, or repair it"
     )
 
 
