@@ -178,9 +178,16 @@ def test_far_too_fine_fields_are_refused():
 @pytest.mark.slow
 @pytest.mark.parametrize("family", ["sphere", "box", "solid_union"])
 def test_many_rough_grains_are_one_clean_solid(family):
+    refused = 0
     for seed in range(100):
-        rough = vg.roughen(vg.make_shape(family, seed=seed), rms=0.01, method=METHODS[seed % 4], seed=seed)
+        smooth, given = vg.make_shape(family, seed=seed), {"method": METHODS[seed % 4], "seed": seed}
+        try:
+            rough = vg.roughen(smooth, rms=0.01, **given)
+        except InputError as error:  # narrow gaps of a union allow lower heights only
+            refused += 1
+            rough = vg.roughen(smooth, rms=float(str(error).rsplit(" ", 1)[1]), **given)
         assert vg.diagnose(rough).ok, seed
+    assert refused <= (15 if family == "solid_union" else 0)
 
 
 def test_an_assembly_of_spheres_takes_a_skin():
