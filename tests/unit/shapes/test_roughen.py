@@ -191,7 +191,7 @@ def test_many_rough_grains_are_one_clean_solid(family):
 
 
 def test_an_assembly_of_spheres_takes_a_skin():
-    """The creases between its spheres have slivers, and its necks are narrower than the triangles."""
+    """Its necks are narrower than the triangles: points that are put on the spheres would pass each other."""
     for spacing in (0.15, 0.3):
         clump = vg.make_shape("sphere_assembly", spacing=spacing)
         rough = vg.roughen(clump, rms=3e-4, seed=1)

@@ -15,8 +15,6 @@ from voxgran.shapes.spheres import Spheres
 
 #: faces of a refined surface at the most
 MOST_FACES = 400_000
-#: distance by which the surface may be moved where slivers are removed, in edges of the finer mesh
-SLIVER = 0.005
 
 
 def refined(shape: Shape, edge: float) -> tuple[Floats, Integers]:
@@ -35,11 +33,7 @@ def refined(shape: Shape, edge: float) -> tuple[Floats, Integers]:
     if not shape.is_open:
         library = load("manifold3d")
         mesh = library.Mesh64(vertices.copy(), np.ascontiguousarray(faces, dtype=np.uint64))
-        solid = library.Manifold(mesh)
-        if isinstance(shape.geometry, Spheres):
-            # the creases between spheres have slivers, whose faces turn over when their corners are displaced
-            solid = solid.simplify(SLIVER * edge)
-        finer = solid.refine_to_length(edge).to_mesh64()
+        finer = library.Manifold(mesh).refine_to_length(edge).to_mesh64()
         flat = np.array(finer.vert_properties[:, :3], dtype=np.float64)
         points, triangles = onto_surface(shape.geometry, flat), np.array(finer.tri_verts, dtype=np.int64)
         _refuse_many(len(triangles), edge)
