@@ -87,6 +87,12 @@ def test_many_shapes_with_a_table_and_a_gallery(tmp_path, capsys):
     assert main(words) == 2
     assert "is not empty: name another folder, or ask with --overwrite" in capsys.readouterr().err
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
+    (folder / "notes.txt").write_text("mine")
+    (folder / "other.ply").write_bytes(b"mine")
+    fewer = ["shape", "torus", "--count", "2", "-o", str(folder), "--overwrite"]
+    assert main(fewer) == 0  # what the earlier table names goes, what is not of voxgran stays
+    left = {path.name for path in folder.iterdir()}
+    assert left == {"notes.txt", "other.ply", "shapes.csv", "torus_0.stl", "torus_1.stl"}
 
 
 def test_shapes_and_clumps(tmp_path, capsys):

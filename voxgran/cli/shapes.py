@@ -55,6 +55,7 @@ def _many(options: argparse.Namespace, given: dict[str, Any]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         digits = len(str(options.count - 1))
         files = [f"{options.family}_{k:0{digits}}.{options.format}" for k in range(len(shapes))]
+        _remove_stale(folder, keep=files)
         for made, file in zip(shapes, files, strict=True):
             voxgran.save_shape(made, folder / file, overwrite=options.overwrite)
         columns = {"file": files, "seed": seeds, **{str(name): values.values for name, values in form.items()}}
@@ -86,6 +87,19 @@ def _folder(options: argparse.Namespace) -> Path:
     if not options.overwrite and folder.is_dir() and any(folder.iterdir()):
         raise OutputExistsError(f"{folder} is not empty: name another folder, or ask with --overwrite")
     return folder
+
+
+def _remove_stale(folder: Path, *, keep: list[str]) -> None:
+    """Remove the shapes of an earlier call from a folder: the files that its table names and the new one will not."""
+    table = folder / TABLE
+    if not table.is_file():
+        return
+    with table.open(newline="", encoding="utf-8") as lines:
+        named = [row.get("file") or "" for row in csv.DictReader(lines)]
+    for name in set(named) - set(keep):
+        path = folder / name
+        if name == Path(name).name and path.suffix.lower() in WRITERS and path.is_file():
+            path.unlink()
 
 
 def _csv(columns: dict[str, Any]) -> str:

@@ -87,8 +87,9 @@ class Primitive:
         if self.kind == "sphere":
             return 4 * math.pi * d[0] ** 2
         if self.kind == "ellipsoid":
-            a, b, c = (value**2 for value in d)
-            return float(4 * math.pi * load("scipy.special").elliprg(a * b, a * c, b * c))
+            longest = max(d)
+            a, b, c = ((value / longest) ** 2 for value in d)  # fourth powers of lengths would overflow
+            return float(4 * math.pi * load("scipy.special").elliprg(a * b, a * c, b * c)) * longest**2
         if self.kind == "box":
             return 2 * (d[0] * d[1] + d[1] * d[2] + d[2] * d[0])
         if self.kind == "cylinder":

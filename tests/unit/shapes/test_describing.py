@@ -156,6 +156,14 @@ def test_numbers_do_not_depend_on_pose_and_size():
     assert roundness(other) == pytest.approx(roundness(shape), abs=2e-3)
 
 
+@pytest.mark.parametrize("factor", [1e-55, 1e50])
+def test_areas_of_ellipsoids_of_extreme_size_keep_all_digits(factor):
+    semi_axes = np.array([1.0, 2.0, 3.0])
+    usual, extreme = (vg.describe(vg.make_shape("ellipsoid", semi_axes=semi_axes * f)) for f in (1.0, factor))
+    assert extreme.surface_area.item() / factor**2 == pytest.approx(usual.surface_area.item(), rel=1e-13)
+    assert extreme.sphericity.item() == pytest.approx(usual.sphericity.item(), rel=1e-13)
+
+
 def test_table_of_shapes():
     box = vg.make_shape("box", lengths=(4, 2, 1))
     table = vg.describe([box, vg.make_shape("sphere", radius=2.0)])

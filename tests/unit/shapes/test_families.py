@@ -149,6 +149,7 @@ BAD = [
     ("sphere_assembly", {"base": make_shape("sheet")}, "open surface: base volumes need a solid"),
     ("sphere_assembly", {"base": "no_such"}, "shape family 'no_such' is unknown"),
     ("sphere_assembly", {"base": {"seed": 3}}, "base is a table without family"),
+    ("spherical_harmonics", {"like": {"seed": 3}}, "like is a table without family"),
     ("sphere_assembly", {"base": {"family": "box", "length": 3}}, "did you mean 'lengths'"),
     ("sphere_assembly", {"base": 3}, "it must be text or Shape or a table"),
     ("sphere_assembly", {"probability": 0.0}, "probability is 0.0"),

@@ -44,6 +44,16 @@ def test_too_fine_a_sheet_is_refused():
         vg.make_shape("rough_sheet", shortest=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("given", "changed"), [({"correlation_length": 1e9}, "correlation_length"), ({"shortest": 2.5}, "shortest")]
+)
+def test_the_length_that_is_proposed_can_be_made(given, changed):
+    with pytest.raises((InputError, TooLargeError), match=f"^{changed} is .*; give (at most|less than)") as caught:
+        vg.make_shape("rough_sheet", **given)
+    proposed = float(str(caught.value).rsplit(" ", 1)[1])
+    assert vg.make_shape("rough_sheet", **{changed: 0.999 * proposed}).record["roughness_rms"] > 0
+
+
 def sheet_of(x=1.0, y=1.0):
     flat = np.array([(0.0, 0.0), (x, 0.0), (0.0, y), (x, y)])
     return Folded(np.column_stack([flat, np.zeros(4)]), flat, lattice_faces(1, 1), np.zeros((0, 2), np.int64))

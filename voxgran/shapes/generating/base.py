@@ -27,7 +27,7 @@ def check_base(base: str | Shape | Mapping[str, Any], depth: int = 0, *, called:
         base.refuse_open("base volumes")
         flat, name = base.dimension == 2, base.name
     else:
-        name = _named(base)
+        name = _named(base, called)
         entry = families().get(name)
         if entry.is_open:
             raise InputError(
@@ -55,12 +55,12 @@ def made_base(base: str | Shape | Mapping[str, Any], generator: np.random.Genera
     return make_shape(_named(base), **given)
 
 
-def _named(base: str | Mapping[str, Any]) -> str:
+def _named(base: str | Mapping[str, Any], called: str = "base") -> str:
     """Return the name of the family."""
     if isinstance(base, str):
         return base
     if not isinstance(base.get("family"), str):
         raise InputError(
-            "base is a table without family: it must name a family, such as {family = 'ellipsoid'}; add it"
+            f"{called} is a table without family: it must name a family, such as {{family = 'ellipsoid'}}; add it"
         )
     return str(base["family"])

@@ -53,8 +53,10 @@ def _waves(phase: Floats, dimension: int) -> Floats:
     return np.asarray(load("scipy.special").j0(phase) if dimension == 2 else np.sinc(phase / np.pi))
 
 
-def roll_off_of(hurst: float, cut_off: float, dimension: int) -> float:
+def roll_off_of(hurst: float, cut_off: float, dimension: int, *, length: float = 1.0) -> float:
     """Return the roll-off at which the autocorrelation of a self-affine field is 1/e at the distance 1.
+
+    `length` is the correlation length, which is the unit of distances, in that of the message.
 
     Raises
     ------
@@ -69,7 +71,7 @@ def roll_off_of(hurst: float, cut_off: float, dimension: int) -> float:
 
     if excess(math.log(cut_off) - 1e-9) > 0:
         raise InputError(
-            f"shortest is {2 * math.pi / cut_off:.4g} correlation lengths: waves of this length and above do not lose "
-            "their correlation within one; give less than 2"
+            f"shortest is {2 * math.pi / cut_off * length:.4g} and the correlation length is {length:.4g}: waves of "
+            f"this length and above do not lose their correlation within that; give less than {2 * length:.4g}"
         )
     return math.exp(load("scipy.optimize").brentq(excess, math.log(LEAST * cut_off), math.log(cut_off) - 1e-9))

@@ -71,12 +71,17 @@ def draw_field(
         size = tuple(max(2, int(np.ceil(n / 2**levels))) * 2**levels for n in number)
     else:
         size = tuple(int(fft.next_fast_len(int(min(n, MOST_POINTS)), real=True)) for n in number)
-    points = float(np.prod(np.array(size, dtype=np.float64)))
+    points = float(np.prod(number if max(size) >= MOST_POINTS else np.array(size, dtype=np.float64)))
     if points > MOST_POINTS:
-        least = field.shortest * (points / MOST_POINTS) ** (1 / len(size))
+        excess = (points / MOST_POINTS) ** (1 / len(size))
+        if spacing.min() < 0.99 * field.edge:  # coarser waves would not make the mesh coarser
+            raise TooLargeError(
+                f"correlation_length is {field.lengths.max():.4g}: the random field would need {points:.3g} points, at "
+                f"most {MOST_POINTS:.3g} are drawn; give at most {0.9 * field.lengths.max() / excess:.2g}"
+            )
         raise TooLargeError(
             f"shortest is {field.shortest:.4g}: the random field would need {points:.3g} points, at most "
-            f"{MOST_POINTS:.3g} are drawn; give at least {least:.2g}"
+            f"{MOST_POINTS:.3g} are drawn; give at least {field.shortest * excess:.2g}"
         )
     if field.method == "whitehouse":
         values = recursive_field(size, np.exp(-step / field.lengths), generator)

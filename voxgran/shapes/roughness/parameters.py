@@ -98,8 +98,10 @@ class Roughness:
             )
         sides = np.array([as_positive(length, "correlation_length") for length in lengths])
         shortest = SHORTEST * float(sides.min()) if self.shortest is None else self.shortest
-        cut_off = 2 * np.pi * float(sides.min()) / shortest
+        least = float(sides.min())
+        cut_off = 2 * np.pi * least / shortest
         hurst = 0.8 if self.hurst is None else self.hurst
+        spectral = self.method == "spectral"
         return RoughField(
             method=self.method,
             rms=RMS * diameter if self.rms is None else self.rms,
@@ -107,7 +109,7 @@ class Roughness:
             shortest=shortest,
             hurst=hurst,
             cut_off=cut_off,
-            roll_off=roll_off_of(hurst, cut_off, dimension) if self.method == "spectral" else 0.0,
+            roll_off=roll_off_of(hurst, cut_off, dimension, length=least) if spectral else 0.0,
             autocorrelation=self.autocorrelation or "exponential",
             skewness=float(self.skewness),
             kurtosis=float(self.kurtosis),

@@ -9,7 +9,9 @@ from voxgran._base.errors import TooLargeError
 from voxgran._base.lazy import load
 from voxgran.shapes.finer import cut_edges, edges_of, onto_surface
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.roughness.parameters import POINTS
+from voxgran.shapes.spheres import Spheres
 
 #: faces of a refined surface at the most
 MOST_FACES = 400_000
@@ -32,9 +34,12 @@ def refined(shape: Shape, edge: float) -> tuple[Floats, Integers]:
         library = load("manifold3d")
         mesh = library.Mesh64(vertices.copy(), np.ascontiguousarray(faces, dtype=np.uint64))
         finer = library.Manifold(mesh).refine_to_length(edge).to_mesh64()
-        points = onto_surface(shape.geometry, np.array(finer.vert_properties[:, :3], dtype=np.float64))
-        triangles = np.array(finer.tri_verts, dtype=np.int64)
+        flat = np.array(finer.vert_properties[:, :3], dtype=np.float64)
+        points, triangles = onto_surface(shape.geometry, flat), np.array(finer.tri_verts, dtype=np.int64)
         _refuse_many(len(triangles), edge)
+        # necks between spheres may be narrower than the triangles, so that points on the spheres would pass each other
+        if isinstance(shape.geometry, Spheres) and count_crossings(points, triangles):
+            return flat, triangles
         return points, triangles
     while True:
         _refuse_many(len(faces), edge)

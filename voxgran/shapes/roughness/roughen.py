@@ -29,6 +29,8 @@ MOST_CORNERS = 5_000
 WIDTHS = (0.0, 0.5, 1.0, 2.0)
 #: halvings of the interval of heights in search of the largest one
 SEARCHED = 12
+#: height from which on the largest one is searched, in edges of the mesh
+SMALL = 1e-4
 
 
 def roughen(
@@ -144,7 +146,7 @@ def _rough_surface(shape: Shape, field: RoughField, generator: np.random.Generat
                 return moved
         return None
 
-    moved = largest_if_none(field.rms, displaced)
+    moved = largest_if_none(field.rms, displaced, least=SMALL * field.edge)
     told = record_of(field, vertices, heights, weights, 3)
     return (Surface if shape.is_open else Mesh)(moved, faces), told
 
@@ -179,6 +181,7 @@ def _rough_outline(
     moved = largest_if_none(
         field.rms,
         lambda factor: corners if is_simple(corners := points + (factor * heights)[:, None] * normals) else None,
+        least=SMALL * field.edge,
     )
     told = record_of(field, points, heights, weights, 2)
     return Outline("polygon", vertices=moved), told
@@ -192,26 +195,32 @@ def random_heights(points: Floats, weights: Floats, field: RoughField, generator
     return np.asarray(field.rms * moments_of(raw, weights)[0])
 
 
-def largest_if_none(rms: float, displaced: Callable[[float], Floats | None]) -> Floats:
+def largest_if_none(rms: float, displaced: Callable[[float], Floats | None], *, least: float) -> Floats:
     """Return the points of a surface displaced by heights times the factor 1.
 
     Raises
     ------
     InputError
         If the surface meets itself, which `displaced` tells by None; the message gives the largest height, found by
-        bisection, with which it does not.
+        bisection from the height `least` on, with which it does not.
     """
     moved = displaced(1.0)
     if moved is not None:
         return moved
-    low, high = 0.0, 1.0
-    for _ in range(SEARCHED):
-        middle = float(f"{(low + high) / 2 * rms:.3g}") / rms  # what is proposed is what is tested
-        if not low < middle < high:
-            break
-        low, high = (low, middle) if displaced(middle) is None else (middle, high)
-    remedy = f"give at most {low * rms:.3g}" if low else "refine or repair the shape"
-    raise InputError(f"rms is {rms:.4g}: with these heights the rough surface cuts through itself; {remedy}")
+    low, high = float(f"{least:.3g}") / rms, 1.0
+    if low < high and displaced(low) is not None:
+        for _ in range(SEARCHED):
+            middle = float(f"{math.sqrt(low * high) * rms:.3g}") / rms  # what is proposed is what is tested
+            if not low < middle < high:
+                break
+            low, high = (low, middle) if displaced(middle) is None else (middle, high)
+        raise InputError(
+            f"rms is {rms:.4g}: with these heights the rough surface cuts through itself; give at most {low * rms:.3g}"
+        )
+    raise InputError(
+        f"rms is {rms:.4g}: the rough surface cuts through itself however small the heights are, as where the smooth "
+        "one touches itself along an edge or at a corner; take another shape, or repair it"
+    )
 
 
 def record_of(field: RoughField, points: Floats, heights: Floats, weights: Floats, dimension: int) -> dict[str, Any]:
