@@ -101,7 +101,7 @@ def _fill_spheres(centers, radii, lower, upper, start, normals, offsets, work, v
 
 
 @kernel
-def unit_sphere(work, count):  # type: ignore[no-untyped-def]
+def unit_sphere(work: Floats, count: int) -> float:
     """Return the volume of the unit sphere inside the half-spaces in the first four columns of `work`."""
     total, inside = 0.0, True
     for f in range(count):

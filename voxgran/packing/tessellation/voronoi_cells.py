@@ -220,9 +220,9 @@ def _cut_by_all(seeds, walls, cell, i, shift, bodies, poses, around):  # type: i
     set_box(cell, seeds.low, seeds.high)
     state = _cut_by_seeds(seeds, walls, cell, i, shift, bodies, poses, around)
     if state == CUT and walls.kind in (UPRIGHT, ROUND):
-        state = cut_by_round_wall(seeds, walls, cell, i, shift)
+        state = cut_by_round_wall(seeds.place, walls, cell, i, shift)
     if state == CUT and walls.kind == MESH:
-        state = cut_by_triangles(seeds, walls, cell, i, shift)
+        state = cut_by_triangles(seeds.place, walls, cell, i, shift, seeds.near)
     return state
 
 

@@ -7,10 +7,11 @@ lies inside, also in containers that are not convex, where corners of the contai
 
 import math
 
+from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.tree import closest_on_triangle, square_to_box
-from voxgran.containers.kernel_container import ROUND
-from voxgran.packing.tessellation.voronoi_polyhedron import CUT, EMPTY, clip, reach_of
+from voxgran.containers.kernel_container import ROUND, KernelContainer
+from voxgran.packing.tessellation.voronoi_polyhedron import CUT, EMPTY, Polyhedron, clip, reach_of
 
 #: protrusion of corners beyond a round wall, in sizes of the cell, and most planes of such a wall per cell
 PROTRUSION, ROUND_PLANES = 0.005, 80
@@ -21,10 +22,10 @@ ROUND_WALL, MESH_WALL = -7, -8
 
 
 @bare_kernel
-def cut_by_round_wall(seeds, walls, cell, i, shift):  # type: ignore[no-untyped-def]
+def cut_by_round_wall(place: Floats, walls: KernelContainer, cell: Polyhedron, i: int, shift: float) -> int:
     """Cut by tangent planes of a cylinder or a sphere, at the corner that is farthest beyond it, again and again."""
-    mx, my = walls.middle[0] - seeds.place[i, 0], walls.middle[1] - seeds.place[i, 1]
-    mz = walls.middle[2] - seeds.place[i, 2] if walls.kind == ROUND else 0.0
+    mx, my = walls.middle[0] - place[i, 0], walls.middle[1] - place[i, 1]
+    mz = walls.middle[2] - place[i, 2] if walls.kind == ROUND else 0.0
     for _ in range(ROUND_PLANES):
         # of what is left of the cell: before the cuts it may reach far beyond the wall
         worst, most = -1, walls.radius + PROTRUSION * reach_of(cell, walls.dimension == 2)
@@ -45,12 +46,14 @@ def cut_by_round_wall(seeds, walls, cell, i, shift):  # type: ignore[no-untyped-
 
 
 @bare_kernel
-def cut_by_triangles(seeds, walls, cell, i, shift):  # type: ignore[no-untyped-def]
+def cut_by_triangles(
+    place: Floats, walls: KernelContainer, cell: Polyhedron, i: int, shift: float, near: Floats
+) -> int:
     """Cut by planes through the nearest points of triangles, the nearest triangle first, until none is inside."""
-    mesh, near = walls.mesh, seeds.near
-    px = seeds.place[i, 0] + mesh.shift[0]
-    py = seeds.place[i, 1] + mesh.shift[1]
-    pz = seeds.place[i, 2] + mesh.shift[2]
+    mesh = walls.mesh
+    px = place[i, 0] + mesh.shift[0]
+    py = place[i, 1] + mesh.shift[1]
+    pz = place[i, 2] + mesh.shift[2]
     slack = OUTSIDE * max(walls.lengths[0], walls.lengths[1], walls.lengths[2])
     passed, last = -1.0, -1
     for _ in range(TRIANGLE_PLANES):
