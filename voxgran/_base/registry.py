@@ -9,7 +9,9 @@ import difflib
 import importlib
 import importlib.metadata
 import pkgutil
+import sys
 from collections.abc import Iterable
+from functools import cache, lru_cache
 from typing import Generic, TypeVar
 
 from voxgran._base.errors import InputError, UnknownNameError, shown
@@ -62,20 +64,27 @@ class Registry(Generic[T]):
 
     def _files(self) -> dict[str, str]:
         """Return the public modules of the package and of those inside it: names of files, and of modules."""
-        found: dict[str, str] = {}
-        for package in (self.package, *self._groups()):
-            modules = pkgutil.iter_modules(importlib.import_module(package).__path__)
-            found |= {m.name: f"{package}.{m.name}" for m in modules if not m.ispkg and not m.name.startswith("_")}
-        return found
-
-    def _groups(self) -> tuple[str, ...]:
-        """Return the names of the packages inside the package."""
-        modules = pkgutil.iter_modules(importlib.import_module(self.package).__path__)
-        return tuple(f"{self.package}.{m.name}" for m in modules if m.ispkg)
+        return dict(_modules(self.package))
 
     def _foreign(self) -> dict[str, importlib.metadata.EntryPoint]:
         """Return the entry points of third parties."""
-        return {point.name: point for point in importlib.metadata.entry_points(group=self.group)}
+        return {point.name: point for point in _entry_points(self.group, tuple(sys.path))}
+
+
+# What is installed stays what it is while a process runs, and looking it up takes longer than all else of a scene.
+@cache
+def _modules(package: str) -> tuple[tuple[str, str], ...]:
+    """Return name and path of each public module of a package and of the packages inside it."""
+    modules = list(pkgutil.iter_modules(importlib.import_module(package).__path__))
+    found = [(m.name, f"{package}.{m.name}") for m in modules if not m.ispkg and not m.name.startswith("_")]
+    return (*found, *(entry for m in modules if m.ispkg for entry in _modules(f"{package}.{m.name}")))
+
+
+@lru_cache(maxsize=16)
+def _entry_points(group: str, places: tuple[str, ...]) -> tuple[importlib.metadata.EntryPoint, ...]:
+    """Return the entry points of a group in the places where libraries are looked for."""
+    del places
+    return tuple(importlib.metadata.entry_points(group=group))
 
 
 #: words that people type for a name of ours, as other programs have it; the first that is known is suggested

@@ -1,0 +1,183 @@
+"""Results of a study: one dataset over all dimensions and seeds, and one row for each run."""
+
+import csv
+import io
+import math
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.lazy import load
+from voxgran.io.netcdf import save_statistics
+from voxgran.study.cells import Cell, Dimension
+from voxgran.study.runs import Record
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+DATASET, TABLE, ZARR = "study.nc", "table.csv", "study.zarr"
+#: variables that say what the machine did, and differ each time
+MACHINE = {
+    "seconds": ("s", "processor time"),
+    "memory": ("byte", "memory of the process at the peak"),
+}
+#: variables that are texts
+TEXTS = {
+    "stop_reason": "why the packing ended",
+    "warnings": "what was warned of",
+    "failure": "why there are no numbers; empty where there are",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyResult:
+    """What a study has left.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        All numbers over the dimensions of the study and ``seed``: those of the verification and of the measures, NaN
+        where a run failed; `seconds` of processor time and `memory` in bytes, which differ each time; the texts
+        `stop_reason`, `warnings` and `failure`.
+    rows : list of dict
+        The same, one row for each run.
+    folder : Path
+        Where the files are.
+    computed : int
+        How many runs were computed by this call; the others were there before.
+    """
+
+    dataset: "Dataset"
+    rows: list[dict[str, Any]]
+    folder: Path
+    computed: int
+
+    @property
+    def failures(self) -> list[dict[str, Any]]:
+        """Rows of the runs that failed."""
+        return [row for row in self.rows if row["failure"]]
+
+    def table(self) -> Any:
+        """Return a pandas.DataFrame with one row for each run: coordinates, seed, numbers and texts."""
+        return load("pandas").DataFrame(self.rows)
+
+
+def rows_of(cells: Sequence[Cell], seeds: Sequence[int], records: Mapping[tuple[int, int], Record]) -> list[Any]:
+    """Return one row for each run.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+        All cells.
+    seeds : sequence of int
+        Seeds of each.
+    records : mapping
+        What each run has left, by the numbers of its cell and of its seed.
+    """
+    coordinates = dict.fromkeys(name for cell in cells for name in cell.values)
+    numbers = list(dict.fromkeys(name for record in records.values() for name in record.numbers))
+    rows = []
+    for (at, number), record in sorted(records.items(), key=lambda item: item[0]):
+        row: dict[str, Any] = {name: cells[at].values.get(name, "") for name in coordinates}
+        row["seed"] = seeds[number]
+        row |= {_named(name, coordinates): record.numbers.get(name, [math.nan])[0] for name in numbers}
+        row |= {"seconds": record.seconds, "memory": record.memory, "stop_reason": record.stop_reason}
+        rows.append(row | {"warnings": "; ".join(record.warnings), "failure": record.failure})
+    return rows
+
+
+def _named(name: str, coordinates: Mapping[str, Any]) -> str:
+    """Return the name of a number, which is another one where an axis has it."""
+    return f"measured_{name}" if name in coordinates or name == "seed" else name
+
+
+def dataset_of(
+    dimensions: Sequence[Dimension],
+    cells: Sequence[Cell],
+    seeds: Sequence[int],
+    records: Mapping[tuple[int, int], Record],
+) -> "Dataset":
+    """Return all results along the dimensions of a study and ``seed``.
+
+    Parameters
+    ----------
+    dimensions : sequence of Dimension
+        What is varied.
+    cells : sequence of Cell
+        All cells, the last dimension varying fastest.
+    seeds : sequence of int
+        Seeds of each.
+    records : mapping
+        What each run has left, by the numbers of its cell and of its seed.
+    """
+    dims = (*(dimension.name for dimension in dimensions), "seed")
+    shape = (*(len(dimension) for dimension in dimensions), len(seeds))
+    coordinates: dict[str, Any] = {
+        name: (dimension.name, _array(labels)) for dimension in dimensions for name, labels in dimension.labels.items()
+    }
+    coordinates["seed"] = ("seed", np.array(seeds, dtype=np.int64))
+    order = [records[at, number] for at in range(len(cells)) for number in range(len(seeds))]
+    variables: dict[str, Any] = {}
+    for name in dict.fromkeys(name for record in order for name in record.numbers):
+        values = np.array([record.numbers.get(name, [math.nan])[0] for record in order]).reshape(shape)
+        told = {tuple(record.numbers[name][1:]) for record in order if name in record.numbers}
+        units = {unit for unit, _ in told}
+        attributes = {"units": units.pop() if len(units) == 1 else "that of the scene", "long_name": min(told)[1]}
+        variables[_named(name, coordinates)] = (dims, values, attributes)
+    for name, (unit, text) in MACHINE.items():
+        values = np.array([float(getattr(record, name)) for record in order]).reshape(shape)
+        variables[name] = (dims, values, {"units": unit, "long_name": text})
+    for name, text in TEXTS.items():
+        values = np.array([_text(getattr(record, name)) for record in order], dtype=object).reshape(shape)
+        variables[name] = (dims, values, {"long_name": text})
+    made: Dataset = load("xarray").Dataset(variables, coords=coordinates)
+    return made
+
+
+def _array(labels: Sequence[Any]) -> Any:
+    """Return labels as an array: numbers, or texts."""
+    return np.array(labels) if all(isinstance(v, int | float) for v in labels) else np.array(labels, dtype=object)
+
+
+def _text(value: Any) -> str:
+    """Return texts as one."""
+    return "; ".join(value) if isinstance(value, list) else str(value)
+
+
+def save_results(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], folder: Path, *, zarr: bool) -> None:
+    """Write the dataset and the table.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        All results.
+    rows : sequence of mapping
+        One for each run.
+    folder : Path
+        Folder of the study.
+    zarr : bool
+        Whether the dataset is written as zarr, too.
+
+    Raises
+    ------
+    OutputError
+        If something cannot be written.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(folder / TABLE, text.getvalue())
+    save_statistics(load("xarray").DataTree(dataset, name="study"), folder / DATASET, overwrite=True)
+    if zarr:
+        with written_whole(folder / ZARR) as draft:
+            shutil.rmtree(draft, ignore_errors=True)
+            # texts of any length: zarr has no objects
+            texts = {name: dataset[name].astype(str) for name in TEXTS}
+            labels = {name: value.astype(str) for name, value in dataset.coords.items() if value.dtype == object}
+            dataset.assign(texts).assign_coords(labels).to_zarr(draft, mode="w")
