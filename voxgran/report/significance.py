@@ -74,11 +74,11 @@ class Difference:
     @property
     def p_value(self) -> float:
         """Probability of a difference as large by chance where the means are equal (two-sided)."""
-        return float(2 * load("scipy.stats").t.sf(abs(self.statistic), self.degrees))
+        return float(2 * load("scipy.special").stdtr(self.degrees, -abs(self.statistic)))
 
     def interval(self, confidence: float) -> tuple[float, float]:
         """Return the limits of the interval that holds the true difference with this probability."""
-        half = self.standard_error * float(load("scipy.stats").t.isf((1 - confidence) / 2, self.degrees))
+        half = self.standard_error * float(load("scipy.special").stdtrit(self.degrees, (1 + confidence) / 2))
         return self.value - half, self.value + half
 
 

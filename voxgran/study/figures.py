@@ -1,13 +1,13 @@
 """Figures of a study: density against processor time, and density by shape and method beside experiments."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.report import plots
 from voxgran.report.figures import Figure
@@ -25,6 +25,8 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p")
 WIDTH, HEIGHT = 7.6, 4.4
 #: largest ratio of numbers on an axis that is not logarithmic
 MOST_LINEAR = 30.0
+#: most letters of all labels of an axis that are not turned
+MOST_LETTERS = 50
 #: share of the place of a category that its points and its band take
 SPREAD, BAND = 0.6, 0.42
 
@@ -59,6 +61,15 @@ class Points:
         filled = color // len(plots.DISTINCT) % 2 == 0
         return {"color": ink, "marker": MARKERS[marker % len(MARKERS)], "markerfacecolor": ink if filled else "none"}
 
+    def by_style(self, places: Integers) -> Iterator[tuple[Integers, dict[str, Any]]]:
+        """Yield the points of each colour and marker, with their style."""
+        groups: dict[tuple[Label, ...], list[int]] = {}
+        for at in map(int, places):
+            axes = [axis for axis in (self.color_axis, self.marker_axis) if axis is not None]
+            groups.setdefault(tuple(self.labels[at][axis] for axis in axes), []).append(at)
+        for members in groups.values():
+            yield np.array(members), self.style(members[0])
+
 
 def points_of(dataset: "Dataset", over: str | None) -> Points:
     """Return the cells of a study as points.
@@ -85,10 +96,10 @@ class _Values:
     high: Floats
     label: str
 
-    def errors(self, at: int) -> list[list[float]] | None:
-        """Return the lengths of the bars below and above a mean; None where they are not known."""
-        bars = [[float(self.mean[at] - self.low[at])], [float(self.high[at] - self.mean[at])]]
-        return [[max(bar[0], 0.0)] for bar in bars] if np.isfinite(bars).all() else None
+    def errors(self, places: Integers) -> Floats:
+        """Return the lengths (2, n) of the bars below and above means; NaN where they are not known."""
+        bars = np.stack([self.mean - self.low, self.high - self.mean])[:, places]
+        return np.maximum(bars, 0.0)
 
 
 def _values(dataset: "Dataset", variable: str, confidence: float, interval: Interval) -> _Values:
@@ -119,22 +130,22 @@ def figures_of(
     over : str or None
         Axis that colours tell apart.
     bands : sequence of Band
-        Ranges of experiments, by the values of the axis `shape`, or of the axis that is drawn in its place.
+        Ranges of experiments, by the values of the axis `shape`, or of the axis that is drawn in its place; across the
+        figure where they are of neither.
     confidence, interval : float, str
         Those of :func:`voxgran.study.statistics.summary`.
 
     Raises
     ------
     UnknownNameError
-        If a range belongs to no value of that axis; ranges of a study without the axis `shape` that name no value of
-        another are drawn across the figure.
+        If a range belongs to no value of the axis `shape`.
     """
     points = points_of(dataset, over)
     category = points.marker_axis
     labels = [text_of(label) for label in points.values(category)]
-    # of an axis that no range names they are not: each is drawn across the figure, as without an axis
-    placed = category == "shape" or any(band.label in labels for band in bands)
-    if placed:
+    # ranges of shapes belong to shapes; in a study without that axis each is drawn across the figure
+    placed = category == "shape" or {band.label for band in bands} <= set(labels)
+    if category == "shape":
         check_labels(bands, labels)
     density = _values(dataset, variable, confidence, interval)
     size = (WIDTH, max(HEIGHT, 0.28 * _legend_rows(points) + 1.0))
@@ -181,16 +192,16 @@ def _legend_rows(points: Points) -> int:
 def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, seconds: _Values) -> None:
     """Draw the density of each cell against its processor time."""
     shown = np.flatnonzero(np.isfinite(density.mean) & (seconds.mean > 0))
-    for at in map(int, shown):
+    for places, style in points.by_style(shown):
         axes.errorbar(
-            seconds.mean[at],
-            density.mean[at],
-            xerr=seconds.errors(at),
-            yerr=density.errors(at),
+            seconds.mean[places],
+            density.mean[places],
+            xerr=seconds.errors(places),
+            yerr=density.errors(places),
             linestyle="none",
             elinewidth=1.0,
             markersize=7,
-            **points.style(at),
+            **style,
         )
     axes.set_xscale("log")
     if len(shown):
@@ -198,7 +209,7 @@ def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, second
         ends = np.concatenate([seconds.mean[shown], seconds.low[shown], seconds.high[shown]])
         ends = ends[ends > seconds.mean[shown].min() / MOST_LINEAR]
         axes.set_xlim(0.8 * ends.min(), 1.25 * ends.max())
-    axes.set(xlabel=seconds.label.replace("seconds (s)", "processor time (s)"), ylabel=density.label)
+    axes.set(xlabel="processor time (s)", ylabel=density.label)
     _legend(axes, points, markers=True)
 
 
@@ -206,40 +217,48 @@ def _draw_by_category(axes: Any, *, points: Points, density: _Values, bands: Seq
     """Draw the density of each cell over the values of the axis of markers, beside each other by colour."""
     category = points.marker_axis
     values = points.values(category)
-    numeric = len(values) > 1 and all(isinstance(value, int | float) for value in values)
-    width = 1.0
-    if numeric:
-        # numbers have their own places, in order
-        numbers = sorted(float(value) for value in values)
-        width = float(np.diff(numbers).min())
-        middle = [float(cell[category]) for cell in points.labels]  # type: ignore[index]
-        place = np.array(middle)
-        if numbers[0] > 0 and numbers[-1] > MOST_LINEAR * numbers[0]:
-            axes.set_xscale("log")
-            width = min(width, 0.2 * numbers[0])
-    else:
-        middle = [float(values.index(cell[category])) for cell in points.labels] if category is not None else []
-        place = _beside(middle or [0.0] * len(points.labels))
-        axes.set_xticks(range(len(values) or 1), [text_of(value) for value in values] or [""])
-        axes.set_xlim(-0.5, max(len(values), 1) - 0.5)
-        if sum(len(text_of(value)) for value in values) > 50:
-            axes.tick_params(axis="x", labelrotation=25)
-    places = dict(zip(map(text_of, values), sorted(set(middle), key=middle.index), strict=False))
-    for band in bands:
-        ends = [places[band.label] - BAND * width, places[band.label] + BAND * width] if placed else [0, 1]
-        # across the figure the ends are shares of its width
-        across = {} if placed else {"transform": axes.get_yaxis_transform()}
-        axes.fill_between(ends, band.low, band.high, color=plots.INK, alpha=0.16, linewidth=0, zorder=0, **across)
-        # the lines show a band that is a single value
-        for edge in {band.low, band.high}:
-            axes.plot(ends, [edge, edge], color=plots.INK, alpha=0.45, linewidth=0.8, zorder=1, **across)
-    if numeric:
+    if len(values) > 1 and all(isinstance(value, int | float) for value in values):
+        middle, width = _numbers(axes, values)
+        place = np.array([middle[text_of(cell[str(category)])] for cell in points.labels])
         _join(axes, points, place, density.mean)
-    for at in map(int, np.flatnonzero(np.isfinite(density.mean))):
-        error, style = density.errors(at), {**points.style(at), "marker": "o"}
-        axes.errorbar(place[at], density.mean[at], yerr=error, linestyle="none", elinewidth=1.4, markersize=6, **style)
+    else:
+        middle, width = {text_of(value): float(at) for at, value in enumerate(values or [""])}, 1.0
+        place = _beside([middle[text_of(cell[category])] if category else 0.0 for cell in points.labels])
+        axes.set_xticks(range(len(middle)), [text_of(value) for value in values] or [""])
+        axes.set_xlim(-0.5, len(middle) - 0.5)
+        if sum(map(len, middle)) > MOST_LETTERS:
+            axes.tick_params(axis="x", labelrotation=25)
+    for band in bands:
+        _draw_band(
+            axes, band, (middle[band.label] - BAND * width, middle[band.label] + BAND * width) if placed else None
+        )
+    for places, style in points.by_style(np.flatnonzero(np.isfinite(density.mean))):
+        error, style["marker"] = density.errors(places), "o"
+        axes.errorbar(
+            place[places], density.mean[places], yerr=error, linestyle="none", elinewidth=1.4, markersize=6, **style
+        )
     axes.set(xlabel=(category or "").replace("_", " "), ylabel=density.label)
     _legend(axes, points, markers=False, bands=bool(bands))
+
+
+def _numbers(axes: Any, values: Sequence[Any]) -> tuple[dict[str, float], float]:
+    """Return the places of numbers by their labels, and the least distance of two; set the scale of the axis."""
+    numbers = sorted(float(value) for value in values)
+    width = float(np.diff(numbers).min())
+    if numbers[0] > 0 and numbers[-1] > MOST_LINEAR * numbers[0]:
+        axes.set_xscale("log")
+        width = min(width, numbers[0])
+    return {text_of(value): float(value) for value in values}, width
+
+
+def _draw_band(axes: Any, band: Band, ends: tuple[float, float] | None) -> None:
+    """Draw a range between these ends, or across the figure."""
+    across = {} if ends is not None else {"transform": axes.get_yaxis_transform()}
+    ends = ends or (0.0, 1.0)
+    axes.fill_between(ends, band.low, band.high, color=plots.INK, alpha=0.16, linewidth=0, zorder=0, **across)
+    # the lines show a range that is a single value
+    for edge in (band.low, band.high):
+        axes.plot(ends, [edge, edge], color=plots.INK, alpha=0.45, linewidth=0.8, zorder=1, **across)
 
 
 def _beside(middle: Sequence[float]) -> Floats:
