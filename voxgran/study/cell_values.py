@@ -109,5 +109,5 @@ def varied_axes(dataset: "Dataset") -> tuple[str, ...]:
 def text_of(label: Label) -> str:
     """Return a label as text; whole numbers without decimals, an axis that a cell leaves out as a dash."""
     if isinstance(label, float):
-        return f"{label:.6g}"
+        return f"{label:.12g}"
     return str(label) if label != "" else "\u2013"
