@@ -79,12 +79,15 @@ def check_axis(axis: str, beside: Iterable[str] = ()) -> None:
         raise InputError(f"axis {axis}: the seeds of a study are no axis; write seeds = 5 or seeds = [1, 2, 3]")
     if first in FIXED:
         raise InputError(f"axis {axis}: what is measured and written is the same for all cells; set it in the base")
-    if first not in (*NAMED, *SECTIONS) or not all(rest) or (axis == first and first in ("scene", "packing")):
-        known = (*NAMED, *(name for name in SECTIONS if name not in (*NAMED, *FIXED)))
-        listed = [name if name in NAMED or name in ("settle", "material") else f"{name}.KEY" for name in known]
-        raise UnknownNameError(unknown("axis", axis, listed, beside=(*beside, "seeds")))
-    if first == "method" and rest:
-        raise UnknownNameError(unknown("axis", axis, ("method",), beside=(f"packing.{'.'.join(rest)}",)))
+    if first in (*NAMED, *SECTIONS) and all(rest) and not (first == "method" and rest):
+        return
+    path = f"packing.{axis.rpartition('.')[2]}"
+    if path in beside:
+        raise UnknownNameError(
+            f"axis {shown(axis)} is unknown: did you mean {path!r}? an axis is a path into the scene"
+        )
+    known = (*NAMED, *(f"{name}.KEY" for name in SECTIONS if name not in (*NAMED, *FIXED)))
+    raise UnknownNameError(unknown("axis", axis, known, beside=(*beside, "seeds")))
 
 
 def plain(value: Any) -> Any:
@@ -93,7 +96,7 @@ def plain(value: Any) -> Any:
     """
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple | range):
         return [plain(item) for item in value]
     if getattr(value, "ndim", 0) and hasattr(value, "tolist"):
         return value.tolist()
@@ -127,6 +130,8 @@ def _given(axis: str, value: Any) -> tuple[str, Any]:
         )
     if "." not in axis and axis not in NAMED and not isinstance(value, dict | bool):
         raise InputError(f"axis {axis} has the value {shown(value)}: it must be a table of keys of [{axis}]; change it")
+    if axis == "scene" and {"seed", "seeds"} & set(value):
+        check_axis("seeds")
     return label, value
 
 
@@ -236,9 +241,9 @@ def changed(base: Mapping[str, Any], choices: Mapping[str, Any]) -> dict[str, An
 
 def _set_method(scene: dict[str, Any], value: Any) -> None:
     """Set the method of a scene, with parameters, and how its grains settle where its table has a key `settle`."""
-    table = {"method": value} if isinstance(value, str) else dict(value)
+    table: dict[str, Any] = {"method": value} if isinstance(value, str) else dict(value)
     if "settle" in table:
-        settle = table.pop("settle")
+        settle: Any = table.pop("settle")
         scene["settle"] = {"enabled": settle} if isinstance(settle, bool) else {**scene.get("settle", {}), **settle}
     scene["packing"] = {**scene.get("packing", {}), **table}
 

@@ -16,6 +16,8 @@ from voxgran.study.files import FileHashes, scene_hash, with_absolute_files
 
 #: dimension of cells that are listed
 LISTED = "cell"
+#: section [output] of cells: a study itself says what is kept
+NOTHING = {"vtk": False, "statistics": False, "report": False}
 #: keys of [packing] that are no parameters of a method
 BESIDE = ("method", "count", "solid_fraction", "start", "settle")
 
@@ -227,6 +229,7 @@ def cells_of(base: Mapping[str, Any], dimensions: Sequence[Dimension], *, folder
         choices = {axis: given for dimension, at in chosen for axis, given in dimension.choices[at].items()}
         mapping = with_absolute_files(changed(base, choices), folder)
         mapping["scene"] = {**mapping.get("scene", {}), "seed": seed}
+        mapping["output"] = NOTHING
         made.append((place, values, mapping))
     refuse_foreign([mapping for _, _, mapping in made])
     return tuple(Cell(place, values, _scene(mapping, values), mapping, hashes) for place, values, mapping in made)
