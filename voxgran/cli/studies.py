@@ -5,6 +5,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import voxgran
@@ -27,6 +28,7 @@ def study(options: argparse.Namespace) -> int:
     with progress(options) as on_step:
         result = made.run(options.output, on_step=on_step, **{name: getattr(options, name) for name in names})
     failed = result.failures
+    result.write_page(title=f"Study {Path(options.file).stem}", overwrite=True)
     if not options.json:
         rows = _means(result.rows)
         table(rows[:MOST_ROWS])
@@ -34,7 +36,7 @@ def study(options: argparse.Namespace) -> int:
             print(f"... and {len(rows) - MOST_ROWS} cells more")
     overlaps = sum(bool(row.get("overlapping_pairs") or row.get("escaped_grains")) for row in result.rows)
     numbers = {"runs": len(result.rows), "computed": result.computed, "failed": len(failed), "not_verified": overlaps}
-    show(numbers, options, f"results in {result.folder}: study.nc, table.csv")
+    show(numbers, options, f"results in {result.folder}: study.html, study.nc, table.csv, cells.csv, comparisons.csv")
     sentences = Counter(row["failure"] for row in failed)
     for sentence, count in sentences.most_common(MOST_SENTENCES):
         complain(f"{count} of {len(result.rows)} runs failed: {sentence}")

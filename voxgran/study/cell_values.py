@@ -30,7 +30,7 @@ def dimensions_of_cells(dataset: "Dataset") -> tuple[str, ...]:
     if SEED not in sizes or not hasattr(dataset, "data_vars"):
         raise InputError(
             f"dataset is {shown(type(dataset).__name__)} with the dimensions {shown(list(sizes))}: that of a study has "
-            "the dimension 'seed'; give that of Study.run, or the file study.nc"
+            "the dimension 'seed'; give that of Study.run, or xarray.open_dataset(\"study.nc\")"
         )
     return tuple(str(name) for name in sizes if name != SEED)
 

@@ -41,7 +41,7 @@ class _Block:
 def compare(
     dataset: "Dataset",
     variable: str = "solid_fraction",
-    over: str = "method",
+    over: str | None = None,
     *,
     confidence: float = 0.95,
 ) -> list[dict[str, Any]]:
@@ -53,8 +53,9 @@ def compare(
         That of a study, with the dimension ``seed``.
     variable : str
         Name of the variable.
-    over : str
-        Axis whose values are compared; axes that vary together with it are compared as one.
+    over : str, optional
+        Axis whose values are compared; axes that vary together with it are compared as one. Default: `method` where it
+        varies, otherwise the first axis that does.
     confidence : float
         Probability that an interval holds the true value, above 0, at most 0.9999.
 
@@ -84,7 +85,7 @@ def compare(
     Raises
     ------
     InputError
-        If it is no dataset of a study, it has a single value of that axis, or `confidence` breaks a rule.
+        If it is no dataset of a study, it has a single value of that axis or no axes, or `confidence` breaks a rule.
     UnknownNameError
         If the study has no variable or axis of that name; the message gives the nearest one.
 
@@ -108,16 +109,20 @@ def compare(
     """
     level = as_number(confidence, "confidence", above=0, at_most=0.9999)
     values = values_of(dataset, variable)
-    names, blocks = _blocks(dataset, over, values)
+    axis = compared_axis(dataset) if over is None else over
+    if axis is None:
+        raise InputError("the study has one cell: vary an axis to compare its values")
+    names, blocks = _blocks(dataset, axis, values)
     others = list(dict.fromkeys(name for block in blocks for name in block.labels))
-    rows = []
     tables: list[tuple[dict[str, Label], Sequence[_Block]]] = [(block.labels, [block]) for block in blocks]
     if len(blocks) > 1:
         tables.append((dict.fromkeys(others, POOLED), blocks))
+    rows, kinds = [], []
     for labels, of_table in tables:
-        head = {"variable": variable, "over": over, **{name: labels.get(name, "") for name in others}}
-        rows += [{**head, **row} for row in _tests(names, of_table, level)]
-    kinds = [(row["test"], len(blocks) > 1 and all(row[name] == POOLED for name in others)) for row in rows]
+        head = {"variable": variable, "over": axis, **{name: labels.get(name, "") for name in others}}
+        for row in _tests(names, of_table, level):
+            rows.append({**head, **row})
+            kinds.append((row["test"], len(of_table) > 1))
     for kind in dict.fromkeys(kinds):
         of_kind = [row for row, its in zip(rows, kinds, strict=True) if its == kind]
         for row, p_value in zip(of_kind, holm([row["p_value"] for row in of_kind]), strict=True):

@@ -127,7 +127,7 @@ def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyR
         rows = rows_of(settings.cells, settings.seeds, work.records)
         dataset = dataset_of(settings.dimensions, settings.cells, settings.seeds, work.records)
         save_results(dataset, rows, folder, zarr=options.zarr)
-    return StudyResult(dataset=dataset, rows=rows, folder=folder, computed=computed)
+    return StudyResult(dataset=dataset, rows=rows, folder=folder, computed=computed, experiments=settings.experiments)
 
 
 def _executor(options: Options, runs: int) -> DaskRuns | Processes:

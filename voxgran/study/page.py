@@ -118,7 +118,7 @@ def write_study_page(
     for name in variables or ():
         if name not in known:
             raise UnknownNameError(unknown("variable", name, known))
-    axis = compared_axis(dataset) if over is None else over
+    axis = over or compared_axis(dataset)
     chosen = variables if variables is not None else [name for name in LISTED_NUMBERS if _has(dataset, name)]
     compared = [name for name in chosen if name not in MACHINE]
     drawn = list(chosen) if variables is not None else [name for name in chosen if name in DENSITIES]
@@ -221,16 +221,23 @@ def _cells(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], level: float) 
         [
             *([text_of(row[axis]) for axis in axes] or ["the base"]),
             f"{row['runs'] - row['failures']} of {row['runs']}",
-            *(_mean_text(row, name, 1 / MEBIBYTE if name == "memory" else 1.0) for name in shown),
+            *(_cell_text(row, name) for name in shown),
         ]
         for row in rows
     ]
     return Table("cells", "Cells", [*(axes or ("cell",)), "runs", *names], _short(texts, notes, CELLS_TABLE), notes)
 
 
-def _mean_text(row: Mapping[str, Any], name: str, factor: float) -> str:
+def _cell_text(row: Mapping[str, Any], name: str) -> str:
+    """Return a mean as text, with its confidence interval where it says something of the packings."""
+    if name not in MACHINE:
+        return _mean_text(row, name)
+    return facts.number(row[name] / (MEBIBYTE if name == "memory" else 1.0))
+
+
+def _mean_text(row: Mapping[str, Any], name: str) -> str:
     """Return a mean with its confidence interval as text."""
-    mean, low, high = (factor * row[f"{name}{ending}"] for ending in ("", "_low", "_high"))
+    mean, low, high = (row[f"{name}{ending}"] for ending in ("", "_low", "_high"))
     if math.isnan(mean):
         return "not known"
     half = (high - low) / 2
@@ -268,8 +275,9 @@ def _comparisons(dataset: "Dataset", tests: Sequence[Mapping[str, Any]]) -> list
             "other axes."
         )
         how = (
-            "The probability p is corrected for the number of tests of its kind by the procedure of Holm; below "
-            f"{LEVEL:g} a difference is called significant. The runs of a cell are its independent samples."
+            "The probability p is corrected for the number of tests of its kind by the procedure of Holm; a difference "
+            f"with p below {LEVEL:g} is called significant. The runs of a cell are its independent samples. What has "
+            "fewer than two runs, or no scatter, is not tested."
         )
         notes = [what, how]
         head = [*others, "compared", "runs", "difference", "effect size", "verdict"]
@@ -291,7 +299,7 @@ def _test_texts(row: Mapping[str, Any]) -> list[str]:
     size = "" if math.isnan(row["effect_size"]) else facts.number(row["effect_size"])
     if row["test"] != "Welch":
         return ["all", str(row["count_one"]), "", f"\u03b5\u00b2 = {size}" if size else "", verdict]
-    difference = _mean_text(row, "difference", 1.0)
+    difference = _mean_text(row, "difference")
     g = f"g = {size} [{facts.number(row['effect_low'])}, {facts.number(row['effect_high'])}]" if size else ""
     return [f"{row['other']} \u2212 {row['one']}", f"{row['count_other']}, {row['count_one']}", difference, g, verdict]
 

@@ -3,9 +3,10 @@
 import csv
 import io
 import math
+import os
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +16,10 @@ from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran.io.netcdf import save_statistics
 from voxgran.study.cells import Cell, Dimension
+from voxgran.study.comparisons import compare
+from voxgran.study.page import write_study_page
 from voxgran.study.runs import Record
+from voxgran.study.statistics import Interval, summary
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -50,17 +54,60 @@ class StudyResult:
         Where the files are.
     computed : int
         How many runs were computed by this call; the others were there before.
+    experiments : dict
+        Ranges of measured values beside which the results are drawn.
     """
 
     dataset: "Dataset"
     rows: list[dict[str, Any]]
     folder: Path
     computed: int
+    experiments: dict[str, Any] = field(default_factory=dict)
 
     @property
     def failures(self) -> list[dict[str, Any]]:
         """Rows of the runs that failed."""
         return [row for row in self.rows if row["failure"]]
+
+    def summary(
+        self, variable: str = "solid_fraction", *, confidence: float = 0.95, interval: Interval = "auto"
+    ) -> "Dataset":
+        """Return the mean of a variable over the seeds of each cell, with its standard error and confidence interval;
+        as :func:`voxgran.study.statistics.summary`.
+        """
+        return summary(self.dataset, variable, confidence=confidence, interval=interval)
+
+    def compare(self, variable: str = "solid_fraction", over: str | None = None, *, confidence: float = 0.95) -> Any:
+        """Return a pandas.DataFrame with the comparisons of the values of one axis: differences, the tests of Welch and
+        of Kruskal and Wallis, and effect sizes; its columns are those of :func:`voxgran.study.comparisons.compare`.
+        """
+        return load("pandas").DataFrame(compare(self.dataset, variable, over, confidence=confidence))
+
+    def write_page(
+        self,
+        folder: str | os.PathLike[str] | None = None,
+        *,
+        title: str = "Study",
+        over: str | None = None,
+        variables: Sequence[str] | None = None,
+        confidence: float = 0.95,
+        interval: Interval = "auto",
+        overwrite: bool = False,
+    ) -> Path:
+        """Write a page with figures and tables, and csv files; as :func:`voxgran.study.page.write_study_page`, by
+        default into the folder of the study, with its experiments.
+        """
+        return write_study_page(
+            self.dataset,
+            self.folder if folder is None else folder,
+            experiments=self.experiments,
+            title=title,
+            over=over,
+            variables=variables,
+            confidence=confidence,
+            interval=interval,
+            overwrite=overwrite,
+        )
 
     def table(self) -> Any:
         """Return a pandas.DataFrame with one row for each run: coordinates, seed, numbers and texts."""

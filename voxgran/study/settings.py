@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +12,12 @@ from voxgran._base.files import existing_file
 from voxgran._base.registry import unknown
 from voxgran.scene.description import SECTIONS, SceneDescription, read_toml
 from voxgran.study.axes import plain
+from voxgran.study.cell_values import text_of
 from voxgran.study.cells import Cell, Dimension, cells_of, dimensions_of
+from voxgran.study.experiments import bands_of, check_labels
 from voxgran.study.files import UNUSED, with_absolute_files
 
-KEYS = ("scene", "base", "seeds", "axes", "combine", "zip", "cell", "keep")
+KEYS = ("scene", "base", "seeds", "axes", "combine", "zip", "cell", "keep", "experiments")
 #: what is kept of each run
 KEEP = ("numbers", "packings")
 
@@ -36,6 +38,8 @@ class StudySettings:
         What is kept of each run.
     cells : tuple of Cell
         All cells, the last dimension varying fastest.
+    experiments : dict
+        Ranges of measured values by label, for the figures.
     """
 
     base: dict[str, Any]
@@ -43,6 +47,7 @@ class StudySettings:
     dimensions: tuple[Dimension, ...]
     keep: str
     cells: tuple[Cell, ...]
+    experiments: dict[str, Any] = field(default_factory=dict)
 
 
 def settings_of_file(path: str | os.PathLike[str]) -> StudySettings:
@@ -86,13 +91,14 @@ def make_settings(
     zip: Sequence[Sequence[str]] | None = None,  # noqa: A002 - the word of the file and of the call
     cells: Sequence[Mapping[str, Any]] | None = None,
     keep: str = "numbers",
+    experiments: Mapping[str, Any] | None = None,
 ) -> StudySettings:
     """Return a checked study; arguments are those of :class:`voxgran.Study`.
 
     Raises
     ------
     UnknownNameError
-        If an axis is unknown; the message gives the nearest name.
+        If an axis is unknown, or a shape of the experiments; the message gives the nearest name.
     InputError
         If a value breaks a rule, or the scene of a cell does.
     """
@@ -114,9 +120,26 @@ def make_settings(
         listed=cells or (),
         base_method=packing.get("method") if isinstance(packing, Mapping) else None,
     )
+    _check_experiments(experiments, dimensions)
     known = _seeds(seeds, first, count)
     made = cells_of(scene, dimensions, folder=str(folder), seed=known[0])
-    return StudySettings(base=scene, seeds=known, dimensions=dimensions, keep=keep, cells=made)
+    return StudySettings(
+        base=scene, seeds=known, dimensions=dimensions, keep=keep, cells=made, experiments=dict(experiments or {})
+    )
+
+
+def _check_experiments(experiments: Any, dimensions: Sequence[Dimension]) -> None:
+    """Check ranges of measured values before anything is computed: their labels are shapes where these vary.
+
+    Raises
+    ------
+    UnknownNameError
+        If one is of a shape that the study has not.
+    """
+    bands = bands_of(experiments)
+    shapes = [text_of(label) for dimension in dimensions for label in dimension.labels.get("shape", ())]
+    if len(set(shapes)) > 1:
+        check_labels(bands, shapes)
 
 
 def _base(base: Any, folder: Path) -> dict[str, Any]:

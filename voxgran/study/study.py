@@ -44,6 +44,9 @@ class Study:
         Cells that are listed: values by axis, and a `label`. They are one more dimension, ``cell``.
     keep : {"numbers", "packings"}
         Whether the packings are kept, too.
+    experiments : mapping, optional
+        Ranges of measured values, drawn as bands in the figures: by shape, or by value of the axis that is drawn in its
+        place, a table with `low`, `high` and `source`.
 
     Raises
     ------
@@ -80,17 +83,27 @@ class Study:
         zip: Sequence[Sequence[str]] | None = None,  # noqa: A002 - the word that the file has
         cells: Sequence[Mapping[str, Any]] | None = None,
         keep: str = "numbers",
+        experiments: Mapping[str, Any] | None = None,
     ) -> None:
         if (source is None) == (base is None):
             told = "neither a file nor a base" if source is None else "a file and a base"
             raise InputError(f'a study was given {told}: write Study("study.toml"), or Study(base=scene, axes=...)')
         if source is not None:
-            if axes is not None or seeds is not None or zip is not None or cells is not None:
-                raise InputError("a study was given a file and axes, seeds or cells: write them in the file")
+            if any(given is not None for given in (axes, seeds, zip, cells, experiments)):
+                raise InputError(
+                    "a study was given a file and axes, seeds, cells or experiments: write them in the file"
+                )
             self._settings = settings_of_file(source)
         else:
             self._settings = make_settings(
-                base, axes=axes, seeds=seeds, combine=combine, zip=zip, cells=cells, keep=keep
+                base,
+                axes=axes,
+                seeds=seeds,
+                combine=combine,
+                zip=zip,
+                cells=cells,
+                keep=keep,
+                experiments=experiments,
             )
 
     def __repr__(self) -> str:
