@@ -161,6 +161,8 @@ def test_what_breaks_a_rule_is_said():
     with pytest.raises(UnknownNameError, match="method"):
         compare(data, over="metod")
     with pytest.raises(InputError, match="one value a"):
+        compare(data.isel(method=[0]), over="method")
+    with pytest.raises(InputError, match="one cell"):
         compare(data.isel(method=[0]))
 
 
