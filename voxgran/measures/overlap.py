@@ -32,7 +32,7 @@ def overlap_volume(
     `pairs` are the overlapping grains (i, j, image), and `present` the grains (m,) that reach into the box with the
     image (m, 3) of each. The box is infinite on open sides. Grains that are not closed surfaces are refused.
     """
-    clusters = _clusters(pairs, present)
+    clusters = _clusters(pairs, present) if pairs[0].size else []
     return sum(_shared(packing, cluster, lower, upper) for cluster in clusters)
 
 
@@ -69,9 +69,9 @@ def _shared(packing: Packing, cluster: Sequence[Copy], lower: Floats, upper: Flo
     if packing.dimension == 2:
         solids = [_prism(*solid) for solid in solids]
     pose = np.eye(3)[None], np.zeros((1, 3))
-    parts = [cut_mesh(p[f], *pose, lower=low, upper=high)[0] for p, f in solids]
+    parts = [cut_mesh(p, f, *pose, lower=low, upper=high)[0] for p, f in solids]
     points, triangles = united(solids)
-    union = cut_mesh(points[triangles], *pose, lower=low, upper=high)[0]
+    union = cut_mesh(points, triangles, *pose, lower=low, upper=high)[0]
     return max(0.0, float(sum(parts) - union)) * float(size) ** packing.dimension
 
 

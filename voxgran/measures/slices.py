@@ -3,14 +3,17 @@
 Spheres and disks are cut in closed form (:mod:`voxgran.measures.halfspaces`). For a closed mesh the volume
 inside the box is the sum over its triangles, with the sign of the vertical component of their normals, of the integral
 of ``min(max(z, bottom), top)`` over the part of the triangle above the base of the box: each vertical line enters and
-leaves the solid alternately, so that the intersections with the faces of the box are not needed. Polygons are clipped
-side by side (Sutherland & Hodgman 1974, Reentrant polygon clipping, doi:10.1145/360767.360802).
+leaves the solid alternately, so that the intersections with the faces of the box are not needed. Where only faces
+across one axis cut the mesh, no triangle is clipped. Polygons are clipped side by side (Sutherland & Hodgman 1974,
+Reentrant polygon clipping, doi:10.1145/360767.360802).
 """
+
+import math
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, float_array
+from voxgran._base.arrays import Floats, Integers, float_array
 from voxgran._base.errors import InputError, shown
 from voxgran._base.kernels import kernel
 
@@ -33,24 +36,17 @@ def as_window(lower: ArrayLike, upper: ArrayLike, dimension: int) -> tuple[Float
     return low, high
 
 
-def cut_mesh(triangles: Floats, maps: Floats, centers: Floats, *, lower: Floats, upper: Floats) -> Floats:
-    """Return the volume (k,) inside a box of each of k copies of a closed mesh of triangles (m, 3, 3).
+def cut_mesh(
+    vertices: Floats, faces: Integers, maps: Floats, centers: Floats, *, lower: Floats, upper: Floats
+) -> Floats:
+    """Return the volume (k,) inside a box of each of k copies of a closed mesh of vertices (v, 3) and faces (m, 3).
 
     A copy has a linear map (3, 3), rotation times scale, and a position of the origin (3,); the box is infinite on open
     sides.
     """
     volumes = np.zeros(len(centers))
-    work = np.zeros((2, 12, 3))
-    # one product of matrices, which is much faster than one for each triangle
-    points = np.ascontiguousarray(triangles).reshape(-1, 3)
-    for copy in range(len(centers)):
-        # the box is translated instead of the mesh, so that no digits are lost far from the origin
-        corners = (points @ maps[copy].T).reshape(triangles.shape)
-        low, high = lower - centers[copy], upper - centers[copy]
-        low[2] = max(low[2], corners[..., 2].min())
-        high[2] = min(high[2], corners[..., 2].max())
-        if (low < high).all():
-            volumes[copy] = _columns(corners, low, high, work)
+    arrays = (np.ascontiguousarray(array) for array in (vertices, faces, maps, centers))
+    _cut_copies(*arrays, lower, upper, np.zeros((len(vertices), 3)), np.zeros((2, 12, 3)), volumes)
     return volumes
 
 
@@ -140,18 +136,79 @@ def _under(work, here, count, bottom):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _columns(corners, lower, upper, work):  # type: ignore[no-untyped-def]
+def _cut_copies(vertices, faces, maps, centers, lower, upper, moved, work, volumes):  # type: ignore[no-untyped-def]
+    """Write the volume of each copy of a mesh inside the box."""
+    low, high = np.zeros(3), np.zeros(3)
+    for copy in range(len(centers)):
+        crossed, along, inside = 0, 0, True
+        for axis in range(3):
+            x, y, z = maps[copy, axis, 0], maps[copy, axis, 1], maps[copy, axis, 2]
+            least, most = math.inf, -math.inf
+            for v in range(len(vertices)):
+                place = x * vertices[v, 0] + y * vertices[v, 1] + z * vertices[v, 2]
+                moved[v, axis] = place
+                least, most = min(least, place), max(most, place)
+            # the box is translated instead of the mesh, so that no digits are lost far from the origin
+            low[axis], high[axis] = lower[axis] - centers[copy, axis], upper[axis] - centers[copy, axis]
+            if low[axis] > least or high[axis] < most:
+                crossed, along = crossed + 1, axis
+            low[axis], high[axis] = max(low[axis], least), min(high[axis], most)
+            inside = inside and low[axis] < high[axis]
+        if inside and crossed > 1:
+            volumes[copy] = _columns(moved, faces, low, high, work)
+        elif inside:
+            volumes[copy] = _layer(moved, faces, along, low[along], high[along])
+
+
+@kernel
+def _layer(points, faces, axis, bottom, top):  # type: ignore[no-untyped-def]
+    """Return the volume of a closed mesh between two planes across an axis, by Gauss's theorem: over each triangle, the
+    mean length between the planes times the area seen along the axis.
+    """
+    one, two, total = (axis + 1) % 3, (axis + 2) % 3, 0.0
+    for t in range(len(faces)):
+        a, b, c = faces[t, 0], faces[t, 1], faces[t, 2]
+        p, q, r = points[a, axis], points[b, axis], points[c, axis]
+        first, last = min(p, q, r), max(p, q, r)
+        if last <= bottom:
+            continue
+        if first >= top:
+            length = top - bottom
+        else:
+            middle = p + q + r - first - last
+            length = _height_above(first, middle, last, bottom) - _height_above(first, middle, last, top)
+        ux, uy = points[b, one] - points[a, one], points[b, two] - points[a, two]
+        vx, vy = points[c, one] - points[a, one], points[c, two] - points[a, two]
+        total += 0.5 * (ux * vy - uy * vx) * length
+    return total
+
+
+@kernel
+def _height_above(first, middle, last, level):  # type: ignore[no-untyped-def]
+    """Return the mean over a triangle of the height above a level, 0 below it; corners are in the order of height."""
+    if level >= last:
+        return 0.0
+    if level > first and level >= middle:
+        return (last - level) ** 3 / (3.0 * (last - first) * (last - middle))
+    height = (first - level + (middle - level) + (last - level)) / 3.0
+    if level > first:
+        height += (level - first) ** 3 / (3.0 * (middle - first) * (last - first))
+    return height
+
+
+@kernel
+def _columns(points, faces, lower, upper, work):  # type: ignore[no-untyped-def]
     """Return the volume inside the box: the sum over the triangles of the clamped volume under each."""
     bottom, top, total = lower[2], upper[2], 0.0
-    for t in range(len(corners)):
-        outside, low, high = False, corners[t, 0, 2], corners[t, 0, 2]
+    for t in range(len(faces)):
+        outside, low, high = False, math.inf, -math.inf
         for axis in range(2):
-            a, b, c = corners[t, 0, axis], corners[t, 1, axis], corners[t, 2, axis]
+            a, b, c = points[faces[t, 0], axis], points[faces[t, 1], axis], points[faces[t, 2], axis]
             outside = outside or max(a, b, c) <= lower[axis] or min(a, b, c) >= upper[axis]
         for k in range(3):
-            low, high = min(low, corners[t, k, 2]), max(high, corners[t, k, 2])
+            low, high = min(low, points[faces[t, k], 2]), max(high, points[faces[t, k], 2])
             for axis in range(3):
-                work[0, k, axis] = corners[t, k, axis]
+                work[0, k, axis] = points[faces[t, k], axis]
         if outside or high <= bottom:
             continue
         here, count = _clip_sides(work, 3, lower, upper)

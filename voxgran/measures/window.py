@@ -16,6 +16,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.cells import near_pairs
+from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container
 from voxgran.measures.halfspaces import cut_disks, cut_spheres
 from voxgran.measures.overlap import overlap_volume
@@ -99,12 +100,21 @@ class Solids:
             errors[mine] = doubt * packing.scale[grain[mine]] ** d
         return volumes, errors
 
-    @cached_property
+    @property
     def spheres(self) -> tuple[Floats, Floats, Planes] | None:
         """Centers, radii and planes of equal power of all spheres of all grains; None unless all grains are spheres.
 
-        It is None too where clumps have the volume of the solids that they stand for.
+        It is None too where clumps have the volume of the solids that they stand for. They are found once for all
+        measures of a packing.
         """
+        found = self.packing._found
+        if "spheres" not in found:
+            found["spheres"] = self._find_spheres()
+        spheres: tuple[Floats, Floats, Planes] | None = found["spheres"]
+        return spheres
+
+    def _find_spheres(self) -> tuple[Floats, Floats, Planes] | None:
+        """Return centers, radii and planes of equal power of all spheres, where all grains are spheres."""
         used = [self.packing.shapes[k] for k in np.unique(self.packing.shape_id)]
         if any(_body_spheres(shape) is None for shape in used):
             return None
@@ -132,11 +142,11 @@ class Solids:
         """Return the volume of a union of spheres inside a box."""
         centers, radii, planes = spheres
         sphere, shift = images(centers, radii, lower, upper, self.packing.container)
-        chosen = _chosen(planes, sphere)
+        chosen = _chosen(planes, sphere) if len(planes[1]) else None
         moved = centers[sphere] + shift
         if self.packing.dimension == 3:
             return float(cut_spheres(moved, radii[sphere], lower=lower, upper=upper, planes=chosen).sum())
-        flat = chosen[0], np.ascontiguousarray(chosen[1][:, :2]), chosen[2]
+        flat = chosen and (chosen[0], np.ascontiguousarray(chosen[1][:, :2]), chosen[2])
         corners = np.ascontiguousarray(moved[:, :2])
         return float(cut_disks(corners, radii[sphere], lower=lower, upper=upper, planes=flat).sum())
 
@@ -149,22 +159,47 @@ def images(
 
     An open periodic axis gives no images.
     """
-    lengths = container.bounds[1] - container.bounds[0]
-    index, shift = np.arange(len(centers)), np.zeros((len(centers), 3))
-    for axis in range(len(lower)):
-        place, reach = centers[index, axis], radii[index]
-        if container.periodic[axis] and math.isfinite(lower[axis]) and math.isfinite(upper[axis]):
-            first = np.floor((lower[axis] - reach - place) / lengths[axis]).astype(np.int64) + 1
-            last = np.ceil((upper[axis] + reach - place) / lengths[axis]).astype(np.int64) - 1
-            counts = np.maximum(last - first + 1, 0)
-            turn = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
-            turn += np.repeat(first, counts)
-            index, shift = np.repeat(index, counts), np.repeat(shift, counts, axis=0)
-            shift[:, axis] = turn * lengths[axis]
-        else:
-            near = (place + reach > lower[axis]) & (place - reach < upper[axis])
-            index, shift = index[near], shift[near]
-    return index, shift
+    lengths, d = container.bounds[1] - container.bounds[0], len(lower)
+    repeated = np.array(container.periodic[:d]) & np.isfinite(lower) & np.isfinite(upper)
+    box = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
+    found = len(centers)
+    while True:
+        index, shift = np.empty(found, dtype=np.int64), np.zeros((found, 3))
+        found = int(_find_images(centers, radii, *box, np.where(repeated, lengths[:d], 0.0), index, shift))
+        if found <= len(index):
+            return index[:found], shift[:found]
+
+
+@kernel
+def _find_images(centers, radii, lower, upper, lengths, index, shift):  # type: ignore[no-untyped-def]
+    """Write the spheres that reach into a box and their translations as far as there is room; return their number.
+
+    A length of 0 is that of an axis without images.
+    """
+    found, d = 0, len(lower)
+    first, last = np.zeros(3, np.int64), np.zeros(3, np.int64)
+    for i in range(len(radii)):
+        near = True
+        for axis in range(d):
+            place, reach = centers[i, axis], radii[i]
+            if lengths[axis] > 0.0:
+                first[axis] = math.floor((lower[axis] - reach - place) / lengths[axis]) + 1
+                last[axis] = math.ceil((upper[axis] + reach - place) / lengths[axis]) - 1
+                near = near and first[axis] <= last[axis]
+            else:
+                near = near and place + reach > lower[axis] and place - reach < upper[axis]
+        if not near:
+            continue
+        for a in range(first[0], last[0] + 1):
+            for b in range(first[1], last[1] + 1):
+                for c in range(first[2], last[2] + 1):
+                    if found < len(index):
+                        index[found] = i
+                        if d == 3:
+                            shift[found, 2] = c * lengths[2]
+                        shift[found, 0], shift[found, 1] = a * lengths[0], b * lengths[1]
+                    found += 1
+    return found
 
 
 def flat_spheres(packing: Packing) -> tuple[Floats, Floats]:
@@ -256,7 +291,7 @@ def _cut_shape(shape: Shape, maps: Floats, centers: Floats, lower: Floats, upper
         share = 1.0 if geometry.mass is None else geometry.volume / geometry.union.volume
         return _cut_clumps(geometry, maps, centers, lower, upper) * share, 0.0
     if isinstance(geometry, Mesh):
-        return cut_mesh(geometry.triangles, maps, centers, lower=lower, upper=upper), 0.0
+        return cut_mesh(geometry.vertices, geometry.faces, maps, centers, lower=lower, upper=upper), 0.0
     size = geometry.dimensions
     if geometry.kind == "sphere":
         radii = size[0] * np.linalg.norm(maps[:, :, 0], axis=1)
@@ -265,12 +300,12 @@ def _cut_shape(shape: Shape, maps: Floats, centers: Floats, lower: Floats, upper
         return _cut_ellipsoids(maps @ geometry.matrix * np.array(size), centers, lower, upper), 0.0
     if geometry.kind == "box":
         vertices, faces, _ = geometry.tessellation()
-        return cut_mesh(vertices[faces], maps, centers, lower=lower, upper=upper), 0.0
+        return cut_mesh(vertices, faces, maps, centers, lower=lower, upper=upper), 0.0
     ends = [(-size[1] / 2, size[0]), (size[1] / 2, size[0])]
     tip = [(-size[1] / 4, size[0]), (0.75 * size[1], 0.0)]
     vertices, faces, _ = revolved(ends if geometry.kind == "cylinder" else tip, sides=FINE)
     solid = Mesh(vertices @ geometry.matrix.T, faces)
-    parts = cut_mesh(solid.triangles, maps, centers, lower=lower, upper=upper)
+    parts = cut_mesh(solid.vertices, solid.faces, maps, centers, lower=lower, upper=upper)
     return parts * (shape.volume / solid.volume), shape.volume - solid.volume
 
 

@@ -36,6 +36,8 @@ TRIANGLE_BUDGET = 600_000
 FEWEST_FACES = 80
 #: number of spheres above which they are drawn as shaded points
 BALL_LIMIT = 10_000
+#: number of grains above which faces are flat: a grain is a few pixels wide, and normals take longer than the picture
+FLAT_LIMIT = 5_000
 
 GRAIN_COLOR = "#6d9fb5"
 COLORS = "viridis"
@@ -117,7 +119,8 @@ def _picture(
             merged = merged_surfaces(packing, grains=as_meshes, bodies=bodies)
             mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
             mesh.cell_data["value"] = values[merged.grain]
-            stage.add_mesh(mesh, scalars="value", **look, **SMOOTH)
+            shading = MATERIAL if len(as_meshes) > FLAT_LIMIT else SMOOTH
+            stage.add_mesh(mesh, scalars="value", **look, **shading)
         if len(as_points):
             shades = load("matplotlib").colormaps[COLORS]((values[as_points] - low) / (high - low))[:, :3]
             add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)

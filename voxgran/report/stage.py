@@ -100,7 +100,7 @@ def shot(stage: Any) -> Picture:
 def png_of(picture: Picture) -> bytes:
     """Return a picture as a PNG file."""
     buffer = io.BytesIO()
-    load("matplotlib.image").imsave(buffer, picture, format="png", pil_kwargs={"optimize": True})
+    load("matplotlib.image").imsave(buffer, picture, format="png", pil_kwargs={"compress_level": 6})
     return buffer.getvalue()
 
 

@@ -118,7 +118,7 @@ def _rooms(container: Container, axis: int, edges: Floats) -> Floats:
         slabs = [_slab(3, axis, edges[b : b + 2]) for b in range(len(edges) - 1)]
         vertices, faces = walls.solid.vertices, walls.solid.faces
         pose = np.eye(3)[None], np.array([walls.solid.offset])
-        found = np.array([cut_mesh(vertices[faces], *pose, lower=low, upper=high)[0] for low, high in slabs])
+        found = np.array([cut_mesh(vertices, faces, *pose, lower=low, upper=high)[0] for low, high in slabs])
         return found / np.ptp(vertices[:, 2]) if flat else found
     if walls.round_axes == 2 and axis < 2:
         center, lower, upper = np.array([walls.center[:2]]), *container.bounds[:, 2]

@@ -1,0 +1,30 @@
+"""The trade-off of measures, small."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran.bench.tradeoffs.measures import counted, measured, packings
+from voxgran.measures.registered.profile import axis_profile
+
+
+@pytest.mark.filterwarnings("ignore:the bulk holds")
+def test_rows_of_small_packings():
+    for name, packing in packings(solids=30, spheres=60).items():
+        assert vg.verify(packing).ok
+        rows = {row[2]: row for row in measured(name, packing)}
+        assert {"all usual", "contacts", "density", "profile", "profile along z"} <= set(rows)
+        assert all(row[:2] == (name, packing.count) and row[3] >= 0 for row in rows.values())
+
+
+@pytest.mark.parametrize("name", ["random solids", "spheres"])
+def test_counted_points_tend_to_the_exact_profile(name):
+    packing = packings(solids=60, spheres=60)[name]
+    exact = axis_profile(packing)
+    few, many = (
+        np.sqrt(np.mean((counted(packing, exact.edges, points) - exact.solid_fraction) ** 2))
+        for points in (100, 10_000)
+    )
+    # the error of a mean falls with the square root of the number of points, to that of the voxels
+    assert many < 0.3 * few
+    assert many < 5e-3

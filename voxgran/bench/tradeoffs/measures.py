@@ -1,0 +1,139 @@
+"""Measures of packings: seconds of each, and the profile of the solid fraction against one by counted points.
+
+Packings are random solids and spheres at places of a lattice, in random orientation, without overlap. Each measure is
+computed on a packing of which nothing is known yet, contacts and cut planes included. The peer counts points: each
+grain is represented by random points of equal weight in its solid, which are sorted into the slices of the exact
+profile; its error is the largest difference of the solid fraction in a slice.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.seeds import stream
+from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.containers.box import Box
+from voxgran.measures.model import measure, measure_registry
+from voxgran.measures.registered.profile import axis_profile
+from voxgran.packing.model import Packing
+from voxgran.shapes.family import make_shape, make_shapes
+from voxgran.shapes.model import Shape
+from voxgran.voxels.occupy import voxelize
+
+#: numbers of random solids and of spheres, different solids, and edge of a cell of the lattice over the diameter
+SOLIDS, SPHERES, KINDS, CELL = 3_000, 200_000, 10, 1.05
+#: points of a grain that the peer counts, and voxels of a shape in which they lie
+POINTS, VOXELS = (10, 100, 1000), 30_000
+
+#: packing, number of grains, what is computed, seconds, largest error of a solid fraction (None where none is known)
+Row = tuple[str, int, str, float, float | None]
+
+
+def packing_of(shapes: list[Shape], count: int) -> Packing:
+    """Return grains of some shapes at places of a cubic lattice, in random orientation, with gravity."""
+    many, edge = math.ceil(count ** (1 / 3)), CELL * 2 * max(shape.bounding_radius for shape in shapes)
+    places = np.stack(np.meshgrid(*[np.arange(many)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:count]
+    turns = stream(0, "turns").normal(size=(count, 4))
+    return Packing.of(
+        shapes,
+        Box((many * edge,) * 3),
+        position=(places + 0.5) * edge,
+        orientation=turns / np.linalg.norm(turns, axis=1, keepdims=True),
+        shape_id=np.arange(count) % len(shapes),
+        gravity=(0.0, 0.0, -1.0),
+    )
+
+
+def packings(solids: int = SOLIDS, spheres: int = SPHERES) -> dict[str, Packing]:
+    """Return the packings by their names."""
+    shapes = make_shapes("solid_union", count=KINDS, seed=0)
+    return {"random solids": packing_of(shapes, solids), "spheres": packing_of([make_shape("sphere")], spheres)}
+
+
+def measured(name: str, packing: Packing) -> list[Row]:
+    """Return the rows of a packing: each usual measure, all together, and profiles by counted points."""
+    entries = [measure_registry().get(entry) for entry in measure_registry().names()]
+    usual = [entry for entry in entries if entry.usual and entry.applies(packing)]
+    rows: list[Row] = [(name, packing.count, one.name, _seconds(one.compute, packing), None) for one in usual]
+    rows.append((name, packing.count, "all usual", _seconds(measure, packing), None))
+    exact = axis_profile(packing)
+    rows.append((name, packing.count, "profile along z", _seconds(axis_profile, packing), 0.0))
+    for points in POINTS:
+        began = time.process_time()
+        found = counted(packing, exact.edges, points)
+        seconds = time.process_time() - began
+        error = float(np.abs(found - exact.solid_fraction).max())
+        rows.append((name, packing.count, f"profile by {points} points of a grain", seconds, error))
+    return rows
+
+
+def counted(packing: Packing, edges: Floats, points: int) -> Floats:
+    """Return the solid fractions in slices across z by random points in the grains."""
+    held = np.zeros(len(edges) - 1)
+    for k, shape in enumerate(packing.shapes):
+        mine = np.flatnonzero(packing.shape_id == k)
+        voxels, generator = voxelize(shape, voxel_size=math.cbrt(shape.volume / VOXELS)), stream(0, "points", k)
+        body = voxels.grid.coordinates(np.argwhere(voxels.mask))
+        places = body[generator.integers(len(body), size=(len(mine), points))]
+        places += (generator.random(places.shape) - 0.5) * voxels.voxel_size
+        rows = packing.matrices[mine, 2] * packing.scale[mine, None]
+        heights = np.einsum("gj,gpj->gp", rows, places) + packing.position[mine, 2, None]
+        weight = np.repeat(packing.volumes[mine] / points, points)
+        held += np.histogram(heights.ravel(), edges, weights=weight)[0]
+    return np.asarray(held / (np.diff(edges) * packing.container.volume / np.ptp(edges)))
+
+
+def _seconds(compute: Callable[[Packing], object], packing: Packing) -> float:
+    """Return the least processor time of three calls after one that is not counted, each on a packing not yet known."""
+    times = []
+    for _ in range(4):
+        fresh = replace(packing)
+        began = time.process_time()
+        compute(fresh)
+        times.append(time.process_time() - began)
+    return min(times[1:])
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    loop = calibration()
+    rows = [row for name, packing in packings().items() for row in measured(name, packing)]
+    lines = [
+        f"{name},{count},{what},{seconds:.3g},{'' if error is None else f'{error:.2g}'},{loop:.5f}"
+        for name, count, what, seconds, error in rows
+    ]
+    head = "packing,grains,computed,processor_seconds,largest_error,calibration_seconds"
+    _draw(rows, folder / "measures.svg")
+    return write_rows(folder / "measures.csv", head, lines), folder / "measures.svg"
+
+
+def _draw(rows: list[Row], path: Path) -> None:
+    """Draw the seconds of the measures, and the error of profiles against their seconds."""
+    names = list(dict.fromkeys(row[0] for row in rows))
+    with panels_of(path, 2, width=10.0) as (bars, panel):
+        labels = list(dict.fromkeys(row[2] for row in rows if row[4] is None))
+        for k, name in enumerate(names):
+            mine = {row[2]: row for row in rows if row[0] == name}
+            heights = [mine[label][3] if label in mine else 0.0 for label in labels]
+            label = f"{mine['all usual'][1]} {name}"
+            bars.barh(np.arange(len(labels)) + 0.4 * k, heights, height=0.4, label=label)
+            points = [row for row in mine.values() if row[4]]
+            (line,) = panel.loglog(
+                [row[3] for row in points], [row[4] for row in points], "o-", label=f"{label}: points"
+            )
+            panel.axvline(mine["profile along z"][3], color=line.get_color(), linestyle=":", label=f"{label}: exact")
+        bars.set_yticks(np.arange(len(labels)) + 0.2, labels)
+        bars.set(xscale="log", xlabel="seconds")
+        panel.set(xlabel="seconds for the profile along z", ylabel="largest error of the solid fraction")
+        bars.legend(frameon=False, fontsize=8)
+        panel.legend(frameon=False, fontsize=8)
+
+
+registration = TradeOff(
+    name="measures", summary="measures: seconds of each, and the profile against one by counted points", run=run
+)
