@@ -31,7 +31,7 @@ seeds = 2
 [axes]
 "packing.count" = [4, 9]
 """
-#: a scene of seconds, which ends no sooner when it is asked to
+#: enough runs to be stopped in the middle
 LONG = STUDY.replace("[4, 9]", "[4, 5, 6, 7]").replace("seeds = 2", "seeds = 200")
 
 
