@@ -8,8 +8,11 @@ import re
 import runpy
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from kit import references
+from matplotlib.figure import Figure
 
 import voxgran as vg
 
@@ -104,6 +107,72 @@ def test_chu_rsa_counts_grow_with_the_candidates(capsys, monkeypatch, tmp_path):
     for scheme in ("classic", "1", "2", "3", "4a", "4b", "4c", "4d"):
         counts = [replay(scheme, 0, many=many).count for many in (500, 1000, 2000, 5000)]
         assert counts == sorted(set(counts))
+
+
+def totals(path):
+    """Return a table that chu_totals.py wrote, by dimension, scheme and number of candidates."""
+    return pd.read_csv(path).set_index(["dimension", "scheme", "candidates"]).sort_index()
+
+
+def test_chu_totals(tmp_path, capsys, monkeypatch):
+    """Order claims of Chu 2011 in the plane and in a box, and maps of contact normals, on small numbers."""
+    monkeypatch.setattr("sys.argv", ["chu_totals.py", str(tmp_path), "2", "1500"])
+    script = runpy.run_path(str(EXAMPLES / "chu_totals.py"), run_name="__main__")
+    assert capsys.readouterr().out.count("\n") == 18
+    table = totals(tmp_path / "chu_totals.csv")
+    assert len(table) == 80
+    for dimension, isotropic in ((2, 1 / 3), (3, 1 - np.cos(np.deg2rad(30)))):
+        last = table.loc[dimension].groupby("scheme").last()
+        count = last.placed
+        for scheme in last.index:
+            assert np.all(np.diff(table.loc[dimension, scheme].placed) > 0)
+        assert count[["1", "3"]].min() > count["2"]
+        assert count[["4b", "4d"]].min() > count[["4a", "4c"]].max()
+        assert all(count[two] > count[one] for one, two in (("classic", "4a"), ("1", "4b"), ("2", "4c"), ("3", "4d")))
+        assert count.idxmin() == "classic"
+        # only candidates that were moved touch; 4d keeps the gradation best of these
+        assert set(last.index[last.coordination > 0]) == {"1", "3", "4b", "4d"}
+        assert last.miss_of_shares[["1", "3", "4b", "4d"]].idxmin() == "4d"
+        assert last.miss_of_shares["4d"] < 0.04
+        assert last.near_x[["1", "3"]].tolist() == pytest.approx([isotropic] * 2, abs=0.03)
+        assert last.near_x[["4b", "4d"]].min() > isotropic + 0.04
+        assert last.anisotropy[["4b", "4d"]].min() > 2 * last.anisotropy[["1", "3"]].max()
+    # the moved disks of 600 candidates, and the spheres of 3000, each from two orders
+    assert table.placed[2, "1", 600] == pytest.approx(510.0, abs=0.1)
+    assert table.placed[3, "4d", 3000] == pytest.approx(1407.5, abs=0.1)
+    assert {path.suffix for path in tmp_path.iterdir()} == {".csv", ".svg", ".png"}
+    # the cells of a map have equal areas on the sphere, and x lies at its rim
+    normals = np.random.Generator(np.random.PCG64(1)).normal(size=(200_000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    panel = Figure().add_subplot(projection="polar")
+    assert np.abs(script["draw_normals"](panel, normals).get_array() - 1).max() < 5 / np.sqrt(400_000 / 2 / 24 / 7)
+    along_x = np.array([[0.999, 0.0, np.sqrt(1 - 0.999**2)], [0.998, 0.03, np.sqrt(1 - 0.998**2 - 0.03**2)]])
+    density = np.asarray(script["draw_normals"](panel, along_x).get_array()).reshape(7, 24)
+    assert density[6, 0] == density.max() == 7 * 24
+    assert script["anisotropy"](normals) < 0.02
+    assert script["anisotropy"](along_x) == pytest.approx(3, abs=0.02)
+
+
+def test_the_page_on_the_papers_states_the_table_and_names_files_that_exist():
+    root = EXAMPLES.parent
+    page = (root / "docs/seeds.md").read_text()
+    assert page.count("\n") <= 150
+    for table in re.findall(r"(?:^\|.*\n)+", page, flags=re.MULTILINE):
+        assert len({row.count("|") for row in table.splitlines()}) == 1, table[:80]
+    for target in re.findall(r"\]\(([^)#]+)", page):
+        assert (root / "docs" / target).exists(), target
+    for target in re.findall(r"[`/ ](examples/\w+\.py)", page):
+        assert (root / target).exists(), target
+    for target in re.findall(r"`((?:\w+/)+test_\w+\.py)`", page):
+        assert (root / "tests/unit" / target).exists(), target
+    placed = totals(root / "docs/figures/chu_totals.csv")
+    for scheme in ("classic", "1", "2", "3", "4a", "4b", "4c", "4d"):
+        cells = [scheme]
+        for dimension, many in ((2, (1000, 2000, 5000)), (3, (2000, 4000, 10_000))):
+            cells.append(" / ".join(f"{placed.placed[dimension, scheme, n]:.0f}" for n in many))
+            last = placed.loc[dimension, scheme, many[-1]]
+            cells += [f"{last.solid_fraction:.3f}", f"{last.coordination:.2f}"]
+        assert "| " + " | ".join(cells) + " |" in page
 
 
 def test_sphere_families(tmp_path, capsys, monkeypatch):
@@ -270,6 +339,16 @@ def test_rocks_scene_leaves_a_page_and_files(tmp_path):
     assert "checkpoint.voxgran" not in names
     assert "<svg" in (tmp_path / "out" / "report.html").read_text()
     assert result.summary["counters"]["voxelized_shapes"] == 60
+
+
+def test_study_density(tmp_path):
+    result = vg.Study(EXAMPLES / "study_density.toml").run(tmp_path / "out", workers=2)
+    assert not result.failures
+    mean = result.dataset["solid_fraction"].mean("seed").sel({"sizes.sigma": 0.1})
+    # Donev et al. 2004: spheres and ellipsoids of this aspect that jam at random
+    assert float(mean.sel({"method": "jammed", "shape": "sphere"})) == pytest.approx(0.64, abs=0.015)
+    assert float(mean.sel({"method": "jammed", "shape": "ellipsoid 1.5"})) == pytest.approx(0.71, abs=0.015)
+    assert (result.dataset["overlapping_pairs"] == 0).all()
 
 
 PACKAGE = EXAMPLES.parent / "voxgran"

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import textwrap
 import time
 import warnings
 from functools import partial
@@ -510,6 +511,25 @@ def test_each_method_and_kind_of_shape_is_compiled_beforehand():
     settled = {task.args[0] for task in tasks if task.func is beforehand.settle_few}
     kinds = {SPHERE, CONVEX, SURFACE, OUTLINE}
     assert set(kinds_of([vg.make_shape(family) for family in settled]).tolist()) == kinds
+
+
+def test_each_family_of_shapes_is_compiled_beforehand(monkeypatch, tmp_path):
+    made = {task.args[0] for task in beforehand.scenes() if getattr(task, "func", None) is beforehand.make_few}
+    assert made == set(vg.shape_families())
+    code = """
+        import voxgran as vg
+        from voxgran._base.kernels import cache_folder
+        from voxgran.cli.warm import make_few
+        make_few("random_growth")
+        kernels = len(list(cache_folder().glob("*.kernel")))
+        vg.make_shape("random_growth", seed=2, power=2.0, cubes=300)
+        vg.make_shape("random_growth", seed=3, aspect=(3, 2, 1))
+        print(kernels, len(list(cache_folder().glob("*.kernel"))))
+    """
+    environment = {**os.environ, "VOXGRAN_CACHE": str(tmp_path)}
+    words = [sys.executable, "-c", textwrap.dedent(code)]
+    before, after = subprocess.run(words, env=environment, check=True, capture_output=True, text=True).stdout.split()
+    assert int(before) == int(after) >= 2
 
 
 def test_several_seeds_are_shown_with_their_scatter(scene, tmp_path, capsys):

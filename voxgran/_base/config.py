@@ -14,6 +14,7 @@ import types
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass
+from functools import lru_cache
 from typing import Any, TypeVar
 
 from voxgran._base.arrays import as_count, as_number, check_lengths
@@ -75,6 +76,13 @@ def parameter(
 
 def parameters_of(cls: type) -> tuple[Parameter, ...]:
     """Return the fields of a parameter class: its own in their order, then those of the groups that it inherits."""
+    hashable: Any = cls  # to mypy a class may lack a hash
+    return _parameters_of(hashable)
+
+
+@lru_cache(maxsize=256)
+def _parameters_of(cls: type) -> tuple[Parameter, ...]:
+    """Return the fields of a parameter class; resolving its annotations takes most of the time of small calls."""
     hints, own = typing.get_type_hints(cls), inspect.get_annotations(cls)
     return tuple(
         Parameter(name=field.name, type=hints[field.name], default=field.default, **field.metadata)

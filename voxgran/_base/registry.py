@@ -64,27 +64,29 @@ class Registry(Generic[T]):
 
     def _files(self) -> dict[str, str]:
         """Return the public modules of the package and of those inside it: names of files, and of modules."""
-        return dict(_modules(self.package))
+        found: dict[str, str] = {}
+        for package in (self.package, *_modules_of(self.package, packages=True)):
+            names = _modules_of(package, packages=False)
+            found |= {name: module for module in names if not (name := module.rpartition(".")[2]).startswith("_")}
+        return found
 
     def _foreign(self) -> dict[str, importlib.metadata.EntryPoint]:
         """Return the entry points of third parties."""
         return {point.name: point for point in _entry_points(self.group, tuple(sys.path))}
 
 
-# What is installed stays what it is while a process runs, and looking it up takes longer than all else of a scene.
-@cache
-def _modules(package: str) -> tuple[tuple[str, str], ...]:
-    """Return name and path of each public module of a package and of the packages inside it."""
-    modules = list(pkgutil.iter_modules(importlib.import_module(package).__path__))
-    found = [(m.name, f"{package}.{m.name}") for m in modules if not m.ispkg and not m.name.startswith("_")]
-    return (*found, *(entry for m in modules if m.ispkg for entry in _modules(f"{package}.{m.name}")))
-
-
 @lru_cache(maxsize=16)
 def _entry_points(group: str, places: tuple[str, ...]) -> tuple[importlib.metadata.EntryPoint, ...]:
-    """Return the entry points of a group in the places where libraries are looked for."""
+    """Return the entry points of a group, which are looked for once in the places where libraries are found."""
     del places
     return tuple(importlib.metadata.entry_points(group=group))
+
+
+@cache
+def _modules_of(package: str, *, packages: bool) -> tuple[str, ...]:
+    """Return the full names of the modules or of the packages in a package, whose folder is read once a process."""
+    found = pkgutil.iter_modules(importlib.import_module(package).__path__)
+    return tuple(f"{package}.{one.name}" for one in found if one.ispkg == packages)
 
 
 #: words that people type for a name of ours, as other programs have it; the first that is known is suggested

@@ -20,13 +20,15 @@ from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
 from voxgran.deformation.deform import deform
 from voxgran.io.image import to_image
+from voxgran.measures.describe import describe
 from voxgran.measures.model import measure
 from voxgran.packing.method import packing_methods
 from voxgran.packing.pack import pack
 from voxgran.packing.settle import settle
 from voxgran.settling.equilibrium import equilibrium
-from voxgran.shapes.family import make_shape
+from voxgran.shapes.family import make_shape, shape_families
 from voxgran.shapes.repairing.repair import repair
+from voxgran.shapes.roughness.roughen import roughen
 from voxgran.shapes.sizes import lognormal
 from voxgran.voxels.occupy import voxelize
 from voxgran.voxels.signed_distance import signed_distance
@@ -68,10 +70,13 @@ def warm(on_step: OnStep | None = None) -> Warmed:
 
 
 def scenes() -> list[Callable[[], None]]:
-    """Return the scenes, those that compile most first: each method with each kind of shape, settling, and solids."""
+    """Return the scenes, those that compile most first: settling, each method with each kind of shape, solids, and
+    each family of shapes.
+    """
     packed = [partial(pack_few, method, family) for family in FAMILIES for method in _methods()]
     settled = [partial(settle_few, family) for family in SETTLED]
-    return [*settled, *packed, deform_few, use_solids]
+    made = [partial(make_few, family) for family in shape_families()]
+    return [*settled, *packed, deform_few, use_solids, *made]
 
 
 def _methods() -> list[str]:
@@ -112,6 +117,12 @@ def use_solids() -> None:
     signed_distance(solid, voxel_size=0.1)
     repair(solid.vertices, solid.faces)
     fit_clump(solid, max_spheres=5)
+    roughen(solid)
+
+
+def make_few(family: str) -> None:
+    """Make a shape of a family, and describe it."""
+    describe(make_shape(family))
 
 
 def _compute(task: Callable[[], None]) -> None:

@@ -117,8 +117,7 @@ class ClosedMesh:
 
     def scaled(self, factor: float) -> "ClosedMesh":
         """Return the container with all lengths multiplied."""
-        x, y, z = (value * factor for value in self.shape.offset)
-        return ClosedMesh(Shape(self.shape.geometry.scaled(factor), self.shape.name, (x, y, z), self.shape.unit))
+        return ClosedMesh(self.shape.scaled(factor))
 
     def to_unit(self, unit: str) -> "ClosedMesh":
         """Return the container with its lengths in another unit; lengths without a unit are not converted.

@@ -24,6 +24,7 @@ from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.make import make_container
 from voxgran.containers.model import boundary_of
 from voxgran.io.older import fields_of
+from voxgran.io.shape_record import record_as_json, record_of_json
 from voxgran.packing.gravity import as_down
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
@@ -246,6 +247,8 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
         parts: dict[str, tuple[list[Any], NDArray[Any]]] = {}
         entry: dict[str, Any] = {"name": shape.name, "unit": shape.unit, "offset": shape.offset, "key": shape.key}
         entry["geometry"] = type(geometry).__name__
+        if shape.record:
+            entry["record"] = record_as_json(shape.record)
         if isinstance(geometry, Mesh | Surface):
             parts = {"points": (points, geometry.vertices), "faces": (faces, geometry.faces)}
         elif isinstance(geometry, Spheres):
@@ -274,7 +277,8 @@ def _shape(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]], unit: s
     """
     x, y, z = (float(value) for value in entry["offset"])
     own = unit if known_unit(entry["unit"]) == unit else None
-    shape = Shape(_geometry(entry, arrays), entry["name"], (x, y, z), own)
+    record = record_of_json(entry.get("record", {}))
+    shape = Shape(_geometry(entry, arrays), entry["name"], (x, y, z), own, record=record)
     if shape.key != entry["key"]:
         raise FileFormatError(f"shape {shape.name!r} is not the one that was saved: write the file again")
     return shape

@@ -1,5 +1,6 @@
 """Unions of closed meshes by manifold3d, in double precision."""
 
+import heapq
 from collections.abc import Iterable
 from typing import Any
 
@@ -19,7 +20,7 @@ def united(meshes: Iterable[tuple[Floats, Integers]]) -> tuple[Floats, Integers]
         If one of the surfaces is not closed.
     """
     library = load("manifold3d")
-    solids: list[Any] = []
+    solids: list[tuple[int, int, Any]] = []
     for vertices, faces in meshes:
         mesh = library.Mesh64(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.uint64))
         solid = library.Manifold(mesh)
@@ -28,7 +29,22 @@ def united(meshes: Iterable[tuple[Floats, Integers]]) -> tuple[Floats, Integers]
                 f"solid {len(solids)} is no closed surface ({solid.status().name}): a union needs closed "
                 "surfaces; mend it"
             )
-        solids.append(solid)
-    result = library.Manifold.batch_boolean(solids, library.OpType.Add).to_mesh64()
+        solids.append((len(faces), len(solids), solid))
+    result = _pairwise(solids).to_mesh64()
     vertices = np.array(result.vert_properties[:, :3], dtype=np.float64)
     return vertices, np.array(result.tri_verts, dtype=np.int64)
+
+
+def _pairwise(solids: list[tuple[int, int, Any]]) -> Any:
+    """Return the union of solids, each with its number of faces and its place in the order.
+
+    The two of fewest faces are united first, and so on: the time of each step grows with the number of faces.
+    """
+    heapq.heapify(solids)
+    made = len(solids)
+    while len(solids) > 1:
+        one, other = heapq.heappop(solids)[2], heapq.heappop(solids)[2]
+        both = one + other
+        heapq.heappush(solids, (both.num_tri(), made, both))
+        made += 1
+    return solids[0][2]

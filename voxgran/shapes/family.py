@@ -211,9 +211,11 @@ def sized(geometry: Geometry, diameter: float | None, *, name: str, record: Mapp
         as_positive(diameter, "diameter")
     raw = Shape.of(geometry, name=name)
     shape = Shape.of(geometry.scaled((diameter or 1.0) / raw.diameter), name=name, record=record)
+    if isinstance(geometry, Mesh | Surface):
+        return shape
     # a second step removes the rounding error of the first, if possible
     exact = (diameter or 1.0) / shape.diameter
-    return shape if isinstance(geometry, Mesh | Surface) or exact == 1.0 else shape.scaled(exact)
+    return shape if exact == 1.0 else shape.scaled(exact)
 
 
 def refuse_both(diameter: float | None, dimensions: tuple[tuple[str, object], ...], *, aspect: object) -> None:

@@ -8,34 +8,58 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran._base.tree import normals_of
-from voxgran.shapes.triangles import Moments, Triangles
+from voxgran.shapes.triangles import Triangles
 
 
 @dataclass(frozen=True, eq=False)
-class Mesh(Moments, Triangles):
+class Mesh(Triangles):
     """A closed surface of triangles, counterclockwise seen from outside."""
 
-    @cached_property
-    def _moments(self) -> tuple[float, Floats, Floats]:
-        """Volume, centroid and inertia from the tetrahedra between a central point and each face.
+    def _tetrahedra(self) -> tuple[Floats, Floats, Floats]:
+        """Return a central point, the corners of each face seen from it, and the volumes between the two.
 
-        The integrals of 1, x and x x^T over a tetrahedron are closed forms of its corners (Tonon 2005,
-        doi:10.3844/jmssp.2005.8.11); the central point preserves digits if the mesh is far from the origin.
+        The central point preserves digits if the mesh is far from the origin.
         """
         middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
         corners = self.triangles - middle
         a, b, c = np.moveaxis(corners, 1, 0)
-        sixth = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+        return middle, corners, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
+
+    @cached_property
+    def _volume_and_centroid(self) -> tuple[float, Floats]:
+        """Both together, without the inertia, which takes longer."""
+        middle, corners, sixth = self._tetrahedra()
         volume = float(sixth.sum())
         if volume == 0.0:
-            return 0.0, middle, np.zeros((3, 3))
-        total = a + b + c
-        first = (sixth[:, None] * total).sum(axis=0) / 4
+            return 0.0, middle
+        return volume, middle + (sixth[:, None] * corners.sum(axis=1)).sum(axis=0) / 4 / volume
+
+    @property
+    def volume(self) -> float:
+        """Volume by the divergence theorem, negative if the faces point inward."""
+        return self._volume_and_centroid[0]
+
+    @property
+    def centroid(self) -> Floats:
+        """Centroid, (3,)."""
+        return self._volume_and_centroid[1]
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """Inertia tensor about the centroid at unit density, (3, 3).
+
+        The integrals of 1, x and x x^T over a tetrahedron are closed forms of its corners (Tonon 2005,
+        doi:10.3844/jmssp.2005.8.11).
+        """
+        _, corners, sixth = self._tetrahedra()
+        if self.volume == 0.0:
+            return np.zeros((3, 3))
+        total = corners.sum(axis=1)
         second = np.einsum("f,fki,fkj->ij", sixth, corners, corners)
         second = (second + np.einsum("f,fi,fj->ij", sixth, total, total)) / 20
-        offset = first / volume
-        second = second - volume * np.outer(offset, offset)
-        return volume, middle + offset, np.trace(second) * np.eye(3) - second
+        offset = (sixth[:, None] * total).sum(axis=0) / 4 / self.volume
+        second = second - self.volume * np.outer(offset, offset)
+        return np.asarray(np.trace(second) * np.eye(3) - second)
 
 
 def hull_of(points: Floats) -> Mesh:

@@ -46,7 +46,8 @@ class Shape:
         Unit of lengths, if known.
     record : mapping
         What the generator notes about the shape, such as the dimension of a sponge: plain values and arrays by name. It
-        is no part of equality and `key`, and shapes that are rotated or scaled keep it as it is.
+        is no part of equality and `key`, and shapes that are rotated or scaled keep it as it is. Files of packings keep
+        it too, but for arrays of more than 4 MiB.
 
     Raises
     ------
@@ -381,14 +382,16 @@ class Shape:
         return replace(self, geometry=self.geometry.rotated(matrix))
 
     def scaled(self, factor: float) -> "Shape":
-        """Return the shape with all lengths multiplied by a factor above 0.
+        """Return the shape with all lengths, those of its offset too, multiplied by a factor above 0.
 
         Raises
         ------
         InputError
             If the factor is not a finite number above 0.
         """
-        return replace(self, geometry=self.geometry.scaled(as_positive(factor, "factor")))
+        factor = as_positive(factor, "factor")
+        x, y, z = (value * factor for value in self.offset)
+        return replace(self, geometry=self.geometry.scaled(factor), offset=(x, y, z))
 
     def to_unit(self, unit: str) -> "Shape":
         """Return the same shape with its lengths in another unit; lengths without a unit are not converted.
@@ -407,9 +410,7 @@ class Shape:
         """
         target = as_unit(unit)
         factor = 1.0 if self.unit is None else unit_factor(self.unit, target)
-        geometry = self.geometry if factor == 1.0 else self.geometry.scaled(factor)
-        x, y, z = (value * factor for value in self.offset)
-        return replace(self, geometry=geometry, offset=(x, y, z), unit=target)
+        return replace(self if factor == 1.0 else self.scaled(factor), unit=target)
 
     def to_pyvista(self) -> Any:
         """Return the tessellation as a `pyvista.PolyData`.

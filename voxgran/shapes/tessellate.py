@@ -3,10 +3,11 @@
 import itertools
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.tree import normals_of
 
 #: number of sides of the polygon that represents a circle
@@ -25,6 +26,7 @@ def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
     return vertices, faces, float(1 - np.linalg.norm(middles, axis=1).min())
 
 
+@lru_cache(maxsize=16)
 def geodesic(frequency: int) -> tuple[Floats, Integers]:
     """Return vertices and faces of an icosahedron whose edges are divided into `frequency` parts, on the unit sphere.
 
@@ -47,7 +49,7 @@ def geodesic(frequency: int) -> tuple[Floats, Integers]:
     parts = [np.stack(corner, axis=-1).reshape(-1, 3) for corner in ((a, b, c), (b, d, c))]
     local = np.concatenate([part[(part >= 0).all(axis=1)] for part in parts])
     faces = index.reshape(len(triangles), -1)[:, local].reshape(-1, 3)
-    return points[first], np.ascontiguousarray(faces, dtype=np.int64)
+    return read_only(points[first]), read_only(np.ascontiguousarray(faces, dtype=np.int64))
 
 
 def _icosahedron() -> tuple[Floats, Integers]:

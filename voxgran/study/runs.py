@@ -16,6 +16,7 @@ from typing import Any
 
 from voxgran import __version__
 from voxgran._base.errors import VoxgranError
+from voxgran._base.preparation import counting_preparation
 from voxgran.contacts.verify import verify
 from voxgran.io.files import save
 from voxgran.measures.model import measure, measure_registry
@@ -77,7 +78,7 @@ class Record:
     numbers : dict
         Value, unit and meaning of each number, by name.
     seconds : float
-        Processor time.
+        Processor time, without that in which libraries were imported and kernels compiled.
     memory : int
         Bytes of memory at the peak of the process during the run.
     warnings : list of str
@@ -127,7 +128,7 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
     if run.version != __version__:
         return Record(failure=f"the worker has voxgran {__version__} in place of {run.version}: install the same")
     _forget_peak()
-    with warnings.catch_warnings(record=True) as caught:
+    with warnings.catch_warnings(record=True) as caught, counting_preparation() as preparation:
         warnings.simplefilter("always")
         try:
             scene, shapes = (cache or SceneCache()).of(run)
@@ -144,7 +145,7 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
             record.failure = f"{type(error).__name__}: {error}"
     record.failure = " ".join(record.failure.split())
     record.warnings = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))
-    record.seconds, record.memory = _seconds() - began, _peak()
+    record.seconds, record.memory = _seconds() - began - preparation.seconds, _peak()
     return record
 
 

@@ -6,6 +6,8 @@ from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.model import Container
+from voxgran.shapes.family import make_shape
+from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 
@@ -36,6 +38,18 @@ def test_scaling_takes_the_place_along(container):
     np.testing.assert_allclose(scaled.bounds, 4 * moved_box().bounds, rtol=1e-15)
     points = np.array([[44.0, 80.0, 121.0]])
     np.testing.assert_array_equal(scaled.signed_distance(points), 4 * container.signed_distance(points / 4))
+
+
+@pytest.mark.parametrize("factor", [1e-9, 1e9])
+def test_a_tiny_or_huge_shape_keeps_its_place_relative_to_its_size(factor):
+    shape = make_shape("convex_polyhedron", seed=1)
+    assert np.linalg.norm(shape.offset) > 1e-3
+    container = ClosedMesh(shape.scaled(factor))
+    assert Mesh(*container.mesh()).volume == pytest.approx(shape.volume * factor**3, rel=1e-14)
+    np.testing.assert_allclose(container.bounds, factor * ClosedMesh(shape).bounds, rtol=1e-14)
+    points = factor * stream(1, "points").uniform(-0.6, 0.6, (200, 3))
+    given = ClosedMesh(shape).signed_distance(points / factor)
+    np.testing.assert_allclose(container.signed_distance(points), factor * given, atol=1e-14 * factor)
 
 
 def test_a_file_makes_a_container(data_dir):

@@ -92,3 +92,13 @@ def test_a_shape_keeps_its_record():
 def test_a_record_holds_plain_values_and_arrays(record):
     with pytest.raises(InputError, match="record"):
         vg.Shape.of(vg.make_shape("box").geometry, name="box", record=record)
+
+
+@pytest.mark.parametrize("factor", [1e-9, 1.0, 1e9])
+def test_the_offset_is_scaled_with_the_shape(factor):
+    shape = vg.Shape.from_mesh(*vg.Box((1, 2, 3), origin=(4, 5, 6)).mesh(), unit="m")
+    vertices = shape.vertices + shape.offset
+    other = vg.Shape.from_mesh(vertices * factor, shape.faces)
+    np.testing.assert_allclose(shape.scaled(factor).offset, other.offset, rtol=1e-14)
+    np.testing.assert_allclose(shape.scaled(factor).offset, factor * np.array([4.5, 6.0, 7.5]), rtol=1e-14)
+    np.testing.assert_allclose(shape.to_unit("mm").offset, [4500.0, 6000.0, 7500.0], rtol=1e-14)

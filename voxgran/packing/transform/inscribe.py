@@ -1,5 +1,6 @@
 """Shapes inscribed in the spheres of a sphere packing: grains of true shape from spheres that are packed in seconds."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -8,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, as_count, as_floats
 from voxgran._base.errors import InputError
+from voxgran._base.kernels import kernel
 from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.packing.model import Packing, check_packing
@@ -125,13 +127,31 @@ def _turns(generator: np.random.Generator, n: int, dimension: int) -> Floats:
 
 def _sphere_around(shape: Shape) -> tuple[float, float, float, float]:
     """Return center and radius of a sphere around a shape, nearly the smallest (Badoiu & Clarkson 2003)."""
-    center, corners = np.zeros(3), shape.vertices
     if shape.is_sphere:
         return 0.0, 0.0, 0.0, shape.bounding_radius
-    for step in range(1, STEPS + 1):
-        center = center + (corners[np.argmax(((corners - center) ** 2).sum(axis=1))] - center) / (step + 1)
-    radius = float(np.linalg.norm(corners - center, axis=1).max()) + shape.tessellation_error
+    x, y, z, radius = _enclose(np.ascontiguousarray(shape.vertices), STEPS)
+    radius += shape.tessellation_error
     if radius >= shape.bounding_radius:
         return 0.0, 0.0, 0.0, shape.bounding_radius
-    x, y, z = center.tolist()
+    return x, y, z, radius
+
+
+@kernel
+def _enclose(corners, steps):  # type: ignore[no-untyped-def]
+    """Return center and radius of a sphere around points: the center goes a shrinking share of the way to the farthest
+    point at each step.
+    """
+    x, y, z, radius = 0.0, 0.0, 0.0, 0.0
+    for step in range(steps + 1):
+        largest, far = -1.0, 0
+        for k in range(len(corners)):
+            square = (corners[k, 0] - x) ** 2 + (corners[k, 1] - y) ** 2 + (corners[k, 2] - z) ** 2
+            if square > largest:
+                largest, far = square, k
+        radius = math.sqrt(largest)
+        if step < steps:
+            share = 1.0 / (step + 2)
+            x += share * (corners[far, 0] - x)
+            y += share * (corners[far, 1] - y)
+            z += share * (corners[far, 2] - z)
     return x, y, z, radius

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Integers, as_count, as_number, as_positive
+from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import inlined_kernel, kernel
@@ -105,7 +105,7 @@ def grown(parameters: RandomGrowth, generator: np.random.Generator) -> Integers:
     # half widths of the box of the cluster, which is made wider whenever a cube reaches its border
     radius = (parameters.cubes / np.prod(aspect)) ** (1 / 3)
     half = np.ceil(3 + 0.8 * radius * aspect).astype(np.int64)
-    count, power = 1, float(parameters.power)
+    count, chance = 1, _chances(float(parameters.power))
     while True:
         grid, moments = np.zeros(2 * half + 3, dtype=np.bool_), np.zeros(6)
         steps = np.array([grid.shape[1] * grid.shape[2], grid.shape[2], 1])
@@ -113,7 +113,7 @@ def grown(parameters: RandomGrowth, generator: np.random.Generator) -> Integers:
         _begin(cells, half, steps, taken, bonds, state, moments)
         while state[0] < len(cells) and not state[2]:
             draws = generator.random(DRAWN)
-            _grow(cells, half, steps, taken, bonds, state, moments, draws, power, rate, log_aspect, adjusted)
+            _grow(cells, half, steps, taken, bonds, state, moments, draws, chance, rate, log_aspect, adjusted)
         count = int(state[0])
         if count == len(cells):
             return cells
@@ -121,18 +121,40 @@ def grown(parameters: RandomGrowth, generator: np.random.Generator) -> Integers:
         half = np.where(reach >= half, np.ceil(1.5 * half).astype(np.int64), half)
 
 
+def _chances(power: float) -> Floats:
+    """Return the chances at which a bond is taken, by the number of neighbours of its place, (7,); at most 1."""
+    many = np.arange(1, 7)
+    return np.concatenate([[0.0], (many / 6.0 if power > 1.0 else many * 1.0) ** (power - 1.0)])
+
+
 @inlined_kernel
-def _take(place, index, steps, taken, bonds, state, moments):  # type: ignore[no-untyped-def]
-    """Take the place of a cube, at a (3,) place and an index in the grid, and note the free places beside it."""
+def _take(cells, k, index, steps, taken, bonds, state, moments):  # type: ignore[no-untyped-def]
+    """Take the place of cube k, at an index in the grid, and note the free places beside it."""
     taken[index] = True
     for axis in range(3):
-        moments[axis] += place[axis]
-        moments[3 + axis] += place[axis] * place[axis]
+        moments[axis] += cells[k, axis]
+        moments[3 + axis] += cells[k, axis] * cells[k, axis]
         for side in (-1, 1):
             beside = index + side * steps[axis]
             if not taken[beside]:
                 bonds[state[1]] = 3 * beside + axis
                 state[1] += 1
+
+
+@inlined_kernel
+def _adjust(n, moments, log_aspect, rate):  # type: ignore[no-untyped-def]
+    """Set the rates along the axes by the aspect that n cubes lack; loops over axes compile faster than arrays."""
+    middle, largest = 0.0, -math.inf
+    for k in range(3):
+        # a cube has a moment of its own
+        square = moments[3 + k] / n - (moments[k] / n) ** 2 + 1.0 / 12.0
+        rate[k] = log_aspect[k] - 0.5 * math.log(square)
+        middle += rate[k]
+    for k in range(3):
+        rate[k] = GAIN * (rate[k] - middle / 3.0)
+        largest = max(largest, rate[k])
+    for k in range(3):
+        rate[k] = math.exp(rate[k] - largest)
 
 
 @kernel
@@ -142,22 +164,17 @@ def _begin(cells, half, steps, taken, bonds, state, moments):  # type: ignore[no
         index = 0
         for axis in range(3):
             index += (cells[k, axis] + half[axis] + 1) * steps[axis]
-        _take(cells[k], index, steps, taken, bonds, state, moments)
+        _take(cells, k, index, steps, taken, bonds, state, moments)
 
 
 @kernel
-def _grow(cells, half, steps, taken, bonds, state, moments, draws, power, rate, log_aspect, adjusted):  # type: ignore[no-untyped-def]
+def _grow(cells, half, steps, taken, bonds, state, moments, draws, chance, rate, log_aspect, adjusted):  # type: ignore[no-untyped-def]
     """Add cubes until all are there, a cube is at the border of the grid (`state[2]`), or the random numbers are used.
 
     A bond is a free place and the axis along which the cluster touches it, so that places have one for each neighbour;
     those of places that are taken meanwhile are removed when they are drawn.
     """
     used = 0
-    chance = np.empty(7)
-    chance[0] = 0.0
-    for many in range(1, 7):
-        chance[many] = (many / 6.0) ** (power - 1.0) if power > 1.0 else many ** (power - 1.0)
-    wanted = np.empty(3)
     while state[0] < len(cells) and not state[2] and used + 2 <= len(draws):
         pick = int(draws[used] * state[1])
         index, axis = bonds[pick] // 3, bonds[pick] % 3
@@ -177,18 +194,10 @@ def _grow(cells, half, steps, taken, bonds, state, moments, draws, power, rate, 
             rest %= steps[k]
             if abs(cells[state[0], k]) >= half[k]:
                 state[2] = 1
-        _take(cells[state[0]], index, steps, taken, bonds, state, moments)
+        _take(cells, state[0], index, steps, taken, bonds, state, moments)
         state[0] += 1
         if adjusted:
-            n = float(state[0])
-            for k in range(3):
-                # a cube has a moment of its own
-                square = moments[3 + k] / n - (moments[k] / n) ** 2 + 1.0 / 12.0
-                wanted[k] = log_aspect[k] - 0.5 * math.log(square)
-            middle = wanted.mean()
-            for k in range(3):
-                wanted[k] = GAIN * (wanted[k] - middle)
-            rate[:] = np.exp(wanted - wanted.max())
+            _adjust(float(state[0]), moments, log_aspect, rate)
 
 
 registration = ShapeFamily(

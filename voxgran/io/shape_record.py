@@ -1,0 +1,52 @@
+"""What a generator notes about a shape as JSON-able values, and back, bit for bit."""
+
+import base64
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: largest array that is kept, in bytes; a longer one is left out of the file
+MOST_BYTES = 2**22
+
+
+def record_as_json(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a record as JSON-able values; an entry with an array of more than 4 MiB is left out."""
+    return {name: _written(value) for name, value in record.items() if _bytes_of(value) <= MOST_BYTES}
+
+
+def record_of_json(stated: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values of a record that :func:`record_as_json` wrote."""
+    return {name: _read(value) for name, value in stated.items()}
+
+
+def _bytes_of(value: Any) -> int:
+    """Return the size of the largest array in a value, in bytes."""
+    if isinstance(value, tuple):
+        return max(map(_bytes_of, value), default=0)
+    return value.nbytes if isinstance(value, np.ndarray) else 0
+
+
+def _written(value: Any) -> Any:
+    """Return a value as JSON knows it: an array as its type, shape and bytes."""
+    if isinstance(value, tuple):
+        return [_written(one) for one in value]
+    if not isinstance(value, np.ndarray):
+        return value
+    data = base64.b64encode(np.ascontiguousarray(value).tobytes()).decode("ascii")
+    return {"dtype": value.dtype.str, "shape": list(value.shape), "base64": data}
+
+
+def _read(value: Any) -> Any:
+    """Return a value that :func:`_written` wrote."""
+    if isinstance(value, list):
+        return tuple(_read(one) for one in value)
+    return _array(value) if isinstance(value, Mapping) else value
+
+
+def _array(stated: Mapping[str, Any]) -> NDArray[Any]:
+    """Return an array from its type, shape and bytes."""
+    shape = tuple(int(length) for length in stated["shape"])
+    values = np.frombuffer(base64.b64decode(stated["base64"], validate=True), dtype=np.dtype(stated["dtype"]))
+    return values.reshape(shape)
