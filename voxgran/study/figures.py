@@ -150,7 +150,7 @@ def figures_of(
     density = _values(dataset, variable, confidence, interval)
     size = (WIDTH, max(HEIGHT, 0.28 * _legend_rows(points) + 1.0))
     name, what = variable.replace("_", "-"), variable.replace("_", " ")
-    bars = f"Bars are {100 * confidence:g} % confidence intervals of the means over the seeds."
+    bars = f"Bars are {100 * confidence:g} % confidence intervals of the means over the seeds.{_alike(dataset, points)}"
     found = []
     if "seconds" in dataset:
         seconds = _values(dataset, "seconds", confidence, interval)
@@ -169,6 +169,12 @@ def figures_of(
 def _capital(text: str) -> str:
     """Return a text with a capital letter."""
     return f"{text[:1].upper()}{text[1:]}"
+
+
+def _alike(dataset: "Dataset", points: Points) -> str:
+    """Return in which axes points that look alike differ, as part of a caption."""
+    told = [axis for axis in varied_axes(dataset) if axis not in (points.color_axis, points.marker_axis, LISTED)]
+    return f" Points of the same colour and marker differ in {', '.join(told)}." if told else ""
 
 
 def _sources(bands: Sequence[Band]) -> str:

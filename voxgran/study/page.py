@@ -18,7 +18,7 @@ from voxgran.report import facts
 from voxgran.report.facts import Fact
 from voxgran.report.figures import Figure
 from voxgran.report.page import page_template
-from voxgran.report.significance import LEVEL, p_text
+from voxgran.report.significance import EQUAL, LEVEL, p_text
 from voxgran.study.cell_rows import cell_rows, csv_text
 from voxgran.study.cell_values import axes_of, failures_of, numbers_of, text_of, values_of, varied_axes
 from voxgran.study.comparisons import compare, compared_axis
@@ -140,8 +140,15 @@ def write_study_page(
 
 
 def _has(dataset: "Dataset", name: str) -> bool:
-    """Return whether a study has a number that is known in at least one run."""
-    return name in numbers_of(dataset) and bool(np.isfinite(values_of(dataset, name)).any())
+    """Return whether a study has a number that is known in at least one run, and is not that of the whole container."""
+    if name not in numbers_of(dataset):
+        return False
+    values = values_of(dataset, name)
+    if name != DENSITIES[1] or DENSITIES[0] not in numbers_of(dataset):
+        return bool(np.isfinite(values).any())
+    # without walls and a free surface the bulk is the whole container
+    differs = np.abs(values - values_of(dataset, DENSITIES[0])) > EQUAL
+    return bool(differs.any())
 
 
 def _files(

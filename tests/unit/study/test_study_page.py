@@ -121,6 +121,14 @@ def test_the_page_says_what_failed_and_what_differs(written):
     assert "bulk" not in body
 
 
+def test_the_bulk_is_shown_where_it_is_not_the_whole_container(data, tmp_path):
+    for shift, files in ((1e-12, 2), (0.02, 4)):
+        made = data.assign(bulk_solid_fraction=data.solid_fraction + shift)
+        text = write_study_page(made, tmp_path, overwrite=True).read_text()
+        assert len(list(tmp_path.glob("*.svg"))) == files
+        assert ("Comparison of bulk solid fraction" in text) == (files == 4)
+
+
 def test_cells_in_the_csv_file_are_those_of_the_summary(written, data):
     rows = table(written[0] / "cells.csv")
     assert [(row["method"], row["shape"]) for row in rows] == list(itertools.product(METHODS, SHAPES))
@@ -238,6 +246,14 @@ def test_numbers_on_the_axis_are_joined_and_bands_of_other_axes_go_across(tmp_pa
     assert "experiments" in text
     # no times, no figure of them
     assert len(list(tmp_path.glob("*.svg"))) == 1
+
+
+def test_what_neither_colour_nor_marker_says_is_in_the_caption(tmp_path):
+    dims = ("method", "shape", "sizes.sigma", "seed")
+    values = {"solid_fraction": (dims, stream(3, "values").uniform(0.5, 0.6, (2, 2, 2, 2)))}
+    made = xr.Dataset(values, {"method": ["a", "b"], "shape": ["s", "t"], "sizes.sigma": [0.1, 0.2]})
+    text = write_study_page(made, tmp_path).read_text()
+    assert "Points of the same colour and marker differ in sizes.sigma." in text
 
 
 def test_one_cell_one_seed_and_nothing_that_succeeded(tmp_path):
