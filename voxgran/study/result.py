@@ -224,7 +224,5 @@ def save_results(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], folder: 
     if zarr:
         with written_whole(folder / ZARR) as draft:
             shutil.rmtree(draft, ignore_errors=True)
-            # texts of any length: zarr has no objects
-            texts = {name: dataset[name].astype(str) for name in TEXTS}
-            labels = {name: value.astype(str) for name, value in dataset.coords.items() if value.dtype == object}
-            dataset.assign(texts).assign_coords(labels).to_zarr(draft, mode="w")
+            # the specification of format 3 has no texts yet
+            dataset.to_zarr(draft, mode="w", zarr_format=2)

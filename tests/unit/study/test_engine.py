@@ -4,18 +4,28 @@ import csv
 import json
 import os
 import signal
+import sys
 import time
 import warnings
 
 import numpy as np
 import pytest
+import xarray
 
 import voxgran as vg
-from voxgran._base.errors import InputError, Interrupted, InUseError, OutputExistsError, PackingWarning
+from voxgran._base.errors import (
+    InputError,
+    Interrupted,
+    InUseError,
+    MissingLibraryError,
+    OutputExistsError,
+    PackingWarning,
+)
 from voxgran._base.lock import locked_folder
 from voxgran.study import engine
 from voxgran.study.engine import memory_bytes
 from voxgran.study.result import MACHINE
+from voxgran.study.runs import Record
 
 
 def same(one, other):
@@ -166,6 +176,63 @@ def test_memory_is_given_in_many_ways(monkeypatch):
     for wrong in ("much", "-3", "0", 0, True, "5 lb", ""):
         with pytest.raises(InputError, match="it must be bytes"):
             memory_bytes(wrong)
+
+
+class Noting:
+    """Computes nothing: notes what it is asked for, and says that each run took so many seconds."""
+
+    running = 0
+
+    def __init__(self, seconds):
+        self.seconds, self.order = seconds, []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+    def results(self, runs):
+        for run in runs:
+            self.order.append(run)
+            yield run, Record(numbers={"x": [0.0, "1", "x"]}, seconds=self.seconds(run)), b""
+
+
+def test_the_longest_runs_are_begun_first(base, tmp_path, monkeypatch):
+    base |= {"measure": {"which": ["density"]}}
+    noting = Noting(lambda run: run.attempts * (1e-6 if run.mapping["packing"]["method"] == "rsa" else 1.0))
+    monkeypatch.setattr(engine, "_executor", lambda options, runs: noting)
+
+    def order(counts, seeds):
+        noting.order.clear()
+        axes = {"method": ["rsa", {"method": "expand", "solid_fraction": 0.2}], "packing.count": counts}
+        vg.Study(base=base, axes=axes, seeds=seeds).run(tmp_path / "o")
+        return [(run.mapping["packing"]["method"], run.mapping["packing"]["count"]) for run in noting.order]
+
+    # rsa makes more attempts, as long as nothing is known of their time
+    first = order([5, 20, 10], 1)
+    assert [count for method, count in first if method == "rsa"] == [20, 10, 5]
+    assert first[0] == ("rsa", 20)
+    # then the method whose attempts take longer comes first
+    second = order([5, 20, 10], 2)
+    assert [method for method, _ in second] == ["expand"] * 3 + ["rsa"] * 3
+
+
+def test_the_dataset_is_written_as_zarr_too(base, tmp_path, monkeypatch):
+    zarr = pytest.importorskip("zarr")
+    base |= {"measure": {"which": ["density"]}}
+    monkeypatch.setattr(engine, "_executor", lambda options, runs: Noting(lambda run: 1.0))
+    result = vg.Study(base=base, axes={"packing.count": [4, 5]}, seeds=2).run(tmp_path / "o", zarr=True)
+    assert result.dataset["x"].shape == zarr.open(tmp_path / "o" / "study.zarr")["x"].shape == (2, 2)
+    vg.Study(base=base, axes={"packing.count": [4, 5, 6]}, seeds=2).run(tmp_path / "o", zarr=True)
+    again = xarray.open_zarr(tmp_path / "o" / "study.zarr")
+    assert again["packing.count"].values.tolist() == [4, 5, 6]
+    assert again["failure"].values.tolist() == [["", ""]] * 3
+    assert not [path for path in (tmp_path / "o").iterdir() if path.name.startswith(".")]
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(MissingLibraryError, match="pip install zarr"):
+        vg.Study(base=base, seeds=1).run(tmp_path / "new", zarr=True)
+    assert not (tmp_path / "new").exists()
 
 
 def test_steps_count_the_runs(base, marks, tmp_path):
