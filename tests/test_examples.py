@@ -341,6 +341,16 @@ def test_rocks_scene_leaves_a_page_and_files(tmp_path):
     assert result.summary["counters"]["voxelized_shapes"] == 60
 
 
+def test_study_density(tmp_path):
+    result = vg.Study(EXAMPLES / "study_density.toml").run(tmp_path / "out", workers=2)
+    assert not result.failures
+    mean = result.dataset["solid_fraction"].mean("seed").sel({"sizes.sigma": 0.1})
+    # Donev et al. 2004: spheres and ellipsoids of this aspect that jam at random
+    assert float(mean.sel({"method": "jammed", "shape": "sphere"})) == pytest.approx(0.64, abs=0.015)
+    assert float(mean.sel({"method": "jammed", "shape": "ellipsoid 1.5"})) == pytest.approx(0.71, abs=0.015)
+    assert (result.dataset["overlapping_pairs"] == 0).all()
+
+
 PACKAGE = EXAMPLES.parent / "voxgran"
 DOCUMENTED = sorted(
     path.relative_to(EXAMPLES.parent).with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__")

@@ -84,6 +84,7 @@ from voxgran.shapes.repairing.diagnose import diagnose as diagnose
 from voxgran.shapes.repairing.repair import repair as repair
 from voxgran.shapes.roughness.measuring import surface_statistics as surface_statistics
 from voxgran.shapes.roughness.roughen import roughen as roughen
+from voxgran.study.study import Study as Study
 from voxgran.typed_calls import fit_clump as fit_clump  # voxgran.clumps.fit
 from voxgran.typed_calls import make_shape as make_shape  # voxgran.shapes.family
 from voxgran.typed_calls import make_shapes as make_shapes  # voxgran.shapes.family

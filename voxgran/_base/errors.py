@@ -93,6 +93,10 @@ class EngineError(VoxgranError, RuntimeError):
     """A program of an engine that is not installed, or fails."""
 
 
+class ClusterError(VoxgranError, ConnectionError):
+    """A cluster of computers that is not there, or goes away."""
+
+
 class TooLargeError(VoxgranError, MemoryError):
     """A request that does not fit in memory."""
 

@@ -91,10 +91,11 @@ def refuse_to_replace(*paths: str | os.PathLike[str]) -> None:
 
 
 @contextlib.contextmanager
-def written_whole(path: str | os.PathLike[str], *, overwrite: bool = True) -> Iterator[Path]:
+def written_whole(path: str | os.PathLike[str], *, overwrite: bool = True, sync: bool = True) -> Iterator[Path]:
     """Yield a path with the same suffix to write to, and move the result to its place at the end (context manager).
 
-    Links are followed; for a character device or a pipe the result is copied to it.
+    Links are followed; for a character device or a pipe the result is copied to it. Without `sync` a power cut may
+    leave the name without the content, which is for many small files whose content is checked when they are read.
 
     Raises
     ------
@@ -113,7 +114,8 @@ def written_whole(path: str | os.PathLike[str], *, overwrite: bool = True) -> It
             draft = place.with_name(_draft_name(place, secrets.token_hex(4)))
             place.parent.mkdir(parents=True, exist_ok=True)
             yield draft
-            _sync(draft)
+            if sync:
+                _sync(draft)
             _replace(draft, place)
         else:
             with tempfile.TemporaryDirectory() as folder:
@@ -130,9 +132,9 @@ def written_whole(path: str | os.PathLike[str], *, overwrite: bool = True) -> It
             _remove(draft)
 
 
-def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = True) -> None:
-    """Write a text file completely or not at all."""
-    with written_whole(path, overwrite=overwrite) as draft:
+def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = True, sync: bool = True) -> None:
+    """Write a text file completely or not at all; `sync` is that of :func:`written_whole`."""
+    with written_whole(path, overwrite=overwrite, sync=sync) as draft:
         draft.write_text(text, encoding="utf-8")
 
 

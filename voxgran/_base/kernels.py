@@ -63,7 +63,7 @@ class Kernel:
             If numba cannot be loaded.
         """
         if self._compiled is None:
-            made: Any = self._dispatcher("CPUDispatcher", "CallerCompiler")
+            made: Any = self._dispatcher("CallerDispatcher", "CallerCompiler")
             made._cache = load("voxgran._base.compiling.kernel_files").KernelCache(
                 made.py_func, self.code_hash[:16], cache_folder(), on_miss=self._tell
             )

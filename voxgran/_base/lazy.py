@@ -4,6 +4,7 @@ This is also the one place that sets what must be set before such a library is l
 machine without a display, and numba's threading layer (open3d loads a TBB that numba refuses with a warning).
 """
 
+import contextlib
 import importlib
 import os
 import sys
@@ -11,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from voxgran._base.errors import MissingLibraryError
+from voxgran._base.preparation import preparing
 
 #: the libraries that a run may load: `plan` predicts them, `run` records them
 LIBRARIES = (
@@ -60,7 +62,8 @@ def load(name: str) -> Any:
     if root in ("vtkmodules", "pyvista") and not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     try:
-        module = importlib.import_module(name)
+        with contextlib.nullcontext() if name in sys.modules else preparing():
+            module = importlib.import_module(name)
     except (ImportError, OSError) as error:
         raise MissingLibraryError(f"{root} cannot be loaded ({error}): {_remedy(root, str(error))}") from error
     if name == "numba":

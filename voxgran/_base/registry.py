@@ -9,8 +9,9 @@ import difflib
 import importlib
 import importlib.metadata
 import pkgutil
+import sys
 from collections.abc import Iterable
-from functools import cache
+from functools import cache, lru_cache
 from typing import Generic, TypeVar
 
 from voxgran._base.errors import InputError, UnknownNameError, shown
@@ -71,7 +72,14 @@ class Registry(Generic[T]):
 
     def _foreign(self) -> dict[str, importlib.metadata.EntryPoint]:
         """Return the entry points of third parties."""
-        return {point.name: point for point in importlib.metadata.entry_points(group=self.group)}
+        return {point.name: point for point in _entry_points(self.group, tuple(sys.path))}
+
+
+@lru_cache(maxsize=16)
+def _entry_points(group: str, places: tuple[str, ...]) -> tuple[importlib.metadata.EntryPoint, ...]:
+    """Return the entry points of a group, which are looked for once in the places where libraries are found."""
+    del places
+    return tuple(importlib.metadata.entry_points(group=group))
 
 
 @cache

@@ -46,6 +46,13 @@ def run(options: argparse.Namespace) -> None:
     show(summary, options, f"results in {result.folder}")
 
 
+def study(options: argparse.Namespace) -> int:
+    """Run a study, or say what it would compute; exit status 1 where a run failed."""
+    from voxgran.cli import studies
+
+    return studies.study(options)
+
+
 def verify(options: argparse.Namespace) -> int:
     """Check a packing against the true shapes; exit status 1 where it fails."""
     proof = voxgran.verify(_packing(options), tolerance=options.tolerance)
@@ -317,6 +324,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "init": ("write a scene file to start from", init),
     "plan": ("say what a run would compute, skip and cost", plan),
     "run": ("pack, check, measure and save a scene", run),
+    "study": ("pack a scene with many values of its parameters and many seeds", study),
     "verify": ("check a packing against the true shapes", verify),
     "settle": ("let the grains of a packing come to rest under gravity", settle),
     "equilibrium": ("prove that the grains of a packing rest", equilibrium),

@@ -92,7 +92,7 @@ def _end_softly() -> None:
 
 
 def _say_how_to_go_on(options: argparse.Namespace, words: Sequence[str]) -> None:
-    """Name the command that goes on, where `run`, `settle` or `relax` has left a state to go on from."""
+    """Name the command that goes on, where `run`, `study`, `settle` or `relax` has left a state to go on from."""
     command = getattr(options, "command", "")
     if command == "settle":
         from voxgran.cli.settling import checkpoint_of
@@ -106,6 +106,8 @@ def _say_how_to_go_on(options: argparse.Namespace, words: Sequence[str]) -> None
         if state.exists():
             kept = [str(state) if word == options.file else word for word in words]
             complain(f"to go on from the last state: voxgran {shlex.join(kept)}")
+    if command == "study" and next(Path(options.output).glob("cells/*.json"), None):
+        complain(f"to go on: voxgran {shlex.join(word for word in words if word != '--overwrite')}")
     if command != "run":
         return
     from voxgran.scene.run import CHECKPOINT, SUMMARY

@@ -6,7 +6,6 @@ scatter: its differences are given without a statement of significance. Distribu
 the Kolmogorov-Smirnov distance; a probability is given if there are enough packings for a permutation test.
 """
 
-import math
 import os
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -22,10 +21,8 @@ from voxgran.report.figures import curves_of
 from voxgran.report.groups import Group, compared, distributions, groups_of
 from voxgran.report.numbers import json_text
 from voxgran.report.page import page_template, view_of
-from voxgran.report.significance import LEVEL
+from voxgran.report.significance import LEVEL, p_text
 
-#: colours of the groups in plots, in order
-INKS = ("#2a9d8f", "#e07a3f", "#7a86c8", "#c2476d", "#8a8d3a", "#4f6d7a")
 #: largest number of packings of a group whose curves are drawn
 DRAWN = 5
 
@@ -172,11 +169,10 @@ def _mean_text(entry: Mapping[str, Any], packings: int) -> str:
     mean, error = entry["mean"], entry["standard_error"]
     if not error:
         return _number(mean) + known
-    # the mean has as many decimals as its error written with two digits
-    decimals = 1 - math.floor(math.log10(error))
-    if 0 <= decimals <= 6:
-        return f"{mean:.{decimals}f} \u00b1 {error:.{decimals}f}{known}".replace("-", "\u2212")
-    return f"{_number(mean)} \u00b1 {error:.2g}{known}"
+    digits = facts.decimals_of(error)
+    if digits is None:
+        return f"{_number(mean)} \u00b1 {error:.2g}{known}"
+    return f"{mean:.{digits}f} \u00b1 {error:.{digits}f}{known}".replace("-", "\u2212")
 
 
 def _difference_text(entry: Mapping[str, Any]) -> str:
@@ -186,7 +182,7 @@ def _difference_text(entry: Mapping[str, Any]) -> str:
     if entry["verdict"] == "equal":
         return "equal"
     text = _number(entry["difference"])
-    return text if entry["p_value"] is None else f"{text} ({entry['verdict']}, {_p_text(entry['p_value'])})"
+    return text if entry["p_value"] is None else f"{text} ({entry['verdict']}, {p_text(entry['p_value'])})"
 
 
 def _number(value: float) -> str:
@@ -194,14 +190,9 @@ def _number(value: float) -> str:
     return facts.number(int(value) if value.is_integer() and abs(value) < 1e9 else value)
 
 
-def _p_text(p_value: float) -> str:
-    """Return a probability as text."""
-    return "p < 0.0001" if p_value < 1e-4 else f"p = {p_value:.2g}"
-
-
 def _test_row(test: Mapping[str, Any]) -> list[str]:
     """Return a row of the table of distributions as texts."""
-    text = test["verdict"] if test["p_value"] is None else f"{test['verdict']}, {_p_text(test['p_value'])}"
+    text = test["verdict"] if test["p_value"] is None else f"{test['verdict']}, {p_text(test['p_value'])}"
     return [test["what"], test["group"], f"{test['distance']:.3g}", text]
 
 
@@ -236,7 +227,7 @@ def _figures(groups: Sequence[Group]) -> list[dict[str, str]]:
 
 def _draw_sizes(axes: Any, *, groups: Sequence[Group]) -> None:
     """Draw the gradations of all packings, those of a group in one colour."""
-    for group, ink in zip(groups, INKS * len(groups), strict=False):
+    for group, ink in zip(groups, plots.DISTINCT * len(groups), strict=False):
         for index, packing in enumerate(group.packings[:DRAWN]):
             label = group.name if index == 0 else None
             plots.plot_passing(axes, packing.diameters, packing.volumes, color=ink, label=label)
@@ -248,7 +239,7 @@ def _draw_sizes(axes: Any, *, groups: Sequence[Group]) -> None:
 def _draw(axes: Any, *, groups: Sequence[Group], found: Sequence[Sequence[Any]], name: str) -> None:
     """Draw one curve of each packing, those of a group in one colour."""
     label = "solid fraction" if name.startswith("solid_fraction") else name.replace("_", " ")
-    for group, datasets, ink in zip(groups, found, INKS * len(groups), strict=False):
+    for group, datasets, ink in zip(groups, found, plots.DISTINCT * len(groups), strict=False):
         for index, data in enumerate(datasets):
             place = data[name][data[name].dims[0]]
             line = {"color": ink, "linewidth": 2.0 if len(datasets) == 1 else 1.2}

@@ -46,6 +46,12 @@ def number(value: Any) -> str:
     return "none" if plain is None else str(plain)
 
 
+def decimals_of(error: float) -> int | None:
+    """Return how many decimals a number has whose error is written with two digits; None where that is not 0 to 6."""
+    digits = 1 - math.floor(math.log10(error)) if error > 0 else -1
+    return digits if 0 <= digits <= 6 else None
+
+
 def headline(packing: Packing, statistics: "DataTree | None", verification: "Verification | None") -> list[Fact]:
     """Return the most important numbers of a packing, its measures and its verification."""
     space = "volume" if packing.dimension == 3 else "area"

@@ -15,11 +15,11 @@ from voxgran.measures.registered.coordination import coordination_number, usual_
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report.significance import (
     EQUAL,
-    LEVEL,
     all_equal,
     distance_of,
     permutation_p_value,
     standard_error,
+    verdict_of,
     welch_p_value,
 )
 
@@ -175,15 +175,8 @@ def _entry(given: Floats, reference: Floats | None) -> dict[str, Any]:
         difference, verdict = 0.0, "equal"
     else:
         difference, p_value = float(values.mean() - known.mean()), welch_p_value(values, known)
-        verdict = _verdict(p_value)
+        verdict = verdict_of(p_value)
     return {**entry, "difference": difference, "p_value": p_value, "verdict": verdict}
-
-
-def _verdict(p_value: float | None) -> str:
-    """Return the verdict for a probability."""
-    if p_value is None:
-        return "not tested"
-    return "significant" if p_value < LEVEL else "not significant"
 
 
 def distributions(groups: Sequence[Group]) -> list[dict[str, Any]]:
@@ -201,7 +194,7 @@ def distributions(groups: Sequence[Group]) -> list[dict[str, Any]]:
                 continue
             distance = distance_of(reference, values)
             p_value = permutation_p_value(reference, values) if distance > EQUAL else None
-            verdict = _verdict(p_value) if distance > EQUAL else "equal"
+            verdict = verdict_of(p_value) if distance > EQUAL else "equal"
             found.append(
                 {"what": what, "group": group.name, "distance": distance, "p_value": p_value, "verdict": verdict}
             )

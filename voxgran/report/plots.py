@@ -18,13 +18,16 @@ from voxgran.packing.model import Packing
 from voxgran.shapes.describing.extents import principal_extents
 
 #: placeholder for the text colour of the page
-_INK = "#0a0b0c"
+INK = "#0a0b0c"
 PLACED, ASKED, OTHER = "#2a9d8f", "#e07a3f", "#7a86c8"
+#: colours of groups in order, which differ for all kinds of colour vision and from light and dark pages: those of Okabe
+#: & Ito 2008 without black and yellow
+DISTINCT = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9")
 
 _STYLE = {
-    "axes.edgecolor": _INK,
+    "axes.edgecolor": INK,
     "axes.grid": True,
-    "axes.labelcolor": _INK,
+    "axes.labelcolor": INK,
     "axes.labelsize": 12,
     "axes.linewidth": 0.8,
     "axes.spines.right": False,
@@ -33,16 +36,16 @@ _STYLE = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "grid.alpha": 0.18,
-    "grid.color": _INK,
+    "grid.color": INK,
     "legend.fontsize": 11,
     "legend.frameon": False,
-    "legend.labelcolor": _INK,
+    "legend.labelcolor": INK,
     "lines.linewidth": 2.0,
     "svg.fonttype": "none",
-    "text.color": _INK,
-    "xtick.color": _INK,
+    "text.color": INK,
+    "xtick.color": INK,
     "xtick.labelsize": 11,
-    "ytick.color": _INK,
+    "ytick.color": INK,
     "ytick.labelsize": 11,
 }
 
@@ -62,7 +65,7 @@ def svg_of(
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
-    text = text[text.index("<svg") :].replace(_INK, "currentColor")
+    text = text[text.index("<svg") :].replace(INK, "currentColor")
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
     # a style element would apply to the whole page
     text = re.sub(r"<style[^>]*>\*{([^}]*)}</style>", "", text)
@@ -120,7 +123,7 @@ def plot_profile(
     x, y = as_floats(place, "place", shape=(None,)), np.asarray(solid_fraction, dtype=np.float64)
     marks = {label: value for label, value in (levels or {}).items() if np.isfinite(value)}
     for (label, value), dash in zip(marks.items(), ((2, 2), (6, 2), (6, 2, 1, 2)), strict=False):
-        axes.axhline(value, color=_INK, linewidth=1.0, linestyle=(0, dash), label=f"{label}: {value:.3f}")
+        axes.axhline(value, color=INK, linewidth=1.0, linestyle=(0, dash), label=f"{label}: {value:.3f}")
     for (label, curve), color in zip((published or {}).items(), (ASKED, OTHER), strict=False):
         axes.plot(x, curve, color=color, linewidth=1.5, linestyle=(0, (4, 2)), label=label)
     if marks or published:

@@ -7,12 +7,15 @@ and probabilities come only from permutations of whole packings.
 References
 ----------
 Welch 1947, Biometrika 34, 28-35, doi:10.1093/biomet/34.1-2.28: means of groups with unequal variances
+Satterthwaite 1946, Biometrics Bull. 2, 110-114, doi:10.2307/3002019: degrees of freedom of sums of variances
+Holm 1979, Scand. J. Statist. 6, 65-70: probabilities of several tests
 Phipson & Smyth 2010, Stat. Appl. Genet. Mol. Biol. 9(1) 39, doi:10.2202/1544-6115.1585: probabilities by permutation
 """
 
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -45,17 +48,98 @@ def standard_error(values: Floats) -> float:
     return 0.0 if all_equal(values) else float(values.std(ddof=1) / math.sqrt(len(values)))
 
 
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Difference of the means of two groups, with its standard error and degrees of freedom.
+
+    Attributes
+    ----------
+    value : float
+        Mean of the second group of each block minus that of the first one, averaged over the blocks.
+    standard_error : float
+        Its standard error, from the variances of both groups of each block.
+    degrees : float
+        Degrees of freedom of the standard error.
+    """
+
+    value: float
+    standard_error: float
+    degrees: float
+
+    @property
+    def statistic(self) -> float:
+        """Difference over its standard error."""
+        return self.value / self.standard_error
+
+    @property
+    def p_value(self) -> float:
+        """Probability of a difference as large by chance where the means are equal (two-sided)."""
+        return float(2 * load("scipy.special").stdtr(self.degrees, -abs(self.statistic)))
+
+    def interval(self, confidence: float) -> tuple[float, float]:
+        """Return the limits of the interval that holds the true difference with this probability."""
+        half = self.standard_error * float(load("scipy.special").stdtrit(self.degrees, (1 + confidence) / 2))
+        return self.value - half, self.value + half
+
+
+def difference_of(blocks: Sequence[tuple[Floats, Floats]]) -> Difference | None:
+    """Return the difference of the means of two groups, averaged over blocks, by Welch's t-test.
+
+    Parameters
+    ----------
+    blocks : sequence of tuple
+        Values (n,) of the first group and (m,) of the second one in each block; what the blocks differ in does not
+        matter to the difference. Blocks have equal weights. One block gives Welch's t-test itself.
+
+    Returns
+    -------
+    Difference or None
+        None if no block has at least two values of both groups, or none of these has any scatter; other blocks are
+        left out.
+    """
+    pairs = [pair for pair in blocks if min(map(len, pair)) >= 2]
+    variances = [(standard_error(values) ** 2, len(values) - 1) for pair in pairs for values in pair]
+    whole = sum(variance for variance, _ in variances)
+    if not whole:
+        return None
+    value = math.fsum(float(other.mean() - one.mean()) for one, other in pairs) / len(pairs)
+    # Satterthwaite: shares of the variance, so that tiny numbers do not vanish when they are squared
+    degrees = 1 / sum((variance / whole) ** 2 / freedom for variance, freedom in variances)
+    return Difference(value, math.sqrt(whole) / len(pairs), degrees)
+
+
 def welch_p_value(one: Floats, other: Floats) -> float | None:
     """Return the probability of a difference of the means of (n,) and (m,) packings as large by chance, by Welch's
     t-test; None if a group has fewer than two packings, or neither has any scatter.
     """
-    if min(len(one), len(other)) < 2:
-        return None
-    # from the moments, since SciPy warns of equal values if it computes them itself
-    moments = [(x.mean(), standard_error(x) * math.sqrt(len(x)), len(x)) for x in (one, other)]
-    if not moments[0][1] and not moments[1][1]:
-        return None
-    return float(load("scipy.stats").ttest_ind_from_stats(*moments[0], *moments[1], equal_var=False).pvalue)
+    found = difference_of([(one, other)])
+    return None if found is None else found.p_value
+
+
+def holm(p_values: Sequence[float | None]) -> list[float | None]:
+    """Return probabilities corrected for their number by the procedure of Holm; None, for what was not tested, stays.
+
+    With all that are below a level called significant, the chance of a wrong claim among them is at most this level.
+    """
+    tested = sorted((p, place) for place, p in enumerate(p_values) if p is not None)
+    corrected: list[float | None] = [None] * len(p_values)
+    least = 0.0
+    for rank, (p, place) in enumerate(tested):
+        least = max(least, min(1.0, (len(tested) - rank) * p))
+        corrected[place] = least
+    return corrected
+
+
+def verdict_of(p_value: float | None) -> str:
+    """Return the verdict for a probability: ``"significant"``, ``"not significant"``, or ``"not tested"`` for None."""
+    if p_value is None:
+        return "not tested"
+    return "significant" if p_value < LEVEL else "not significant"
+
+
+def p_text(p_value: float) -> str:
+    """Return a probability as text."""
+    return "p < 0.0001" if p_value < 1e-4 else f"p = {p_value:.2g}"
 
 
 def distance_of(one: Sequence[Floats], other: Sequence[Floats]) -> float:

@@ -107,14 +107,7 @@ class SceneDescription:
             If a value is missing or breaks a rule.
         """
         found = existing_file(path)
-        if found.suffix.lower() == ".vtp":
-            raise FileFormatError(f"{found} is a packing and no scene: give the .toml file, or 'voxgran measure' it")
-        try:
-            mapping = tomllib.loads(found.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError) as error:
-            # a number of too many digits is a bare ValueError, values in too many brackets are a RecursionError
-            raise FileFormatError(f"{found} is not TOML ({reason_of(error)}): mend that line") from error
-        return cls.from_mapping(mapping, folder=found.parent)
+        return cls.from_mapping(read_toml(found), folder=found.parent)
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], *, folder: str | os.PathLike[str] = ".") -> Self:
@@ -232,6 +225,26 @@ class SceneDescription:
             If the file is no packing.
         """
         return None if self.start is None else load(self.start)
+
+
+def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what a TOML file holds, as nested mappings.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If it is not TOML.
+    """
+    found = existing_file(path)
+    if found.suffix.lower() == ".vtp":
+        raise FileFormatError(f"{found} is a packing and no scene: give the .toml file, or 'voxgran measure' it")
+    try:
+        return tomllib.loads(found.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        # a number of too many digits is a bare ValueError, values in too many brackets are a RecursionError
+        raise FileFormatError(f"{found} is not TOML ({reason_of(error)}): mend that line") from error
 
 
 def _settle(

@@ -45,7 +45,8 @@ class Output:
         check_bounds(self, of="[output]")
         if as_count(self.snapshots, "[output] snapshots") == 1:
             raise InputError("[output] snapshots is 1: a series has at least 2; give more, or 0 for none")
-        known = engine_registry().names()
+        # what is installed is looked up only where engines are named: that takes longer than all else of a scene
+        known = engine_registry().names() if self.dem else ()
         for name in self.dem:
             if name not in known:
                 raise UnknownNameError(unknown("[output] dem engine", name, known))

@@ -19,6 +19,8 @@ from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
 from numba.core.types.functions import BaseFunction
 
+from voxgran._base.preparation import preparing
+
 
 class KernelFlags(Flags):
     """Options of the compiler that are compared quickly.
@@ -70,6 +72,15 @@ def signatures_kept() -> Iterator[None]:
         yield
     finally:
         BaseFunction.get_call_type = resolve  # type: ignore[method-assign]
+
+
+class CallerDispatcher(CPUDispatcher):
+    """A kernel that Python calls; the time in which it is compiled, or loaded from its file, is counted."""
+
+    def compile(self, sig: Any) -> Any:
+        """Return the machine code for a combination of types."""
+        with preparing():
+            return super().compile(sig)
 
 
 class CalleeDispatcher(CPUDispatcher):

@@ -1,0 +1,71 @@
+"""A measure of another package that notes where it ran and does as its orders say: wait, fail, or end its process."""
+
+import pytest
+
+MEASURE = """
+import json, os, pathlib, signal, time
+from voxgran.measures.model import Measure, dataset, variable
+
+PLACE = pathlib.Path(__file__).parent / "begun"
+
+
+def compute(packing):
+    seed = packing.provenance["seed"]
+    orders = json.loads((PLACE / "orders.json").read_text())
+    begun = PLACE / str(seed)
+    times = len(begun.read_text().split()) if begun.exists() else 0
+    with begun.open("a") as file:
+        file.write(f"{os.getpid()} ")
+    time.sleep(orders.get("wait", 0))
+    if times < orders.get("kill", {}).get(str(seed), 0):
+        os.kill(os.getpid(), signal.SIGKILL)
+    if seed in orders.get("fail", []):
+        raise RuntimeError("a fault\\nof two lines")
+    return {"/": dataset({"mark": variable((), 10.0 * seed, "m", "mark of the seed")})}
+
+
+registration = Measure(name="mark", summary="a mark", groups=("/",), compute=compute)
+"""
+
+
+class Marks:
+    """What the measure has noted, and what it is to do."""
+
+    def __init__(self, place):
+        self.place = place / "begun"
+        self.place.mkdir()
+        self.order()
+
+    def order(self, **orders):
+        import json
+
+        (self.place / "orders.json").write_text(json.dumps(orders))
+
+    def begun(self):
+        """Return the processes that each seed was begun in."""
+        found = (path for path in self.place.iterdir() if path.name.isdecimal())
+        return {int(path.name): [int(number) for number in path.read_text().split()] for path in found}
+
+
+@pytest.fixture
+def marks(tmp_path_factory, monkeypatch):
+    """Install the measure ``mark``, also for the processes of a study."""
+    place = tmp_path_factory.mktemp("package")
+    (place / "marking.py").write_text(MEASURE)
+    info = place / "marking-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: marking\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[voxgran.measures]\nmark = marking:registration\n")
+    monkeypatch.syspath_prepend(place)
+    return Marks(place)
+
+
+@pytest.fixture
+def base():
+    """Return a small scene, with the measure ``mark``."""
+    return {
+        "shape": [{"family": "sphere"}],
+        "container": {"kind": "box", "lengths": [4, 4, 4]},
+        "packing": {"method": "rsa", "count": 5},
+        "measure": {"which": ["density", "mark"]},
+    }

@@ -1,0 +1,116 @@
+"""Studies on a Dask cluster: the bits of processes, and one sentence where the scheduler goes away."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import ClusterError, Interrupted, MissingLibraryError
+from voxgran.study.result import MACHINE
+
+
+def test_a_missing_library_is_one_sentence(base, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    made = vg.Study(base=base | {"measure": {"which": ["density"]}}, seeds=1)
+    with pytest.raises(MissingLibraryError, match=r"pip install voxgran\[dask\]"):
+        made.run(tmp_path / "o", dask="tcp://127.0.0.1:1")
+
+
+@pytest.fixture
+def cluster(marks):
+    """Start a cluster of two processes with one thread each, in a process of its own."""
+    pytest.importorskip("distributed")
+    code = (
+        "import sys, time, distributed\n"
+        "if __name__ == '__main__':\n"
+        "    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:\n"
+        "        print(cluster.scheduler_address, flush=True)\n"
+        "        sys.stdin.read()\n"
+    )
+    path = marks.place.parent / "cluster.py"
+    path.write_text(code)
+    libraries = os.pathsep.join(entry for entry in sys.path if entry)
+    process = subprocess.Popen(
+        [sys.executable, str(path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": libraries},
+        text=True,
+        start_new_session=True,
+    )
+    yield process, process.stdout.readline().strip()
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_processes_and_dask_give_the_same_bits(cluster, base, marks, tmp_path):
+    _, address = cluster
+    axes = {"method": ["rsa", {"method": "expand", "solid_fraction": 0.3}]}
+    # a fault, and a worker that is killed in the middle once
+    marks.order(fail=[4], kill={"2": 1})
+    made = vg.Study(base=base, axes=axes, seeds=[1, 2, 3, 4], keep="packings")
+    steps = []
+    there = made.run(tmp_path / "dask", dask=address, on_step=steps.append)
+    assert there.computed == 8
+    assert steps[-1].done == 8
+    assert [row["seed"] for row in there.failures] == [4, 4]
+    assert len(marks.begun()[2]) == 3
+    here = made.run(tmp_path / "processes", workers=2)
+    assert there.dataset.drop_vars(list(MACHINE)).identical(here.dataset.drop_vars(list(MACHINE)))
+    names = [{path.name for path in (tmp_path / one / "cells").iterdir()} for one in ("dask", "processes")]
+    assert names[0] == names[1]
+    for name in names[0]:
+        if name.endswith(".vtp"):
+            one, other = (vg.load(tmp_path / place / "cells" / name) for place in ("dask", "processes"))
+            assert one.position.tobytes() == other.position.tobytes()
+    # what one has finished the other does not compute
+    assert made.run(tmp_path / "processes", dask=address).computed == 0
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_a_scheduler_that_goes_away_ends_in_one_sentence_and_the_study_goes_on(cluster, base, marks, tmp_path):
+    process, address = cluster
+    marks.order(wait=0.3)
+    made = vg.Study(base=base, seeds=range(1, 13))
+    gone = []
+
+    def stop(step):
+        if step.done >= 3 and not gone:
+            gone.append(time.monotonic())
+            os.killpg(process.pid, signal.SIGKILL)
+
+    with pytest.raises(ClusterError, match=rf"^the Dask scheduler at {address} is gone: what is finished is kept"):
+        made.run(tmp_path / "o", dask=address, on_step=stop)
+    assert time.monotonic() - gone[0] < 20
+    kept = made.plan(tmp_path / "o").total("done")
+    assert 3 <= kept < 12
+    with pytest.raises(ClusterError, match="there is no Dask scheduler"):
+        made.run(tmp_path / "o", dask=address)
+    marks.order()
+    result = made.run(tmp_path / "o", workers=2)
+    assert result.computed == 12 - kept
+    assert np.array_equal(result.dataset["mark"], np.arange(10, 130, 10))
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_an_interrupt_leaves_the_cluster_alone(cluster, base, marks, tmp_path):
+    _, address = cluster
+    marks.order(wait=0.2)
+    made = vg.Study(base=base, seeds=range(1, 13))
+
+    def stop(step):
+        if step.done == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(Interrupted) as told:
+        made.run(tmp_path / "o", dask=address, on_step=stop)
+    assert told.value.exit_code == 130
+    marks.order()
+    assert not made.run(tmp_path / "o", dask=address).failures

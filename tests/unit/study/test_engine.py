@@ -1,0 +1,307 @@
+"""Studies in processes: the numbers of single scenes, nothing computed twice, faults and kills cost one run."""
+
+import csv
+import json
+import os
+import signal
+import sys
+import time
+import warnings
+
+import numpy as np
+import pytest
+import xarray
+
+import voxgran as vg
+from voxgran._base.errors import (
+    InputError,
+    Interrupted,
+    InUseError,
+    MissingLibraryError,
+    OutputExistsError,
+    PackingWarning,
+)
+from voxgran._base.lock import locked_folder
+from voxgran.study import engine
+from voxgran.study.engine import memory_bytes
+from voxgran.study.result import MACHINE
+from voxgran.study.runs import Record
+
+
+def same(one, other):
+    """Return whether two results are the same bits, without what the machine did."""
+    return one.dataset.drop_vars(list(MACHINE)).identical(other.dataset.drop_vars(list(MACHINE)))
+
+
+def alive(number):
+    """Return whether a process runs."""
+    try:
+        with open(f"/proc/{number}/stat", encoding="ascii") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_results_are_those_of_single_scenes(base, tmp_path):
+    base |= {"measure": {"which": ["density", "coordination"]}}
+    axes = {"method": ["rsa", {"method": "expand", "solid_fraction": 0.2}], "packing.count": [5, 8, 60]}
+    made = vg.Study(base=base, axes=axes, seeds=[3, 7], keep="packings")
+    result = made.run(tmp_path / "out", workers=2)
+    data = result.dataset
+    assert dict(data.sizes) == {"method": 2, "packing.count": 3, "seed": 2}
+    assert list(data["method"].values) == ["rsa", "expand"]
+    assert result.computed == 12
+    for cell in made.cells():
+        for seed in made.seeds:
+            scene = vg.Scene.from_mapping(cell.mapping | {"scene": {"seed": seed}})
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", PackingWarning)
+                packing = vg.pack([vg.make_shape("sphere")], scene.container, **scene.asked(), **scene.parameters)
+                tree = vg.measure(packing, which=["density", "coordination"])
+            entry = data.sel({**cell.values, "seed": seed})
+            assert float(entry["solid_fraction"]) == packing.solid_fraction
+            assert float(entry["mean_coordination_number"]) == float(tree["mean_coordination_number"])
+            assert str(entry["stop_reason"].item()) == packing.stop_reason
+            assert not entry["failure"].item()
+            assert float(entry["overlapping_pairs"]) == 0
+    assert data["solid_fraction"].attrs["units"] == "1"
+    assert data["bulk_solid_fraction"].isnull().any()
+    assert "the bulk holds" in data["warnings"].values[0, 0, 0]
+    assert (data["seconds"] > 0).all()
+    assert ((data["memory"] > 50e6) & (data["memory"] < 4e9)).all()
+    files = {path.suffix for path in (tmp_path / "out" / "cells").iterdir()}
+    assert files == {".json", ".vtp"}
+    again = vg.load_statistics(tmp_path / "out" / "study.nc").to_dataset()
+    assert again.equals(data)
+    with open(tmp_path / "out" / "table.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 12
+    assert [float(row["solid_fraction"]) for row in rows] == data["solid_fraction"].values.ravel().tolist()
+    assert result.table()["solid_fraction"].tolist() == data["solid_fraction"].values.ravel().tolist()
+
+
+def test_nothing_is_computed_twice(base, marks, tmp_path):
+    def run(counts, seeds, **given):
+        return vg.Study(base=base, axes={"packing.count": counts}, seeds=seeds).run(tmp_path / "o", workers=1, **given)
+
+    first = run([5, 6], [1, 2])
+    assert first.computed == 4
+    assert run([5, 6], [1, 2]).computed == 0
+    assert same(run([5, 6], [1, 2]), first)
+    # a changed axis, and one more seed
+    more = run([6, 7], [1, 2, 3])
+    assert more.computed == 4
+    assert {seed: len(begun) for seed, begun in marks.begun().items()} == {1: 3, 2: 3, 3: 2}
+    assert np.array_equal(more.dataset["mark"], [[10, 20, 30], [10, 20, 30]])
+    assert more.dataset["mark"].attrs == {"units": "m", "long_name": "mark of the seed"}
+    # labels change nothing
+    listed = [{"packing.count": 6, "label": "six"}]
+    assert vg.Study(base=base, cells=listed, seeds=[1, 2, 3]).run(tmp_path / "o").computed == 0
+    # damaged, cut and foreign files are computed anew
+    files = sorted((tmp_path / "o" / "cells").iterdir())
+    assert len(files) == 8
+    files[0].write_text(files[0].read_text().replace("0.", "1.", 1))
+    files[1].write_text(files[1].read_text()[:-40])
+    files[2].write_text("[]")
+    files[3].write_bytes(b"\xff\xfe")
+    assert run([5, 6, 7], [1, 2, 3]).computed == 4 + 1
+    assert run([5, 6], [1, 2], overwrite=True).computed == 4
+    assert same(run([5, 6], [1, 2]), first)
+
+
+def test_cells_that_are_the_same_scene_are_computed_once(base, tmp_path):
+    base |= {"measure": {"which": ["density"]}}
+    result = vg.Study(base=base, axes={"packing.count": [5, 6], "packing.tries": [1000]}, seeds=1).run(tmp_path / "o")
+    twice = vg.Study(base=base, cells=[{"packing.count": 5}, {"packing": {"count": 5, "tries": 1000}}], seeds=1)
+    assert twice.run(tmp_path / "two", workers=1).rows[0]["solid_fraction"] == result.rows[0]["solid_fraction"]
+    equal = vg.Study(base=base, cells=[{"label": "a"}, {"label": "b"}], seeds=1).run(tmp_path / "three", workers=1)
+    assert equal.computed == 1
+    assert [row["cell"] for row in equal.rows] == ["a", "b"]
+    assert equal.rows[0]["grain_volume"] == equal.rows[1]["grain_volume"]
+
+
+def test_faults_and_kills_cost_their_run_only(base, marks, tmp_path):
+    # seed 3 ends its process each time, seed 4 once, seed 5 fails
+    marks.order(kill={"3": 9, "4": 1}, fail=[5])
+    made = vg.Study(base=base, seeds=range(1, 9))
+    result = made.run(tmp_path / "o", workers=2)
+    data = result.dataset
+    assert {seed: len(begun) for seed, begun in marks.begun().items()} == {
+        s: 2 if s in (3, 4) else 1 for s in range(1, 9)
+    }
+    assert [bool(text) for text in data["failure"].values] == [seed in (3, 5) for seed in range(1, 9)]
+    assert "its process was ended by SIGKILL, 2 times" in data["failure"].values[2]
+    assert data["failure"].values[4] == "RuntimeError: a fault of two lines"
+    assert np.array_equal(data["mark"].values, [10, 20, np.nan, 40, np.nan, 60, 70, 80], equal_nan=True)
+    assert [row["seed"] for row in result.failures] == [3, 5]
+    # failures are kept, and tried again where asked
+    marks.order()
+    assert made.run(tmp_path / "o").computed == 0
+    again = made.run(tmp_path / "o", workers=1, retry=True)
+    assert again.computed == 2
+    assert not again.failures
+    assert np.array_equal(again.dataset["mark"].values, np.arange(10, 90, 10))
+
+
+def test_what_cannot_be_packed_is_a_row_and_no_end(base, tmp_path):
+    base |= {"measure": {"which": ["density"]}}
+    made = vg.Study(base=base, axes={"container.lengths": [[4, 4, 4], [0.5, 0.5, 0.5]]}, seeds=2)
+    plan = made.plan(tmp_path / "o")
+    assert [bool(cell.refusal) for cell in plan.cells] == [False, True]
+    assert [cell.left for cell in plan.cells] == [2, 0]
+    result = made.run(tmp_path / "o", workers=1)
+    assert result.computed == 2
+    assert [bool(row["failure"]) for row in result.rows] == [False, False, True, True]
+    assert "cannot be done  container.lengths [0.5, 0.5, 0.5]: " in str(plan)
+
+
+def test_memory_bounds_what_runs_at_once(base, marks, tmp_path):
+    marks.order(wait=0.2)
+    made = vg.Study(base=base, seeds=4)
+    most = []
+    made.run(tmp_path / "o", workers=4, memory=400 * 2**20, on_step=lambda step: most.append(step.text))
+    assert {text.split()[0] for text in most} <= {"0", "1"}
+    assert len({begun for seeds in marks.begun().values() for begun in seeds}) == 1
+    refused = made.run(tmp_path / "two", memory="100 MB")
+    assert refused.computed == 0
+    assert "more than the 95 MiB that memory allows" in refused.rows[0]["failure"]
+    # it is asked anew
+    assert not made.run(tmp_path / "two", workers=1).failures
+
+
+def test_memory_is_given_in_many_ways(monkeypatch):
+    monkeypatch.setattr(engine, "memory_limit", lambda: 10**10)
+    ways = {None: 8e9, 5_000: 5e3, "6GB": 6e9, "6 gib": 6 * 2**30, "1.5g": 1.5e9, "50%": 5e9, "800 MB": 8e8, "9kB": 9e3}
+    assert {given: memory_bytes(given) for given in ways} == ways
+    for wrong in ("much", "-3", "0", 0, True, "5 lb", ""):
+        with pytest.raises(InputError, match="it must be bytes"):
+            memory_bytes(wrong)
+
+
+class Noting:
+    """Computes nothing: notes what it is asked for, and says that each run took so many seconds."""
+
+    running = 0
+
+    def __init__(self, seconds):
+        self.seconds, self.order = seconds, []
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+    def results(self, runs):
+        for run in runs:
+            self.order.append(run)
+            yield run, Record(numbers={"x": [0.0, "1", "x"]}, seconds=self.seconds(run)), b""
+
+
+def test_the_longest_runs_are_begun_first(base, tmp_path, monkeypatch):
+    base |= {"measure": {"which": ["density"]}}
+    noting = Noting(lambda run: run.attempts * (1e-6 if run.mapping["packing"]["method"] == "rsa" else 1.0))
+    monkeypatch.setattr(engine, "_executor", lambda options, runs: noting)
+
+    def order(counts, seeds):
+        noting.order.clear()
+        axes = {"method": ["rsa", {"method": "expand", "solid_fraction": 0.2}], "packing.count": counts}
+        vg.Study(base=base, axes=axes, seeds=seeds).run(tmp_path / "o")
+        return [(run.mapping["packing"]["method"], run.mapping["packing"]["count"]) for run in noting.order]
+
+    # rsa makes more attempts, as long as nothing is known of their time
+    first = order([5, 20, 10], 1)
+    assert [count for method, count in first if method == "rsa"] == [20, 10, 5]
+    assert first[0] == ("rsa", 20)
+    # then the method whose attempts take longer comes first
+    second = order([5, 20, 10], 2)
+    assert [method for method, _ in second] == ["expand"] * 3 + ["rsa"] * 3
+
+
+def test_the_dataset_is_written_as_zarr_too(base, tmp_path, monkeypatch):
+    zarr = pytest.importorskip("zarr")
+    base |= {"measure": {"which": ["density"]}}
+    monkeypatch.setattr(engine, "_executor", lambda options, runs: Noting(lambda run: 1.0))
+    result = vg.Study(base=base, axes={"packing.count": [4, 5]}, seeds=2).run(tmp_path / "o", zarr=True)
+    assert result.dataset["x"].shape == zarr.open(tmp_path / "o" / "study.zarr")["x"].shape == (2, 2)
+    vg.Study(base=base, axes={"packing.count": [4, 5, 6]}, seeds=2).run(tmp_path / "o", zarr=True)
+    again = xarray.open_zarr(tmp_path / "o" / "study.zarr")
+    assert again["packing.count"].values.tolist() == [4, 5, 6]
+    assert again["failure"].values.tolist() == [["", ""]] * 3
+    assert not [path for path in (tmp_path / "o").iterdir() if path.name.startswith(".")]
+    monkeypatch.setitem(sys.modules, "zarr", None)
+    with pytest.raises(MissingLibraryError, match="pip install zarr"):
+        vg.Study(base=base, seeds=1).run(tmp_path / "new", zarr=True)
+    assert not (tmp_path / "new").exists()
+
+
+def test_steps_count_the_runs(base, marks, tmp_path):
+    steps = []
+    marks.order(fail=[2])
+    vg.Study(base=base, seeds=[1, 2, 3]).run(tmp_path / "o", workers=1, on_step=steps.append)
+    assert (steps[-1].stage, steps[-1].done, steps[-1].total) == ("runs", 3, 3)
+    assert steps[-1].text == "0 running, 1 failed, about 0 s left"
+    assert [step.done for step in steps] == sorted(step.done for step in steps)
+
+
+def test_an_interrupted_study_goes_on(base, marks, tmp_path):
+    marks.order(wait=0.3)
+    made = vg.Study(base=base, seeds=range(1, 9))
+    sent = []
+
+    def stop(step):
+        if step.done >= 3 and not sent:
+            sent.append(time.monotonic())
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    with pytest.raises(Interrupted, match=r"stopped after \d of 8 runs, which are kept") as told:
+        made.run(tmp_path / "o", workers=2, on_step=stop)
+    assert time.monotonic() - sent[0] < 1.0
+    assert told.value.exit_code == 143
+    assert not any(alive(number) for begun in marks.begun().values() for number in begun)
+    kept = {json.loads(path.read_text().split("\n", 1)[1])["seed"] for path in (tmp_path / "o" / "cells").iterdir()}
+    assert 3 <= len(kept) < 8
+    plan = made.plan(tmp_path / "o")
+    assert (plan.total("done"), plan.total("left")) == (len(kept), 8 - len(kept))
+    before = marks.begun()
+    marks.order()
+    result = made.run(tmp_path / "o", workers=2)
+    assert result.computed == 8 - len(kept)
+    assert all(marks.begun()[seed] == before[seed] for seed in kept)
+    assert same(result, made.run(tmp_path / "two", workers=1))
+
+
+def test_folders_of_others_are_left_alone(base, tmp_path):
+    made = vg.Study(base=base | {"measure": {"which": ["density"]}}, seeds=1)
+    (tmp_path / "notes.txt").write_text("notes")
+    with pytest.raises(OutputExistsError, match="holds something else than a study"):
+        made.run(tmp_path, overwrite=True)
+    with pytest.raises(OutputExistsError, match="is a file"):
+        made.run(tmp_path / "notes.txt")
+    made.run(tmp_path / "o", workers=1)
+    with locked_folder(tmp_path / "o"), pytest.raises(InUseError):
+        made.run(tmp_path / "o")
+    for wrong in ({"workers": 0}, {"memory": "much"}, {"dask": 8786}):
+        with pytest.raises(InputError, match=next(iter(wrong))):
+            made.run(tmp_path / "new", **wrong)
+    assert not (tmp_path / "new").exists()
+
+
+def test_the_hash_is_that_of_values_files_and_version(base, tmp_path, monkeypatch, data_dir):
+    def key(folder, **given):
+        scene = base | {"shape": [{"file": "rock.obj"}], "measure": {"which": ["density"]}} | given
+        monkeypatch.chdir(folder)
+        return vg.Study(base=scene, seeds=1).cells()[0].key
+
+    rock = (data_dir / "bennu_lp.obj").read_bytes()
+    for name in ("a", "b", "c"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "rock.obj").write_bytes(rock + (b"# more\n" if name == "c" else b""))
+    first = key(tmp_path / "a")
+    assert key(tmp_path / "b") == first
+    assert key(tmp_path / "c") != first
+    assert key(tmp_path / "a", output={"dem": ["lammps"]}, scene={"seed": 5}) == first
+    assert key(tmp_path / "a", packing=base["packing"] | {"count": 6}) != first
+    assert key(tmp_path / "a", measure={"which": ["density", "coordination"]}) != first
+    monkeypatch.setattr("voxgran.study.files.__version__", "9.9")
+    assert key(tmp_path / "a") != first

@@ -1,0 +1,66 @@
+"""The command `study`."""
+
+import argparse
+import json
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import voxgran
+from voxgran.cli.terminal import complain, progress, show, table
+
+#: numbers of the table that is printed, where they were measured
+SHOWN = ("solid_fraction", "bulk_solid_fraction", "mean_coordination_number", "seconds")
+#: most rows of that table, and most sentences of failures
+MOST_ROWS, MOST_SENTENCES = 40, 5
+
+
+def study(options: argparse.Namespace) -> int:
+    """Run a study, or say what it would compute; exit status 1 where a run failed."""
+    made = voxgran.Study(options.file)
+    if options.dry_run:
+        plan = made.plan(options.output)
+        print(json.dumps(plan.to_mapping(), indent=2) if options.json else plan)
+        return 0
+    names = ("workers", "memory", "dask", "retry", "overwrite", "zarr")
+    with progress(options) as on_step:
+        result = made.run(options.output, on_step=on_step, **{name: getattr(options, name) for name in names})
+    failed = result.failures
+    result.write_page(title=f"Study {Path(options.file).stem}", overwrite=True)
+    if not options.json:
+        rows = _means(result.rows)
+        table(rows[:MOST_ROWS])
+        if len(rows) > MOST_ROWS:
+            print(f"... and {len(rows) - MOST_ROWS} cells more")
+    overlaps = sum(bool(row.get("overlapping_pairs") or row.get("escaped_grains")) for row in result.rows)
+    numbers = {"runs": len(result.rows), "computed": result.computed, "failed": len(failed), "not_verified": overlaps}
+    show(numbers, options, f"results in {result.folder}: study.html, study.nc, table.csv, cells.csv, comparisons.csv")
+    sentences = Counter(row["failure"] for row in failed)
+    for sentence, count in sentences.most_common(MOST_SENTENCES):
+        complain(f"{count} of {len(result.rows)} runs failed: {sentence}")
+    if len(sentences) > MOST_SENTENCES:
+        complain(f"{len(sentences) - MOST_SENTENCES} other sentences on failures are in table.csv")
+    return 1 if failed else 0
+
+
+def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return a row for each cell: its values, the number of its seeds with results, and means over them."""
+    names = list(rows[0])
+    axes = names[: names.index("seed")]
+    groups: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
+    for row in rows:
+        groups.setdefault(tuple(row[axis] for axis in axes), []).append(row)
+    made = []
+    for values, group in groups.items():
+        good = [row for row in group if not row["failure"]]
+        means = {name: _mean([row[name] for row in good]) for name in SHOWN if name in names}
+        made.append(dict(zip(axes, values, strict=True)) | {"seeds": f"{len(good)}/{len(group)}"} | means)
+    return made
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Return the mean of the numbers that are known; NaN where there are none."""
+    known = [value for value in values if math.isfinite(value)]
+    return math.fsum(known) / len(known) if known else math.nan

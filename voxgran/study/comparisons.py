@@ -1,0 +1,246 @@
+"""Comparison of the values of one axis of a study, such as its methods: differences, tests and effect sizes.
+
+Two values of the axis are compared by Welch's t-test, all of them by the test of Kruskal and Wallis: within each
+combination of the other axes, and pooled over all combinations as blocks. The runs of a cell, one for each seed, are
+its independent samples.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_number
+from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.registry import unknown
+from voxgran.report.significance import all_equal, difference_of, holm, verdict_of
+from voxgran.study.axes import Label
+from voxgran.study.cell_values import axes_of, labels_of, text_of, values_of, varied_axes
+from voxgran.study.cells import LISTED
+from voxgran.study.effect_sizes import hedges_g
+from voxgran.study.rank_test import rank_test
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+#: what the columns of the other axes say in rows that are pooled over them
+POOLED = "all"
+
+
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """One combination of the values of the other axes, with the values (n,) of each group; empty where it has none."""
+
+    labels: dict[str, Label]
+    groups: tuple[Floats, ...]
+
+
+def compare(
+    dataset: "Dataset",
+    variable: str = "solid_fraction",
+    over: str | None = None,
+    *,
+    confidence: float = 0.95,
+) -> list[dict[str, Any]]:
+    """Compare the values of one axis of a study.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        That of a study, with the dimension ``seed``.
+    variable : str
+        Name of the variable.
+    over : str, optional
+        Axis whose values are compared; axes that vary together with it are compared as one. Default: `method` where it
+        varies, otherwise the first axis that does.
+    confidence : float
+        Probability that an interval holds the true value, above 0, at most 0.9999.
+
+    Returns
+    -------
+    list of dict
+        One row for each test, with the columns
+
+        =====================================  =====================================================================
+        `variable`, `over`                     what is compared
+        name of each other axis                its value, or ``"all"`` in rows that are pooled over all combinations
+        `test`                                 ``"Welch"`` of two values, ``"Kruskal-Wallis"`` of all
+        `one`, `other`                         the two values; empty for all
+        `blocks`                               number of combinations with values that enter
+        `count_one`, `count_other`             numbers of runs; for all, `count_one` is their sum
+        `difference`                           mean of `other` minus mean of `one`, averaged over the blocks
+        `difference_low`, `difference_high`    limits of its confidence interval
+        `statistic`, `degrees_of_freedom`      t of Welch, or H of Kruskal and Wallis
+        `p_value`, `p_holm`                    probability of as much by chance; corrected for the number of tests
+        `effect`, `effect_size`                ``"hedges_g"`` or ``"epsilon_squared"``, and its value
+        `effect_low`, `effect_high`            limits of the confidence interval of Hedges' g
+        `verdict`                              ``"equal"``, ``"significant"``, ``"not significant"``, ``"not tested"``
+        =====================================  =====================================================================
+
+        Numbers are NaN where they are not known: p-values where a group has fewer than two runs or there is no scatter.
+
+    Raises
+    ------
+    InputError
+        If it is no dataset of a study, it has a single value of that axis or no axes, or `confidence` breaks a rule.
+    UnknownNameError
+        If the study has no variable or axis of that name; the message gives the nearest one.
+
+    Notes
+    -----
+    `p_holm` is corrected by the procedure of Holm for all tests of the same kind in the table: of all pairs in all
+    combinations, of all pairs pooled, and of Kruskal and Wallis in all combinations. A row is called significant where
+    it is below 0.05; the chance that one of a kind is so where nothing differs is then at most 5 %.
+
+    Seeds are independent samples of a cell. Two methods may draw the same random numbers of the same seed; the tests
+    are then conservative.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from voxgran.study.comparisons import compare
+    >>> values = [[0.50, 0.52, 0.54], [0.60, 0.61, 0.62]]
+    >>> data = xr.Dataset({"solid_fraction": (("method", "seed"), values)}, {"method": ["rsa", "jam"]})
+    >>> [(row["test"], round(row["difference"], 3), row["verdict"]) for row in compare(data)]
+    [('Welch', 0.09, 'significant'), ('Kruskal-Wallis', nan, 'not significant')]
+    """
+    level = as_number(confidence, "confidence", above=0, at_most=0.9999)
+    values = values_of(dataset, variable)
+    axis = compared_axis(dataset) if over is None else over
+    if axis is None:
+        raise InputError("the study has one cell: vary an axis to compare its values")
+    names, blocks = _blocks(dataset, axis, values)
+    others = list(dict.fromkeys(name for block in blocks for name in block.labels))
+    tables: list[tuple[dict[str, Label], Sequence[_Block]]] = [(block.labels, [block]) for block in blocks]
+    if len(blocks) > 1:
+        tables.append((dict.fromkeys(others, POOLED), blocks))
+    rows, kinds = [], []
+    for labels, of_table in tables:
+        head = {"variable": variable, "over": axis, **{name: labels.get(name, "") for name in others}}
+        for row in _tests(names, of_table, level):
+            rows.append({**head, **row})
+            kinds.append((row["test"], len(of_table) > 1))
+    for kind in dict.fromkeys(kinds):
+        of_kind = [row for row, its in zip(rows, kinds, strict=True) if its == kind]
+        for row, p_value in zip(of_kind, holm([row["p_value"] for row in of_kind]), strict=True):
+            row["verdict"] = row["verdict"] or verdict_of(p_value)
+            row["p_value"], row["p_holm"] = _number(row["p_value"]), _number(p_value)
+    return rows
+
+
+def compared_axis(dataset: "Dataset") -> str | None:
+    """Return the axis whose values are compared by default: `method` where it varies, otherwise the first that does;
+    None where none does.
+    """
+    varied = varied_axes(dataset)
+    return "method" if "method" in varied else next(iter(varied), None)
+
+
+def _number(value: float | None) -> float:
+    """Return a number, NaN for None."""
+    return math.nan if value is None else float(value)
+
+
+def _blocks(dataset: "Dataset", over: str, values: Floats) -> tuple[list[str], list[_Block]]:
+    """Return the names of the groups, and each combination of the other axes with the values of each group.
+
+    Raises
+    ------
+    InputError
+        If the axis has one value.
+    UnknownNameError
+        If there is no such axis.
+    """
+    axes = axes_of(dataset)
+    if over not in axes:
+        raise UnknownNameError(unknown("axis", over, axes))
+    dimension = axes[over]
+    # axes that vary together are one; listed cells have axes of their own, and a name for each cell
+    if dimension == LISTED and over != LISTED:
+        own = [over]
+        left_out = {over, LISTED}
+    else:
+        own = [name for name, of in axes.items() if of == dimension]
+        left_out = set(own)
+    others = [name for name in axes if name not in left_out]
+    labels = labels_of(dataset)
+    keys = [tuple(cell[name] for name in own) for cell in labels]
+    groups = list(dict.fromkeys(keys))
+    if len(groups) < 2:
+        raise InputError(f"axis {over} has the one value {text_of(groups[0][0])}: give it another to compare with it")
+    found: dict[tuple[Label, ...], list[list[Floats]]] = {}
+    for cell, key, row in zip(labels, keys, values, strict=True):
+        block = found.setdefault(tuple(cell[name] for name in others), [[] for _ in groups])
+        block[groups.index(key)].append(row[np.isfinite(row)])
+    # an axis with one value says nothing in a table
+    shown = [name for at, name in enumerate(others) if len({place[at] for place in found}) > 1]
+    blocks = [
+        _Block(
+            {name: label for name, label in zip(others, place, strict=True) if name in shown},
+            tuple(np.concatenate(group) if group else np.zeros(0) for group in of_place),
+        )
+        for place, of_place in found.items()
+    ]
+    names = [", ".join(text_of(label) for label in key) for key in groups]
+    return names, blocks
+
+
+def _tests(names: Sequence[str], blocks: Sequence[_Block], level: float) -> Iterator[dict[str, Any]]:
+    """Yield a row for each pair of groups, and one for all of them if none is without values in all blocks."""
+    for at, to in combinations(range(len(names)), 2):
+        pairs = [(block.groups[at], block.groups[to]) for block in blocks]
+        if all(len(one) and len(other) for one, other in pairs) or len(blocks) > 1:
+            yield {"test": "Welch", "one": names[at], "other": names[to], **_pair(pairs, level)}
+    found = rank_test([block.groups for block in blocks])
+    entering = [block for block in blocks if sum(len(values) > 0 for values in block.groups) > 1]
+    if not entering:
+        return
+    yield {
+        "test": "Kruskal-Wallis",
+        "one": "",
+        "other": "",
+        "blocks": len(entering),
+        "count_one": sum(len(values) for block in entering for values in block.groups),
+        "count_other": 0,
+        **dict.fromkeys(("difference", "difference_low", "difference_high"), math.nan),
+        "statistic": math.nan if found is None else found.statistic,
+        "degrees_of_freedom": math.nan if found is None else float(found.degrees),
+        "p_value": None if found is None else found.p_value,
+        "p_holm": None,
+        "effect": "epsilon_squared",
+        "effect_size": math.nan if found is None else found.epsilon_squared,
+        **dict.fromkeys(("effect_low", "effect_high"), math.nan),
+        "verdict": "",
+    }
+
+
+def _pair(given: Sequence[tuple[Floats, Floats]], level: float) -> dict[str, Any]:
+    """Return the comparison of two groups, by their values in each block."""
+    # with scatter where there is any: blocks with one run of a group count only if there are no others
+    pairs = [pair for pair in given if min(map(len, pair)) >= 2] or [pair for pair in given if all(map(len, pair))]
+    means = [(float(one.mean()), float(other.mean())) for one, other in pairs]
+    equal = bool(means) and all(all_equal(np.array(pair)) for pair in means)
+    found, effect = difference_of(pairs), hedges_g(pairs, level)
+    low, high = found.interval(level) if found is not None else (math.nan, math.nan)
+    g, g_low, g_high = effect if effect is not None else (math.nan, math.nan, math.nan)
+    value = math.fsum(other - one for one, other in means) / len(means) if means else math.nan
+    return {
+        "blocks": len(pairs),
+        "count_one": sum(len(one) for one, _ in pairs),
+        "count_other": sum(len(other) for _, other in pairs),
+        "difference": 0.0 if equal else value,
+        "difference_low": low,
+        "difference_high": high,
+        "statistic": math.nan if found is None else found.statistic,
+        "degrees_of_freedom": math.nan if found is None else float(found.degrees),
+        "p_value": None if equal or found is None else found.p_value,
+        "p_holm": None,
+        "effect": "hedges_g",
+        "effect_size": g,
+        "effect_low": g_low,
+        "effect_high": g_high,
+        "verdict": "equal" if equal else "",
+    }

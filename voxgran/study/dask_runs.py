@@ -1,0 +1,114 @@
+"""Runs on a Dask cluster, whatever it is made of: processes of this machine, or jobs of a queueing system."""
+
+import queue
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from voxgran._base.errors import ClusterError, MissingLibraryError
+from voxgran._base.lazy import load
+from voxgran.study.runs import Record, Run, compute_with_file
+
+#: seconds that a scheduler has to answer, and between looks at whether it is still there
+ANSWER, TICK = 10.0, 0.2
+
+
+class DaskRuns:
+    """Computes runs on the workers of a Dask scheduler (context manager), which stays when it ends.
+
+    Parameters
+    ----------
+    address : str
+        Address of the scheduler, such as ``tcp://127.0.0.1:8786``.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._client: Any = None
+        self._left: dict[str, Any] = {}
+
+    @property
+    def running(self) -> int:
+        """How many runs are computed now."""
+        workers = self._client.scheduler_info(n_workers=-1)["workers"] if self._left else {}
+        return min(len(self._left), sum(worker["nthreads"] for worker in workers.values()))
+
+    def __enter__(self) -> "DaskRuns":
+        """Connect to the scheduler.
+
+        Raises
+        ------
+        MissingLibraryError
+            If distributed is not installed.
+        ClusterError
+            If there is no scheduler.
+        """
+        try:
+            distributed = load("distributed")
+        except MissingLibraryError as error:
+            raise MissingLibraryError(f"{error}, or 'pip install voxgran[dask]'") from error
+        try:
+            self._client = distributed.Client(self._address, timeout=ANSWER, set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise ClusterError(
+                f"there is no Dask scheduler at {self._address}: start one with 'dask scheduler', and check the address"
+            ) from error
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Cancel what is not finished, and leave the scheduler."""
+        if self._client.status == "running":
+            self._client.cancel(list(self._left.values()))
+        self._client.close(timeout=1)
+
+    def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Record, bytes] | None]:
+        """Yield each run with its record and packing when it is finished, in any order, and None when some time has
+        passed.
+
+        Parameters
+        ----------
+        runs : sequence of Run
+            What is to be computed; the first ones are the most urgent.
+
+        Raises
+        ------
+        ClusterError
+            If the scheduler goes away.
+        """
+        finished: queue.SimpleQueue[tuple[Run, Any]] = queue.SimpleQueue()
+        for number, run in enumerate(runs):
+            future = self._client.submit(compute_with_file, run, pure=False, priority=len(runs) - number)
+            self._left[run.key] = future
+            future.add_done_callback(_noting(finished, run))
+        while self._left:
+            try:
+                run, future = finished.get(timeout=TICK)
+            except queue.Empty:
+                self._check()
+                yield None
+                continue
+            if future.status == "cancelled":
+                self._check(lost=True)
+            record, packing = _outcome(future)
+            del self._left[run.key]
+            yield run, record, packing
+
+    def _check(self, *, lost: bool = False) -> None:
+        """Raise a ClusterError where the scheduler is gone."""
+        if lost or self._client.status != "running":
+            raise ClusterError(
+                f"the Dask scheduler at {self._address} is gone: what is finished is kept; start a scheduler and give "
+                "the same command again, which computes the rest"
+            )
+
+
+def _noting(finished: "queue.SimpleQueue[tuple[Run, Any]]", run: Run) -> Any:
+    """Return what notes that a run is finished."""
+    return lambda future: finished.put((run, future))
+
+
+def _outcome(future: Any) -> tuple[Record, bytes]:
+    """Return record and packing of a finished run; of one whose workers have ended, the record that says so."""
+    error = future.exception()
+    if error is None:
+        return future.result()
+    return Record(failure=f"its Dask worker failed ({type(error).__name__}: {' '.join(str(error).split())})"), b""

@@ -1,0 +1,286 @@
+"""Running a study: what is finished is read, what is left is ordered and computed, and all of it is gathered."""
+
+import re
+import statistics
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from voxgran._base.arrays import as_count
+from voxgran._base.errors import InputError, Interrupted, shown
+from voxgran._base.lazy import load
+from voxgran._base.machine import memory_limit, processor_count
+from voxgran._base.progress import OnStep, Step
+from voxgran._base.stopping import Signals
+from voxgran.scene.run import opened_folder
+from voxgran.study.dask_runs import DaskRuns
+from voxgran.study.files import run_hash
+from voxgran.study.plan import StudyPlan, cell_plan
+from voxgran.study.processes import Processes
+from voxgran.study.result import StudyResult, dataset_of, rows_of, save_results
+from voxgran.study.runs import Record, Run
+from voxgran.study.settings import StudySettings
+from voxgran.study.store import CELLS, Store
+
+#: share of the memory of the machine that processes may take
+MEMORY_SHARE = 0.8
+#: bytes of a unit of memory
+UNITS = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9, "t": 10**12, "ki": 2**10, "mi": 2**20, "gi": 2**30, "ti": 2**40}
+#: seconds between reports of progress
+TELL_SECONDS = 0.1
+#: number of a cell and number of a seed
+Place = tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """How a study is run; none of it changes a result. The fields are the arguments of :meth:`voxgran.Study.run`.
+
+    Raises
+    ------
+    InputError
+        If a value breaks a rule.
+    """
+
+    workers: int | None = None
+    memory: int | str | None = None
+    dask: str | None = None
+    retry: bool = False
+    overwrite: bool = False
+    zarr: bool = False
+    on_step: OnStep | None = None
+
+    def __post_init__(self) -> None:
+        """Check what can be checked before anything is read."""
+        if self.workers is not None:
+            as_count(self.workers, "workers", at_least=1)
+        memory_bytes(self.memory)
+        if self.dask is not None and not isinstance(self.dask, str):
+            raise InputError(f"dask is {shown(self.dask)}: it must be the address of a scheduler, as tcp://HOST:8786")
+        if self.zarr:
+            load("zarr")
+
+
+def memory_bytes(given: int | str | None) -> int:
+    """Return a limit of memory in bytes: a number, a text such as ``"8 GB"``, or a share of the machine as ``"50%"``.
+
+    Raises
+    ------
+    InputError
+        If it is none of these, or not above 0.
+    """
+    whole = memory_limit()
+    if given is None:
+        return int(MEMORY_SHARE * whole)
+    text = str(given).strip().lower()
+    found = re.fullmatch(r"(\d+\.?\d*)\s*(%|([kmgt]i?)?b?)", text)
+    number = float(found[1]) * (whole / 100 if found[2] == "%" else UNITS[found[3] or ""]) if found else 0.0
+    if isinstance(given, bool) or not number >= 1:
+        raise InputError(f"memory is {shown(given)}: it must be bytes, a text such as '8 GB', or a share such as '50%'")
+    return int(number)
+
+
+def planned(settings: StudySettings, store: Store) -> StudyPlan:
+    """Return the plan of a study with what is finished in its folder.
+
+    Parameters
+    ----------
+    settings : StudySettings
+        The study.
+    store : Store
+        Its folder.
+    """
+    rows = []
+    for cell in settings.cells:
+        found = [store.read(run_hash(cell.key, seed)) for seed in settings.seeds]
+        failed = sum(bool(record and record.failure) for record in found)
+        left = sum(record is None for record in found)
+        rows.append(cell_plan(cell, done=len(found) - left - failed, failed=failed, left=left))
+    sides = {dimension.name: len(dimension) for dimension in settings.dimensions}
+    return StudyPlan(cells=tuple(rows), seeds=settings.seeds, dimensions=sides)
+
+
+def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyResult:
+    """Compute what is not finished, and gather all results.
+
+    Parameters
+    ----------
+    settings : StudySettings
+        The study.
+    folder : Path
+        Its folder.
+    options : Options
+        How it is run.
+
+    Raises
+    ------
+    Interrupted
+        On SIGINT or SIGTERM; what is finished is kept. Other errors are those of :meth:`voxgran.Study.run`.
+    """
+    store = Store(folder, settings.keep == "packings")
+    store.refuse_other()
+    with opened_folder(folder, resume=True, overwrite=True):
+        (folder / CELLS).mkdir(exist_ok=True)
+        work = _Work(settings, store, options)
+        computed = work.do()
+        rows = rows_of(settings.cells, settings.seeds, work.records)
+        dataset = dataset_of(settings.dimensions, settings.cells, settings.seeds, work.records)
+        save_results(dataset, rows, folder, zarr=options.zarr)
+    return StudyResult(dataset=dataset, rows=rows, folder=folder, computed=computed, experiments=settings.experiments)
+
+
+def _executor(options: Options, runs: int) -> DaskRuns | Processes:
+    """Return what computes so many runs."""
+    if options.dask is not None:
+        return DaskRuns(options.dask)
+    return Processes(min(options.workers or processor_count(), runs), memory_bytes(options.memory))
+
+
+@dataclass(slots=True)
+class _Work:
+    """The runs of a study: their records by cell and seed, and those that are left, by their keys."""
+
+    settings: StudySettings
+    store: Store
+    options: Options
+    records: dict[Place, Record] = field(default_factory=dict)
+    left: dict[str, tuple[Place, Run]] = field(default_factory=dict)
+    began: float = field(default_factory=time.monotonic)
+    told: float = 0.0
+
+    def do(self) -> int:
+        """Read what is finished, and compute what is left; return how many runs were computed.
+
+        Raises
+        ------
+        Interrupted
+            On SIGINT or SIGTERM.
+        """
+        missing = self._read()
+        computed = 0
+        if missing:
+            # processes load their libraries while the runs are planned
+            with _executor(self.options, sum(map(len, missing.values()))) as executor:
+                for at, numbers in missing.items():
+                    self._plan(at, numbers)
+                computed = self._compute(executor)
+        self._fill()
+        return computed
+
+    def _read(self) -> dict[int, list[int]]:
+        """Read what is finished; return the numbers of the seeds that are left, by the number of the cell."""
+        left: dict[int, list[int]] = {}
+        for at, cell in enumerate(self.settings.cells):
+            for number, seed in enumerate(self.settings.seeds):
+                record = None if self.options.overwrite else self.store.read(run_hash(cell.key, seed))
+                if record is None or (record.failure and self.options.retry):
+                    left.setdefault(at, []).append(number)
+                else:
+                    self.records[at, number] = record
+        return left
+
+    def _plan(self, at: int, missing: Sequence[int]) -> None:
+        """Note the runs of a cell that are left, or why it cannot be computed, which is asked anew each time."""
+        cell, limit = self.settings.cells[at], memory_bytes(self.options.memory)
+        plan = cell_plan(cell, done=0, failed=0, left=len(missing))
+        refusal = plan.refusal
+        if not refusal and self.options.dask is None and plan.memory > limit:
+            refusal = (
+                f"its {plan.memory / 2**20:.0f} MiB are more than the {limit / 2**20:.0f} MiB that memory allows: give "
+                "more memory, at the prompt --memory, or a larger machine"
+            )
+        for number in missing:
+            if refusal:
+                self.records[at, number] = Record(failure=refusal)
+                continue
+            seed = self.settings.seeds[number]
+            key = run_hash(cell.key, seed)
+            file = str(self.store.packing(key).absolute()) if self.store.packings else ""
+            run = Run(
+                key=key,
+                cell=cell.key,
+                mapping=cell.mapping,
+                seed=seed,
+                packing=file,
+                memory=plan.memory,
+                attempts=plan.attempts,
+            )
+            # two cells may be the same scene, by values that change nothing
+            self.left.setdefault(run.key, ((at, number), run))
+
+    def _compute(self, executor: DaskRuns | Processes) -> int:
+        """Compute the runs that are left, the longest first; return how many."""
+        total = len(self.left)
+        costs = self._costs()
+        order = sorted((run for _, run in self.left.values()), key=lambda run: -costs[run.key])
+        with Signals() as signals:
+            signals.patient = True
+            for came in executor.results(order):
+                if came is not None:
+                    self._keep(*came)
+                self._tell(executor, costs)
+                if signals.number:
+                    raise Interrupted(self._farewell(), signals.number)
+        return total
+
+    def _keep(self, run: Run, record: Record, packing: bytes) -> None:
+        """Keep what a run has left."""
+        place, _ = self.left.pop(run.key)
+        record.attempts = run.attempts
+        self.store.write(run, record, self.settings.cells[place[0]].values, packing)
+        self.records[place] = record
+
+    def _fill(self) -> None:
+        """Give cells that are the same scene the same records."""
+        known = {
+            run_hash(self.settings.cells[at].key, self.settings.seeds[number]): record
+            for (at, number), record in self.records.items()
+        }
+        for at, cell in enumerate(self.settings.cells):
+            for number, seed in enumerate(self.settings.seeds):
+                if (at, number) not in self.records:
+                    self.records[at, number] = known[run_hash(cell.key, seed)]
+
+    def _costs(self) -> dict[str, float]:
+        """Return what each run will take, for their order: attempts, in seconds where the method has been timed."""
+        rates: dict[str, list[float]] = {}
+        for (at, _), record in self.records.items():
+            if record.attempts and not record.failure:
+                method = self.settings.cells[at].scene.method
+                rates.setdefault(method, []).append(record.seconds / record.attempts)
+        found = {method: statistics.median(values) for method, values in rates.items()}
+        # a method that was not timed comes first, since nothing is known of it
+        unknown = max(found.values(), default=1.0)
+        return {
+            key: max(run.attempts, 1) * found.get(run.mapping["packing"]["method"], unknown)
+            for key, (_, run) in self.left.items()
+        }
+
+    def _tell(self, executor: DaskRuns | Processes, costs: Mapping[str, float]) -> None:
+        """Report progress, ten times a second at the most."""
+        now = time.monotonic()
+        if self.options.on_step is None or (self.left and now - self.told < TELL_SECONDS):
+            return
+        self.told = now
+        failed = sum(bool(record.failure) for record in self.records.values())
+        whole, left = sum(costs.values()), sum(costs[key] for key in self.left)
+        text = f"{executor.running} running, {failed} failed"
+        if left < whole:
+            text += f", about {_duration((now - self.began) * left / (whole - left))} left"
+        total = len(self.settings.cells) * len(self.settings.seeds)
+        self.options.on_step(Step(stage="runs", done=len(self.records), total=total, text=text))
+
+    def _farewell(self) -> str:
+        """Return the message of a study that was stopped."""
+        total = len(self.records) + len(self.left)
+        return (
+            f"stopped after {len(self.records)} of {total} runs, which are kept: the same command computes the others"
+        )
+
+
+def _duration(seconds: float) -> str:
+    """Return a duration as text."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

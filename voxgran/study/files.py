@@ -1,0 +1,85 @@
+"""Files that a scene names: as absolute paths, and as hashes of their bytes, so that results know what they are of."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from voxgran import __version__
+from voxgran._base.files import existing_file
+from voxgran.scene.description import SceneDescription
+
+#: sections of a scene that do not change the result
+UNUSED = ("output",)
+
+
+def with_absolute_files(scene: Mapping[str, Any], folder: str | Path) -> dict[str, Any]:
+    """Return the mapping of a scene with absolute paths of the files that it names relative to a folder."""
+    place = Path(folder).absolute()
+    return with_files(scene, lambda name: str(place / name))
+
+
+def with_files(scene: Mapping[str, Any], made: Callable[[str], str]) -> dict[str, Any]:
+    """Return the mapping of a scene with a function applied to the files that it names: those of shapes, those that
+    shapes are like, that of the container and that of the packing to start from.
+    """
+    found = dict(scene)
+    if isinstance(found.get("shape"), list):
+        found["shape"] = [
+            _with(entry, made, "file", "like") if isinstance(entry, Mapping) else entry for entry in found["shape"]
+        ]
+    for section, key in (("container", "file"), ("packing", "start")):
+        if isinstance(found.get(section), Mapping):
+            found[section] = _with(found[section], made, key)
+    return found
+
+
+def _with(table: Mapping[str, Any], made: Callable[[str], str], *keys: str) -> dict[str, Any]:
+    """Return a table with a function applied to the paths under some keys; a family that another is like is none."""
+    return {
+        key: made(value) if key in keys and isinstance(value, str) and (key != "like" or Path(value).suffix) else value
+        for key, value in table.items()
+    }
+
+
+class FileHashes:
+    """Hashes of the bytes of files, each read once."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, str] = {}
+
+    def of(self, path: str) -> str:
+        """Return the SHA-256 of a file.
+
+        Raises
+        ------
+        MissingFileError
+            If there is no such file.
+        OutputError
+            If it cannot be read.
+        """
+        if path not in self._known:
+            with existing_file(path).open("rb") as file:
+                self._known[path] = hashlib.file_digest(file, "sha256").hexdigest()
+        return self._known[path]
+
+
+def scene_hash(scene: SceneDescription, hashes: FileHashes) -> str:
+    """Return the hash of all that the results of a scene depend on but its seed: its values, the bytes of the files
+    that it names, and the version of voxgran.
+    """
+    mapping = {key: value for key, value in scene.to_mapping().items() if key not in UNUSED}
+    mapping["scene"] = {key: value for key, value in mapping["scene"].items() if key not in ("seed", "seeds")}
+    text = json.dumps([__version__, with_files(mapping, hashes.of)], sort_keys=True, default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def run_hash(cell: str, seed: int) -> str:
+    """Return the name of the results of a cell with a seed."""
+    return hashlib.sha256(f"{cell} {seed}".encode()).hexdigest()[:32]
+
+
+def _plain(value: Any) -> Any:
+    """Return NumPy values as JSON-able values, and others as text."""
+    return value.tolist() if hasattr(value, "tolist") else str(value)

@@ -1,0 +1,227 @@
+"""Runs in processes of this machine: as many as memory allows, each with one thread, and none lost with another."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, Pipe, wait
+
+from voxgran._base.errors import MissingLibraryError
+from voxgran._base.guarded import reason_of
+from voxgran.scene.plan import FINISHING_BYTES
+from voxgran.study.runs import Record, Run
+from voxgran.study.worker import READY
+
+#: libraries take the number of their threads from the environment when they are loaded
+_ENVIRONMENT = dict.fromkeys(
+    (
+        "MKL_NUM_THREADS",
+        "NUMBA_NUM_THREADS",
+        "NUMEXPR_NUM_THREADS",
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "VECLIB_MAXIMUM_THREADS",
+    ),
+    "1",
+) | {"VTK_SMP_BACKEND_IN_USE": "Sequential"}
+_START = (
+    "import sys; number = int(sys.argv[1]); sys.path[:] = sys.argv[2:]; "
+    "from voxgran.study.worker import serve; serve(number)"
+)
+#: seconds of work that a process is given in advance, and the most runs of it
+AHEAD_SECONDS, MOST_AHEAD = 0.5, 32
+#: seconds between looks at whether the study is asked to stop
+TICK = 0.2
+#: how often a run is begun that ends with its process
+TRIES = 2
+
+
+@dataclass(slots=True, eq=False)
+class _Worker:
+    """A process with the runs that it was given, in their order; it computes the first one."""
+
+    process: subprocess.Popen[bytes]
+    connection: Connection
+    given: list[Run] = field(default_factory=list)
+    ready: bool = False
+
+    @property
+    def memory(self) -> int:
+        """Bytes that its runs may take."""
+        return max([FINISHING_BYTES, *(run.memory for run in self.given)])
+
+
+class Processes:
+    """Computes runs in processes (context manager): they start on entry, and end with it.
+
+    Parameters
+    ----------
+    workers : int
+        How many processes.
+    memory : int
+        Bytes that they may take together, as planned.
+    """
+
+    def __init__(self, workers: int, memory: int) -> None:
+        self._most, self._limit = workers, memory
+        self._workers: list[_Worker] = []
+        self._waiting: list[Run] = []
+        self._tries: dict[str, int] = {}
+        self._pace = 0.0
+        self._failed_starts = 0
+
+    @property
+    def running(self) -> int:
+        """How many runs are computed now."""
+        return sum(bool(worker.given) for worker in self._workers)
+
+    def __enter__(self) -> "Processes":
+        """Start the processes."""
+        for _ in range(max(1, min(self._most, self._limit // FINISHING_BYTES))):
+            self._workers.append(_started())
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End all processes at once."""
+        for worker in self._workers:
+            _end(worker)
+        self._workers.clear()
+
+    def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Record, bytes] | None]:
+        """Yield each run with its record when it is finished, in any order, and None when some time has passed.
+
+        A run whose process is killed is begun once more; then its record says so.
+
+        Parameters
+        ----------
+        runs : sequence of Run
+            What is to be computed; it is begun in this order as far as there is memory.
+
+        Raises
+        ------
+        MissingLibraryError
+            If no process can be started.
+        """
+        self._waiting = list(runs)
+        while self._waiting or self.running:
+            for worker in self._workers:
+                self._give(worker)
+            came = wait([worker.connection for worker in self._workers], timeout=TICK)
+            if not came:
+                yield None
+            for worker in [one for one in self._workers if one.connection in came]:
+                yield from self._heard(worker)
+
+    def _heard(self, worker: _Worker) -> Iterator[tuple[Run, Record, bytes]]:
+        """Yield what a process has sent, or what is to be said of the run with which it has ended."""
+        try:
+            while worker.connection.poll():
+                message = worker.connection.recv()
+                if message == READY:
+                    worker.ready, self._failed_starts = True, 0
+                    continue
+                run = worker.given.pop(0)
+                # the pace of the last dozen of runs
+                self._pace += (message[1].seconds - self._pace) / 12
+                self._give(worker)
+                yield run, message[1], b""
+        except (EOFError, OSError):
+            yield from self._lost(worker)
+
+    def _lost(self, worker: _Worker) -> Iterator[tuple[Run, Record, bytes]]:
+        """Start another process for one that has ended; only the run that it was computing counts as begun."""
+        _end(worker)
+        code = worker.process.returncode
+        self._workers.remove(worker)
+        if not worker.ready:
+            self._failed_starts += 1
+            if self._failed_starts > TRIES:
+                raise MissingLibraryError(
+                    f"{sys.executable} cannot import voxgran in a second process ({_ending(code)}): runs are computed "
+                    "in such processes; install it for this Python, or free memory"
+                )
+        elif worker.given:
+            run = worker.given[0]
+            self._tries[run.key] = self._tries.get(run.key, 0) + 1
+            if self._tries[run.key] >= TRIES:
+                del worker.given[0]
+                yield run, Record(failure=_killed(code)), b""
+        self._waiting[:0] = worker.given
+        self._workers.append(_started())
+
+    def _give(self, worker: _Worker) -> None:
+        """Give a process runs for the next half second: the longest ones that memory is left for."""
+        ahead = int(min(MOST_AHEAD, max(1.0, AHEAD_SECONDS / self._pace))) if self._pace else 1
+        # towards the end all processes share what is left
+        ahead = max(1, min(ahead, len(self._waiting) // len(self._workers)))
+        if len(worker.given) > ahead // 2:
+            return
+        others = sum(one.memory for one in self._workers if one is not worker)
+        chosen: list[Run] = []
+        for run in self._waiting:
+            if len(worker.given) + len(chosen) >= ahead:
+                break
+            # alone a run is begun though idle processes take a part of the limit
+            alone = not worker.given and not chosen and self.running == 0
+            if alone or others + max(worker.memory, run.memory) <= self._limit:
+                chosen.append(run)
+        if chosen:
+            keys = {run.key for run in chosen}
+            self._waiting = [run for run in self._waiting if run.key not in keys]
+            worker.given += chosen
+            with contextlib.suppress(OSError):
+                # a process that has just ended is noticed when it is heard of next
+                worker.connection.send(chosen)
+
+
+def _started() -> _Worker:
+    """Return a new process, in a session of its own, so that Ctrl-C in a terminal does not reach it.
+
+    Raises
+    ------
+    MissingLibraryError
+        If it cannot be started.
+    """
+    here, there = Pipe()
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-c", _START, str(there.fileno()), *map(str, sys.path)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            pass_fds=[there.fileno()],
+            env={**os.environ, **_ENVIRONMENT},
+            start_new_session=True,
+        )
+    except OSError as error:
+        here.close()
+        raise MissingLibraryError(
+            f"{sys.executable or 'Python'} cannot be started as a second process ({reason_of(error)}): runs are "
+            "computed in such processes; free processes and memory"
+        ) from error
+    finally:
+        there.close()
+    return _Worker(process, here)
+
+
+def _end(worker: _Worker) -> None:
+    """End a process at once."""
+    worker.process.kill()
+    worker.process.wait()
+    worker.connection.close()
+
+
+def _ending(code: int) -> str:
+    """Return how a process has ended."""
+    return f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
+
+
+def _killed(code: int) -> str:
+    """Return the sentence for a run that has ended with its process each time."""
+    return (
+        f"its process was {_ending(code)}, {TRIES} times: memory may have run out, or a library has crashed; compute "
+        "it again with retry=True, at the prompt --retry, and fewer workers"
+    )

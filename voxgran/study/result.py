@@ -1,0 +1,228 @@
+"""Results of a study: one dataset over all dimensions and seeds, and one row for each run."""
+
+import csv
+import io
+import math
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.lazy import load
+from voxgran.io.netcdf import save_statistics
+from voxgran.study.cells import Cell, Dimension
+from voxgran.study.comparisons import compare
+from voxgran.study.page import write_study_page
+from voxgran.study.runs import Record
+from voxgran.study.statistics import Interval, summary
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+DATASET, TABLE, ZARR = "study.nc", "table.csv", "study.zarr"
+#: variables that say what the machine did, and differ each time
+MACHINE = {
+    "seconds": ("s", "processor time"),
+    "memory": ("byte", "memory of the process at the peak"),
+}
+#: variables that are texts
+TEXTS = {
+    "stop_reason": "why the packing ended",
+    "warnings": "what was warned of",
+    "failure": "why there are no numbers; empty where there are",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyResult:
+    """What a study has left.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        All numbers over the dimensions of the study and ``seed``: those of the verification and of the measures, NaN
+        where a run failed; `seconds` of processor time and `memory` in bytes, which differ each time; the texts
+        `stop_reason`, `warnings` and `failure`.
+    rows : list of dict
+        The same, one row for each run.
+    folder : Path
+        Where the files are.
+    computed : int
+        How many runs were computed by this call; the others were there before.
+    experiments : dict
+        Ranges of measured values beside which the results are drawn.
+    """
+
+    dataset: "Dataset"
+    rows: list[dict[str, Any]]
+    folder: Path
+    computed: int
+    experiments: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def failures(self) -> list[dict[str, Any]]:
+        """Rows of the runs that failed."""
+        return [row for row in self.rows if row["failure"]]
+
+    def summary(
+        self, variable: str = "solid_fraction", *, confidence: float = 0.95, interval: Interval = "auto"
+    ) -> "Dataset":
+        """Return the mean of a variable over the seeds of each cell, with its standard error and confidence interval;
+        as :func:`voxgran.study.statistics.summary`.
+        """
+        return summary(self.dataset, variable, confidence=confidence, interval=interval)
+
+    def compare(self, variable: str = "solid_fraction", over: str | None = None, *, confidence: float = 0.95) -> Any:
+        """Return a pandas.DataFrame with the comparisons of the values of one axis: differences, the tests of Welch and
+        of Kruskal and Wallis, and effect sizes; its columns are those of :func:`voxgran.study.comparisons.compare`.
+        """
+        return load("pandas").DataFrame(compare(self.dataset, variable, over, confidence=confidence))
+
+    def write_page(
+        self,
+        folder: str | os.PathLike[str] | None = None,
+        *,
+        title: str = "Study",
+        over: str | None = None,
+        variables: Sequence[str] | None = None,
+        confidence: float = 0.95,
+        interval: Interval = "auto",
+        overwrite: bool = False,
+    ) -> Path:
+        """Write a page with figures and tables, and csv files; as :func:`voxgran.study.page.write_study_page`, by
+        default into the folder of the study, with its experiments.
+        """
+        return write_study_page(
+            self.dataset,
+            self.folder if folder is None else folder,
+            experiments=self.experiments,
+            title=title,
+            over=over,
+            variables=variables,
+            confidence=confidence,
+            interval=interval,
+            overwrite=overwrite,
+        )
+
+    def table(self) -> Any:
+        """Return a pandas.DataFrame with one row for each run: coordinates, seed, numbers and texts."""
+        return load("pandas").DataFrame(self.rows)
+
+
+def rows_of(cells: Sequence[Cell], seeds: Sequence[int], records: Mapping[tuple[int, int], Record]) -> list[Any]:
+    """Return one row for each run.
+
+    Parameters
+    ----------
+    cells : sequence of Cell
+        All cells.
+    seeds : sequence of int
+        Seeds of each.
+    records : mapping
+        What each run has left, by the numbers of its cell and of its seed.
+    """
+    coordinates = dict.fromkeys(name for cell in cells for name in cell.values)
+    numbers = list(dict.fromkeys(name for record in records.values() for name in record.numbers))
+    rows = []
+    for (at, number), record in sorted(records.items(), key=lambda item: item[0]):
+        row: dict[str, Any] = {name: cells[at].values.get(name, "") for name in coordinates}
+        row["seed"] = seeds[number]
+        row |= {_named(name, coordinates): record.numbers.get(name, [math.nan])[0] for name in numbers}
+        row |= {"seconds": record.seconds, "memory": record.memory, "stop_reason": record.stop_reason}
+        rows.append(row | {"warnings": "; ".join(record.warnings), "failure": record.failure})
+    return rows
+
+
+def _named(name: str, coordinates: Mapping[str, Any]) -> str:
+    """Return the name of a number, which is another one where an axis has it."""
+    return f"measured_{name}" if name in coordinates or name == "seed" else name
+
+
+def dataset_of(
+    dimensions: Sequence[Dimension],
+    cells: Sequence[Cell],
+    seeds: Sequence[int],
+    records: Mapping[tuple[int, int], Record],
+) -> "Dataset":
+    """Return all results along the dimensions of a study and ``seed``.
+
+    Parameters
+    ----------
+    dimensions : sequence of Dimension
+        What is varied.
+    cells : sequence of Cell
+        All cells, the last dimension varying fastest.
+    seeds : sequence of int
+        Seeds of each.
+    records : mapping
+        What each run has left, by the numbers of its cell and of its seed.
+    """
+    dims = (*(dimension.name for dimension in dimensions), "seed")
+    shape = (*(len(dimension) for dimension in dimensions), len(seeds))
+    coordinates: dict[str, Any] = {
+        name: (dimension.name, _array(labels)) for dimension in dimensions for name, labels in dimension.labels.items()
+    }
+    coordinates["seed"] = ("seed", np.array(seeds, dtype=np.int64))
+    order = [records[at, number] for at in range(len(cells)) for number in range(len(seeds))]
+    variables: dict[str, Any] = {}
+    for name in dict.fromkeys(name for record in order for name in record.numbers):
+        values = np.array([record.numbers.get(name, [math.nan])[0] for record in order]).reshape(shape)
+        told = {tuple(record.numbers[name][1:]) for record in order if name in record.numbers}
+        units = {unit for unit, _ in told}
+        attributes = {"units": units.pop() if len(units) == 1 else "that of the scene", "long_name": min(told)[1]}
+        variables[_named(name, coordinates)] = (dims, values, attributes)
+    for name, (unit, text) in MACHINE.items():
+        values = np.array([float(getattr(record, name)) for record in order]).reshape(shape)
+        variables[name] = (dims, values, {"units": unit, "long_name": text})
+    for name, text in TEXTS.items():
+        values = np.array([_text(getattr(record, name)) for record in order], dtype=object).reshape(shape)
+        variables[name] = (dims, values, {"long_name": text})
+    made: Dataset = load("xarray").Dataset(variables, coords=coordinates)
+    return made
+
+
+def _array(labels: Sequence[Any]) -> Any:
+    """Return labels as an array: numbers, or texts."""
+    return np.array(labels) if all(isinstance(v, int | float) for v in labels) else np.array(labels, dtype=object)
+
+
+def _text(value: Any) -> str:
+    """Return texts as one."""
+    return "; ".join(value) if isinstance(value, list) else str(value)
+
+
+def save_results(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], folder: Path, *, zarr: bool) -> None:
+    """Write the dataset and the table.
+
+    Parameters
+    ----------
+    dataset : xarray.Dataset
+        All results.
+    rows : sequence of mapping
+        One for each run.
+    folder : Path
+        Folder of the study.
+    zarr : bool
+        Whether the dataset is written as zarr, too.
+
+    Raises
+    ------
+    OutputError
+        If something cannot be written.
+    """
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(folder / TABLE, text.getvalue())
+    save_statistics(load("xarray").DataTree(dataset, name="study"), folder / DATASET, overwrite=True)
+    if zarr:
+        with written_whole(folder / ZARR) as draft:
+            shutil.rmtree(draft, ignore_errors=True)
+            # the specification of format 3 has no texts yet
+            dataset.to_zarr(draft, mode="w", zarr_format=2)

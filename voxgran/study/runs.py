@@ -1,0 +1,218 @@
+"""One run of a study, a cell with a seed: what is asked for, how it is computed, and what it leaves."""
+
+import contextlib
+import json
+import os
+import re
+import resource
+import tempfile
+import threading
+import time
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from voxgran import __version__
+from voxgran._base.errors import VoxgranError
+from voxgran._base.preparation import counting_preparation
+from voxgran.contacts.verify import verify
+from voxgran.io.files import save
+from voxgran.measures.model import measure, measure_registry
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.scene.description import SceneDescription
+from voxgran.shapes.model import Shape
+
+#: numbers of the verification, with unit and meaning; depths are in mean diameters
+VERIFIED = {
+    "overlapping_pairs": ("overlapping_pairs", "number of pairs of grains that overlap"),
+    "deepest": ("deepest_overlap", "largest depth of an overlap, in mean diameters"),
+    "escaped": ("escaped_grains", "number of grains that protrude beyond a wall"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """What a process is asked to compute.
+
+    Attributes
+    ----------
+    key : str
+        Hash of the scene with its seed: the name of the results.
+    cell : str
+        Hash of the scene without its seed.
+    mapping : dict
+        The scene as nested values, with absolute paths.
+    seed : int
+        Seed of the scene.
+    packing : str
+        File for the packing; empty where it is not kept.
+    memory, attempts : int
+        Bytes at the peak and attempts, as planned.
+    version : str
+        Version of voxgran that the results are to be of.
+    """
+
+    key: str
+    cell: str
+    mapping: dict[str, Any]
+    seed: int
+    packing: str = ""
+    memory: int = 0
+    attempts: int = 0
+    version: str = __version__
+
+
+@dataclass(slots=True, kw_only=True)
+class Record:
+    """What a run has left.
+
+    Attributes
+    ----------
+    failure : str
+        Why there are no numbers, in a sentence; empty where there are.
+    stop_reason : str
+        Why the packing ended.
+    numbers : dict
+        Value, unit and meaning of each number, by name.
+    seconds : float
+        Processor time, without that in which libraries were imported and kernels compiled.
+    memory : int
+        Bytes of memory at the peak of the process during the run.
+    warnings : list of str
+        What was warned of.
+    attempts : int
+        Attempts at the most, as planned.
+    """
+
+    failure: str = ""
+    stop_reason: str = ""
+    numbers: dict[str, list[Any]] = field(default_factory=dict)
+    seconds: float = 0.0
+    memory: int = 0
+    warnings: list[str] = field(default_factory=list)
+    attempts: int = 0
+
+
+class SceneCache:
+    """The scene of the last run and its shapes: the runs of a cell differ by their seeds only."""
+
+    def __init__(self) -> None:
+        self._key = ""
+        self._made: tuple[SceneDescription, tuple[Shape, ...]]
+
+    def of(self, run: Run) -> tuple[SceneDescription, tuple[Shape, ...]]:
+        """Return scene and shapes of a run."""
+        if self._key != run.cell:
+            self._key = ""
+            scene = SceneDescription.from_mapping(run.mapping)
+            self._made = scene, tuple(shape for entry in scene.shapes for shape, _ in entry.grains())
+            self._key = run.cell
+        scene, shapes = self._made
+        return replace(scene, general=replace(scene.general, seed=run.seed, seeds=1)), shapes
+
+
+def compute(run: Run, cache: SceneCache | None = None) -> Record:
+    """Pack, verify and measure a scene; what goes wrong becomes the sentence of a record.
+
+    Parameters
+    ----------
+    run : Run
+        What is asked for.
+    cache : SceneCache, optional
+        Scene and shapes of the run before.
+    """
+    record, began = Record(), _seconds()
+    if run.version != __version__:
+        return Record(failure=f"the worker has voxgran {__version__} in place of {run.version}: install the same")
+    _forget_peak()
+    with warnings.catch_warnings(record=True) as caught, counting_preparation() as preparation:
+        warnings.simplefilter("always")
+        try:
+            scene, shapes = (cache or SceneCache()).of(run)
+            packing = pack(shapes, scene.container, **scene.asked(), **scene.parameters)
+            record.numbers = numbers_of(packing, scene.which)
+            record.stop_reason = packing.stop_reason
+            if run.packing:
+                save(packing, run.packing, overwrite=True)
+        except VoxgranError as error:
+            record.failure = str(error)
+        except MemoryError:
+            record.failure = "the memory of the machine ran out: give fewer workers, or pack fewer grains"
+        except Exception as error:  # noqa: BLE001 - a fault in one cell is a row of the study, and not its end
+            record.failure = f"{type(error).__name__}: {error}"
+    record.failure = " ".join(record.failure.split())
+    record.warnings = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))
+    record.seconds, record.memory = _seconds() - began - preparation.seconds, _peak()
+    return record
+
+
+def compute_with_file(run: Run) -> tuple[Record, bytes]:
+    """Return the record of a run and the content of the file of its packing, empty where it is not kept: for workers
+    on machines that may not see the folder of the study.
+    """
+    if not run.packing:
+        return compute(run), b""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder) / Path(run.packing).name
+        record = compute(replace(run, packing=str(place)))
+        return record, place.read_bytes() if place.is_file() else b""
+
+
+def numbers_of(packing: Packing, which: tuple[str, ...] | None) -> dict[str, list[Any]]:
+    """Return the numbers of a packing as a whole, with unit and meaning: those of its verification and its measures.
+
+    Of the usual measures only those are computed that give numbers of the whole packing.
+    """
+    names = which
+    if names is None:
+        entries = [measure_registry().get(name) for name in measure_registry().names()]
+        names = tuple(e.name for e in entries if e.usual and "/" in e.groups and e.applies(packing))
+    proof, tree = verify(packing), measure(packing, which=names)
+    found = {name: [float(getattr(proof, key)), "1", text] for key, (name, text) in VERIFIED.items()}
+    for name, value in tree.dataset.data_vars.items():
+        if value.ndim == 0 and value.dtype.kind in "iufb":
+            told = (str(value.attrs.get("units", "1")), str(value.attrs.get("long_name", name)))
+            found[str(name)] = [float(value), *told]
+    return found
+
+
+def to_text(record: Record, of: Mapping[str, Any]) -> str:
+    """Return a record, and what it is of, as JSON."""
+    numbers = {name: [json.dumps(value), *told] for name, (value, *told) in record.numbers.items()}
+    made = {name: getattr(record, name) for name in Record.__dataclass_fields__} | {"numbers": numbers}
+    return json.dumps({"voxgran": __version__, **of, "record": made}, default=str)
+
+
+def from_text(text: str) -> Record:
+    """Return the record in a text of :func:`to_text`; a text that is none gives a ValueError, KeyError or TypeError."""
+    made = Record(**json.loads(text)["record"])
+    made.numbers = {name: [float(json.loads(value)), *told] for name, (value, *told) in made.numbers.items()}
+    return made
+
+
+def _seconds() -> float:
+    """Return the processor time of this process and of those that it has waited for; of a thread beside others, its
+    own.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return time.thread_time()
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + used.ru_utime + used.ru_stime
+
+
+def _forget_peak() -> None:
+    """Let the system count the largest memory of this process anew, where it can."""
+    with contextlib.suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+
+def _peak() -> int:
+    """Return the largest memory of this process since :func:`_forget_peak`, in bytes."""
+    with contextlib.suppress(OSError):
+        if found := re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text(encoding="ascii")):
+            return 1024 * int(found[1])
+    # in kilobytes on Linux, in bytes on macOS
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1024 if os.uname().sysname == "Linux" else 1)
