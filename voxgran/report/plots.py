@@ -188,7 +188,7 @@ def plot_estimate(
         low = np.where(low > 0, low, 0.5 * y)
         axes.set(xscale="log", yscale="log")
     if level is not None:
-        axes.axhline(level, color=_INK, linewidth=1.0, linestyle=(0, (2, 2)))
+        axes.axhline(level, color=INK, linewidth=1.0, linestyle=(0, (2, 2)))
     if (band > 0).any():
         axes.fill_between(x, low, y + band, color=PLACED, alpha=0.25, linewidth=0)
     axes.plot(x, y, color=PLACED, marker=marker, markersize=4)
@@ -210,7 +210,7 @@ def plot_contact_numbers(axes: Any, numbers: ArrayLike, probability: ArrayLike, 
     y = as_floats(probability, "probability", shape=(len(x),))
     bars = np.broadcast_to(np.asarray(error, dtype=np.float64), y.shape)
     axes.bar(x, y, width=0.85, color=PLACED, linewidth=0)
-    axes.errorbar(x, y, yerr=bars, fmt="none", ecolor=_INK, elinewidth=0.8)
+    axes.errorbar(x, y, yerr=bars, fmt="none", ecolor=INK, elinewidth=0.8)
     axes.xaxis.set_major_locator(load("matplotlib.ticker").MaxNLocator(integer=True))
     axes.set(xlabel="contacts of a grain with others", ylabel="share of the grains", ylim=(0, None))
     return axes
