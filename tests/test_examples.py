@@ -240,6 +240,15 @@ def test_hulls_in_spheres(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "settled.vtp").count == int(re.search(r"grains +(\d+)", text).group(1))
 
 
+def test_hulls_on_a_front(tmp_path, capsys, monkeypatch):
+    text = printed("hulls_on_a_front.py", capsys, monkeypatch, str(tmp_path), "200")
+    assert "verified True" in text
+    spheres, _, hulls, _ = (float(value) for value in re.findall(r"solid fraction ([\d.]+)", text))
+    assert 0.3 < hulls / spheres < 0.6
+    packing = vg.load(tmp_path / "hulls.vtp")
+    assert len(packing.shapes) == packing.count == int(text.split()[0])
+
+
 def test_first_contact(tmp_path, capsys, monkeypatch):
     text = printed("first_contact.py", capsys, monkeypatch, str(tmp_path), "2")
     gaps = [float(value) for value in re.findall(r"gap at contact (\S+) diameters", text)]
