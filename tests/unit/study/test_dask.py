@@ -105,10 +105,12 @@ def test_a_scheduler_that_goes_away_ends_in_one_sentence_and_the_study_goes_on(c
 def test_an_interrupt_leaves_the_cluster_alone(cluster, base, marks, tmp_path):
     _, address = cluster
     marks.order(wait=0.2)
-    made = vg.Study(base=base, seeds=range(1, 13))
+    made = vg.Study(base=base, seeds=range(1, 25))
+    sent = []
 
     def stop(step):
-        if step.done == 2:
+        if step.done >= 2 and not sent:
+            sent.append(step)
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(Interrupted) as told:
