@@ -2,8 +2,6 @@
 
 import time
 
-import pytest
-
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import counting_preparation, preparing
 
@@ -23,10 +21,7 @@ def test_nested_preparation_is_counted_once():
             compute(0.02)
             with preparing():
                 compute(0.02)
-        with pytest.raises(ValueError, match="late"), preparing():
-            compute(0.01)
-            raise ValueError("late")
-    assert 0.05 <= count.seconds < 0.08
+    assert 0.04 <= count.seconds < 0.07
 
 
 def test_compilation_of_a_kernel_is_counted():
