@@ -53,7 +53,7 @@ def test_a_study_is_planned_run_and_shown(file, tmp_path, capsys):
     assert main([*words, "--json"]) == 0
     numbers = json.loads(capsys.readouterr().out)
     assert numbers == {"runs": 4, "computed": 4, "failed": 0, "not_verified": 0}
-    assert main(words) == 0
+    assert main([*words, "--resume"]) == 0
     text = capsys.readouterr().out
     assert re.search(r"^ +9 +2/2 +0\.0736\d? ", text, re.M)
     assert "results in" in text

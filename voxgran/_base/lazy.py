@@ -2,17 +2,23 @@
 
 This is also the one place that sets what must be set before such a library is loaded: VTK's window class on a
 machine without a display, and numba's threading layer (open3d loads a TBB that numba refuses with a warning).
+
+Importing, and compiling or loading kernels, is done once in a process: *preparation*, whose time is counted for those
+who compare the seconds of runs.
 """
 
 import contextlib
 import importlib
 import os
 import sys
+import time
+from collections.abc import Iterator
+from contextvars import ContextVar
+from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
 from voxgran._base.errors import MissingLibraryError
-from voxgran._base.preparation import preparing
 
 #: the libraries that a run may load: `plan` predicts them, `run` records them
 LIBRARIES = (
@@ -38,6 +44,45 @@ _DEBIAN_PACKAGES = {
     "libgomp": "libgomp1",
     "libXrender": "libxrender1",
 }
+
+
+@dataclass(slots=True)
+class Preparation:
+    """Processor time of this process that preparation has taken, in seconds."""
+
+    seconds: float = 0.0
+    depth: int = 0
+
+
+_counted: ContextVar[Preparation | None] = ContextVar("counted", default=None)
+
+
+@contextlib.contextmanager
+def counting_preparation() -> Iterator[Preparation]:
+    """Count the preparation that happens meanwhile in this thread (context manager)."""
+    count = Preparation()
+    token = _counted.set(count)
+    try:
+        yield count
+    finally:
+        _counted.reset(token)
+
+
+@contextlib.contextmanager
+def preparing() -> Iterator[None]:
+    """Count what happens meanwhile as preparation, if anybody asks for it (context manager); it may be nested."""
+    count = _counted.get()
+    if count is None:
+        yield
+        return
+    began = time.process_time()
+    count.depth += 1
+    try:
+        yield
+    finally:
+        count.depth -= 1
+        if not count.depth:
+            count.seconds += time.process_time() - began
 
 
 def load(name: str) -> Any:

@@ -217,6 +217,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--workers", type=int, help="processes, one thread each; default: one for each processor"),
         _flag("--memory", help="memory that they may take, such as 8GB or 50%%; default: 80%%"),
         _flag("--dask", help="address of a Dask scheduler, such as tcp://127.0.0.1:8786, to compute there"),
+        _flag("--resume", action="store_true", help="accepted: a study goes on where it was, also without this flag"),
         _flag("--retry", action="store_true", help="compute runs that failed again"),
         _flag("--zarr", action="store_true", help="write the dataset as zarr, too"),
     ),

@@ -1,15 +1,23 @@
 """Runs on a Dask cluster, whatever it is made of: processes of this machine, or jobs of a queueing system."""
 
+import contextlib
+import logging
+import math
 import queue
+import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from voxgran._base.errors import ClusterError, MissingLibraryError
+from voxgran._base.errors import ClusterError, MissingLibraryError, VoxgranError
 from voxgran._base.lazy import load
 from voxgran.study.runs import Record, Run, compute_with_file
 
 #: seconds that a scheduler has to answer, and between looks at whether it is still there
 ANSWER, TICK = 10.0, 0.2
+#: seconds between looks at how many workers there are
+LOOK = 2.0
+#: loggers of what Dask says of connections
+LOGGERS = ("asyncio", "distributed", "distributed.batched", "distributed.client", "tornado.application")
 
 
 class DaskRuns:
@@ -25,12 +33,17 @@ class DaskRuns:
         self._address = address
         self._client: Any = None
         self._left: dict[str, Any] = {}
+        self._threads, self._asked = 0, -math.inf
+        self._levels: dict[str, int] = {}
 
     @property
     def running(self) -> int:
-        """How many runs are computed now."""
-        workers = self._client.scheduler_info(n_workers=-1)["workers"] if self._left else {}
-        return min(len(self._left), sum(worker["nthreads"] for worker in workers.values()))
+        """How many runs are computed now, as far as it is known."""
+        if time.monotonic() - self._asked > LOOK:
+            with contextlib.suppress(OSError):
+                self._threads = sum(self._client.nthreads().values())
+            self._asked = time.monotonic()
+        return min(len(self._left), self._threads)
 
     def __enter__(self) -> "DaskRuns":
         """Connect to the scheduler.
@@ -52,13 +65,20 @@ class DaskRuns:
             raise ClusterError(
                 f"there is no Dask scheduler at {self._address}: start one with 'dask scheduler', and check the address"
             ) from error
+        # of a scheduler that goes away this raises one error, and the library writes pages
+        for name in LOGGERS:
+            self._levels[name] = logging.getLogger(name).level
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         return self
 
     def __exit__(self, *_: object) -> None:
         """Cancel what is not finished, and leave the scheduler."""
-        if self._client.status == "running":
-            self._client.cancel(list(self._left.values()))
-        self._client.close(timeout=1)
+        with contextlib.suppress(OSError, TimeoutError):
+            if self._client.status == "running":
+                self._client.cancel(list(self._left.values()))
+            self._client.close(timeout=1)
+        for name, level in self._levels.items():
+            logging.getLogger(name).setLevel(level)
 
     def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Record, bytes] | None]:
         """Yield each run with its record and packing when it is finished, in any order, and None when some time has
@@ -75,26 +95,31 @@ class DaskRuns:
             If the scheduler goes away.
         """
         finished: queue.SimpleQueue[tuple[Run, Any]] = queue.SimpleQueue()
-        for number, run in enumerate(runs):
-            future = self._client.submit(compute_with_file, run, pure=False, priority=len(runs) - number)
-            self._left[run.key] = future
-            future.add_done_callback(_noting(finished, run))
-        while self._left:
-            try:
-                run, future = finished.get(timeout=TICK)
-            except queue.Empty:
-                self._check()
-                yield None
-                continue
-            if future.status == "cancelled":
-                self._check(lost=True)
-            record, packing = _outcome(future)
-            del self._left[run.key]
-            yield run, record, packing
+        try:
+            for number, run in enumerate(runs):
+                future = self._client.submit(compute_with_file, run, pure=False, priority=len(runs) - number)
+                self._left[run.key] = future
+                future.add_done_callback(_noting(finished, run))
+            while self._left:
+                try:
+                    run, future = finished.get(timeout=TICK)
+                except queue.Empty:
+                    self._check(lost=self._client.status != "running")
+                    yield None
+                    continue
+                self._check(lost=future.status == "cancelled")
+                record, packing = _outcome(future)
+                del self._left[run.key]
+                yield run, record, packing
+        except OSError as error:
+            # what fails in a run is in its record: this is the connection
+            if isinstance(error, VoxgranError):
+                raise
+            self._check(lost=True)
 
-    def _check(self, *, lost: bool = False) -> None:
-        """Raise a ClusterError where the scheduler is gone."""
-        if lost or self._client.status != "running":
+    def _check(self, *, lost: bool) -> None:
+        """Raise a ClusterError where the scheduler is lost."""
+        if lost:
             raise ClusterError(
                 f"the Dask scheduler at {self._address} is gone: what is finished is kept; start a scheduler and give "
                 "the same command again, which computes the rest"

@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from voxgran._base.arrays import as_count
 from voxgran._base.errors import InputError, Interrupted, shown
@@ -45,7 +46,7 @@ class Options:
 
     workers: int | None = None
     memory: int | str | None = None
-    dask: str | None = None
+    dask: Any = None
     retry: bool = False
     overwrite: bool = False
     zarr: bool = False
@@ -56,10 +57,15 @@ class Options:
         if self.workers is not None:
             as_count(self.workers, "workers", at_least=1)
         memory_bytes(self.memory)
-        if self.dask is not None and not isinstance(self.dask, str):
+        if self.dask is not None and not isinstance(self.address, str):
             raise InputError(f"dask is {shown(self.dask)}: it must be the address of a scheduler, as tcp://HOST:8786")
         if self.zarr:
             load("zarr")
+
+    @property
+    def address(self) -> Any:
+        """Address of the scheduler: as given, or of the cluster that is given."""
+        return getattr(self.dask, "scheduler_address", self.dask)
 
 
 def memory_bytes(given: int | str | None) -> int:
@@ -133,7 +139,7 @@ def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyR
 def _executor(options: Options, runs: int) -> DaskRuns | Processes:
     """Return what computes so many runs."""
     if options.dask is not None:
-        return DaskRuns(options.dask)
+        return DaskRuns(options.address)
     return Processes(min(options.workers or processor_count(), runs), memory_bytes(options.memory))
 
 

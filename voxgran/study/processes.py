@@ -123,11 +123,11 @@ class Processes:
                 if message == READY:
                     worker.ready, self._failed_starts = True, 0
                     continue
-                run = worker.given.pop(0)
+                run, (record, seconds) = worker.given.pop(0), message
                 # the pace of the last dozen of runs
-                self._pace += (message[1].seconds - self._pace) / 12
+                self._pace += (seconds - self._pace) / 12
                 self._give(worker)
-                yield run, message[1], b""
+                yield run, record, b""
         except (EOFError, OSError):
             yield from self._lost(worker)
 

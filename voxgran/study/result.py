@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from voxgran import __version__
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran.io.netcdf import save_statistics
@@ -182,7 +183,7 @@ def dataset_of(
     for name, text in TEXTS.items():
         values = np.array([_text(getattr(record, name)) for record in order], dtype=object).reshape(shape)
         variables[name] = (dims, values, {"long_name": text})
-    made: Dataset = load("xarray").Dataset(variables, coords=coordinates)
+    made: Dataset = load("xarray").Dataset(variables, coords=coordinates, attrs={"voxgran": __version__})
     return made
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from voxgran import __version__
 from voxgran._base.errors import VoxgranError
-from voxgran._base.preparation import counting_preparation
+from voxgran._base.lazy import counting_preparation
 from voxgran.contacts.verify import verify
 from voxgran.io.files import save
 from voxgran.measures.model import measure, measure_registry

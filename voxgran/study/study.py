@@ -136,7 +136,7 @@ class Study:
         *,
         workers: int | None = None,
         memory: int | str | None = None,
-        dask: str | None = None,
+        dask: Any = None,
         retry: bool = False,
         overwrite: bool = False,
         zarr: bool = False,
@@ -153,8 +153,9 @@ class Study:
         memory : int or str, optional
             Bytes that they may take together as planned, such as ``"8 GB"``, or a share such as ``"50%"`` of the
             memory of the machine. Default: 80 % of it.
-        dask : str, optional
-            Address of a Dask scheduler, whose workers compute in place of processes of this machine.
+        dask : str or cluster, optional
+            Address of a Dask scheduler, or a cluster that has one, whose workers compute in place of processes of this
+            machine.
         retry : bool
             Whether runs that failed are computed again.
         overwrite : bool

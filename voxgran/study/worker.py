@@ -4,6 +4,7 @@ import os
 import queue
 import signal
 import threading
+import time
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -21,7 +22,8 @@ FIRST = {
 
 
 def serve(descriptor: int) -> None:
-    """Compute the runs that come through a socket until it is closed, and send back key and record of each.
+    """Compute the runs that come through a socket until it is closed, and send back the record of each, with the
+    seconds that it took.
 
     Parameters
     ----------
@@ -39,7 +41,9 @@ def serve(descriptor: int) -> None:
     _send(connection, READY)
     while True:
         run = runs.get()
-        _send(connection, (run.key, compute(run, cache)))
+        began = time.monotonic()
+        record = compute(run, cache)
+        _send(connection, (record, time.monotonic() - began))
 
 
 def _receive(connection: Connection, runs: "queue.SimpleQueue[Any]") -> None:

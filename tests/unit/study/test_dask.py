@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+import types
 
 import numpy as np
 import pytest
@@ -75,7 +76,7 @@ def test_processes_and_dask_give_the_same_bits(cluster, base, marks, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
-def test_a_scheduler_that_goes_away_ends_in_one_sentence_and_the_study_goes_on(cluster, base, marks, tmp_path):
+def test_a_scheduler_that_goes_away_ends_in_one_sentence_and_the_study_goes_on(cluster, base, marks, tmp_path, capfd):
     process, address = cluster
     marks.order(wait=0.3)
     made = vg.Study(base=base, seeds=range(1, 13))
@@ -89,6 +90,7 @@ def test_a_scheduler_that_goes_away_ends_in_one_sentence_and_the_study_goes_on(c
     with pytest.raises(ClusterError, match=rf"^the Dask scheduler at {address} is gone: what is finished is kept"):
         made.run(tmp_path / "o", dask=address, on_step=stop)
     assert time.monotonic() - gone[0] < 20
+    assert capfd.readouterr().err == ""
     kept = made.plan(tmp_path / "o").total("done")
     assert 3 <= kept < 12
     with pytest.raises(ClusterError, match="there is no Dask scheduler"):
@@ -103,14 +105,17 @@ def test_a_scheduler_that_goes_away_ends_in_one_sentence_and_the_study_goes_on(c
 def test_an_interrupt_leaves_the_cluster_alone(cluster, base, marks, tmp_path):
     _, address = cluster
     marks.order(wait=0.2)
-    made = vg.Study(base=base, seeds=range(1, 13))
+    made = vg.Study(base=base, seeds=range(1, 25))
+    sent = []
 
     def stop(step):
-        if step.done == 2:
+        if step.done >= 2 and not sent:
+            sent.append(step)
             os.kill(os.getpid(), signal.SIGINT)
 
     with pytest.raises(Interrupted) as told:
         made.run(tmp_path / "o", dask=address, on_step=stop)
     assert told.value.exit_code == 130
     marks.order()
-    assert not made.run(tmp_path / "o", dask=address).failures
+    cluster_like = types.SimpleNamespace(scheduler_address=address)
+    assert not made.run(tmp_path / "o", dask=cluster_like).failures

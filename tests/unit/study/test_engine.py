@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import signal
+import subprocess
 import sys
 import time
 import warnings
@@ -22,10 +23,11 @@ from voxgran._base.errors import (
     PackingWarning,
 )
 from voxgran._base.lock import locked_folder
-from voxgran.study import engine
+from voxgran.study import engine, processes
 from voxgran.study.engine import memory_bytes
+from voxgran.study.processes import Processes
 from voxgran.study.result import MACHINE
-from voxgran.study.runs import Record
+from voxgran.study.runs import Record, Run
 
 
 def same(one, other):
@@ -155,13 +157,54 @@ def test_what_cannot_be_packed_is_a_row_and_no_end(base, tmp_path):
     assert "cannot be done  container.lengths [0.5, 0.5, 0.5]: " in str(plan)
 
 
-def test_memory_bounds_what_runs_at_once(base, marks, tmp_path):
-    marks.order(wait=0.2)
-    made = vg.Study(base=base, seeds=4)
-    most = []
-    made.run(tmp_path / "o", workers=4, memory=400 * 2**20, on_step=lambda step: most.append(step.text))
-    assert {text.split()[0] for text in most} <= {"0", "1"}
-    assert len({begun for seeds in marks.begun().values() for begun in seeds}) == 1
+def test_a_process_ends_with_the_one_that_started_it(base, marks):
+    marks.order(wait=60)
+    with Processes(1, 10**9) as pool:
+        results = pool.results([Run(key="a", cell="a", mapping=base, seed=7)])
+        until = time.monotonic() + 60
+        while not marks.begun() and time.monotonic() < until:
+            next(results)
+        (worker,) = pool._workers
+        assert marks.begun() == {7: [worker.process.pid]}
+        # what the system does when this process dies
+        worker.connection.close()
+        assert worker.process.wait(timeout=10) == -signal.SIGKILL
+
+
+class Sent(list):
+    """Takes what is sent to a process that is not there."""
+
+    send = list.extend
+
+    def close(self):
+        """Close nothing."""
+
+
+@pytest.mark.parametrize(
+    ("mebibytes", "limit", "begun"),
+    [
+        # idle processes have loaded their libraries, too
+        ([300, 300, 300], 900, [[300], [300], [300]]),
+        ([300, 300, 300], 850, [[300], [300], []]),
+        ([600, 600, 600], 1000, [[600], [], []]),
+        # what does not fit beside the longest run lets others pass
+        ([600, 500, 100, 90], 1100, [[600], [100], [90]]),
+        # alone a run is begun
+        ([900, 900], 1000, [[900], [], []]),
+    ],
+)
+def test_what_is_begun_at_once_fits_in_memory(monkeypatch, mebibytes, limit, begun):
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    monkeypatch.setattr(processes, "_started", lambda: processes._Worker(ended, Sent()))
+    monkeypatch.setattr(processes, "wait", lambda connections, timeout: [])
+    runs = [Run(key=str(k), cell="", mapping={}, seed=k, memory=size * 2**20) for k, size in enumerate(mebibytes)]
+    with Processes(3, limit * 2**20) as pool:
+        next(pool.results(runs))
+        assert [[run.memory // 2**20 for run in worker.connection] for worker in pool._workers] == begun
+
+
+def test_memory_is_a_limit(base, tmp_path):
+    made = vg.Study(base=base | {"measure": {"which": ["density"]}}, seeds=1)
     refused = made.run(tmp_path / "two", memory="100 MB")
     assert refused.computed == 0
     assert "more than the 95 MiB that memory allows" in refused.rows[0]["failure"]
@@ -301,6 +344,7 @@ def test_the_hash_is_that_of_values_files_and_version(base, tmp_path, monkeypatc
     assert key(tmp_path / "b") == first
     assert key(tmp_path / "c") != first
     assert key(tmp_path / "a", output={"dem": ["lammps"]}, scene={"seed": 5}) == first
+    assert key(tmp_path / "a", scene={"unit": "mm"}) != first
     assert key(tmp_path / "a", packing=base["packing"] | {"count": 6}) != first
     assert key(tmp_path / "a", measure={"which": ["density", "coordination"]}) != first
     monkeypatch.setattr("voxgran.study.files.__version__", "9.9")

@@ -19,7 +19,7 @@ from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
 from numba.core.types.functions import BaseFunction
 
-from voxgran._base.preparation import preparing
+from voxgran._base.lazy import preparing
 
 
 class KernelFlags(Flags):
