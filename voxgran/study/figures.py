@@ -12,7 +12,7 @@ from voxgran._base.lazy import load
 from voxgran.report import plots
 from voxgran.report.figures import Figure
 from voxgran.study.axes import Label
-from voxgran.study.cell_values import labels_of, text_of, varied_axes
+from voxgran.study.cell_values import axes_of, labels_of, text_of, varied_axes
 from voxgran.study.cells import LISTED
 from voxgran.study.experiments import Band, check_labels
 from voxgran.study.statistics import Interval, summary
@@ -83,6 +83,9 @@ def points_of(dataset: "Dataset", over: str | None) -> Points:
     """
     varied = [name for name in varied_axes(dataset) if name != over]
     named = [name for name in varied if name != LISTED] or varied
+    dimension = axes_of(dataset)
+    # an axis that varies together with the one that is compared tells no more than it does
+    named = [name for name in named if over is None or dimension[name] != dimension[over]] or named
     marker = "shape" if "shape" in named else next(iter(named), None)
     return Points(labels_of(dataset), over, marker)
 

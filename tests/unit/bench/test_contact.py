@@ -27,6 +27,7 @@ def test_peers_accept_the_same_attempts():
     assert np.abs(one.position - state.arrays["position"]).max() > 0.02
 
 
+@pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(contact, "SECONDS", 0.01)
     monkeypatch.setattr(contact, "APPROACHES", 2)

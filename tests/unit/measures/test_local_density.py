@@ -113,6 +113,7 @@ def ellipsoids():
     return vg.pack([shape], vg.Box((4, 4, 4), periodic="xyz"), "rsa", count=25, seed=2)
 
 
+@pytest.mark.slow
 def test_set_voronoi_cells_converge():
     packing = ellipsoids()
     best = set_voronoi(packing, 1500)

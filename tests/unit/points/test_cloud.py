@@ -43,6 +43,7 @@ def test_eros_comes_back_from_noisy_points(eros):
     assert np.array(made.shape.offset) == pytest.approx([5.0, -6.0, 7.0], abs=0.01 * eros.diameter)
 
 
+@pytest.mark.slow
 def test_a_sphere_converges():
     """Clean points: flat faces lose volume by the square of the spacing; the smooth surface errs far less."""
     sphere, lost, off, residual = 36 * np.pi, [], [], []

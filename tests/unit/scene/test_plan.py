@@ -56,7 +56,13 @@ print(json.dumps([plan, loaded(), result.packing.provenance["counters"]]))
 """
 
 
-@pytest.mark.parametrize("name", CASES)
+#: cases whose loads those of others contain
+SLOW = ("spheres as points", "disks in a polygon", "disks with surfaces")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in CASES]
+)
 def test_the_run_loads_and_makes_what_the_plan_says(name, tmp_path):
     shape, container, packing, asked = CASES[name]
     output = {key: str(key == asked).lower() for key in ("vtk", "statistics", "report")}

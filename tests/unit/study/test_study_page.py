@@ -224,6 +224,14 @@ def test_colours_differ_without_red_or_green_and_from_pages(kind):
     assert all(25 < one[0] < 80 for one in found)
 
 
+def test_an_axis_that_varies_with_the_compared_one_is_not_drawn_beside_it():
+    coordinates = {"method": ["a", "b"], "container": ("method", ["c", "d"]), "width": [0.1, 0.2], "seed": [0, 1]}
+    data = xr.Dataset({"x": (("method", "width", "seed"), np.zeros((2, 2, 2)))}, coordinates)
+    assert points_of(data, "method").marker_axis == "width"
+    assert points_of(data, "width").marker_axis == "method"
+    assert points_of(data.isel(width=[0]).squeeze("width", drop=True), "method").marker_axis == "container"
+
+
 def test_styles_of_many_values_are_still_different():
     labels = [{"method": f"m{m}", "shape": f"s{s}"} for m in range(12) for s in range(10)]
     sizes = {"method": 12, "shape": 10, "seed": 2}

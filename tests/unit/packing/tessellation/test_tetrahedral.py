@@ -460,6 +460,7 @@ def test_counts_in_thin_containers_are_spread(count):
     assert packing.position[:, :2].std(axis=0) == pytest.approx(20 / math.sqrt(12), rel=0.15)
 
 
+@pytest.mark.slow
 def test_the_thinnest_containers_take_no_minutes():
     """Neither the lattice of the mesh nor the spheres are many."""
     for container in (vg.Box((20, 20, 1e-3)), tilted((1e-3, 1e-3, 10)), vg.Rectangle((1e4, 1e-3))):
