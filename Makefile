@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-lowest test-engines lint bench figures clean
+.PHONY: demo test test-slow test-lowest test-engines lint bench studies figures clean
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
@@ -62,6 +62,16 @@ bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, dist
 	$(BIN)/python examples/directions.py docs/figures 120
 	$(BIN)/python examples/chu_rsa.py docs/figures
 	$(BIN)/python examples/control_studies.py docs/figures
+
+studies: $(STAMP)   ## the studies of examples/studies: tables and figures of docs/studies.md; finished runs in out/studies stay
+	for name in gradation maximum_and_loose feeding; do \
+	  $(BIN)/voxgran study examples/studies/$$name.toml -o out/studies/$$name || exit 1; \
+	  cp out/studies/$$name/cells.csv docs/figures/study_$$name.csv; \
+	  cp out/studies/$$name/bulk_solid_fraction_by_cell.svg docs/figures/study_$$name.svg; \
+	  cp out/studies/$$name/bulk_solid_fraction_against_seconds.svg docs/figures/study_$${name}_seconds.svg; \
+	done
+	$(BIN)/python examples/hulls_on_a_front.py out/studies/hulls 68000
+	cp out/studies/hulls/hulls_on_a_front.csv docs/figures/hulls_on_a_front.csv
 
 figures: demo bench   ## the pictures of README and docs
 	cp out/demo/whole.png docs/figures/demo.png
