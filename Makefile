@@ -70,7 +70,7 @@ studies: $(STAMP)   ## the studies of examples/studies: tables and figures of do
 	  cp out/studies/$$name/bulk_solid_fraction_by_cell.svg docs/figures/study_$$name.svg; \
 	  cp out/studies/$$name/bulk_solid_fraction_against_seconds.svg docs/figures/study_$${name}_seconds.svg; \
 	done
-	$(BIN)/python examples/hulls_on_a_front.py out/studies/hulls 68000
+	$(BIN)/python examples/hulls_on_a_front.py out/studies/hulls 64000
 	cp out/studies/hulls/hulls_on_a_front.csv docs/figures/hulls_on_a_front.csv
 
 figures: demo bench   ## the pictures of README and docs

@@ -191,8 +191,17 @@ def test_one_method_in_json_has_its_parameters(capsys):
 def test_methods_are_listed(capsys):
     assert main(["methods"]) == 0
     text = capsys.readouterr().out
-    for word in ("digital", "control_point", "solid_union", "inscribed", "voxel_size", "doi:10.1016"):
+    for word in (
+        "digital",
+        "control_point",
+        "solid_union",
+        "inscribed",
+        "voxel_size",
+        "doi:10.1016",
+        "only on request",
+    ):
         assert word in text
+    assert "\ncores " in text
 
 
 def test_one_method_is_shown_alone(capsys):

@@ -19,6 +19,13 @@ from voxgran.cli.shapes import shape
 from voxgran.cli.terminal import complain, entry_line, progress, show, table
 
 
+#: which parts use several cores
+CORES = (
+    "methods and measures use one core, with the same bits for each seed; voxgran study packs on all cores at once, and "
+    "distance transforms, morphology and pore sizes of voxels take a number of threads"
+)
+
+
 def init(options: argparse.Namespace) -> None:
     """Write a scene file to start from."""
     write_text(options.file, SCENE, overwrite=options.overwrite)
@@ -277,12 +284,15 @@ def methods(options: argparse.Namespace) -> None:
             print(title)
         for name in names:
             entry = groups[title].get(name)
-            entry_line(f"  {name}", getattr(entry, "summary", ""))
+            summary = str(getattr(entry, "summary", ""))
+            entry_line(f"  {name}", summary if getattr(entry, "usual", True) else f"{summary}; only on request")
             entry_line("", getattr(entry, "source", ""))
             for item in parameters_of(entry.parameters) if hasattr(entry, "parameters") else ():
                 entry_line(f"      {item.name}", parameter_text(item))
         if names:
             print()
+    if options.name is None:
+        entry_line("cores", CORES)
 
 
 def _described(entry: Any) -> dict[str, Any]:
