@@ -18,10 +18,9 @@ from voxgran.cli.parser import parameter_text
 from voxgran.cli.shapes import shape
 from voxgran.cli.terminal import complain, entry_line, progress, show, table
 
-
 #: which parts use several cores
 CORES = (
-    "methods and measures use one core, with the same bits for each seed; voxgran study packs on all cores at once, and "
+    "methods and measures use one core, with the same bits for each seed; voxgran study uses all cores, and "
     "distance transforms, morphology and pore sizes of voxels take a number of threads"
 )
 
