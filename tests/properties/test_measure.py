@@ -46,7 +46,7 @@ def sphere_box_volume(centers, radii, *, lower, upper):
 
 def mesh_box_volume(vertices, faces, *, lower, upper):
     """Return the volume of a closed mesh inside a box."""
-    return cut_mesh(vertices[faces], np.eye(3)[None], np.zeros((1, 3)), **box_of(lower, upper))[0]
+    return cut_mesh(vertices, faces, np.eye(3)[None], np.zeros((1, 3)), **box_of(lower, upper))[0]
 
 
 def apart(kind, seed):

@@ -79,8 +79,8 @@ def test_what_stands_beside_the_bytes_a_voxel(inputs):
     limits = [
         (lambda: vg.voxelize(shape, grid=GRID, cover="touch"), voxels / 4 + 2e6),
         (lambda: vg.voxelize(sphere, grid=GRID, fraction=True), (2 + 1 / 8) * voxels + 200 * cut),
-        (lambda: vg.voxelize_mesh(shape.vertices, shape.faces, grid=GRID), voxels / 8 + 24 * 2**20),
-        (lambda: vg.voxelize_mesh(shape.vertices, holes, grid=GRID), (4 + 1 / 8) * voxels + 24 * 2**20),
+        (lambda: vg.voxelize_mesh(shape.vertices, shape.faces, grid=GRID), voxels / 8 + 25 * 2**20),
+        (lambda: vg.voxelize_mesh(shape.vertices, holes, grid=GRID), (4 + 1 / 8) * voxels + 25 * 2**20),
         (lambda: vg.distance_transform(mask, squared=True), 4 * voxels + 2e6),
         (lambda: (bits.count(), bits.centroid(), bits.bounds(), bits.face_count()), 30 * 2**20),
     ]

@@ -91,6 +91,9 @@ def planes_of(solid):
         ring = points[face] - points[face].mean(axis=0)
         normal = np.cross(ring, np.roll(ring, -1, axis=0)).sum(axis=0) / 2
         area = np.linalg.norm(normal)
+        if area == 0:
+            # a triangle of a part without thickness has no plane
+            continue
         yield normal / area, float(points[face].mean(axis=0) @ normal / area), area
 
 
@@ -155,6 +158,7 @@ def test_convex_parts_are_convex_and_fill_the_solid(tmp_path, seed):
             # a face of no area has no plane
             if area > 1e-6 * size**2:
                 assert (points @ normal - level).max() < 2 * FLAT * size
+        assert len(part["faces"]) >= 4
     assert moments(grain["parts"])[0] == pytest.approx(1e-9 * shape.volume, rel=1e-9)
 
 
@@ -178,7 +182,7 @@ def test_parts_of_a_solid_do_not_overlap():
     assert len(parts) > 5
     vertices, faces = united((part.vertices.copy(), part.faces) for part in parts)
     assert Mesh(vertices, faces).volume == pytest.approx(shape.volume, rel=1e-9)
-    assert sum(part.volume for part in parts) == pytest.approx(shape.volume, rel=1e-12)
+    assert sum(part.volume for part in parts) == pytest.approx(shape.volume, rel=1e-10)
 
 
 def test_a_union_of_spheres_has_one_part_for_each(tmp_path):

@@ -24,6 +24,8 @@ TITLE = "block codes"
 FILE, FORMAT = "blocks.json", "voxgran blocks 1"
 #: most that a corner of a face lies off its plane, in lengths of the solid
 FLAT = 1e-9
+#: fewest faces of a solid
+FEWEST_FACES = 4
 UNITS = {"length": "m", "mass": "kg", "time": "s", "force": "N", "stress": "Pa", "energy": "J", "angle": "rad"}
 
 
@@ -213,6 +215,9 @@ def _faceted(mesh: Mesh) -> tuple[Floats, list[list[int]]]:
     for group in _planar(mesh):
         ring = _ring(mesh.faces[group])
         faces += [ring] if ring else mesh.faces[group].tolist()
+    if len(faces) < FEWEST_FACES:
+        # a part thinner than what counts as one plane
+        faces = mesh.faces.tolist()
     used = np.unique([corner for face in faces for corner in face])
     number = {int(old): new for new, old in enumerate(used)}
     return mesh.vertices[used], [[number[corner] for corner in face] for face in faces]
