@@ -195,6 +195,7 @@ def test_shapes_voxels(tmp_path, capsys, monkeypatch):
     assert 50_000 < (tmp_path / "shapes_voxels.png").stat().st_size < 250_000
 
 
+@pytest.mark.slow
 def test_shapes_roughness(tmp_path, capsys, monkeypatch):
     text = printed("shapes_roughness.py", capsys, monkeypatch, str(tmp_path), "2")
     assert [float(value) for value in re.findall(r"rms (\S+)", text)] == pytest.approx([0.1] * 6, rel=0.1)
@@ -249,6 +250,7 @@ def test_hulls_on_a_front(tmp_path, capsys, monkeypatch):
     assert len(packing.shapes) == packing.count == int(text.split()[0])
 
 
+@pytest.mark.slow
 def test_first_contact(tmp_path, capsys, monkeypatch):
     text = printed("first_contact.py", capsys, monkeypatch, str(tmp_path), "2")
     gaps = [float(value) for value in re.findall(r"gap at contact (\S+) diameters", text)]
@@ -258,6 +260,7 @@ def test_first_contact(tmp_path, capsys, monkeypatch):
     assert {path.name for path in tmp_path.iterdir()} >= {"solids_1.vtp", "clumps_0.vtp", "solids.png", "clumps.png"}
 
 
+@pytest.mark.slow
 def test_open_surfaces(tmp_path, capsys, monkeypatch):
     text = printed("open_surfaces.py", capsys, monkeypatch, str(tmp_path))
     assert "grains 60, 40 of them open surfaces  verified True" in text
@@ -280,6 +283,7 @@ def test_deformed_grains(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "deformed_grains.svg").exists()
 
 
+@pytest.mark.slow
 def test_control_studies(tmp_path, capsys, monkeypatch):
     text = printed("control_studies.py", capsys, monkeypatch, str(tmp_path), "90", "100", "1")
     beds = re.findall(r"^(.{14}) (.{12}) bulk (\S+) .* mean height (\S+) ", text, flags=re.MULTILINE)

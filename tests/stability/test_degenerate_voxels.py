@@ -53,7 +53,10 @@ BODIES = {
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", BODIES)
-@pytest.mark.parametrize("place", [(16.5, 16.5, 16.5), (16.0, 16.5, 16.0), (16.5, 16.0, 16.25)])
+@pytest.mark.parametrize(
+    "place",
+    [(16.0, 16.5, 16.0), *(pytest.param(p, marks=pytest.mark.slow) for p in ((16.5, 16.5, 16.5), (16.5, 16.0, 16.25)))],
+)
 def test_no_voxel_is_wrong(backend, name, place):
     turns = lattice_rotations()[:: 7 if backend != "scanline" or name == "fine sphere" else 1]
     for turn in turns:

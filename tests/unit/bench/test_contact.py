@@ -9,6 +9,7 @@ from voxgran.bench.tradeoffs import contact
 from voxgran.packing.control_point.first_contact import Encounter
 
 
+@pytest.mark.slow
 def test_peers_accept_the_same_attempts():
     """Both programs move the same grains to the same places."""
     problem, state = contact.moving_task(vg.make_shape("box", lengths=(1.1, 0.9, 0.7)), 0.3, "kdtree", count=20)

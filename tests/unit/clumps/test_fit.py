@@ -92,6 +92,7 @@ def test_a_target_is_reached_with_the_fewest_spheres(eros, target, value, found)
     assert clump.count == 1 or not reached(fit_clump(eros, max_spheres=clump.count - 1))
 
 
+@pytest.mark.slow
 def test_the_target_of_a_biased_method_is_its_volume(eros):
     clump = fit_clump(eros, method="inscribed", target="volume", value=0.12)
     assert -0.12 <= clump.errors.volume < 0.0

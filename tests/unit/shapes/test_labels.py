@@ -111,6 +111,7 @@ def test_neighbours_stay_apart_and_the_sample_is_measured():
     assert float(tree["solid_fraction"]) == pytest.approx(packing.solid_fraction)
 
 
+@pytest.mark.slow
 def test_a_made_packing_comes_back_from_its_image():
     rock = vg.make_shape("ellipsoid", semi_axes=(0.6, 0.5, 0.4))
     made = vg.pack([rock], vg.Box((4, 4, 5), "xy"), method="digital", count=30, voxel_size=0.1, sweeps=100, seed=1)

@@ -38,7 +38,7 @@ def brute_distance(triangles, points):
     return np.minimum(best, np.where(within, np.abs(height), np.inf).min(axis=1))
 
 
-@pytest.mark.parametrize("band", [0.7, 2.5])
+@pytest.mark.parametrize("band", [0.7, pytest.param(2.5, marks=pytest.mark.slow)])
 def test_the_narrow_band_is_exact(data_dir, band):
     scan = vg.load_shape(data_dir / "itokawa_lp.obj").rotated(TURN)
     field = vg.signed_distance(scan, voxel_size=scan.diameter / 8, band=band)
