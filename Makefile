@@ -64,11 +64,12 @@ bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, dist
 	$(BIN)/python examples/control_studies.py docs/figures
 
 studies: $(STAMP)   ## the studies of examples/studies: tables and figures of docs/studies.md; finished runs in out/studies stay
-	for name in gradation maximum_and_loose feeding; do \
+	for study in gradation.bulk maximum_and_loose.bulk feeding.bed; do \
+	  name=$${study%.*} density=$${study#*.}_solid_fraction; \
 	  $(BIN)/voxgran study examples/studies/$$name.toml -o out/studies/$$name || exit 1; \
 	  cp out/studies/$$name/cells.csv docs/figures/study_$$name.csv; \
-	  cp out/studies/$$name/bulk_solid_fraction_by_cell.svg docs/figures/study_$$name.svg; \
-	  cp out/studies/$$name/bulk_solid_fraction_against_seconds.svg docs/figures/study_$${name}_seconds.svg; \
+	  cp out/studies/$$name/$${density}_by_cell.svg docs/figures/study_$$name.svg; \
+	  cp out/studies/$$name/$${density}_against_seconds.svg docs/figures/study_$${name}_seconds.svg; \
 	done
 	$(BIN)/python examples/hulls_on_a_front.py out/studies/hulls 64000
 	cp out/studies/hulls/hulls_on_a_front.csv docs/figures/hulls_on_a_front.csv

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 PAGE, CELLS_TABLE, COMPARISONS_TABLE = "study.html", "cells.csv", "comparisons.csv"
 #: densities, of which there are figures, and all numbers that are compared and listed, where a study has them
-DENSITIES = ("solid_fraction", "bulk_solid_fraction")
+DENSITIES = ("solid_fraction", "bulk_solid_fraction", "bed_solid_fraction")
 LISTED_NUMBERS = (*DENSITIES, "mean_coordination_number", "seconds", "memory")
 #: numbers that are not compared: what the machine did
 MACHINE = ("seconds", "memory")
@@ -144,9 +144,9 @@ def _has(dataset: "Dataset", name: str) -> bool:
     if name not in numbers_of(dataset):
         return False
     values = values_of(dataset, name)
-    if name != DENSITIES[1] or DENSITIES[0] not in numbers_of(dataset):
+    if name not in DENSITIES[1:] or DENSITIES[0] not in numbers_of(dataset):
         return bool(np.isfinite(values).any())
-    # without walls and a free surface the bulk is the whole container
+    # without walls and a free surface the bulk and the bed are the whole container
     differs = np.abs(values - values_of(dataset, DENSITIES[0])) > EQUAL
     return bool(differs.any())
 
