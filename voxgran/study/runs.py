@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import logging
 import os
 import re
 import resource
@@ -24,6 +25,8 @@ from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.scene.description import SceneDescription
 from voxgran.shapes.model import Shape
+
+LOG = logging.getLogger(__name__)
 
 #: numbers of the verification, with unit and meaning; depths are in mean diameters
 VERIFIED = {
@@ -142,6 +145,7 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
         except MemoryError:
             record.failure = "the memory of the machine ran out: give fewer workers, or pack fewer grains"
         except Exception as error:  # noqa: BLE001 - a fault in one cell is a row of the study, and not its end
+            LOG.debug("a run failed with a fault of the program", exc_info=True)
             record.failure = f"{type(error).__name__}: {error}"
     record.failure = " ".join(record.failure.split())
     record.warnings = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))

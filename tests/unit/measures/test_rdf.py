@@ -77,7 +77,7 @@ def test_independent_points_have_one_up_to_every_wall(name):
 
 
 def test_the_mean_over_directions_of_the_common_part():
-    """The isotropized set covariances of a ball and a disk are closed forms; that of a box is a polynomial."""
+    """The isotropized set covariances of a sphere and a disk are closed forms; that of a box is a polynomial."""
     r = np.linspace(0, 2.2, 23)
     none = np.zeros((0, 3))
     box = PairWindow.of(grains(none, Box((5, 6, 7))), 0.0)
@@ -362,8 +362,8 @@ def test_the_transform_of_a_step():
     waves = np.linspace(0.5, 12, 24)
     for d in (2, 3):
         found = transformed_structure(edges, g, np.zeros(8000), density=0.01, dimension=d, waves=waves)
-        ball = 4 * math.pi * (np.sin(waves) - waves * np.cos(waves)) / waves**3
-        exact = 1 - 0.01 * (ball if d == 3 else 2 * math.pi * j1(waves) / waves)
+        sphere = 4 * math.pi * (np.sin(waves) - waves * np.cos(waves)) / waves**3
+        exact = 1 - 0.01 * (sphere if d == 3 else 2 * math.pi * j1(waves) / waves)
         assert found.value == pytest.approx(exact, abs=2e-4)
 
 
