@@ -144,7 +144,7 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
             record.failure = str(error)
         except MemoryError:
             record.failure = "the memory of the machine ran out: give fewer workers, or pack fewer grains"
-        except Exception as error:  # noqa: BLE001 - a fault in one cell is a row of the study, and not its end
+        except Exception as error:
             LOG.debug("a run failed with a fault of the program", exc_info=True)
             record.failure = f"{type(error).__name__}: {error}"
     record.failure = " ".join(record.failure.split())
