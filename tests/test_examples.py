@@ -114,6 +114,27 @@ def totals(path):
     return pd.read_csv(path).set_index(["dimension", "scheme", "candidates"]).sort_index()
 
 
+@pytest.mark.parametrize(
+    ("name", "row", "head"),
+    [
+        ("maximum_and_loose", "shape", "| shape | random addition"),
+        ("gradation", "sizes.sigma", "| method | sigma 0.02"),
+    ],
+)
+def test_tables_of_studies_are_those_of_their_files(name, row, head):
+    docs = EXAMPLES.parent / "docs"
+    cells = pd.read_csv(docs / "figures" / f"study_{name}.csv")
+    means = cells.pivot_table(index=row, columns="method", values="bulk_solid_fraction", sort=False)
+    # rows of the page are shapes, or methods where the columns are widths
+    means = means if row == "shape" else means.T
+    lines = (docs / "studies.md").read_text().split(head)[1].split("\n")[2 : 2 + len(means)]
+    shown = {cells[1].strip(): cells[2 : 2 + means.shape[1]] for cells in (line.split("|") for line in lines)}
+    assert {key.lower() for key in shown} == {str(key).lower() for key in means.index}
+    for key, values in means.iterrows():
+        found = next(texts for label, texts in shown.items() if label.lower() == str(key).lower())
+        assert [float(text) for text in found] == pytest.approx(values.tolist(), abs=5.1e-4)
+
+
 def test_chu_totals(tmp_path, capsys, monkeypatch):
     """Order claims of Chu 2011 in the plane and in a box, and maps of contact normals, on small numbers."""
     monkeypatch.setattr("sys.argv", ["chu_totals.py", str(tmp_path), "2", "1500"])
