@@ -30,6 +30,9 @@ MOST_LETTERS = 50
 #: share of the place of a category that its points and its band take
 SPREAD, BAND = 0.6, 0.42
 
+#: most labels of an axis that do not cover each other where they are slanted
+MOST_SLANTED = 6
+
 
 @dataclass(frozen=True, slots=True)
 class Points:
@@ -236,7 +239,7 @@ def _draw_by_category(axes: Any, *, points: Points, density: _Values, bands: Seq
         axes.set_xticks(range(len(middle)), [text_of(value) for value in values] or [""])
         axes.set_xlim(-0.5, len(middle) - 0.5)
         if sum(map(len, middle)) > MOST_LETTERS:
-            axes.tick_params(axis="x", labelrotation=25)
+            axes.tick_params(axis="x", labelrotation=90 if len(values) > MOST_SLANTED else 25)
     for band in bands:
         _draw_band(
             axes, band, (middle[band.label] - BAND * width, middle[band.label] + BAND * width) if placed else None
