@@ -63,7 +63,7 @@ bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, dist
 	$(BIN)/python examples/chu_rsa.py docs/figures
 	$(BIN)/python examples/control_studies.py docs/figures
 
-studies: $(STAMP)   ## the studies of examples/studies: tables and figures of docs/studies.md; finished runs in out/studies stay
+studies: $(STAMP)   ## the studies of examples/studies: tables and figures of docs/guide/studies.md; finished runs in out/studies stay
 	for study in gradation.bulk maximum_and_loose.bulk feeding.bed; do \
 	  name=$${study%.*} density=$${study#*.}_solid_fraction; \
 	  $(BIN)/voxgran study examples/studies/$$name.toml -o out/studies/$$name || exit 1; \

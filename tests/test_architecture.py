@@ -1,4 +1,4 @@
-"""The plan of the house (docs/design.md), held: who imports whom and when, what is documented.
+"""The plan of the house (docs/contribute/design.md), held: who imports whom and when, what is documented.
 
 The rules read the source as a syntax tree and return the breaches that they find. Each rule is
 tried on samples that break it, then on every file of the package.

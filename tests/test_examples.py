@@ -127,7 +127,7 @@ def test_tables_of_studies_are_those_of_their_files(name, row, head):
     means = cells.pivot_table(index=row, columns="method", values="bulk_solid_fraction", sort=False)
     # rows of the page are shapes, or methods where the columns are widths
     means = means if row == "shape" else means.T
-    lines = (docs / "studies.md").read_text().split(head)[1].split("\n")[2 : 2 + len(means)]
+    lines = (docs / "guide" / "studies.md").read_text().split(head)[1].split("\n")[2 : 2 + len(means)]
     shown = {cells[1].strip(): cells[2 : 2 + means.shape[1]] for cells in (line.split("|") for line in lines)}
     assert {key.lower() for key in shown} == {str(key).lower() for key in means.index}
     for key, values in means.iterrows():
@@ -176,12 +176,12 @@ def test_chu_totals(tmp_path, capsys, monkeypatch):
 
 def test_the_page_on_the_papers_states_the_table_and_names_files_that_exist():
     root = EXAMPLES.parent
-    page = (root / "docs/seeds.md").read_text()
+    page = (root / "docs/validation/seeds.md").read_text()
     assert page.count("\n") <= 150
     for table in re.findall(r"(?:^\|.*\n)+", page, flags=re.MULTILINE):
         assert len({row.count("|") for row in table.splitlines()}) == 1, table[:80]
     for target in re.findall(r"\]\(([^)#]+)", page):
-        assert (root / "docs" / target).exists(), target
+        assert (root / "docs/validation" / target).exists(), target
     for target in re.findall(r"[`/ ](examples/\w+\.py)", page):
         assert (root / target).exists(), target
     for target in re.findall(r"`((?:\w+/)+test_\w+\.py)`", page):

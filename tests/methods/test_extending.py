@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-PAGE = Path(__file__).parents[2] / "docs" / "extending.md"
+PAGE = Path(__file__).parents[2] / "docs" / "contribute" / "extending.md"
 
 
 def test_the_example_of_the_page_passes_the_suite(tmp_path):

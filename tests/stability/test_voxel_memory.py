@@ -1,4 +1,4 @@
-"""The bytes a voxel that docs/voxels.md states: no operation takes more."""
+"""The bytes a voxel that docs/guide/voxels.md states: no operation takes more."""
 
 import re
 import tracemalloc
@@ -30,7 +30,7 @@ CALLS = {
 
 def stated(name):
     """Return the bytes a voxel that the page states."""
-    page = (Path(__file__).parents[2] / "docs" / "voxels.md").read_text()
+    page = (Path(__file__).parents[2] / "docs" / "guide" / "voxels.md").read_text()
     row = next(line for line in page.splitlines() if line.startswith("|") and f"`{name}`" in line.split("|")[1])
     number = row.split("|")[2].strip()
     return {"1/8": 0.125, "that of the result": 0.125}.get(number) or float(re.match(r"\d+", number)[0])

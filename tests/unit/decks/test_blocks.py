@@ -17,7 +17,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.tessellate import unit_box
 
 ROOT = Path(__file__).parents[3]
-DOCS, DATA = ROOT / "docs" / "decks_blocks.md", ROOT / "data"
+DOCS, DATA = ROOT / "docs" / "guide" / "decks_blocks.md", ROOT / "data"
 TYPES = {"object": dict, "array": list, "string": str, "boolean": bool, "integer": int, "number": (int, float)}
 
 

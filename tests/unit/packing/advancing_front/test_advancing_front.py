@@ -367,7 +367,7 @@ def test_a_loose_front_that_cannot_begin_fills_slabs_and_tubes(shape, container,
     ids=str,
 )
 def test_slabs_and_tubes_hold_what_the_manual_says(container, asked, count, narrow):
-    """docs/front.md."""
+    """docs/guide/front.md."""
     packing = pack(SPHERE, container, **asked)
     assert packing.count == count
     assert packing.provenance["counters"]["narrow"] == narrow
