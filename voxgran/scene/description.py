@@ -23,6 +23,7 @@ from voxgran.io.files import load
 from voxgran.packing.gravity import proposed_axis
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
+from voxgran.scene.keys import Measured, Packed, Settled, names_of
 from voxgran.scene.sections import General, Output
 from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries
 from voxgran.settling.parameters import Settling
@@ -150,7 +151,7 @@ class SceneDescription:
             raise InputError(f"[packing] has no method: a scene is packed by one; add method, one of {known}")
         count, solid = packing.pop("count", None), packing.pop("solid_fraction", None)
         start = packing.pop("start", None)
-        beside = ("method", "count", "solid_fraction", "start")
+        beside = names_of(Packed)
         if "settle" in packing:
             raise UnknownNameError(f"[packing] settle is no key: {SETTLE_KEYS}")
         output: Output = from_mapping(Output, mapping.get("output", {}), "[output]")
@@ -266,7 +267,7 @@ def _settle(
             f"[settle] and method {method!r}: it packs without gravity; leave this section out, and settle the packing "
             f"with 'voxgran settle out/packing.vtp --gravity {proposed_axis(container)} -o settled.vtp'"
         )
-    settling = from_mapping(Settling, given, "[settle]", beside=("enabled",))
+    settling = from_mapping(Settling, given, "[settle]", beside=names_of(Settled))
     return settling if enabled else False
 
 
@@ -291,8 +292,8 @@ def _which(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
     from voxgran.measures.model import ALL, measure_registry
 
     for key in mapping:
-        if key != "which":
-            raise UnknownNameError(unknown("[measure] key", key, ("which",)))
+        if key not in names_of(Measured):
+            raise UnknownNameError(unknown("[measure] key", key, names_of(Measured)))
     if "which" not in mapping:
         return None
     check_type(mapping["which"], (list, tuple), "[measure] which", "a list of names, such as ['density']")

@@ -1,0 +1,122 @@
+"""The page of the scene file, made of the tables by which scenes are checked."""
+
+import dataclasses
+
+from voxgran.clumps.method import clump_registry
+from voxgran.containers.make import KEYS, KINDS
+from voxgran.decks.material import Material
+from voxgran.packing.method import method_registry
+from voxgran._base.config import parameters_of
+from voxgran.cli.commands import SCENE
+from voxgran.scene import keys
+from voxgran.scene.sections import General, Output
+from voxgran.settling.parameters import Lid, Settling, Shaking
+from voxgran.shapes.family import families
+from voxgran.shapes.roughness.parameters import Roughness
+from voxgran.shapes.sizes import KINDS as LAWS
+
+#: sections with the classes of their keys, in the order of a scene file, and what is said of them
+SECTIONS = {
+    "[scene]": ((General,), "What holds for the whole scene. The section may be left out."),
+    "[[shape]]": (
+        (keys.AnyShape, keys.ShapeOfFile, keys.ShapeOfFamily),
+        "One section for each kind of grain, with either `file` or `family`. The parameters of the family are keys of the "
+        "same section; a pair of numbers in place of a number is a range from which each shape draws its own value.",
+    ),
+    "clump = { ... } of a [[shape]]": (
+        (keys.ClumpOfShape,),
+        "A clump of spheres in place of the shape. The parameters of the method are keys of the same table.",
+    ),
+    "roughen = { ... } of a [[shape]]": ((Roughness,), "A rough surface; a `seed` may be given, too."),
+    "[packing]": ((keys.Packed,), "How the grains are packed. The parameters of the method are keys of the same section."),
+    "[settle]": (
+        (keys.Settled, Settling),
+        "How grains come to rest after they are packed. Without the section, they settle where the method does so by itself.",
+    ),
+    "shaking = { ... } of [settle]": ((Shaking,), "Shaking before the grains come to rest."),
+    "lid = { ... } of [settle]": ((Lid,), "A plate that lies on the bed."),
+    "[material]": ((Material,), "The contact law in the input of engines. The section may be left out."),
+    "[measure]": ((keys.Measured,), "What is measured. The section may be left out."),
+    "[output]": ((Output,), "What is written. The section may be left out."),
+}
+HEAD = """# Scene files
+
+A scene file says in TOML which grains are packed into what. `voxgran init scene.toml` writes one to start from,
+`voxgran plan scene.toml` checks it, and `voxgran run scene.toml -o out` packs it. Lengths are in the unit of `[scene]`, or
+texts with a unit of their own, such as `"3 mm"`. An unknown key is an error that gives the nearest name.
+
+```toml
+{scene}```
+"""
+
+
+def _cell(text):
+    """Return a text that fits into a cell of a table."""
+    return " ".join(str(text).split()).replace("|", "\\|")
+
+
+def toml(value):
+    """Return a default as it stands in a scene file."""
+    if value is dataclasses.MISSING:
+        return "required"
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, list | tuple):
+        return f"`[{', '.join(toml(item).strip('`') for item in value)}]`"
+    return f'`"{value}"`' if isinstance(value, str) else f"`{value:g}`" if isinstance(value, float) else f"`{value}`"
+
+
+def table(*classes):
+    """Return the table of the keys that parameter classes describe."""
+    rows = ["| key | type and range | unit | default | meaning |", "|---|---|---|---|---|"]
+    for item in (item for cls in classes for item in parameters_of(cls)):
+        row = (f"`{item.name}`", _cell(item.type_text), item.unit, toml(item.default), _cell(item.doc))
+        rows.append(f"| {' | '.join(row)} |")
+    return "\n".join(rows)
+
+
+def containers():
+    """Return the section of the containers."""
+    parts = ["## [container]", "", "What holds the grains: its `kind` and the keys of that kind.", ""]
+    parts += ["| kind | required keys | other keys |", "|---|---|---|"]
+    for kind, (_, needed, optional) in KINDS.items():
+        parts.append("| " + " | ".join([f"`{kind}`", *(", ".join(f"`{key}`" for key in some) for some in (needed, optional))]) + " |")
+    parts += ["", "| key | meaning |", "|---|---|"]
+    parts += [f"| `{key}` | {_cell(text)} |" for key, text in KEYS.items()]
+    return "\n".join(parts)
+
+
+def sizes():
+    """Return the section of the sizes."""
+    parts = ["## [sizes]", "", "Equivalent diameters of the grains. Without the section each shape keeps its own size.", ""]
+    parts += [table(keys.Shares), ""]
+    for kind, law in LAWS.items():
+        parts += [f"### Sizes of the kind {kind}", "", table(law), ""]
+    return "\n".join(parts)
+
+
+def own_parameters():
+    """Return the sections of the parameters of families, methods and clump methods."""
+    parts = []
+    for heading, registry in (
+        ("Parameters of the packing methods", method_registry()),
+        ("Parameters of the families of shapes", families()),
+        ("Parameters of the clump methods", clump_registry()),
+    ):
+        parts += [f"## {heading}", ""]
+        for name in registry.names():
+            cls = registry.get(name).parameters
+            parts += [f"### {name}", "", table(cls) if parameters_of(cls) else "No parameters.", ""]
+    return "\n".join(parts)
+
+
+def page():
+    """Return the page of the scene file, in Markdown."""
+    parts = [HEAD.format(scene=SCENE)]
+    for heading, (classes, text) in SECTIONS.items():
+        parts += [f"## {heading}", "", text, "", table(*classes), ""]
+        if heading.startswith("roughen"):
+            parts += [sizes(), containers(), ""]
+    return "\n".join([*parts, own_parameters()])
