@@ -36,7 +36,6 @@ myst_enable_extensions = ["colon_fence", "deflist"]
 autosummary_generate = False
 autodoc_typehints = "none"  # the section Parameters has the types
 autodoc_member_order = "bysource"
-autodoc_preserve_defaults = True
 numpydoc_class_members_toctree = False
 numpydoc_show_class_members = False
 
