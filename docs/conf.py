@@ -14,6 +14,7 @@ sys.path.insert(0, str(DOCS))
 
 import site_links
 import site_reference
+from numpydoc.xref import DEFAULT_LINKS
 
 import voxgran
 
@@ -23,10 +24,8 @@ copyright = author
 version = release = voxgran.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
-exclude_patterns = ["methods/index.rst.txt", "**/README.txt"]
+exclude_patterns = ["**/README.*"]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
-templates_path = []
-nitpicky = False
 
 # GitHub's anchors of headings, so that one link works there and here
 myst_heading_anchors = 4
@@ -38,9 +37,17 @@ autodoc_typehints = "none"  # the section Parameters has the types
 autodoc_member_order = "bysource"
 numpydoc_class_members_toctree = False
 numpydoc_show_class_members = False
+# types that are classes of voxgran lead to their pages
+numpydoc_xref_param_type = True
+numpydoc_xref_ignore = "all"
+DEFAULT_LINKS.clear()  # terms of NumPy and Python, which a site without a network cannot lead to
+numpydoc_xref_aliases = {name: f"voxgran.{name}" for name in voxgran.__all__ if name[0].isupper()} | {
+    "SizeDistribution": "voxgran.sizes.SizeDistribution",
+    "Clump": "voxgran.clumps.Clump",
+}
 
-# a part of the gallery that is not there yet leaves the site without it
-suppress_warnings = ["toc.empty_glob", "config.cache"]
+# the gallery's configuration holds functions, which Sphinx cannot keep between builds
+suppress_warnings = ["config.cache"]
 
 html_theme = "pydata_sphinx_theme"
 html_title = f"voxgran {version}"
@@ -62,8 +69,6 @@ html_theme_options = {
 
 # a gallery is built where its configuration and sphinx-gallery are
 if find_spec("gallery") and find_spec("sphinx_gallery"):
-    from gallery import SPHINX_GALLERY_CONF as sphinx_gallery_conf
-
     extensions.append("sphinx_gallery.gen_gallery")
 
 

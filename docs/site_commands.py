@@ -2,6 +2,8 @@
 
 import argparse
 
+from site_tables import code, table
+
 from voxgran.cli.commands import COMMANDS
 from voxgran.cli.parser import EXAMPLES, make_parser
 
@@ -11,6 +13,8 @@ Each command of `voxgran` with its options. `voxgran COMMAND --help` prints the 
 `voxgran clump` that belong to one family or method are shown where it is named: `voxgran shape solid_union --help`.
 Every command ends with the exit status 0, 2 after wrong input, or 1 after a failure.
 """
+#: columns of the tables
+COLUMNS = ("option", "values", "default", "meaning")
 #: options that every command has, listed once
 COMMON = ("--help", "--json", "--overwrite", "--verbose", "--quiet")
 
@@ -22,20 +26,16 @@ def parsers():
     return dict(found.choices)
 
 
-def _cell(text):
-    """Return a text that fits into a cell of a table."""
-    return " ".join(str(text).split()).replace("|", "\\|")
-
-
 def _row(action):
     """Return the row of an argument or option: name, values, default, meaning."""
-    names = ", ".join(f"`{name}`" for name in action.option_strings) or f"`{action.metavar or action.dest}`"
-    values = ", ".join(f"`{value}`" for value in action.choices or ())
+    names = ", ".join(map(code, action.option_strings)) or code(action.metavar or action.dest)
+    values = ", ".join(map(code, action.choices or ()))
     if not values and action.nargs != 0:
         values = {int: "a whole number", float: "a number"}.get(action.type, "")
-    default = "" if action.default in (None, False, argparse.SUPPRESS) or action.required else f"`{action.default}`"
-    meaning = _cell((action.help or "").replace("%%", "%"))
-    return f"| {names} | {values} | {default} | {meaning} |"
+    default = "required" if action.required else code(action.default)
+    if action.default in (None, False, argparse.SUPPRESS) and not action.required:
+        default = ""
+    return names, values, default, (action.help or "").replace("%%", "%")
 
 
 def _shown(parser):
@@ -50,7 +50,7 @@ def command(name, parser):
     lines += [line.strip() for line in EXAMPLES[name].splitlines()]
     lines += ["```", ""]
     if own:
-        lines += ["| option | values | default | meaning |", "|---|---|---|---|", *map(_row, own), ""]
+        lines += [table(COLUMNS, map(_row, own)), ""]
     return "\n".join(lines)
 
 
@@ -58,6 +58,5 @@ def page():
     """Return the page of the command line, in Markdown."""
     found = parsers()
     common = [action for action in _shown(next(iter(found.values()))) if set(COMMON) & set(action.option_strings)]
-    rows = ["| option | values | default | meaning |", "|---|---|---|---|", *map(_row, common)]
-    parts = [HEAD, "## Options of every command", "", *rows, ""]
+    parts = [HEAD, "## Options of every command", "", table(COLUMNS, map(_row, common)), ""]
     return "\n".join([*parts, *(command(name, parser) for name, parser in found.items())])

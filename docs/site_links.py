@@ -14,6 +14,8 @@ DOCS = Path(__file__).parent
 ROOT = DOCS.parent
 #: pages made of files at the root of the repository
 ROOT_PAGES = {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contribute/contributing.md"}
+#: parts of the site that a program writes, and that a build may lack
+MADE = ("gallery", "methods", "reference")
 #: code in fences and between ticks, which holds no links
 CODE = re.compile(r"^(```+|~~~+|:::+).*?^\1[ \t]*$|``[^`]+``|`[^`\n]+`", re.MULTILINE | re.DOTALL)
 #: a link or picture of Markdown: what stands before, the text, the target
@@ -63,7 +65,7 @@ def _link(mark, words, file, anchor, page):
         file = shown if shown.exists() else file
     if file == ROOT / "examples" and (DOCS / "gallery" / "index.rst").exists():
         file = DOCS / "gallery" / "index.rst"
-    if file.is_dir():
+    if file.is_dir() or (file.is_relative_to(DOCS) and not file.exists() and file.relative_to(DOCS).parts[0] in MADE):
         return words
     inside = file.is_relative_to(DOCS)
     if mark or (inside and file.suffix in (".md", ".rst")):
@@ -120,12 +122,32 @@ def with_terms(text, terms):
     return "".join([*made, pattern.sub(linked, text[begin:])])
 
 
+def with_pages_that_exist(text, folder):
+    """Return the text of a page whose tables of contents name only pages that exist: a site without gallery has none.
+
+    A page that no table names is a warning of Sphinx, so that a misspelt entry is found all the same.
+    """
+
+    def kept(match):
+        head, entries, end = match.groups()
+        found = [line for line in entries.splitlines() if not line or line[0] == ":" or _page_exists(line, folder)]
+        return "\n".join([head, *found, end])
+
+    return re.sub(r"^(```\{toctree\})\n(.*?)\n(```)$", kept, text, flags=re.MULTILINE | re.DOTALL)
+
+
+def _page_exists(entry, folder):
+    """Return whether the page of an entry of a table of contents exists."""
+    name = re.sub(r".*<(.*)>", r"\1", entry)
+    return any((folder / f"{name}{suffix}").exists() for suffix in (".md", ".rst"))
+
+
 def on_source(app, name, source):
     """Give a page of Markdown links that the site has, and links to the glossary."""
     file = Path(app.env.doc2path(name))
     if file.suffix != ".md":
         return
-    text = source[0]
+    text = with_pages_that_exist(source[0], file.parent)
     if file.relative_to(DOCS).as_posix() not in ROOT_PAGES.values():
         text = with_links(text, file.parent)
     if name not in ("glossary", "index", "changelog") and not name.startswith("reference/"):

@@ -2,10 +2,12 @@
 
 import importlib
 import inspect
+import re
 
 import site_commands
 import site_scene
 from site_links import write_if_new
+from site_tables import table
 
 #: names of modules whose names are public, as they are called, with the headings of their tables
 NAMESPACES = {
@@ -85,9 +87,9 @@ def public_names():
 
 
 def summary_of(found):
-    """Return the first sentence of a docstring on one line, as Markdown."""
-    text = (inspect.getdoc(found) or "").split("\n\n")[0]
-    return " ".join(text.split()).replace("``", "`").replace("|", "\\|")
+    """Return the summary of a docstring, as Markdown."""
+    text = (inspect.getdoc(found) or "").split("\n\n")[0].replace("``", "`")
+    return re.sub(r":\w+:`~?([^`]+)`", r"`\1`", text)
 
 
 def page_of(name):
@@ -103,17 +105,12 @@ def index():
     """Return the first page of the reference."""
     parts = [HEAD]
     for heading, names in public_names().items():
-        rows = [f"| [`{name.removeprefix('voxgran.')}`](names/{name}.rst) | {_plain(name)} |" for name in names]
-        tree = ["```{toctree}", ":hidden:", "", *(f"names/{name}" for name in names), "```"]
-        parts.append("\n".join([f"## {heading}", "", "| name | what it is |", "|---|---|", *rows, "", *tree, ""]))
+        short = {name: name.removeprefix("voxgran.") for name in names}
+        rows = [(f"[`{short[name]}`](names/{name}.rst)", summary_of(object_of(name))) for name in names]
+        entries = "\n".join(f"{short[name]} <names/{name}>" for name in names)
+        tree = f"```{{toctree}}\n:hidden:\n:caption: {heading}\n\n{entries}\n```"
+        parts += [f"## {heading}", "", table(("name", "what it is"), rows), "", tree, ""]
     return "\n".join(parts)
-
-
-def _plain(name):
-    """Return the summary of a name without roles of reStructuredText."""
-    import re
-
-    return re.sub(r":\w+:`~?([^`]+)`", r"`\1`", summary_of(object_of(name)))
 
 
 def write_pages(folder):

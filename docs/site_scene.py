@@ -2,12 +2,14 @@
 
 import dataclasses
 
+from site_tables import code, table
+
+from voxgran._base.config import parameters_of
+from voxgran.cli.commands import SCENE
 from voxgran.clumps.method import clump_registry
 from voxgran.containers.make import KEYS, KINDS
 from voxgran.decks.material import Material
 from voxgran.packing.method import method_registry
-from voxgran._base.config import parameters_of
-from voxgran.cli.commands import SCENE
 from voxgran.scene import keys
 from voxgran.scene.sections import General, Output
 from voxgran.settling.parameters import Lid, Settling, Shaking
@@ -28,7 +30,10 @@ SECTIONS = {
         "A clump of spheres in place of the shape. The parameters of the method are keys of the same table.",
     ),
     "roughen = { ... } of a [[shape]]": ((Roughness,), "A rough surface; a `seed` may be given, too."),
-    "[packing]": ((keys.Packed,), "How the grains are packed. The parameters of the method are keys of the same section."),
+    "[packing]": (
+        (keys.Packed,),
+        "How the grains are packed. The parameters of the method are keys of the same section.",
+    ),
     "[settle]": (
         (keys.Settled, Settling),
         "How grains come to rest after they are packed. Without the section, they settle where the method does so by itself.",
@@ -50,11 +55,6 @@ texts with a unit of their own, such as `"3 mm"`. An unknown key is an error tha
 """
 
 
-def _cell(text):
-    """Return a text that fits into a cell of a table."""
-    return " ".join(str(text).split()).replace("|", "\\|")
-
-
 def toml(value):
     """Return a default as it stands in a scene file."""
     if value is dataclasses.MISSING:
@@ -68,32 +68,33 @@ def toml(value):
     return f'`"{value}"`' if isinstance(value, str) else f"`{value:g}`" if isinstance(value, float) else f"`{value}`"
 
 
-def table(*classes):
+def keys_of(*classes):
     """Return the table of the keys that parameter classes describe."""
-    rows = ["| key | type and range | unit | default | meaning |", "|---|---|---|---|---|"]
-    for item in (item for cls in classes for item in parameters_of(cls)):
-        row = (f"`{item.name}`", _cell(item.type_text), item.unit, toml(item.default), _cell(item.doc))
-        rows.append(f"| {' | '.join(row)} |")
-    return "\n".join(rows)
+    items = [item for cls in classes for item in parameters_of(cls)]
+    rows = [(code(item.name), item.type_text, item.unit, toml(item.default), item.doc) for item in items]
+    return table(("key", "type and range", "unit", "default", "meaning"), rows)
 
 
 def containers():
     """Return the section of the containers."""
+    kinds = [(code(kind), *(", ".join(map(code, some)) for some in entry[1:])) for kind, entry in KINDS.items()]
     parts = ["## [container]", "", "What holds the grains: its `kind` and the keys of that kind.", ""]
-    parts += ["| kind | required keys | other keys |", "|---|---|---|"]
-    for kind, (_, needed, optional) in KINDS.items():
-        parts.append("| " + " | ".join([f"`{kind}`", *(", ".join(f"`{key}`" for key in some) for some in (needed, optional))]) + " |")
-    parts += ["", "| key | meaning |", "|---|---|"]
-    parts += [f"| `{key}` | {_cell(text)} |" for key, text in KEYS.items()]
+    parts += [table(("kind", "required keys", "other keys"), kinds), ""]
+    parts += [table(("key", "meaning"), [(code(key), text) for key, text in KEYS.items()])]
     return "\n".join(parts)
 
 
 def sizes():
     """Return the section of the sizes."""
-    parts = ["## [sizes]", "", "Equivalent diameters of the grains. Without the section each shape keeps its own size.", ""]
-    parts += [table(keys.Shares), ""]
+    parts = [
+        "## [sizes]",
+        "",
+        "Equivalent diameters of the grains. Without the section each shape keeps its own size.",
+        "",
+    ]
+    parts += [keys_of(keys.Shares), ""]
     for kind, law in LAWS.items():
-        parts += [f"### Sizes of the kind {kind}", "", table(law), ""]
+        parts += [f"### Sizes of the kind {kind}", "", keys_of(law), ""]
     return "\n".join(parts)
 
 
@@ -108,7 +109,7 @@ def own_parameters():
         parts += [f"## {heading}", ""]
         for name in registry.names():
             cls = registry.get(name).parameters
-            parts += [f"### {name}", "", table(cls) if parameters_of(cls) else "No parameters.", ""]
+            parts += [f"### {name}", "", keys_of(cls) if parameters_of(cls) else "No parameters.", ""]
     return "\n".join(parts)
 
 
@@ -116,7 +117,7 @@ def page():
     """Return the page of the scene file, in Markdown."""
     parts = [HEAD.format(scene=SCENE)]
     for heading, (classes, text) in SECTIONS.items():
-        parts += [f"## {heading}", "", text, "", table(*classes), ""]
+        parts += [f"## {heading}", "", text, "", keys_of(*classes), ""]
         if heading.startswith("roughen"):
             parts += [sizes(), containers(), ""]
     return "\n".join([*parts, own_parameters()])
