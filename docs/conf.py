@@ -1,8 +1,8 @@
 """Configuration of the documentation site: `make docs` builds it with Sphinx, without a network.
 
-Pages that a program writes are made before the sources are read: the reference from the public names, the scene file and
-the command line from the tables that voxgran itself uses, the methods from their registries, the changelog and the guide
-for contributors from the files at the root of the repository. They are not kept by git.
+Pages that a program writes are made before the sources are read: the reference from the public names, the scene file
+and the command line from the tables that voxgran itself uses, the methods from their registries, the changelog and the
+guide for contributors from the files at the root of the repository. They are not kept by git.
 """
 
 import sys

@@ -16,24 +16,20 @@ ROOT = DOCS.parent
 ROOT_PAGES = {"CHANGELOG.md": "changelog.md", "CONTRIBUTING.md": "contribute/contributing.md"}
 #: parts of the site that a program writes, and that a build may lack
 MADE = ("gallery", "methods", "reference")
-#: code in fences and between ticks, which holds no links
-CODE = re.compile(r"^(```+|~~~+|:::+).*?^\1[ \t]*$|``[^`]+``|`[^`\n]+`", re.MULTILINE | re.DOTALL)
-#: a link or picture of Markdown: what stands before, the text, the target
-LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
-#: places in a page that hold no prose: front matter of fences, headings, tables, links, roles, bold words
+#: a fence with all that it holds, code between ticks, and a link or picture: mark, text, target
+FENCE = r"^(?P<fence>```+|~~~+|:::+)(?s:.*?)^(?P=fence)[ \t]*$"
+CODE = r"``[^`]+``|`[^`\n]+`"
+LINK = re.compile(rf"{FENCE}|{CODE}|(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)", re.MULTILINE)
+#: what is no prose: fences, headings, tables, indented code, links, roles, code, bold words
 NO_PROSE = re.compile(
-    CODE.pattern + r"|^#.*$|^\|.*$|^ {4,}.*$|^(?:\[|<).*$|!?\[(?:[^\[\]]|\[[^\]]*\])*\]\([^)]*\)|\{\w+\}`[^`]*`",
-    re.MULTILINE | re.DOTALL,
+    rf"{FENCE}|^#.*$|^\|.*$|^ {{4,}}.*$|!?\[(?:[^\[\]]|\[[^\]]*\])*\]\([^)]*\)|\{{\w+\}}`[^`]*`|\*\*[^*]+\*\*|{CODE}",
+    re.MULTILINE,
 )
 
 
-def outside_code(text, change):
-    """Return a text with a function applied to the stretches outside of code."""
-    made, begin = [], 0
-    for match in CODE.finditer(text):
-        made += [change(text[begin : match.start()]), match.group()]
-        begin = match.end()
-    return "".join([*made, change(text[begin:])])
+def links_in(text):
+    """Return the targets of the links and pictures of a page."""
+    return [match.group(4) for match in LINK.finditer(text) if match.group(4)]
 
 
 def with_links(text, folder, *, page=None):
@@ -44,13 +40,15 @@ def with_links(text, folder, *, page=None):
     page = folder if page is None else page
 
     def replaced(match):
-        mark, words, target = match.groups()
+        _, mark, words, target = match.groups()
+        if target is None:
+            return match.group()
         path, anchor = target.partition("#")[::2]
         if "://" in target or target.startswith("mailto:") or not path:
             return match.group()
         return _link(mark, words, (folder / path).resolve(), anchor, page)
 
-    return outside_code(text, lambda part: LINK.sub(replaced, part))
+    return LINK.sub(replaced, text)
 
 
 def _link(mark, words, file, anchor, page):

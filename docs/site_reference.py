@@ -41,8 +41,8 @@ ROOMS = {
 }
 HEAD = """# Reference
 
-Every public name, with its signature, the types and units of its parameters, and the errors that it raises. The names are
-written as after `import voxgran as vg`, with `voxgran` in place of `vg`.
+Every public name, with its signature, the types and units of its parameters, and the errors that it raises. In scripts
+`import voxgran as vg` is usual: `vg.pack` is `voxgran.pack`.
 
 | page | what it lists |
 |---|---|
@@ -76,12 +76,12 @@ def public_names():
         found = getattr(package, name)
         if not inspect.ismodule(found) and not name.startswith("__"):
             groups[ROOMS[found.__module__.split(".")[1]]].append(f"voxgran.{name}")
-    seen = {id(object_of(name)) for names in groups.values() for name in names}
+    seen = {object_of(name) for names in groups.values() for name in names}
     for namespace, heading in NAMESPACES.items():
         module = object_of(namespace)
         names = getattr(module, "__all__", dir(module))
-        new = [f"{namespace}.{name}" for name in names if id(getattr(module, name)) not in seen]
-        seen |= {id(object_of(name)) for name in new}
+        new = [f"{namespace}.{name}" for name in names if getattr(module, name) not in seen]
+        seen |= {object_of(name) for name in new}
         groups.setdefault(heading, []).extend(new)
     return {heading: names for heading, names in groups.items() if names}
 

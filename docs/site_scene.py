@@ -22,8 +22,7 @@ SECTIONS = {
     "[scene]": ((General,), "What holds for the whole scene. The section may be left out."),
     "[[shape]]": (
         (keys.AnyShape, keys.ShapeOfFile, keys.ShapeOfFamily),
-        "One section for each kind of grain, with either `file` or `family`. The parameters of the family are keys of the "
-        "same section; a pair of numbers in place of a number is a range from which each shape draws its own value.",
+        "Grains, with `file` or `family`. The parameters of the family are keys of the same section.",
     ),
     "clump = { ... } of a [[shape]]": (
         (keys.ClumpOfShape,),
@@ -32,11 +31,11 @@ SECTIONS = {
     "roughen = { ... } of a [[shape]]": ((Roughness,), "A rough surface; a `seed` may be given, too."),
     "[packing]": (
         (keys.Packed,),
-        "How the grains are packed. The parameters of the method are keys of the same section.",
+        "How the grains are packed. Parameters of the method are keys of the same section.",
     ),
     "[settle]": (
         (keys.Settled, Settling),
-        "How grains come to rest after they are packed. Without the section, they settle where the method does so by itself.",
+        "How grains come to rest after they are packed. Without the section, it is up to the method.",
     ),
     "shaking = { ... } of [settle]": ((Shaking,), "Shaking before the grains come to rest."),
     "lid = { ... } of [settle]": ((Lid,), "A plate that lies on the bed."),
@@ -47,8 +46,9 @@ SECTIONS = {
 HEAD = """# Scene files
 
 A scene file says in TOML which grains are packed into what. `voxgran init scene.toml` writes one to start from,
-`voxgran plan scene.toml` checks it, and `voxgran run scene.toml -o out` packs it. Lengths are in the unit of `[scene]`, or
-texts with a unit of their own, such as `"3 mm"`. An unknown key is an error that gives the nearest name.
+`voxgran plan scene.toml` checks it, and `voxgran run scene.toml -o out` packs it. Lengths are in the unit of `[scene]`.
+An unknown key is an error that gives the nearest name. Each `[[shape]]` is one kind of grain; a pair of numbers in place of
+a number of its family is a range from which each shape draws a value of its own.
 
 ```toml
 {scene}```

@@ -30,10 +30,10 @@ KINDS: dict[str, tuple[type, tuple[str, ...], tuple[str, ...]]] = {
 #: meaning of the keys, for the reference of the scene file
 KEYS: dict[str, str] = {
     "lengths": "edges of a box (3 lengths) or rectangle (2)",
-    "periodic": "axes along which a box or rectangle repeats, such as `\"xy\"`; default: none",
+    "periodic": 'axes along which a box or rectangle repeats, such as `"xy"`; default: none',
     "radius": "radius of a cylinder, disk or sphere, a length above 0",
     "height": "height of a cylinder along z, a length above 0",
-    "origin": "lower corner of a box, rectangle or picture, center of the base of a cylinder, center of a disk or sphere; default: 0",
+    "origin": "lower corner of a box, rectangle or picture, center of a disk, sphere or base of a cylinder; default: 0",
     "file": "closed mesh, or picture of the inside of a polygon, relative to the scene file",
     "vertices": "points of a mesh without file, shape (n, 3)",
     "faces": "triangles of a mesh without file, shape (m, 3), as indices of vertices",
