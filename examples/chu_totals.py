@@ -109,6 +109,9 @@ def draw_normals(panel, normals):
 
 # %%
 # **All schemes and numbers of candidates**
+# colours of Okabe & Ito, which colour-blind readers tell apart
+colors = ("#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7")
+looks = dict(zip(schemes, zip(colors, "os^vDP*X", strict=True), strict=True))
 totals = Figure(figsize=(10, 4), layout="constrained")
 assemblies, roses = (Figure(figsize=(10, height), layout="constrained") for height in (7.5, 5.5))
 pictures = assemblies.subplots(2, 4, height_ratios=(2, 1))
@@ -133,7 +136,9 @@ for row, (dimension, panel) in enumerate(zip((2, 3), totals.subplots(1, 2), stri
             texts += [f"{value:.3f}" for value in fabric]
             table.append([dimension, scheme, int(many), *texts])
         print(f"   {scheme:8s} {texts[0]:>8s} ({texts[1]:>4s}) " + "  ".join(f"{text:>10s}" for text in texts[2:]))
-        panel.errorbar(candidates[dimension], *np.transpose(lines), marker=".", label=scheme)
+        panel.errorbar(
+            candidates[dimension], *np.transpose(lines), c=looks[scheme][0], marker=looks[scheme][1], label=scheme
+        )
         if dimension == 2 and scheme in paper and most == 5000:
             panel.plot(5000, paper[scheme], "k_", ms=14, label="paper" if scheme == "4d" else None)
         if scheme in moving:

@@ -18,7 +18,7 @@ import numpy as np
 import voxgran as vg
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/clump_methods")
-spheres = int(sys.argv[2]) if len(sys.argv) > 2 else 20
+spheres = int(sys.argv[2]) if len(sys.argv) > 2 else 15
 rows_in = folder / "rows"
 rows_in.mkdir(parents=True, exist_ok=True)
 

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 import voxgran as vg
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/control_studies")
-count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 150), (3, 150), (4, 1)))
+count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 200), (3, 100), (4, 1)))
 width = (0.6 * count) ** (1 / 3)
 periodic = vg.Box((width, width, 4 * width), "xy")
 studies = {
@@ -68,7 +68,8 @@ def measured(seed, shape=None, container=periodic, **options):
 # %%
 # **All beds**
 #
-# Beds of 150 grains have few grains in the bulk, which a warning states.
+# A bed of 200 grains between walls has too few grains in its bulk for a solid fraction; the figure states that.
+# More grains, sweeps and seeds are arguments of the script.
 # compile first, so that this is not timed
 vg.pack(vg.make_shape("sphere"), periodic, method="control_point", count=2, sweeps=1)
 figure = Figure(figsize=(11, 6), layout="constrained")
@@ -83,10 +84,13 @@ for panel, (study, choices) in zip(figure.subplots(2, 2).flat, studies.items(), 
             f"{study:14s} {choice:12s} bulk {bulk:.4f} (standard error {error:.4f})  mean height {height:.3f}  "
             f"{seconds:.2f} s"
         )
+        if np.isnan(bulk):
+            panel.text(place, 0.5, "too few grains\nin the bulk", ha="center", transform=panel.get_xaxis_transform())
         panel.errorbar(place, bulk, 2 * error, fmt="o", color="C0", capsize=3)
     panel.set_xticks(range(len(choices)), list(choices))
     panel.set(title=study, ylabel="bulk solid fraction")
-    panel.margins(x=0.1, y=0.2)
+    panel.set_xlim(-0.5, len(choices) - 0.5)
+    panel.margins(y=0.2)
 folder.mkdir(parents=True, exist_ok=True)
 # Picture: Bulk solid fraction for each feeding rate, way of feeding, boundary and shape, as points with error bars.
 figure.savefig(folder / "control_studies.svg")

@@ -101,7 +101,8 @@ for row, dimension in enumerate((2, 3)):
         angle = np.arctan2(normals[:, dimension - 1], normals[:, 0])
         panels[row, 2].hist(angle % np.pi, bins=18, range=(0, np.pi), density=True, histtype="step", label=method)
     panels[row, 2].set(title=f"{dimension}D, angle of contact normals", xlabel="radians")
-    panels[row, 2].legend(frameon=False)
+    panels[row, 2].margins(y=0.35)
+    panels[row, 2].legend(frameon=False, ncols=2, loc="upper center")
 folder.mkdir(parents=True, exist_ok=True)
 # Picture: Positions after random steps in eight, 26 and any directions, round clouds in all cases, and histograms of
 #   the angles of contact normals by both methods.

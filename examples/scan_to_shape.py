@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.report.gallery import picture_shapes
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/scan")
 eros = vg.load_shape(vg.data_file("eros.obj"))
@@ -61,10 +62,10 @@ figure = Figure(figsize=(11, 4), layout="constrained")
 panel = figure.add_subplot(1, 2, 1, aspect="equal", title="points of both scans", xlabel="x", ylabel="y")
 for cloud, name, marker in ((first, "first scan", "."), (motion.moved(second), "second scan, moved", "x")):
     panel.plot(*cloud.points[::8, :2].T, marker, markersize=2, label=name)
-panel.legend(frameon=False, markerscale=4)
-panel = figure.add_subplot(1, 2, 2, projection="3d", title="fitted surface")
-panel.plot_trisurf(*made.shape.vertices.T, triangles=made.shape.faces, color="0.75", linewidth=0)
-panel.set_aspect("equal")
+panel.legend(frameon=False, markerscale=4, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
+panel = figure.add_subplot(1, 2, 2, title="fitted surface")
+panel.imshow(picture_shapes([made.shape]))
+panel.axis("off")
 # Picture: Points of two scans that cover each other after registration, and the closed surface of the elongated
 #   asteroid.
 figure.savefig(folder / "scan_to_shape.png", dpi=100)
