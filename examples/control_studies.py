@@ -1,11 +1,14 @@
-"""Four small studies of control-point packing: feeding rate, way of feeding, boundaries, and shape of the grains.
+"""
+What influences a bed of control points
+=======================================
 
-Each study changes one condition of the same bed: spheres fed at the default rate into a box with periodic sides, half
-as wide as the bed is high, which settles after the walk. The script prints the bulk solid fraction (which needs 50
-grains away from walls and surface), the mean height of the grains above the floor in diameters, and the seconds of a
-run, as means over several seeds. It writes a table and a figure with error bars of two standard errors.
+Four small studies of control-point packing: feeding rate, way of feeding, boundaries, and shape of the grains. Each
+study changes one condition of the same bed: spheres fed at the default rate into a box with periodic sides, half as
+wide as the bed is high, which settles after the walk. The script prints the bulk solid fraction (which needs 50 grains
+away from walls and surface), the mean height of the grains above the floor in diameters, and the seconds of a run, as
+means over several seeds. It writes a table and a figure with error bars of two standard errors.
 
-Arguments: folder, number of grains, sweeps, number of seeds.
+Arguments: folder, number of grains, sweeps, number of seeds (400 400 3 in the documentation).
 """
 
 import csv
@@ -19,7 +22,7 @@ from matplotlib.figure import Figure
 import voxgran as vg
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/control_studies")
-count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 400), (3, 400), (4, 3)))
+count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 200), (3, 100), (4, 1)))
 width = (0.6 * count) ** (1 / 3)
 periodic = vg.Box((width, width, 4 * width), "xy")
 studies = {
@@ -46,6 +49,8 @@ usual = {"method": "control_point", "sweeps": sweeps, "cycles": 4, "spacing": 0.
 known = {}
 
 
+# %%
+# **One bed**
 def measured(seed, shape=None, container=periodic, **options):
     """Return bulk solid fraction, mean height and seconds of one bed; results are cached."""
     key = (seed, str(shape), str(container), str(options))
@@ -60,6 +65,11 @@ def measured(seed, shape=None, container=periodic, **options):
     return known[key]
 
 
+# %%
+# **All beds**
+#
+# A bed of 200 grains between walls has too few grains in its bulk for a solid fraction; the figure states that.
+# More grains, sweeps and seeds are arguments of the script.
 # compile first, so that this is not timed
 vg.pack(vg.make_shape("sphere"), periodic, method="control_point", count=2, sweeps=1)
 figure = Figure(figsize=(11, 6), layout="constrained")
@@ -74,11 +84,15 @@ for panel, (study, choices) in zip(figure.subplots(2, 2).flat, studies.items(), 
             f"{study:14s} {choice:12s} bulk {bulk:.4f} (standard error {error:.4f})  mean height {height:.3f}  "
             f"{seconds:.2f} s"
         )
+        if np.isnan(bulk):
+            panel.text(place, 0.5, "too few grains\nin the bulk", ha="center", transform=panel.get_xaxis_transform())
         panel.errorbar(place, bulk, 2 * error, fmt="o", color="C0", capsize=3)
     panel.set_xticks(range(len(choices)), list(choices))
     panel.set(title=study, ylabel="bulk solid fraction")
-    panel.margins(x=0.1, y=0.2)
+    panel.set_xlim(-0.5, len(choices) - 0.5)
+    panel.margins(y=0.2)
 folder.mkdir(parents=True, exist_ok=True)
+# Picture: Bulk solid fraction for each feeding rate, way of feeding, boundary and shape, as points with error bars.
 figure.savefig(folder / "control_studies.svg")
 with (folder / "control_studies.csv").open("w", newline="") as file:
     table = csv.writer(file, lineterminator="\n")

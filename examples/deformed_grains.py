@@ -1,8 +1,11 @@
-"""Deformable grains: a bed packed with some overlap becomes a bed of deformed bodies that only touch.
+"""
+Grains that deform at their contacts
+====================================
 
-Spheres and ellipsoids are packed by control points that may penetrate other grains to a small depth. Then the grains
-are deformed, with spheres stiffer than ellipsoids. The script prints the volumes, the overlaps before and after (by
-exact booleans of manifold3d) and the contacts; it writes the surfaces for ParaView and a section through the bed.
+A bed that was packed with some overlap becomes a bed of deformed bodies that only touch. Spheres and ellipsoids are
+packed by control points that may penetrate other grains to a small depth. Then the grains are deformed, with spheres
+stiffer than ellipsoids. The script prints the volumes, the overlaps before and after (by exact booleans of manifold3d)
+and the contacts; it writes the surfaces for ParaView and a section through the bed.
 """
 
 import sys
@@ -25,6 +28,8 @@ stiffness = np.where(packing.shape_id == 0, 4.0, 1.0)
 soft = vg.deform(packing, stiffness=stiffness, spacing=0.2)
 
 
+# %%
+# **Checks by an independent library**
 def common_volume(bodies):
     """Return the sum of the common volumes of neighbouring grains."""
     total, lengths = 0.0, box.bounds[1] - box.bounds[0]
@@ -53,6 +58,8 @@ def cut(vertices, faces, level):
     return ends[~np.isnan(ends[..., 0])].reshape(-1, 2, 2)
 
 
+# %%
+# **Overlaps before and after**
 before = [packing.world_vertices(g) for g in range(packing.count)]
 meshes = [shapes[k].faces for k in packing.shape_id]
 overlap = common_volume([solid(*mesh) for mesh in zip(before, meshes, strict=True)])
@@ -64,6 +71,8 @@ print(f"area of a contact {soft.area.mean():.4f} mean, force {soft.force.mean():
 folder.mkdir(parents=True, exist_ok=True)
 vg.save_deformed(soft, folder / "deformed.vtp", overwrite=True)
 
+# %%
+# **A section through the bed, and through one contact**
 # the deepest contact of a sphere and an ellipsoid within the box
 unlike = (packing.shape_id[soft.i] != packing.shape_id[soft.j]) & ~soft.image.any(axis=1)
 i, j = (grains[np.where(unlike, soft.depth, 0.0).argmax()] for grains in (soft.i, soft.j))
@@ -83,4 +92,6 @@ for panel, half in zip(figure.subplots(1, 2), (np.inf, 0.25), strict=True):
     if np.isfinite(half):
         panel.set(xlim=middle[0] + np.array([-half, half]), ylim=middle[2] + np.array([-half, half]))
         panel.set(title="one contact; grey: before")
+# Picture: Outlines of a section through touching grains, spheres blue and ellipsoids orange, and one contact
+#   magnified: the common boundary is curved into the softer grain.
 figure.savefig(folder / "deformed_grains.svg")

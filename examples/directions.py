@@ -1,10 +1,16 @@
-"""Eight or 26 lattice directions against arbitrary directions: the comparison of figure 7 of Sajjadi & Khalili 2015.
+"""
+Lattice directions against any directions
+=========================================
+
+Eight or 26 lattice directions are compared with arbitrary directions, as in figure 7 of Sajjadi & Khalili (2015).
 
 First, free grains take random steps on a lattice or in arbitrary directions; the fourth moment of their positions,
 relative to an isotropic distribution, measures the influence of the axes (1: none). Then the same grains are packed in
 the same box by digital packing (lattice directions) and by control-point packing (arbitrary directions). The script
 prints solid fraction, seconds, and the share of contact normals within 15 degrees of a lattice direction, relative to
 isotropic normals (1: no preference), and writes a figure.
+
+Arguments: folder, number of grains.
 """
 
 import itertools
@@ -26,6 +32,8 @@ figure = Figure(figsize=(11, 6), layout="constrained")
 panels = figure.subplots(2, 3)
 
 
+# %%
+# **Directions and what is measured**
 def lattice_directions(dimension):
     """Return the 8 or 26 steps to the neighbours of a site."""
     return np.array([d for d in itertools.product((-1, 0, 1), repeat=dimension) if any(d)], dtype=float)
@@ -54,6 +62,8 @@ def near_axes(normals, dimension):
     return share(normals[:, :dimension]) / share(any_directions(dimension, 200_000))
 
 
+# %%
+# **Free walks, and packings by both methods**
 for row, dimension in enumerate((2, 3)):
     directions = lattice_directions(dimension)
     for column, lattice in enumerate((True, False)):
@@ -91,6 +101,9 @@ for row, dimension in enumerate((2, 3)):
         angle = np.arctan2(normals[:, dimension - 1], normals[:, 0])
         panels[row, 2].hist(angle % np.pi, bins=18, range=(0, np.pi), density=True, histtype="step", label=method)
     panels[row, 2].set(title=f"{dimension}D, angle of contact normals", xlabel="radians")
-    panels[row, 2].legend(frameon=False)
+    panels[row, 2].margins(y=0.35)
+    panels[row, 2].legend(frameon=False, ncols=2, loc="upper center")
 folder.mkdir(parents=True, exist_ok=True)
+# Picture: Positions after random steps in eight, 26 and any directions, round clouds in all cases, and histograms of
+#   the angles of contact normals by both methods.
 figure.savefig(folder / "directions.svg")

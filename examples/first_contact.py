@@ -1,9 +1,15 @@
-"""First contact of two random solids, and of the clumps fitted to them: figures 8 and 9 of Sajjadi & Khalili 2015.
+"""
+The first contact of two bodies
+===============================
 
-In each run one body starts at a random position and orientation and approaches the other by small random translations
-and rotations until control points are too close; the last step is bisected to find the contact. The script prints the
-remaining gap between the true surfaces, from the exact contacts of the packing, and the direction of the contact point
-in the frame of the fixed body, which differs between runs. It writes the poses as packings and a picture.
+Two random solids approach each other until they touch, and so do the clumps fitted to them, as in figures 8 and 9 of
+Sajjadi & Khalili (2015). In each run one body starts at a random position and orientation and approaches the other by
+small random translations and rotations until control points are too close; the last step is bisected to find the
+contact. The script prints the remaining gap between the true surfaces, from the exact contacts of the packing, and the
+direction of the contact point in the frame of the fixed body, which differs between runs. It writes the poses as
+packings and a picture.
+
+Arguments: folder, number of runs.
 """
 
 import itertools
@@ -19,11 +25,13 @@ from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.report.scenes import picture_packing
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/first_contact")
-runs = int(sys.argv[2]) if len(sys.argv) > 2 else 4
+runs = int(sys.argv[2]) if len(sys.argv) > 2 else 2
 step, angle, bias = 0.05, 0.1, 0.5
 folder.mkdir(parents=True, exist_ok=True)
 
 
+# %%
+# **One approach**
 def unit(vector):
     """Return a vector of length 1."""
     return vector / np.linalg.norm(vector)
@@ -50,6 +58,8 @@ def walk(pair, generator, reach):
     return offset + low * step * direction, orientations
 
 
+# %%
+# **Solids, and the clumps fitted to them**
 solids = [vg.make_shape("solid_union", seed=seed) for seed in (3, 8)]
 clumps = [vg.fit_clump(solid, max_spheres=40).to_shape() for solid in solids]
 for name, bodies in (("solids", solids), ("clumps", clumps)):
@@ -70,6 +80,8 @@ for name, bodies in (("solids", solids), ("clumps", clumps)):
         sites.append(unit(site))
         print(f"{name} run {run}: gap at contact {gap:+.5f} diameters, touches towards {np.round(sites[-1], 2)}")
         vg.save(packing, folder / f"{name}_{run}.vtp", overwrite=True)
+        # Picture: Two unions of solids that touch in one point.
+        # Picture: The same bodies as clumps of spheres, which touch in one point.
         if run == 0:
             imsave(folder / f"{name}.png", picture_packing(packing))
     apart = [np.degrees(np.arccos(np.clip(a @ b, -1, 1))) for a, b in itertools.combinations(sites, 2)]

@@ -1,8 +1,13 @@
-"""From spheres to polyhedra: a dense advancing front, a hull inscribed in each sphere, growth, and settling.
+"""
+From spheres to polyhedra
+=========================
 
-Each sphere is replaced by its own convex hull of random points. The hulls grow until each touches a neighbour or a
-wall, and settle. The script prints the solid fraction and the mean height after each stage, the growth factors and the
-resulting change of the gradation, and draws the stages.
+A dense advancing front of spheres becomes a bed of polyhedra in three steps: a hull is inscribed in each sphere, the
+hulls grow, and the bed settles. Each sphere is replaced by its own convex hull of random points. The hulls grow until
+each touches a neighbour or a wall. The script prints the solid fraction and the mean height after each stage, the
+growth factors and the resulting change of the gradation, and draws the stages.
+
+Arguments: folder, edge of the box in mean diameters.
 """
 
 import sys
@@ -17,6 +22,8 @@ from voxgran.report.scenes import picture_cut
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/hulls_in_spheres")
 side = float(sys.argv[2]) if len(sys.argv) > 2 else 4.0
 
+# %%
+# **Spheres, hulls, growth and settling**
 box = vg.Box((side, side, side))
 sizes = vg.sizes.uniform(0.6, 1.2)
 spheres = vg.pack(
@@ -30,6 +37,8 @@ seconds = time.perf_counter() - began
 settled = vg.settle(grown, gravity="-z")
 stages = {"spheres": spheres, "inscribed": inscribed, "grown": grown, "settled": settled}
 
+# %%
+# **Numbers and pictures of the stages**
 folder.mkdir(parents=True, exist_ok=True)
 figure = Figure(figsize=(12, 3.4), layout="constrained")
 for panel, (name, packing) in zip(figure.subplots(1, 4), stages.items(), strict=True):
@@ -47,4 +56,6 @@ print(
     f"{growth['largest_factor']:.2f} at the most; touching {growth['touching']:.3f}; "
     f"gradation moved by {growth['gradation_distance']:.3f}"
 )
+# Picture: A cut box of spheres, the smaller hulls in them, the hulls after growth, and after settling, when the bed
+#   is lower.
 figure.savefig(folder / "hulls_in_spheres.png", dpi=110)

@@ -1,19 +1,29 @@
-"""Many polyhedra on the advancing front: each sphere of a dense front gets a convex hull of its own.
+"""
+Many polyhedra, each of its own shape
+=====================================
 
-The script prints and writes the processor seconds after each stage, and the solid fractions. All stages are run on a
-few grains beforehand, so that kernels are compiled and libraries loaded. Arguments: folder, number of spheres.
+Each sphere of a dense advancing front gets a convex hull of its own. The script prints and writes the processor seconds
+after each stage, and the solid fractions. All stages are run on a few grains beforehand, so that kernels are compiled
+and libraries loaded.
+
+Arguments: folder, number of spheres (64,000 in the documentation).
 """
 
 import sys
 import time
 from pathlib import Path
 
+from matplotlib.image import imsave
+
 import voxgran as vg
+from voxgran.report.scenes import picture_cut
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/hulls_on_a_front")
 count = int(sys.argv[2]) if len(sys.argv) > 2 else 5000
 
 
+# %%
+# **The stages**
 def packed(count: int) -> tuple[vg.Packing, list[tuple[str, float, float]]]:
     """Return hulls in a cube, and the name, the seconds and the solid fraction of each stage."""
     edge = (count * 0.7) ** (1 / 3)
@@ -30,6 +40,8 @@ def packed(count: int) -> tuple[vg.Packing, list[tuple[str, float, float]]]:
     return packing, rows
 
 
+# %%
+# **Times and solid fractions**
 packed(50)
 packing, rows = packed(count)
 folder.mkdir(parents=True, exist_ok=True)
@@ -40,3 +52,9 @@ for name, seconds, fraction in rows:
     lines.append(f"{name},{seconds:.2f},{fraction:.4f}")
 (folder / "hulls_on_a_front.csv").write_text("\n".join([*lines, f"{packing.count} grains,,"]) + "\n")
 vg.save(packing, folder / "hulls.vtp", overwrite=True)
+
+# %%
+# **The packing, cut open**
+
+# Picture: A cut box of several thousand polyhedra, coloured by their size.
+imsave(folder / "hulls_on_a_front.png", picture_cut(packing))

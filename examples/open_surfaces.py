@@ -1,8 +1,11 @@
-"""Random surfaces, sheets and shells packed with solid grains, like the volumes and surfaces of Sajjadi & Khalili 2015.
+"""
+Open surfaces and solids in one packing
+=======================================
 
-Open surfaces have no interior, so their control points are compared with those of other grains. They are fed into a
-periodic box together with random solids and spheres. Two checks show that none crosses another: the exact verification
-of the packing, and VTK's collision filter for each close pair.
+Random surfaces, sheets and shells are packed with solid grains, like the volumes and surfaces of Sajjadi & Khalili
+(2015). Open surfaces have no interior, so their control points are compared with those of other grains. They are fed
+into a periodic box together with random solids and spheres. Two checks show that none crosses another: the exact
+verification of the packing, and VTK's collision filter for each close pair.
 """
 
 import sys
@@ -33,6 +36,8 @@ packing = vg.pack(
 )
 
 
+# %%
+# **No surface crosses another**
 def placed(grain, image=(0, 0, 0)):
     """Return a grain in its pose, or a periodic image of it, as PolyData."""
     corners = packing.world_vertices(grain) + np.array(image) * (box.bounds[1] - box.bounds[0])
@@ -51,4 +56,5 @@ specific = packing.surface_areas.sum() / box.volume
 print(f"solid fraction {packing.solid_fraction:.3f}  surface per volume of the box {specific:.3f}")
 folder.mkdir(parents=True, exist_ok=True)
 vg.save(packing, folder / "open_surfaces.vtp", overwrite=True)
+# Picture: Curved sheets, shells and solid grains in a box, coloured by shape.
 imsave(folder / "open_surfaces.png", picture_packing(packing, color_by="shape", window=(700, 760)))

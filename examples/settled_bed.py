@@ -1,8 +1,11 @@
-"""Beds at rest: polyhedra that grow from random seeds and settle, the same bed shaken, and spheres after a walk.
+"""
+Beds at rest, and the forces in them
+====================================
 
-The script prints the bulk solid fraction of each bed, the mean coordination number, the share of the grains that
-`equilibrium` proves to rest, and the largest force at a contact. The packings are saved with their forces. A loose bed
-is drawn before and after it settles, with the forces between its grains.
+Polyhedra that grow from random seeds and settle, the same bed shaken, and spheres after a digital walk. The script
+prints the bulk solid fraction of each bed, the mean coordination number, the share of the grains that `equilibrium`
+proves to rest, and the largest force at a contact. The packings are saved with their forces. A loose bed is drawn
+before and after it settles, with the forces between its grains.
 """
 
 import sys
@@ -34,6 +37,8 @@ for name, bed in beds.items():
     )
     vg.save(bed, folder / f"{name}.vtp", overwrite=True)
 
+# %%
+# **A loose bed before and after settling**
 loose = vg.pack(rocks, vg.Box((8, 8, 10), periodic="xy"), method="rsa", count=120, sizes=sizes, seed=1)
 settled = vg.settle(loose, gravity="-z")
 figure = Figure(figsize=(12, 4.2), layout="constrained")
@@ -46,4 +51,6 @@ for panel, (title, picture) in zip(figure.subplots(1, 3), pictures.items(), stri
     panel.imshow(picture)
     panel.set_title(title)
     panel.axis("off")
+# Picture: Polyhedra scattered in a box; the same grains after settling as a bed; and the forces between them as
+#   tubes, thick where forces are large.
 figure.savefig(folder / "settled_bed.png", dpi=110)

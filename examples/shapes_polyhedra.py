@@ -1,7 +1,10 @@
-"""Polyhedra, smooth solids, fragments and grains from Fourier descriptors: numbers and a picture.
+"""
+Polyhedra, superquadrics, fragments and Fourier grains
+======================================================
 
-The script prints, for solids with a closed formula, the triangles, the milliseconds of the processor and how far the
-volume of the mesh is from that of the true solid, and the sum of the cells of a box.
+Polyhedra, smooth solids, fragments and grains from Fourier descriptors: numbers and a picture. The script prints, for
+solids with a closed formula, the triangles, the milliseconds of the processor and how far the volume of the mesh is
+from that of the true solid, and the sum of the cells of a box.
 """
 
 import math
@@ -48,6 +51,8 @@ show("torus", 2 * math.pi**2 * 0.16, lambda: vg.make_shape("torus", major_radius
 cells = [vg.make_shape("voronoi_fragment", seed=1, cell=k, lengths=(1, 1, 1)) for k in range(64)]
 print(f"voronoi_fragment   cells of one box, their sum: 1 {sum(cell.volume for cell in cells) - 1:+.0e}")
 
+# %%
+# **All families in one picture**
 archimedean = ["truncated_tetrahedron", "cuboctahedron", "truncated_octahedron", "rhombicuboctahedron"]
 archimedean += ["truncated_icosahedron", "icosidodecahedron"]
 rows = [
@@ -69,4 +74,6 @@ picture = picture_shapes(rows, columns=8)
 # half the size, each pixel the mean of four
 height, width = (length // 2 * 2 for length in picture.shape[:2])
 small = picture[:height, :width].reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
+# Picture: Rows of grains: polyhedra, rounded polyhedra, Archimedean solids, superquadrics from boxes to stars, rods,
+#   rings, fragments, and grains from Fourier descriptors.
 imsave(folder / "shapes_polyhedra.png", small.round().astype(np.uint8))

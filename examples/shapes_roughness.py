@@ -1,8 +1,13 @@
-"""Rough grains, sheets and walls, and crumpled paper: what is measured against what was asked for, and a picture.
+"""
+Rough grains, rough sheets and crumpled paper
+=============================================
 
-For each random field the script prints the mean, over seeds, of what is measured on sheets of 15 by 15 correlation
-lengths, the milliseconds of the processor for one of them, and the same for the volume of rough spheres against its
-second-order formula; for crumpled sheets the largest relative change of a length.
+What is measured on rough surfaces is compared with what was asked for. For each random field the script prints the
+mean, over seeds, of what is measured on sheets of 15 by 15 correlation lengths, the milliseconds of the processor for
+one of them, and the same for the volume of rough spheres against its second-order formula; for crumpled sheets the
+largest relative change of a length.
+
+Arguments: folder, number of seeds (10 in the documentation).
 """
 
 import math
@@ -17,7 +22,7 @@ import voxgran as vg
 from voxgran.report.gallery import picture_shapes
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/shapes_roughness")
-seeds = range(int(sys.argv[2]) if len(sys.argv) > 2 else 10)
+seeds = range(int(sys.argv[2]) if len(sys.argv) > 2 else 3)
 folder.mkdir(parents=True, exist_ok=True)
 
 FIELDS = {
@@ -37,6 +42,8 @@ for name, field in FIELDS.items():
     found = {key: np.nanmean([sheet.record[f"roughness_{key}"] for sheet in sheets]) for key in NAMES}
     print(f"{name:20s} {'  '.join(f'{key} {value:.3f}' for key, value in found.items())}  {milliseconds:.0f} ms")
 
+# %%
+# **Rough spheres and crumpled sheets**
 sphere, ratio = vg.make_shape("sphere"), 0.02 / 0.5
 smooth = vg.roughen(sphere, rms=0.0)
 for shortest in (0.4, 0.2, 0.1):
@@ -56,6 +63,8 @@ crumpled = [vg.make_shape("crumpled", fold_length=0.25, seed=seed) for seed in s
 folds, error = (np.array([one.record[key] for one in crumpled]) for key in ("folds", "isometry_error"))
 print(f"crumpled             folds {folds.mean():.1f}  change of a length at most {error.max():.0e}")
 
+# %%
+# **All fields in one picture**
 fine = {"correlation_length": 0.2, "shortest": 0.08}
 rows = [
     *(vg.roughen(vg.make_shape("sphere"), **field, **fine, rms=0.02, seed=1) for field in list(FIELDS.values())[1:]),
@@ -73,4 +82,6 @@ picture = picture_shapes(rows, columns=5)
 # half the size, each pixel the mean of four
 height, width = (length // 2 * 2 for length in picture.shape[:2])
 small = picture[:height, :width].reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
+# Picture: Rough spheres, rough boxes, cylinders, cones and polyhedra, rough sheets, and sheets crumpled more and
+#   more.
 imsave(folder / "shapes_roughness.png", small.round().astype(np.uint8))

@@ -1,7 +1,12 @@
-"""Unions of base solids, assemblies of spheres, and volumes inflated toward spheres, in one picture.
+"""
+Unions of solids, assemblies of spheres, superspheres
+=====================================================
 
-The script prints for each row the median run time, the mean volume and sphericity of shapes before they are scaled, and
-for unions how the volume converges with the chord error.
+Unions of base solids, assemblies of spheres, and volumes inflated toward spheres, in one picture. The script prints for
+each row the median run time and the mean sphericity, and for unions how the surface area converges with the chord
+error.
+
+Arguments: folder, number of shapes in a row.
 """
 
 import sys
@@ -32,6 +37,8 @@ for name, parameters in ROWS.items():
     sphericity = float(vg.describe(shapes[-count:], which=["sphericity"]).sphericity.mean())
     print(f"{name:21s} {1e3 * np.median(seconds):6.1f} ms  sphericity {sphericity:.3f}")
 
+# %%
+# **Convergence with the chord error**
 # volumes relative to a box that is part of each union, as exact as the digits
 EXACT = 1e-4
 for error in (2e-2, 2e-3, 5e-4):
@@ -44,4 +51,5 @@ for error in (2e-2, 2e-3, 5e-4):
     print(f"chord error {error:.0e}  surface area of unions of one volume to {max(found):.1e}")
 
 folder.mkdir(parents=True, exist_ok=True)
+# Picture: Rows of unions of solids, unions of boxes, assemblies of spheres, inflated bodies and inflated cubes.
 vg.save_gallery(shapes, folder / "shapes_unions.png", columns=count, overwrite=True)

@@ -1,8 +1,10 @@
-"""Voxel-born volumes: rains of cubes, random growth and sponges, with numbers and a picture.
+"""
+Rains of cubes, random growth and sponges
+=========================================
 
-The script prints, for each family, the cubes, the triangles, the milliseconds of the processor, how far the volume is
-from that of the cubes (for turned cubes, how many standard errors from that of random points), and the dimension of a
-sponge.
+Volumes that are born from voxels, with numbers and a picture. The script prints, for each family, the cubes, the
+triangles, the milliseconds of the processor, how far the volume is from that of the cubes (for turned cubes, how many
+standard errors from that of random points), and the dimension of a sponge.
 """
 
 import math
@@ -42,6 +44,8 @@ for family, cubes, parameters in (
         f"error of the volume {error:.0e}"
     )
 
+# %%
+# **Volume by random points, and the dimension of a sponge**
 shape, milliseconds = made("cube_rain")
 centers, edges = shape.record["centers"], shape.record["edges"]
 turns = rotation_matrices(shape.record["orientations"])
@@ -58,6 +62,8 @@ print(
 sponge = vg.make_shape("sierpinski_sponge", kind="menger")
 print(f"sierpinski_sponge  dimension {sponge.record['dimension']:.6f}, log 20 / log 3 = {math.log(20, 3):.6f}")
 
+# %%
+# **All families in one picture**
 size = {"cubes": 4000}
 shapes = [
     *(
@@ -75,4 +81,5 @@ shapes = [
     vg.make_shape("sierpinski_sponge", levels=3, removed=9, seed=1),
     vg.make_shape("sierpinski_sponge", levels=4, divisions=2, kept=0.8, seed=1),
 ]
+# Picture: Heaps of equal cubes, clusters of turned cubes, grown bodies from porous to smooth, and four sponges.
 vg.save_gallery(shapes, folder / "shapes_voxels.png", columns=8, overwrite=True)

@@ -1,7 +1,12 @@
-"""One packing of each family of sphere methods, with numbers and a picture.
+"""
+One packing of each family of sphere methods
+============================================
 
-Each packing is checked against the true shapes. The script prints the number of grains, the solid fraction of the
-container, the mean number of contacts within a thousandth of a mean diameter, and the seconds of the processor.
+Spheres and disks are packed by ten methods, from random growth to exact gaskets. Each packing is checked against the
+true shapes. The script prints the number of grains, the solid fraction of the container, the mean number of contacts
+within a thousandth of a mean diameter, and the seconds of the processor.
+
+Arguments: folder, number of grains (1500 in the documentation).
 """
 
 import sys
@@ -14,13 +19,12 @@ import voxgran as vg
 from voxgran.report.scenes import picture_packing
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/sphere_families")
-grains = int(sys.argv[2]) if len(sys.argv) > 2 else 1500
-data = Path(__file__).parents[1] / "data"
+grains = int(sys.argv[2]) if len(sys.argv) > 2 else 600
 sphere, disk = vg.make_shape("sphere"), vg.make_shape("disk")
 edge, side = 0.95 * grains ** (1 / 3), 0.95 * grains**0.5
 box, square = vg.Box((edge, edge, edge)), vg.Rectangle((side, side))
 column, basin = vg.Box((edge, edge, edge), periodic="xy"), vg.Rectangle((side, side), periodic="x")
-rock = vg.load_shape(data / "eros.obj")
+rock = vg.load_shape(vg.data_file("eros.obj"))
 graded = vg.sizes.lognormal(0.8, 0.25)
 few = {"count": grains}
 CASES = {
@@ -41,6 +45,8 @@ CASES = {
 }
 
 
+# %%
+# **All packings**
 folder.mkdir(parents=True, exist_ok=True)
 figure = Figure(figsize=(15, 6.4), layout="constrained")
 for panel, (name, (shape, container, options)) in zip(figure.subplots(2, 5).ravel(), CASES.items(), strict=True):
@@ -56,4 +62,5 @@ for panel, (name, (shape, container, options)) in zip(figure.subplots(2, 5).rave
     panel.imshow(picture_packing(packing))
     panel.set_title(f"{name}: {packing.solid_fraction:.3f}", fontsize=10)
     panel.axis("off")
+# Picture: Ten packings of spheres and disks, each with its method and solid fraction above it.
 figure.savefig(folder / "sphere_families.png", dpi=100)

@@ -22,6 +22,7 @@ from voxgran.decks.write import write_deck as write_deck
 from voxgran.deformation.deform import deform as deform
 from voxgran.io.cloud_files import load_cloud as load_cloud
 from voxgran.io.cloud_files import save_cloud as save_cloud
+from voxgran.io.data_files import data_file as data_file
 from voxgran.io.deformed_files import save_deformed as save_deformed
 from voxgran.io.files import load as load
 from voxgran.io.files import save as save

@@ -11,11 +11,11 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from voxgran._base.errors import MissingFileError
 from voxgran._base.files import write_text
 from voxgran._base.progress import OnStep
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.box import Box
+from voxgran.io.data_files import data_file
 from voxgran.io.files import save
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.vtk_files import save_scene
@@ -133,16 +133,7 @@ def demo_shapes() -> list[Shape]:
     MissingFileError
         If the scans are not installed.
     """
-    return [load_shape(_scan(name)) for name in SCANS] + [make_shape("solid_union", seed=seed) for seed in SEEDS]
-
-
-def _scan(name: str) -> Path:
-    """Return the path of a scan: within the installed package, or beside it in a checkout."""
-    package = Path(__file__).parents[1]
-    for folder in (package / "data", package.parent / "data"):
-        if (folder / name).is_file():
-            return folder / name
-    raise MissingFileError(f"{name} is neither in the package nor beside it: install voxgran again, with its data")
+    return [load_shape(data_file(name)) for name in SCANS] + [make_shape("solid_union", seed=seed) for seed in SEEDS]
 
 
 def _row(result: _Result, numbers: dict[str, Any]) -> dict[str, Any]:

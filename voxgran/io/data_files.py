@@ -1,0 +1,44 @@
+"""The scans that come with the package, for examples and the demo."""
+
+from pathlib import Path
+
+from voxgran._base.errors import MissingFileError, UnknownNameError
+from voxgran._base.registry import unknown
+
+#: what the installed package holds, or the checkout beside it; data/SOURCES.md names the origin of each
+DATA_FILES = ("bennu_lp.obj", "bunny_dirty.ply", "eros.obj", "ice_cream_cone.npy", "itokawa_lp.obj")
+
+
+def data_file(name: str) -> Path:
+    """Return the path of a file that comes with voxgran, such as the scan of an asteroid.
+
+    Parameters
+    ----------
+    name : {"bennu_lp.obj", "bunny_dirty.ply", "eros.obj", "ice_cream_cone.npy", "itokawa_lp.obj"}
+        Surfaces of the asteroids Bennu, Eros and Itokawa; the Stanford bunny with holes and stray triangles; a voxel
+        image.
+
+    Returns
+    -------
+    pathlib.Path
+
+    Raises
+    ------
+    UnknownNameError
+        If no file of that name comes with voxgran; the message gives the nearest one.
+    MissingFileError
+        If the file is not installed.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.load_shape(vg.data_file("itokawa_lp.obj")).name
+    'itokawa_lp'
+    """
+    if name not in DATA_FILES:
+        raise UnknownNameError(unknown("file of voxgran", name, DATA_FILES))
+    package = Path(__file__).parents[1]
+    for folder in (package / "data", package.parent / "data"):
+        if (folder / name).is_file():
+            return folder / name
+    raise MissingFileError(f"{name} is neither in the package nor beside it: install voxgran again, with its data")
