@@ -114,6 +114,13 @@ class Box(Block):
         If there are other arguments than these.
     InputError
         If a length is not between 1e-60 and 1e60, the corner is out of this range, or `periodic` is invalid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> box = vg.Box((4, 4, 6), periodic="xy")
+    >>> box.volume, box.periodic
+    (96.0, (True, True, False))
     """
 
     lengths: tuple[float, float, float]

@@ -36,6 +36,13 @@ class ClosedMesh:
     ------
     InputError
         If `shape` is not a Shape, or not a mesh.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> hopper = vg.shapes.cone(radius=2.0, height=3.0)
+    >>> round(vg.ClosedMesh(vg.Shape.from_mesh(hopper.vertices, hopper.faces)).volume, 2)
+    12.56
     """
 
     shape: Shape

@@ -32,6 +32,12 @@ class Cylinder:
         If there are other arguments than these.
     InputError
         If radius or height is not between 1e-60 and 1e60, or the center is out of this range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.Cylinder(radius=2, height=5).volume, 3)
+    62.832
     """
 
     radius: float

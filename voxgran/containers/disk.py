@@ -31,6 +31,12 @@ class Disk:
         If there are other arguments than these.
     InputError
         If the radius is not between 1e-60 and 1e60, or the center is out of this range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.Disk(radius=2).volume, 3)  # its area
+    12.566
     """
 
     radius: float

@@ -31,6 +31,12 @@ class Rectangle(Block):
         If there are other arguments than these.
     InputError
         If a length is not between 1e-60 and 1e60, the corner is out of this range, or `periodic` is invalid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.Rectangle((4, 3), periodic="x").volume  # its area
+    12.0
     """
 
     lengths: tuple[float, float]

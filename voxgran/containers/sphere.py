@@ -30,6 +30,13 @@ class Sphere:
         If there are other arguments than these.
     InputError
         If the radius is not between 1e-60 and 1e60, or the center is out of this range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> packing = vg.pack(vg.shapes.sphere(), vg.Sphere(radius=3), "rsa", count=20)
+    >>> packing.container.kind, packing.count
+    ('sphere', 20)
     """
 
     radius: float

@@ -89,5 +89,12 @@ def engine_registry() -> Registry[Engine]:
 
 
 def engines() -> tuple[str, ...]:
-    """Return the names of all engines that input can be written for."""
+    """Return the names of all engines that input can be written for.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> "lammps" in vg.engines()
+    True
+    """
     return engine_registry().names()

@@ -42,6 +42,14 @@ class Series:
         If the file that is to be continued is damaged.
     OutputExistsError
         If the file or snapshots of it are there and neither `resume` nor `overwrite` is set.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> series = vg.Series("run.pvd", every=100)
+    >>> series.record(vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5), 100)
+    >>> series.times, series.due(100)
+    ([100], 200)
     """
 
     @renamed(most="max_snapshots")

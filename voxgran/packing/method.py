@@ -176,7 +176,14 @@ def method_registry() -> Registry[PackingMethod]:
 
 
 def packing_methods() -> tuple[str, ...]:
-    """Return the names of all packing methods."""
+    """Return the names of all packing methods.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> "rsa" in vg.packing_methods()
+    True
+    """
     return method_registry().names()
 
 

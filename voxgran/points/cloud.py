@@ -56,6 +56,14 @@ class Cloud:
     ------
     InputError
         If `points` is not an (n, 3) array of finite numbers, or there is not one normal or grain for each point.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> cloud = vg.Cloud.of(np.random.default_rng(1).normal(size=(500, 3)))
+    >>> len(cloud), cloud.normals is None
+    (500, True)
     """
 
     points: Floats

@@ -12,7 +12,21 @@ from voxgran.scene.run import SceneResult, run_one
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene(SceneDescription):
-    """A granular scene, from a TOML file or a mapping; its attributes are those of :class:`SceneDescription`."""
+    """A granular scene, from a TOML file or a mapping; its attributes are those of :class:`SceneDescription`.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> scene = vg.Scene.from_mapping(
+    ...     {
+    ...         "shape": [{"family": "sphere"}],
+    ...         "container": {"kind": "box", "lengths": [4, 4, 4]},
+    ...         "packing": {"method": "rsa", "count": 10},
+    ...     }
+    ... )
+    >>> scene.run("out").packing.count
+    10
+    """
 
     def plan(self) -> Plan:
         """Return what a run would compute, skip and cost; nothing is packed, and neither Open3D nor VTK is
