@@ -89,8 +89,8 @@ def fit_clump(
     --------
     >>> import voxgran as vg
     >>> clump = vg.fit_clump(vg.shapes.ellipsoid(aspect=(1, 1, 2)), max_spheres=5)
-    >>> clump.count, round(clump.errors.iou, 1)
-    (5, 1.0)
+    >>> clump.count, clump.errors.iou > 0.9
+    (5, True)
     """
     _, entry, settings = chosen(clump_registry(), method, parameters, where="clump method", beside=BESIDE)
     level = _level(target, value)

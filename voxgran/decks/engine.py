@@ -63,6 +63,12 @@ class Engine:
         ``read(folder)`` returns what the files hold.
     run : callable, optional
         ``run(folder, simulation)`` runs the files and yields states.
+
+    Examples
+    --------
+    >>> from voxgran.decks.engine import engine_registry
+    >>> engine_registry().get("lammps").title
+    'LAMMPS'
     """
 
     name: str

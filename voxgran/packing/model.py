@@ -363,6 +363,13 @@ class Packing(GrainSequence):
         ------
         InputError
             If the gap is negative or not finite.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> pair = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 2, 2)), position=[(1, 1, 1), (2.02, 1, 1)])
+        >>> pair.contacts().count, pair.contacts(gap=0.05).count
+        (0, 1)
         """
         reach = as_number(gap, "gap", at_least=0.0)
         if reach not in self._contacts:

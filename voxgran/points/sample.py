@@ -80,9 +80,9 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     Examples
     --------
     >>> import voxgran as vg
-    >>> sphere = vg.shapes.sphere()
-    >>> points = vg.sample_surface(sphere, spacing=0.2)
-    >>> points.shape[1], points.spacing <= 0.2
+    >>> cube = vg.shapes.box(lengths=(1, 1, 1))
+    >>> points = vg.sample_surface(cube, spacing=0.3)
+    >>> points.shape[1], points.spacing <= 0.3
     (3, True)
     """
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")

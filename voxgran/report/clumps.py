@@ -84,7 +84,7 @@ def save_clump_picture(
     Examples
     --------
     >>> import voxgran as vg
-    >>> clump = vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), max_spheres=4)
+    >>> clump = vg.fit_clump(vg.shapes.sphere(), max_spheres=1)
     >>> vg.save_clump_picture(clump, "clump.png")
     """
     drawn = [clumps] if isinstance(clumps, Clump) else list(clumps)

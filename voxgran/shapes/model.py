@@ -524,6 +524,12 @@ class Shape:
         ------
         MissingLibraryError
             If Open3D cannot be loaded.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> len(vg.shapes.box(lengths=(1, 1, 1)).to_open3d().triangles)
+        12
         """
         open3d = load("open3d")
         vertices = open3d.utility.Vector3dVector(self.vertices.copy())  # it takes no read-only array
