@@ -73,6 +73,12 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
         If the kind or a key is unknown.
     InputError
         If `mapping` is not a mapping, a key is missing or a value is invalid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.make_container({"kind": "box", "lengths": [4, 4, 6], "periodic": "xy"}).volume
+    96.0
     """
     if not isinstance(mapping, Mapping):
         raise InputError(f"{where} is {shown(mapping)}: it must be a mapping with the key kind; give one")

@@ -209,6 +209,14 @@ class GrainSequence(Assembly):
         -----
         PackingWarning
             If spheres are bonded that do not touch.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> clump = vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), max_spheres=4).to_shape()
+        >>> bed = vg.pack(clump, vg.Box((4, 4, 4)), "rsa", count=3)
+        >>> bed.bonds(strength=1e6).sizes["bond"] > 0
+        True
         """
         bodies = []
         for index, shape in enumerate(self.shapes):
@@ -239,6 +247,13 @@ class GrainSequence(Assembly):
             If there are more than 40 million triangles.
         MissingLibraryError
             If PyVista cannot be loaded.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.box(lengths=(1, 1, 1)), vg.Box((4, 4, 4)), "rsa", count=3)
+        >>> bed.to_pyvista().n_cells
+        36
         """
         merged = merged_surfaces(self)
         mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
@@ -253,6 +268,13 @@ class GrainSequence(Assembly):
         ------
         MissingLibraryError
             If pandas cannot be loaded.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5)
+        >>> bed.to_dataframe().diameter.tolist()
+        [1.0, 1.0, 1.0, 1.0, 1.0]
         """
         columns: dict[str, Any] = {"shape": [self.shapes[index].name for index in self.shape_id]}
         columns.update(zip("xyz", self.position.T, strict=True))

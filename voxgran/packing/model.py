@@ -69,6 +69,15 @@ class Packing(GrainSequence):
         other poses or another gravity with ``dataclasses.replace``, give ``forces=None, stop_reason="count"`` too.
     relaxation : Relaxation or None
         What an engine changed that brought these grains to rest, as of :func:`voxgran.relax`; None for others.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=20, sizes=vg.sizes.uniform(0.8, 1.2))
+    >>> len(bed), bed.position.shape, bed[bed.diameter > 1.0].count
+    (20, (20, 3), 10)
+    >>> bed[0].shape
+    Shape('sphere', primitive, diameter=1)
     """
 
     density: float = 1.0
@@ -160,6 +169,13 @@ class Packing(GrainSequence):
             forces are those of another number of grains.
         UnknownNameError
             If the unit is unknown; the message gives the nearest one.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> pair = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 2, 2)), position=[(1, 1, 1), (3, 1, 1)])
+        >>> round(pair.solid_fraction, 4)
+        0.0654
         """
         shapes, container, unit = in_one_unit(check_shapes(shapes), container, unit)
         return cls(
@@ -189,6 +205,13 @@ class Packing(GrainSequence):
             If the unit is unknown; the message gives the nearest one.
         InputError
             If it is no text, or only one of the two units is known.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5, unit="mm")
+        >>> bed.to_unit("m").container.lengths
+        (0.004, 0.004, 0.004)
         """
         target = as_unit(unit)
         if target == self.unit:
@@ -234,6 +257,13 @@ class Packing(GrainSequence):
         ------
         InputError
             If a clump is that of another shape, a shape cannot be fitted, or a keyword is given beside clumps.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.box(lengths=(1, 1, 2)), vg.Box((4, 4, 4)), "rsa", count=3)
+        >>> bed.with_clumps(max_spheres=4).shapes[0].geometry.radii.shape
+        (4,)
         """
         shapes, errors = as_clumps(self.shapes, clumps, fitting)
         if not any(errors):
@@ -333,6 +363,13 @@ class Packing(GrainSequence):
         ------
         InputError
             If the gap is negative or not finite.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> pair = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 2, 2)), position=[(1, 1, 1), (2.02, 1, 1)])
+        >>> pair.contacts().count, pair.contacts(gap=0.05).count
+        (0, 1)
         """
         reach = as_number(gap, "gap", at_least=0.0)
         if reach not in self._contacts:
@@ -340,7 +377,14 @@ class Packing(GrainSequence):
         return self._contacts[reach]
 
     def verify(self, *, tolerance: float = 1e-9) -> Verification:
-        """Return whether grains overlap or leave the container, as :func:`voxgran.verify`."""
+        """Return whether grains overlap or leave the container, as :func:`voxgran.verify`.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5).verify().ok
+        True
+        """
         return verify(self, tolerance=tolerance)
 
     def measure(self, which: str | Sequence[str] | None = None) -> "DataTree":
@@ -350,6 +394,13 @@ class Packing(GrainSequence):
         ----------
         which : str or sequence of str, optional
             Names of measures; all that the packing allows where left out.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5)
+        >>> sorted(bed.measure("coordination")["/grains"].data_vars)
+        ['coordination_number', 'rattler']
         """
         found: DataTree = public("measure")(self, which=which)
         return found
@@ -363,6 +414,11 @@ class Packing(GrainSequence):
             File to write; its extension chooses the format.
         overwrite : bool
             Whether an existing file may be replaced.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5).save("bed.vtp")
         """
         public("save")(self, path, overwrite=overwrite)
 
@@ -373,6 +429,11 @@ class Packing(GrainSequence):
         ----------
         color : {"diameter", "shape", "coordination", "distance", "force"}
             What the colours show; "force", the largest force on each grain, where forces are known.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5).plot()  # doctest: +SKIP
         """
         return public("plot")(self, color=color)
 

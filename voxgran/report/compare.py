@@ -72,6 +72,13 @@ def save_comparison(
     are compared by Welch's t-test over packings; distributions over grains by a permutation test over packings, if
     there are at least four and four, three and four, or two and five. Groups packed with the same seeds may share
     random draws; both tests are then conservative.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> dense = vg.pack(vg.shapes.sphere(), vg.Box((5, 5, 5)), "rsa", count=40)
+    >>> beds = {"dense": dense, "loose": vg.remove_grains(dense, solid_fraction=0.1)}
+    >>> vg.save_comparison(beds, "page.html", which=["coordination"], pictures=False)
     """
     twin = as_path(path).with_suffix(".json")
     if not overwrite:

@@ -112,6 +112,12 @@ def save_report(
         If a file cannot be written; existing files are then unchanged.
     MissingLibraryError
         If a required library cannot be loaded.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> vg.save_report(bed, "page.html", verification=vg.verify(bed), pictures=False)
     """
     check_packing(packing, "packing")
     twin = as_path(path).with_suffix(".json")

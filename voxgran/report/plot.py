@@ -37,6 +37,12 @@ def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[in
     ------
     InputError
         If it is neither a packing nor a shape, `color` is unknown, or it is "force" and no forces are known.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> vg.plot(bed, color="coordination")  # doctest: +SKIP
     """
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
     as_choice(color, "color", COLOR_BY)

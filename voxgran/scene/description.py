@@ -106,6 +106,16 @@ class SceneDescription:
             If a section, key, method or family is unknown; the message gives the nearest name.
         InputError
             If a value is missing or breaks a rule.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> with open("scene.toml", "w") as file:
+        ...     print('shape = [{family = "sphere"}]', file=file)
+        ...     print('container = {kind = "box", lengths = [4, 4, 4]}', file=file)
+        ...     print('packing = {method = "rsa", count = 10}', file=file)
+        >>> vg.Scene.from_toml("scene.toml").count
+        10
         """
         found = existing_file(path)
         return cls.from_mapping(read_toml(found), folder=found.parent)
@@ -131,6 +141,15 @@ class SceneDescription:
             If a section, key, method or family is unknown; the message gives the nearest name.
         InputError
             If a value is missing or breaks a rule.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+        >>> packing = {"method": "rsa", "count": 10}
+        >>> scene = vg.Scene.from_mapping({"shape": shape, "container": box, "packing": packing})
+        >>> scene.container.volume
+        64.0
         """
         check_type(mapping, Mapping, "scene", "a mapping of sections; for a file use Scene.from_toml")
         for name in mapping:
@@ -179,7 +198,17 @@ class SceneDescription:
         )
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return the scene as nested JSON-able values, from which :meth:`from_mapping` makes it again."""
+        """Return the scene as nested JSON-able values, from which :meth:`from_mapping` makes it again.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+        >>> packing = {"method": "rsa", "count": 10}
+        >>> scene = vg.Scene.from_mapping({"shape": shape, "container": box, "packing": packing})
+        >>> scene.to_mapping()["packing"]["method"]
+        'rsa'
+        """
         shapes = [entry.to_mapping() for entry in self.shapes]
         packing = {name: getattr(self, name) for name in ("method", "count", "solid_fraction", "start")}
         made = {
@@ -202,7 +231,17 @@ class SceneDescription:
         return made
 
     def asked(self) -> dict[str, Any]:
-        """Return the keyword arguments of :func:`voxgran.pack`, without the parameters of the method."""
+        """Return the keyword arguments of :func:`voxgran.pack`, without the parameters of the method.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+        >>> packing = {"method": "rsa", "count": 10}
+        >>> scene = vg.Scene.from_mapping({"shape": shape, "container": box, "packing": packing})
+        >>> scene.asked()["count"]
+        10
+        """
         return {
             "method": self.method,
             "count": self.count,
@@ -224,6 +263,15 @@ class SceneDescription:
         ------
         FileFormatError
             If the file is no packing.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+        >>> packing = {"method": "rsa", "count": 10}
+        >>> scene = vg.Scene.from_mapping({"shape": shape, "container": box, "packing": packing})
+        >>> scene.begin() is None
+        True
         """
         return None if self.start is None else load(self.start)
 

@@ -61,7 +61,14 @@ def families() -> Registry[ShapeFamily]:
 
 
 def shape_families() -> tuple[str, ...]:
-    """Return the names of all shape families."""
+    """Return the names of all shape families.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> "sphere" in vg.shape_families()
+    True
+    """
     return families().names()
 
 
@@ -171,6 +178,16 @@ def seeds_of_shapes(seed: int, count: int) -> list[int]:
     ------
     InputError
         If one of the two is no whole number of at least 0.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> seeds = vg.seeds_of_shapes(7, 3)
+    >>> seeds == vg.seeds_of_shapes(7, 4)[:3]
+    True
+    >>> rocks = vg.make_shapes("convex_polyhedron", count=3, seed=7)
+    >>> rocks[2] == vg.make_shape("convex_polyhedron", seed=seeds[2])
+    True
     """
     generator = stream(seed, "shapes")
     return [int(value) for value in generator.integers(2**53, size=as_count(count, "count"))]

@@ -55,6 +55,13 @@ class Shape:
         If the unit is unknown; the message gives the nearest one.
     InputError
         If the record holds something else.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> cube = vg.shapes.box(lengths=(2, 2, 2))
+    >>> cube.volume, cube.surface_area, cube.bounds.tolist()
+    (8.0, 24.0, [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
     """
 
     geometry: Geometry
@@ -84,6 +91,15 @@ class Shape:
             Unit of lengths.
         record : mapping, optional
             What its generator notes about it.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import voxgran as vg
+        >>> from voxgran.shapes.spheres import Spheres
+        >>> pair = vg.Shape.of(Spheres(np.array([[0.0, 0, 0], [2, 0, 0]]), np.ones(2)), name="pair")
+        >>> pair.offset
+        (1.0, 0.0, 0.0)
         """
         center = np.asarray(geometry.centroid, dtype=np.float64)
         if not isinstance(geometry, Primitive) and center.any():
@@ -119,6 +135,14 @@ class Shape:
             If an array has the wrong shape, an index is out of range or a coordinate is not finite.
         DirtyMeshError
             If the surface does not bound exactly one solid; the message says where and why.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+        >>> solid = vg.Shape.from_mesh(corners, [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
+        >>> round(solid.volume, 4), solid.offset
+        (0.1667, (0.25, 0.25, 0.25))
         """
         points = as_points(vertices, "vertices")
         return cls.of(Mesh(*as_solid(points, as_faces(faces, len(points)), name)), name=name, unit=unit)
@@ -153,6 +177,13 @@ class Shape:
             If an array has the wrong shape, an index is out of range or a coordinate is not finite.
         DirtyMeshError
             If the triangles are not one surface without self-intersections.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> sheet = vg.Shape.from_surface([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2), (0, 2, 3)])
+        >>> sheet.surface_area, sheet.volume
+        (1.0, 0.0)
         """
         points = as_points(vertices, "vertices")
         corners, triangles = merged(points, as_faces(faces, len(points)))
@@ -217,6 +248,11 @@ class Shape:
         ------
         InputError
             If the shape is an open surface.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.sphere().refuse_open("voxels")  # a solid
         """
         if self.is_open:
             raise InputError(
@@ -305,6 +341,12 @@ class Shape:
         ------
         InputError
             If the points are not an (n, 3) array of finite numbers, or the shape is an open surface.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.box(lengths=(2, 2, 2)).contains([(0, 0, 0), (1.5, 0, 0)]).tolist()
+        [True, False]
         """
         self.refuse_open("points inside")
         if isinstance(self.geometry, Mesh):
@@ -332,6 +374,12 @@ class Shape:
         ------
         InputError
             If the points are not an (n, 3) array of finite numbers, or the shape is an open surface.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.sphere(radius=1.0).signed_distance([(0, 0, 0), (1.5, 0, 0)]).tolist()
+        [-1.0, 0.5]
         """
         self.refuse_open("signed distances")
         places = as_points(points)
@@ -343,11 +391,24 @@ class Shape:
         return np.where(self.contains(places), -np.abs(distance), np.abs(distance))
 
     def voxelize(self, voxel_size: float, **options: Any) -> Any:
-        """Return the voxels of the solid, as :func:`voxgran.voxelize`, which takes the same options."""
+        """Return the voxels of the solid, as :func:`voxgran.voxelize`, which takes the same options.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> int(vg.shapes.box(lengths=(2, 2, 2)).voxelize(0.5).mask.sum())
+        64
+        """
         return public("voxelize")(self, voxel_size=voxel_size, **options)
 
     def plot(self) -> Any:
-        """Show the shape in a window, or return a picture of it, as :func:`voxgran.plot`."""
+        """Show the shape in a window, or return a picture of it, as :func:`voxgran.plot`.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.torus().plot()  # doctest: +SKIP
+        """
         return public("plot")(self)
 
     def skin(self) -> "Shape":
@@ -357,6 +418,13 @@ class Shape:
         ------
         InputError
             If the shape is flat.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> skin = vg.shapes.box(lengths=(1, 1, 1)).skin()
+        >>> skin.is_open, round(skin.surface_area, 12)
+        (True, 6.0)
         """
         if self.dimension == 2:
             raise InputError(f"shape {self.name!r} is flat: skins are surfaces of solids; take a solid")
@@ -377,6 +445,13 @@ class Shape:
         ------
         InputError
             If `quaternion` is not a unit quaternion.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> brick = vg.shapes.box(lengths=(3, 1, 1))
+        >>> brick.rotated((0.5**0.5, 0, 0, 0.5**0.5)).bounds[1].round(6).tolist()  # by 90 degrees about z
+        [0.5, 1.5, 0.5]
         """
         matrix = rotation_matrices(as_quaternions(np.asarray(quaternion)[None], "quaternion"))[0]
         return replace(self, geometry=self.geometry.rotated(matrix))
@@ -388,6 +463,12 @@ class Shape:
         ------
         InputError
             If the factor is not a finite number above 0.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.sphere(radius=1.0).scaled(2.0).diameter
+        4.0
         """
         factor = as_positive(factor, "factor")
         x, y, z = (value * factor for value in self.offset)
@@ -407,6 +488,13 @@ class Shape:
             If the unit is unknown; the message gives the nearest one.
         InputError
             If the unit is not a string, or is ``"1"`` although the unit of the shape is known.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.save_shape(vg.shapes.box(lengths=(1, 2, 3)), "brick.stl")
+        >>> vg.load_shape("brick.stl", unit="mm").to_unit("m").bounds[1].round(6).tolist()
+        [0.0005, 0.001, 0.0015]
         """
         target = as_unit(unit)
         factor = 1.0 if self.unit is None else unit_factor(self.unit, target)
@@ -419,6 +507,12 @@ class Shape:
         ------
         MissingLibraryError
             If PyVista cannot be loaded.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.box(lengths=(1, 1, 1)).to_pyvista().n_cells
+        12
         """
         faces = np.column_stack([np.full(len(self.faces), 3), self.faces])
         return load("pyvista").PolyData(self.vertices.copy(), faces)
@@ -430,9 +524,15 @@ class Shape:
         ------
         MissingLibraryError
             If Open3D cannot be loaded.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> len(vg.shapes.box(lengths=(1, 1, 1)).to_open3d().triangles)
+        12
         """
         open3d = load("open3d")
-        vertices = open3d.utility.Vector3dVector(self.vertices)
+        vertices = open3d.utility.Vector3dVector(self.vertices.copy())  # it takes no read-only array
         return open3d.geometry.TriangleMesh(vertices, open3d.utility.Vector3iVector(self.faces.astype(np.int32)))
 
 

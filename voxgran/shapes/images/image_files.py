@@ -62,6 +62,14 @@ def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
         If the library that reads the format is not installed.
     TooLargeError
         If it does not fit in memory.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> np.save("scan.npy", np.zeros((10, 20, 30), dtype=np.uint8))
+    >>> vg.load_image("scan.npy").values.shape
+    (10, 20, 30)
     """
     found = existing_file(path)
     reader = READERS.get(found.suffix.lower())

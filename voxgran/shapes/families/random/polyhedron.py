@@ -37,6 +37,12 @@ class Polyhedron:
     ------
     InputError
         If a number is out of range, or points are given for a regular solid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> len(vg.shapes.polyhedron(solid="cube").vertices)
+    8
     """
 
     solid: Solid = parameter(  # noqa: RUF009

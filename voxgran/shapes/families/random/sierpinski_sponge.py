@@ -46,6 +46,12 @@ class SierpinskiSponge:
     ------
     InputError
         If a parameter is out of range, or does not belong to the kind.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.sierpinski_sponge(divisions=3, levels=1, seed=1)
+    Shape('sierpinski_sponge', mesh, diameter=1)
     """
 
     kind: Literal["random", "menger", "sierpinski", "carpet"] = parameter(

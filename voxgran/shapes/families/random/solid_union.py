@@ -61,6 +61,12 @@ class SolidUnion:
     ------
     InputError
         If a number is out of range, or `counts` does not fit `kinds` or is given beside `solids`.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.solid_union(solids=3, kinds=("box",), seed=1)
+    Shape('solid_union', mesh, diameter=1)
     """
 
     solids: int | tuple[int, int] = parameter(

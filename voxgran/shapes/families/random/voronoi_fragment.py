@@ -34,6 +34,12 @@ class VoronoiFragment:
     ------
     InputError
         If a number is out of range, a choice is not known, or the size is given twice.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.voronoi_fragment(seeds=20, seed=1)
+    Shape('voronoi_fragment', mesh, diameter=1)
     """
 
     seeds: int = parameter(
