@@ -83,7 +83,12 @@ def run(folder, *command):
     """Run a command in an environment, which knows nothing of the checkout; return what it prints."""
     kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "VOXGRAN", "VIRTUAL"))}
     done = subprocess.run(
-        [folder / "venv/bin" / command[0], *command[1:]], cwd=folder, env=kept, capture_output=True, text=True, check=False
+        [folder / "venv/bin" / command[0], *command[1:]],
+        cwd=folder,
+        env=kept,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -108,7 +113,9 @@ def test_the_source_distribution_can_be_tested(built):
     with tarfile.open(found) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert {"Makefile", "pyproject.toml", "LICENSE", "tests/kit.py", "data/bunny_dirty.ply", ".ci/run"} <= names
-    assert [name for name in names if name.startswith((".venv", "out/", "dist/", ".git/")) or "__pycache__" in name] == []
+    assert [
+        name for name in names if name.startswith((".venv", "out/", "dist/", ".git/")) or "__pycache__" in name
+    ] == []
 
 
 @pytest.mark.dist
