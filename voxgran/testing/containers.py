@@ -6,6 +6,7 @@ import warnings
 import numpy as np
 import pytest
 
+from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.verify import verify
@@ -31,10 +32,16 @@ class ContainerSuite:
     """
 
     def container(self) -> Container:
-        """Return the container."""
+        """Return the container.
+
+        Raises
+        ------
+        NotImplementedError
+            Where the class of tests does not return one.
+        """
         raise NotImplementedError
 
-    def points(self) -> np.ndarray:
+    def points(self) -> Floats:
         """Return random points within the bounds, (n, 3)."""
         lower, upper = self.container().bounds
         return stream(0, "points of the container").uniform(lower, upper, (POINTS, 3))
@@ -45,7 +52,8 @@ class ContainerSuite:
         check_container(container)
         assert container.dimension in (2, 3)
         assert container.bounds.shape == (2, 3)
-        assert json.loads(json.dumps(container.to_mapping()))["kind"] == container.kind
+        kind = container.kind
+        assert json.loads(json.dumps(container.to_mapping()))["kind"] == kind
 
     def test_the_volume_is_that_of_the_points_inside(self) -> None:
         """The share of random points with a negative distance gives the volume, within five standard errors."""

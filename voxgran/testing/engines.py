@@ -48,7 +48,7 @@ class EngineSuite:
     @classmethod
     def packing(cls, *, height: float = 1.0) -> Packing:
         """Return three grains in a box, the last one at some height."""
-        places = [[1, 1, 1], [3, 1, 1], [1, 3, height]]
+        places = [(1.0, 1.0, 1.0), (3.0, 1.0, 1.0), (1.0, 3.0, height)]
         return Packing.of([cls.shape()], Box((4, 4, 4)), position=places, unit="mm", density=2500.0)
 
     def test_the_registration_is_complete(self) -> None:

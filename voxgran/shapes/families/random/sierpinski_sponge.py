@@ -187,8 +187,8 @@ def _check_levels(parameters: SierpinskiSponge) -> None:
         possible = min(possible, int(math.log(MOST_CELLS) / math.log(per_cube) + 1e-9))
     if levels > possible:
         raise InputError(
-            f"levels is {shown(levels)} with divisions {b}: at most {MOST_ON_SIDE} cells on a side and {MOST_CELLS} in all "
-            f"are made; take at most {possible}"
+            f"levels is {shown(levels)} with divisions {b}: at most {MOST_ON_SIDE} cells on a side and {MOST_CELLS} in "
+            f"all are made; take at most {possible}"
         )
 
 
