@@ -132,8 +132,7 @@ def make_shape(family: str | Parameters, *, seed: int = 0, **parameters: Any) ->
     family, parameters = _with_drawn_values(family, parameters, seed)
     name, entry, values = chosen(families(), family, parameters, where="", beside=("seed",))
     for key, value in to_mapping(values).items():
-        if isinstance(value, int | float | list | tuple) and not isinstance(value, bool):
-            _check_numbers(value, f"{name} {key}")
+        _check_numbers(value, f"{name} {key}")
     return entry.make(values, stream(seed, f"shape {name}"))
 
 
@@ -209,10 +208,10 @@ def _with_drawn_values(
 
 
 def _check_numbers(value: Any, name: str) -> None:
-    """Check a number, or all numbers of a nested list, as lengths; other values are ignored."""
+    """Check a real number, or all of a nested list, as lengths; counts have bounds of their own."""
     for part in value if isinstance(value, list | tuple) else ():
         _check_numbers(part, name)
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if isinstance(value, float):
         check_lengths(value, name)
 
 
