@@ -75,6 +75,7 @@ HEAVY = {
     "numba",
     "open3d",
     "pandas",
+    "plotly",
     "pyvista",
     "rich",
     "scipy",

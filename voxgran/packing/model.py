@@ -422,12 +422,14 @@ class Packing(GrainSequence):
         """
         public("save")(self, path, overwrite=overwrite)
 
-    def plot(self, *, color: Literal["diameter", "shape", "coordination", "distance", "force"] = "diameter") -> Any:
+    def plot(
+        self, *, color: Literal["diameter", "height", "shape", "coordination", "distance", "force"] = "diameter"
+    ) -> Any:
         """Show the packing in a window, or return a picture of it, as :func:`voxgran.plot`.
 
         Parameters
         ----------
-        color : {"diameter", "shape", "coordination", "distance", "force"}
+        color : {"diameter", "height", "shape", "coordination", "distance", "force"}
             What the colours show; "force", the largest force on each grain, where forces are known.
 
         Examples
