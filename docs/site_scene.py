@@ -47,7 +47,7 @@ HEAD = """# Scene files
 
 A scene file says in TOML which grains are packed into what. `voxgran init scene.toml` writes one to start from,
 `voxgran plan scene.toml` checks it, and `voxgran run scene.toml -o out` packs it. Lengths are in the unit of `[scene]`.
-An unknown key is an error that gives the nearest name. Each `[[shape]]` is one kind of grain; a pair of numbers in place of
+An unknown key is an error that gives the nearest name. Each `[[shape]]` is one kind of grain; a pair of numbers for
 a number of its family is a range from which each shape draws a value of its own.
 
 ```toml
