@@ -40,8 +40,10 @@ def prepare(problem):
 
 
 def advance(problem, state, attempts):
-    """Make so many attempts; each places one grain, as long as there are sites."""
-    most = min(state.total, len(sites_of(problem)))
+    """Make so many attempts; each places one grain, as long as there are sites, which follow from the problem."""
+    if "sites" not in state.derived:
+        state.derived["sites"] = sites_of(problem)
+    most = min(state.total, len(state.derived["sites"]))
     state.done = min(state.done + attempts, most)
     if attempts and state.done == most:
         state.stop_reason = "count" if most == state.total else "full"

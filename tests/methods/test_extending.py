@@ -43,16 +43,14 @@ def check_plugin(folder):
     """Use the method of the plugin at the prompt and run its tests."""
     assert "grains on the sites of a simple cubic lattice" in run(folder, "voxgran", "methods")
     assert "at least 0" in run(folder, "voxgran", "methods", "cubic")
-    (folder / "try_it.py").write_text(
-        "\n".join(
-            re.search(r"```python\n(.*?)```", (PLUGIN / "README.md").read_text(), flags=re.DOTALL)[1].splitlines()
-        )
-        + '\nassert packing.count == 20\nassert vg.verify(packing).ok\nassert packing.stop_reason == "count"\n'
-    )
+    page = (PLUGIN / "README.md").read_text()
+    example = re.search(r"```python\n(.*?)```", page, flags=re.DOTALL)[1]
+    proof = 'assert packing.count == 20\nassert vg.verify(packing).ok\nassert packing.stop_reason == "count"\n'
+    (folder / "try_it.py").write_text(example + proof)
     run(folder, "try_it")
     found = run(folder, "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", "test_voxgran_cubic.py")
     assert re.search(r"^13 passed", found, flags=re.MULTILINE), found
-    assert "the suite: 13 tests" in (PLUGIN / "README.md").read_text()
+    assert "the suite: 13 tests" in page
 
 
 def test_the_plugin_works_by_its_entry_point(tmp_path):

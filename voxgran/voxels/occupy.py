@@ -236,7 +236,7 @@ def _written(bits: PackedMask, out: Booleans | str | os.PathLike[str], *, overwr
         bits.unpacked(image)
         image.flush()
         del image
-    mapped: Booleans = np.load(path, mmap_mode="r")
+    mapped: Booleans = np.load(path, mmap_mode="r", allow_pickle=False)
     return mapped
 
 
