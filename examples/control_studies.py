@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 import voxgran as vg
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/control_studies")
-count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 200), (3, 100), (4, 1)))
+count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 150), (3, 60), (4, 1)))
 width = (0.6 * count) ** (1 / 3)
 periodic = vg.Box((width, width, 4 * width), "xy")
 studies = {
@@ -68,7 +68,7 @@ def measured(seed, shape=None, container=periodic, **options):
 # %%
 # **All beds**
 #
-# A bed of 200 grains between walls has too few grains in its bulk for a solid fraction; the figure states that.
+# A bed of 150 grains between walls has too few grains in its bulk for a solid fraction; the figure states that.
 # More grains, sweeps and seeds are arguments of the script.
 # compile first, so that this is not timed
 vg.pack(vg.make_shape("sphere"), periodic, method="control_point", count=2, sweeps=1)
