@@ -7,7 +7,7 @@
   const AXES = ["x", "y", "z"];
   const SCALE = settings.gradient.map((color, k, all) => [k / (all.length - 1), color]);
   const NONE = new Uint32Array(3);  // plotly triangulates points itself where it is given no triangle
-  const state = { packings: [], at: 0, picked: null, waiting: false };
+  const state = { packings: [], at: 0, picked: null, under: null, down: null, waiting: false };
 
   async function unpacked(base64) {
     const binary = atob(base64);
@@ -101,16 +101,16 @@
 
   // Return the coordinate of a slider, from the middle, in the unit of the data.
   function plane(p, axis) {
-    const slider = find("cut-" + AXES[axis]);
     const [low, high] = p.ends[axis];
-    return slider ? low + (high - low) * slider.value / 100 : Infinity;
+    return low + (high - low) * find("cut-" + AXES[axis]).value / 100;
   }
 
+  // Return whether a slider hides nothing.
+  const whole = (name) => !find("cut-" + name) || find("cut-" + name).value === find("cut-" + name).defaultValue;
+
   const visible = (p, g) => AXES.every((name, axis) => {
-    const slider = find("cut-" + name);
-    if (!slider) return true;
-    const at = p.position[3 * g + axis], whole = slider.value === (name === "y" ? "0" : "100");
-    return whole || (name === "y" ? at >= plane(p, axis) : at <= plane(p, axis));
+    const at = p.position[3 * g + axis];
+    return whole(name) || (name === "y" ? at >= plane(p, axis) : at <= plane(p, axis));
   });
 
   // Return the corners of the triangles of the grains that no plane hides, as three arrays.
@@ -141,11 +141,12 @@
     });
   }
 
+  // In parallel projection plotly takes lights with a negative z for those on the side of the viewer.
   const MATERIAL = {
     type: "mesh3d", flatshading: true, hoverinfo: "none", showscale: false,
-    lighting: { ambient: 0.5, diffuse: 0.7, specular: 0.1, roughness: 0.6, fresnel: 0.05,
+    lighting: { ambient: 0.4, diffuse: 0.75, specular: 0.1, roughness: 0.6, fresnel: 0.05,
       vertexnormalsepsilon: 0, facenormalsepsilon: 0 },
-    lightposition: { x: -20000, y: -60000, z: 60000 },
+    lightposition: { x: 30000, y: 70000, z: -60000 },
   };
 
   function grains(p) {
@@ -199,7 +200,7 @@
     const scene = { dragmode: flat ? "pan" : "orbit", aspectmode: "manual", uirevision: String(state.at), aspectratio: {} };
     AXES.forEach((name, axis) => {
       const shown = ticks(...p.bounds.map((corner) => corner[axis]));
-      scene.aspectratio[name] = 1.35 * sizes[axis] / largest;
+      scene.aspectratio[name] = 1.5 * sizes[axis] / largest;
       scene[name + "axis"] = {
         visible: !(flat && axis === 2), range: p.ends[axis], showbackground: false, showgrid: false, zeroline: false,
         showspikes: false, color: ink, title: { text: name + (p.unit ? " (" + p.unit + ")" : "") },
@@ -211,7 +212,7 @@
       projection: { type: "orthographic" }, up: flat ? { x: 0, y: 1, z: 0 } : { x: 0, y: 0, z: 1 },
       center: { x: 0, y: 0, z: 0 }, eye: { x: 2 * eye[0], y: 2 * eye[1], z: 2 * eye[2] },
     };
-    return { scene, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", showlegend: false,
+    return { scene, modebar: { bgcolor: "rgba(0,0,0,0)", color: ink }, margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "rgba(0,0,0,0)", showlegend: false,
       font: { color: ink } };
   }
 
@@ -222,7 +223,7 @@
     find("high").textContent = withUnit(high, color.unit);
     AXES.forEach((name, axis) => {
       if (find("at-" + name)) {
-        find("at-" + name).textContent = withUnit(p.middle[axis] + plane(p, axis) * p.length, p.unit);
+        find("at-" + name).textContent = whole(name) ? "all" : withUnit(p.middle[axis] + plane(p, axis) * p.length, p.unit);
       }
     });
     find("note").textContent = document.querySelectorAll(".view-data")[state.at].dataset.note;
@@ -235,7 +236,7 @@
     box.replaceChildren();
     if (g === null) return;
     const partners = [...(p.partners.get(p.grain[g]) || [])].sort((a, b) => a - b);
-    const said = p.colors.filter((color) => color.name !== "shape").map((color) =>
+    const said = p.colors.filter((color) => !["shape", "distance"].includes(color.name)).map((color) =>
       color.label + " " + withUnit(values(p, p.colors.indexOf(color))[g], color.unit));
     const name = document.createElement("strong");
     name.textContent = "Grain " + p.grain[g];
@@ -304,9 +305,20 @@
       await Plotly.relayout(find("canvas"), { "scene.camera": layout(here()).scene.camera });
     });
     find("controls").addEventListener("submit", (event) => event.preventDefault());
-    find("canvas").on("plotly_click", ({ points: [point] }) => {
-      if (point.curveNumber === 0) pick(here().owner[point.pointNumber]);
-    });
+    // a grain is picked by a click, not by the drag that turns the packing: plotly calls both a click
+    const canvas = find("canvas"), under = ({ points: [point] }) => {
+      state.under = point.curveNumber === 0 ? here().owner[point.pointNumber] : null;
+    };
+    canvas.on("plotly_hover", under);
+    canvas.on("plotly_click", under);
+    canvas.on("plotly_unhover", () => { state.under = null; });
+    canvas.addEventListener("pointerdown", (event) => { state.down = [event.clientX, event.clientY]; }, true);
+    addEventListener("pointerup", (event) => {
+      const still = state.down && Math.hypot(event.clientX - state.down[0], event.clientY - state.down[1]) < 4;
+      state.down = null;
+      // the frame in which plotly finds what lies under the pointer may come after this
+      if (still) setTimeout(() => { if (state.under !== null) pick(state.under); }, 100);
+    }, true);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => show(state.at));
   }
 
