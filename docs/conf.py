@@ -6,12 +6,13 @@ guide for contributors from the files at the root of the repository. They are no
 """
 
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 DOCS = Path(__file__).parent
 sys.path.insert(0, str(DOCS))
 
+import gallery
+import methods_pages
 import site_links
 import site_reference
 from numpydoc.xref import DEFAULT_LINKS
@@ -23,7 +24,7 @@ author = "the voxgran developers"
 copyright = author
 version = release = voxgran.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "sphinx_gallery.gen_gallery"]
 exclude_patterns = ["**/README.*"]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
 
@@ -67,9 +68,7 @@ html_theme_options = {
     "footer_end": [],
 }
 
-# a gallery is built where its configuration and sphinx-gallery are
-if find_spec("gallery") and find_spec("sphinx_gallery"):
-    extensions.append("sphinx_gallery.gen_gallery")
+sphinx_gallery_conf = gallery.SPHINX_GALLERY_CONF
 
 
 def write_pages(app):
@@ -77,10 +76,7 @@ def write_pages(app):
     del app
     site_reference.write_pages(DOCS / "reference")
     site_links.write_root_pages(DOCS)
-    if find_spec("methods_pages"):
-        import methods_pages
-
-        methods_pages.write_pages(DOCS / "methods")
+    methods_pages.write_pages(DOCS / "methods")
 
 
 def setup(app):
