@@ -111,6 +111,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
 	$(BIN)/python examples/shapes_polyhedra.py out/shapes_polyhedra
 	cp out/shapes_polyhedra/shapes_polyhedra.png docs/figures/shapes_polyhedra.png
+	$(BIN)/python examples/tutorial.py out/tutorial
+	cp out/tutorial/tutorial_*.png docs/figures
 
 clean:   ## remove what the targets above made, except the environment
 	rm -rf out/demo build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

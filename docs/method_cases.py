@@ -36,7 +36,7 @@ PACKING = {
     "deposition": Case("spheres.md", "deposits", options={"count": 150}, container=COLUMN),
     "digital": Case("digital.md", "digital", options={"count": 60, "sweeps": 200}, shape=ROCKS, container=COLUMN),
     "digital_fill": Case(
-        "digital.md", "density", options={"count": 80}, shape=ROCKS, container={"kind": "box", "lengths": [4, 4, 5]}
+        "digital.md", "density", options={"count": 50}, shape=ROCKS, container={"kind": "box", "lengths": [4, 4, 5]}
     ),
     "digital_rsa": Case("digital.md", "rsa", options={"count": 60}, shape=ROCKS),
     "expand": Case("spheres.md", "jamming", options={"solid_fraction": 0.5}, sizes=GRADED),

@@ -13,6 +13,7 @@ from voxgran._base.errors import UnknownNameError
 from voxgran._base.files import write_text
 from voxgran._base.registry import unknown
 from voxgran.cli.clumps import clump
+from voxgran.cli.data import data
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
 from voxgran.cli.shapes import shape
@@ -353,6 +354,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "methods": ("list methods, families and measures with their parameters", methods),
     "bench": ("measure run time against error", bench),
     "doctor": ("say what this machine has and what is missing", doctor),
+    "data": ("copy a scan that comes with voxgran", data),
     "demo": ("pack scanned rocks and random solids in a box", demo),
 }
 

@@ -229,6 +229,10 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     ),
     "bench": (_flag("name", help="trade-off"), _flag("-o", "--output", default="bench", help="folder")),
     "doctor": (_flag("--warm", action="store_true", help="compile the kernels of usual scenes, which takes minutes"),),
+    "data": (
+        _flag("name", help="such as eros.obj or itokawa_lp.obj"),
+        _flag("-o", "--output", help="file; default: of the same name, in this folder"),
+    ),
     "demo": (_flag("-o", "--output", default="out/demo", help="folder for the results"),),
 }
 
@@ -260,6 +264,7 @@ EXAMPLES: dict[str, str] = {
     "  voxgran study study.toml -o out --dask tcp://127.0.0.1:8786",
     "bench": "voxgran bench voxelize -o figures",
     "doctor": "voxgran doctor\n  voxgran doctor --warm",
+    "data": "voxgran data itokawa_lp.obj -o rock.obj",
     "demo": "voxgran demo -o out/demo",
 }
 

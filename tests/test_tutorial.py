@@ -1,0 +1,60 @@
+"""The tutorial, followed to the letter in an empty folder: its Python, and its lines at the prompt."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+import voxgran as vg
+from voxgran.cli import main
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "start" / "tutorial.md"
+
+
+def blocks(kind):
+    return re.findall(rf"^```{kind}\n(.*?)^```", PAGE.read_text(), flags=re.MULTILINE | re.DOTALL)
+
+
+def test_the_script_of_the_gallery_is_the_code_of_the_page():
+    script = (ROOT / "examples" / "tutorial.py").read_text().replace("folder / ", "")
+    for line in "\n".join(blocks("python")).splitlines():
+        assert line in script, line
+
+
+def test_every_picture_is_made_by_the_script():
+    script = (ROOT / "examples" / "tutorial.py").read_text()
+    pictures = re.findall(r"!\[.{20,}\]\(\.\./figures/(.*?)\)", PAGE.read_text())
+    assert pictures == re.findall(r'folder / "(.*?\.png)"', script)
+    assert all((ROOT / "docs" / "figures" / name).is_file() for name in pictures)
+
+
+def test_the_python_prints_what_the_page_says(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for code, shown in zip(blocks("python"), blocks("text"), strict=True):
+        exec(code, names)
+        printed = capsys.readouterr().out
+        number = r"\d+(?:\.\d+)?"
+        assert re.sub(number, "#", printed) == re.sub(number, "#", shown)
+        # the last digits of a bed differ between machines
+        found, told = ([float(text) for text in re.findall(number, words)] for words in (printed, shown))
+        assert found == pytest.approx(told, rel=0.05)
+    assert {"bed.vtp", "report.html", "deck", "tutorial_clump.png"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_the_lines_at_the_prompt_run_and_give_the_same_bed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (scene,) = blocks("toml")
+    (tmp_path / "scene.toml").write_text(scene)
+    lines = re.findall(r"^\$ voxgran (.*)$", "\n".join(blocks("console")), flags=re.MULTILINE)
+    assert len(lines) == 8
+    for line in lines:
+        assert main(shlex.split(line)) == 0, line
+    assert "share at rest            0.98" in capsys.readouterr().out
+    packing = vg.load(tmp_path / "bed" / "packing.vtp")
+    assert (packing.count, packing.unit) == (150, "mm")
+    assert packing.solid_fraction == pytest.approx(0.3766, abs=1e-4)
+    assert (tmp_path / "bed" / "report.html").is_file()
+    assert (tmp_path / "lammps" / "lammps_run.in").is_file()
